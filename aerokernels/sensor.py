@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .arguments import Numbers, checked
+
 if TYPE_CHECKING:
     from pathlib import Path
 
 
+@checked
 @dataclass(frozen=True)
 class Sensor:
     """A sensor.
@@ -52,7 +55,8 @@ class Sensor:
         """The greatest grey level."""
         return 2 ** int(self.bits) - 1
 
-    def expose(self, brightness, seed: int = 0) -> np.ndarray:
+    @checked
+    def expose(self, brightness: Numbers, seed: int = 0) -> np.ndarray:
         """Grey levels over the greatest one, 0 to 1, of a picture of any shape; the seed draws the noise."""
         brightness = np.maximum(np.nan_to_num(np.asarray(brightness, dtype=np.float64)), 0.0)
         electrons = self.full_well * self.exposure * brightness + self.dark

@@ -5,6 +5,8 @@ to a wave. Formula: phase = k path K s H, with H the closed form's mean over the
 at 32 samples to a wave, (K h)^4 / 180 = 8e-6; rays of the beam, below 1e-6. Tolerance: 1e-3 of the greatest response.
 """
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -123,7 +125,9 @@ def test_a_strong_gradient_turns_the_phase_by_many_fringes():
         geometry="planar",
     )
     instrument = FLDI(120e-6, 20e-6, direction=(0.0, 1.0, 0.0))
-    found = fldi_response(field, instrument)
+    with pytest.warns(TruncationWarning, match="100 % of the light") as told:
+        found = fldi_response(field, instrument)
+    assert [one.filename for one in told] == [__file__]
     assert float(found.phase) == pytest.approx(2.0 * np.pi / instrument.wavelength * 0.5 * 0.02 * 120e-6, rel=1e-6)
     assert float(found.visibility) == pytest.approx(1.0, abs=1e-9)
     backward = FLDI(120e-6, 20e-6, direction=(0.0, -1.0, 0.0))
@@ -173,6 +177,24 @@ def test_the_error_told_holds_the_layers_along_the_beams(interpolation: str):
                 fine = fldi_response(field, instrument, rays=21)
             assert abs(float(found.phase) - float(fine.phase)) < float(found.error), (place, axis)
             assert float(found.error) < 0.1 * np.abs(fine.phase)
+
+
+@pytest.mark.parametrize("end", [0.0, 1.0])
+def test_a_focus_on_a_face_of_the_field(end: float):
+    """A field that begins or ends at the focus: k g s and the layer's integral, and air that ends there is told of."""
+    y, z = np.linspace(-3e-3, 3e-3, 31), np.linspace(-end * 0.02, 0.02 - end * 0.02, 41)
+    for fading in (True, False):
+        bell = np.sin(np.pi * (z - z[0]) / 0.02) ** 4 if fading else np.ones(41)
+        field = IndexField.from_samples(
+            1e-2 * y[:, None] * bell, origin=(y[0], z[0]), spacing=(2e-4, 5e-4), geometry="planar"
+        )
+        instrument = FLDI(2e-4, 5e-5, direction=(0.0, 1.0, 0.0), divergence=0.0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error" if fading else "ignore", TruncationWarning)
+            found = fldi_response(field, instrument)
+        path = 2.0 * np.pi / instrument.wavelength * 1e-2 * 2e-4 * 0.02 * (0.375 if fading else 1.0)
+        assert float(found.phase) == pytest.approx(path, rel=1e-4)
+        assert (float(found.truncated) > 0.9) == (not fading)
 
 
 def test_what_is_refused():

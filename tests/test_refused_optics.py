@@ -5,18 +5,20 @@ import math
 import numpy as np
 import pytest
 
-from aerokernels import Disc, IndexField
+from aerokernels import Disc, IndexField, Wavefront
 from aerokernels.fldi import FLDI, fldi_response
 from aerokernels.fldi.response import FLDIResponse
 from aerokernels.imaging.camera import Camera
 from aerokernels.imaging.dots import Background, DotPattern
 from aerokernels.imaging.shift import check_view
+from aerokernels.schlieren import Bench
 from aerokernels.sensor import Sensor, write_grey
 from aerokernels.strehl_errors import _likely_error, main_cause, phase_error
 from aerokernels.wavelength import check_spectrum, check_wavelength
 from aerokernels.zernike import nm_to_noll, noll_to_nm
 
 CAMERA = Camera(Disc(0.01), 0.1, 5e-6, 8)
+FLAT = Wavefront(np.zeros((4, 4)), np.ones((4, 4)), 1e-3, 1e-6)
 FIELD = IndexField.from_samples(np.zeros((3, 3)), origin=(0.0, 0.0), spacing=(0.1, 0.1), geometry="planar")
 
 
@@ -57,6 +59,23 @@ def test_values(made, told, tmp_path):
         (lambda: check_wavelength("905 nm"), "give 905e-9 for 905 nm"),
         (lambda: check_wavelength(True), "give 905e-9 for 905 nm"),
         (lambda: check_view(3, CAMERA, {}), "field must be an IndexField, got int"),
+        (lambda: check_view(FIELD, CAMERA, {"tolerance": "x"}), "tolerance must be a number of waves, got 'x'"),
+        (lambda: Camera(Disc(0.01), "100 mm", 5e-6), "focal_length must be a number of metres, got '100 mm': give 0.1"),
+        (lambda: FLDI("120 um", 1e-5), "separation must be a number of metres, got '120 um': give 0.00012"),
+        (lambda: Bench("2 mm", 1.0), "source_size must be a number of metres, got '2 mm': give 0.002"),
+        (lambda: Sensor(full_well="1e4"), "full_well must be a number, got '1e4'"),
+        (lambda: Sensor(shot_noise="no"), "shot_noise must be True or False, got 'no'"),
+        (lambda: DotPattern("2"), "diameter must be a number"),
+        (lambda: fldi_response(FIELD, FLDI(1e-4, 1e-5), offsets="x"), "offsets must be an array of real numbers"),
+        (lambda: fldi_response(FIELD, FLDI(1e-4, 1e-5), offset=[0.0, 0.0, 0.0]), "has no argument 'offset'"),
+        (lambda: FLDI(1e-4, 1e-5).transfer("x"), "wave_number must be an array of real numbers"),
+        (lambda: FLDI(1e-4, 1e-5).transfer_through(1e3, "1 cm"), "half_length must be a number"),
+        (lambda: FLDI(1e-4, 1e-5).radius("x"), "distance must be an array of real numbers"),
+        (lambda: FLAT.psf("x"), "angle must be an array of real numbers or None"),
+        (lambda: FLAT.pssn("0.1 m"), "fried must be a number of metres, got '0.1 m': give 0.1|fried must be a number"),
+        (lambda: FLAT.zernike("x"), "count must be a whole number"),
+        (lambda: Wavefront(np.zeros((4, 4)), np.ones((4, 4)), "1 mm", 1e-6), "pixel must be a number of metres"),
+        (lambda: Wavefront(np.zeros((4, 4)), np.ones((4, 4)), 1e-3, 1e-6, pupil="disc"), "pupil must be one of"),
     ],
 )
 def test_kinds(made, told):

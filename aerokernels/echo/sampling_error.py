@@ -1,10 +1,15 @@
 """The error of a range due to too few samples across a pulse, measured on a pulse of the record's own widths.
 
 A test pulse is sampled at eight phases between two samples, and ranged by the method in question; the truth is the
-reading of the pulse itself. The test pulse is the template where that is a function. Otherwise it is a Gaussian to
-either side of the peak, with the record's half widths before and after it: steeper edges have larger errors. The
-record's widths come from too few samples themselves, so the test pulse is narrowed until its samples look as wide as
-the record's.
+reading of the pulse itself. The test pulse is the template where that is a function. Otherwise it is
+
+    2^(-|t / half width|^p)
+
+to either side of the peak, with the record's half widths before and after it. The power p is 2, as of a Gaussian, or
+more where the record's widths at a fifth and at four fifths of the peak are as near as those of steep edges, or 1 where
+those near the top say that it is a corner. Records with noise have p = 2, since noise makes corners of its own. The
+record's widths come from too
+few samples themselves, so the test pulse is narrowed until its samples look as wide as the record's.
 """
 
 import warnings
@@ -19,8 +24,14 @@ from .waveform import SPEED_OF_LIGHT
 PHASE_COUNT = 8
 # The widths of a few samples are misjudged by up to a third of the error that they make.
 SAFETY = 1.5
-# Samples across a pulse's width at half height from which on every method reads it rightly: nothing is measured.
-ENOUGH_SAMPLES = 8.0
+# Samples across a pulse's width at half height from which on every method reads it rightly, nothing is measured: of
+# pulses that are Gaussian on either side, and of all others.
+ENOUGH_SAMPLES, ENOUGH_OF_ANY = 8.0, 64.0
+# Levels of the peak whose widths tell how steep an edge is, and whether the top is a corner; powers that count as a
+# Gaussian's, and the greatest one.
+FOOT, TOP, GAUSSIAN, STEEPEST = (0.2, 0.8), (0.6, 0.9), (1.6, 2.6), 16.0
+# Rms of the record beside its pulse over the peak, above which it has noise.
+NOISE = 2e-3
 # Error above which a reading is warned of, over the range that the pulse's width stands for: 0.45 mm for one of 10 ns.
 TOLERATED = 3e-4
 # Samples of the pulse itself to one of the record's.
@@ -45,6 +56,29 @@ def half_widths(volts: np.ndarray) -> tuple[float, float] | None:
     return before, after - curve.peak_place
 
 
+def edge_powers(volts: np.ndarray, before: float, after: float) -> tuple[float, float]:
+    """Powers p of a record's edges before and after its peak, of these half widths [samples]; 2 where it has noise."""
+    curve = PulseCurve(volts)
+    place = np.arange(volts.size) - curve.peak_place
+    beside = volts[(place < -6.0 * before) | (place > 6.0 * after)]
+    if beside.size and float(np.std(beside)) > NOISE * curve.peak:
+        return 2.0, 2.0
+    found = []
+    for steep, top in zip(_powers(curve, *FOOT), _powers(curve, *TOP), strict=True):
+        found.append(steep if steep > GAUSSIAN[1] else 1.0 if top < GAUSSIAN[0] else 2.0)
+    return found[0], found[1]
+
+
+def _powers(curve: PulseCurve, low: float, high: float) -> tuple[float, float]:
+    """Powers p of the edges before and after the peak whose widths at two levels of it are those of the curve."""
+    place, scale = curve.peak_place, np.log(np.log(low) / np.log(high))
+    lower, upper = low * curve.peak, high * curve.peak
+    before = (place - curve.rise_before_peak(lower)) / (place - curve.rise_before_peak(upper))
+    after = (curve.fall_after_peak(lower) - place) / (curve.fall_after_peak(upper) - place)
+    first, second = (min(float(scale / np.log(max(ratio, 1.01))), STEEPEST) for ratio in (before, after))
+    return first, second
+
+
 def sampling_error(volts: np.ndarray, period: float, read: Reader, template, compensated: bool) -> float:
     """Greatest error [m] of a reading of a record's pulse over the phases of the sampling.
 
@@ -62,7 +96,13 @@ def sampling_error(volts: np.ndarray, period: float, read: Reader, template, com
     if sides is None:
         return float("nan")
     before, after = sides
-    if before + after >= ENOUGH_SAMPLES:
+    if before + after >= (ENOUGH_SAMPLES if callable(template) else ENOUGH_OF_ANY):
+        return 0.0
+    try:
+        steep = (2.0, 2.0) if callable(template) else edge_powers(volts, before, after)
+    except ValueError:  # the record cuts the foot of the pulse
+        steep = (2.0, 2.0)
+    if before + after >= ENOUGH_SAMPLES and steep == (2.0, 2.0):
         return 0.0
     peak = PulseCurve(volts).peak
     reach = int(8.0 * (before + after)) + 16
@@ -71,7 +111,8 @@ def sampling_error(volts: np.ndarray, period: float, read: Reader, template, com
         if callable(template):
             top = float(np.max(template(np.linspace(-reach, reach, 2 * reach * _FINE + 1) * period)))
             return peak / top * np.asarray(template(place * period), dtype=np.float64)
-        return peak * np.exp2(-np.square(place / (narrower * np.where(place < 0.0, before, after))))
+        side = np.where(place < 0.0, before, after)
+        return peak * np.exp2(-(np.abs(place / (narrower * side)) ** np.where(place < 0.0, *steep)))
 
     whole = np.arange(-reach, reach + 1, dtype=np.float64)
     phases = np.arange(PHASE_COUNT) / PHASE_COUNT
@@ -99,9 +140,8 @@ def warn_of_sampling(volts: np.ndarray, period: float, method: str, error: float
         return
     remedy = "" if shape_given else ", or give the pulse's shape as template (a function of time)"
     warnings.warn(
-        f"the record has {sum(sides):.2g} samples across its pulse, too few for method {method!r}: the pulse's place "
-        f"between the samples moves the range by up to {1e3 * error:.2g} mm, more where its edges are steeper "
-        f"than a Gaussian's; sample faster{remedy}",
+        f"the record has {sum(sides):.2g} samples across its pulse, too few for method {str(method)!r}: the pulse's "
+        f"place between the samples moves the range by up to {1e3 * error:.2g} mm; sample faster{remedy}",
         CoarseSamplingWarning,
-        stacklevel=3,
+        stacklevel=4,
     )

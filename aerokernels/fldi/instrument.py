@@ -18,11 +18,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..arguments import Numbers, checked
 from ..checks import check_positive
 from ..pupils import as_unit_vector, as_vector, transverse_axes
 from ..wavelength import check_wavelength
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class FLDI:
     """An instrument.
@@ -80,12 +82,14 @@ class FLDI:
         assert self.direction is not None
         return np.cross(self.axis, self.direction)
 
-    def radius(self, distance) -> np.ndarray:
+    @checked
+    def radius(self, distance: Numbers) -> np.ndarray:
         """Radius of a beam [m] at distances from the focus along the axis [m], of their shape."""
         assert self.divergence is not None
         return np.hypot(self.waist, np.tan(self.divergence) * np.asarray(distance, dtype=np.float64))
 
-    def transfer(self, wave_number, distance=0.0, *, angle: float = 0.0) -> np.ndarray:
+    @checked
+    def transfer(self, wave_number: Numbers, distance: Numbers = 0.0, *, angle: float = 0.0) -> np.ndarray:
         """H of a sine wave in a sheet, in closed form, of the arguments' common shape.
 
         Args:
@@ -104,7 +108,8 @@ class FLDI:
         apart = np.sinc(wave_number * np.cos(angle) * self.separation / (2.0 * np.pi))
         return np.asarray(apart * np.exp(-((wave_number * self.radius(distance)) ** 2) / 8.0))
 
-    def transfer_through(self, wave_number, half_length: float, *, angle: float = 0.0) -> np.ndarray:
+    @checked
+    def transfer_through(self, wave_number: Numbers, half_length: float, *, angle: float = 0.0) -> np.ndarray:
         """Mean of H over sheets from -half_length to +half_length about the focus [m], in closed form."""
         from scipy.special import erf
 

@@ -46,8 +46,10 @@ def truncated_share(
     over = np.zeros((2, len(light)), dtype=bool)
     for beam, side in enumerate((0.5, -0.5)):
         middle = focus + side * instrument.separation * first
-        start = middle + instrument.waist * across
         for end in ends:
+            # From the focus; from halfway where that is the end itself.
+            begin = 0.0 if abs(end) > 1e-6 * (ends[1] - ends[0]) else 0.5 * (ends[0] + ends[1])
+            start = middle + begin * instrument.axis + float(instrument.radius(begin)) * across
             if end * (ends[0] + ends[1]) < 0.0 and ends[0] * ends[1] > 0.0:
                 continue  # the box is all on the other side
             way = middle + end * instrument.axis + float(instrument.radius(end)) * across - start
@@ -67,4 +69,4 @@ def warn_of_truncation(share: float) -> None:
             f"{100.0 * share:.3g} % of the light goes through disturbed air that ends with the field's box: what lies "
             "beyond is unknown, and in no error; give the field a larger region there, move the focus or turn the axis"
         )
-        warnings.warn(text, TruncationWarning, stacklevel=3)
+        warnings.warn(text, TruncationWarning, stacklevel=4)

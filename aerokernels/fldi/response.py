@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import Numbers, checked
 from ..flow import DensityField, Series
 from ..medium import IndexField
 from ..shown import drawn_on
@@ -50,10 +51,12 @@ class FLDIResponse:
     time: np.ndarray | None
     instrument: FLDI
 
+    @checked
     def signal(self, bias: float = 0.5 * np.pi) -> np.ndarray:
         """Light on a detector over its greatest, (1 + visibility cos(phase - bias)) / 2; pi / 2 is quadrature."""
         return 0.5 * (1.0 + self.visibility * np.cos(self.phase - bias))
 
+    @checked
     def spectrum(self, segment: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Frequencies [Hz] and the power spectral density of the phase [rad2 / Hz], by Welch's method.
 
@@ -116,12 +119,13 @@ class FLDIResponse:
         return f"FLDIResponse of {self.phase.size} phases: {size:.4g} rad rms, each to {error:.2g} rad{beyond}"
 
 
+@checked
 def fldi_response(
     field: IndexField | DensityField | Series | Iterable[IndexField],
     instrument: FLDI,
     *,
-    offsets=None,
-    time=None,
+    offsets: Numbers | None = None,
+    time: Numbers | None = None,
     rays: int | None = None,
     **relation: Any,
 ) -> FLDIResponse:
@@ -133,7 +137,7 @@ def fldi_response(
         offsets: Where its focus is moved to, less its own [m], shape (n, 3): a scan, or a frozen flow that drifts by.
         time: Times of several fields [s]; None numbers them.
         rays: Rays across a beam; None takes as many as the field's samples ask for, up to 192.
-        **relation: Of a density field or a series, as for its `index_field`: relation, constant, composition.
+        **relation: Of a density field or a series, as for its `index_field`: relation, constant, composition ...
 
     Raises:
         TypeError: An argument of the wrong kind.
@@ -149,7 +153,7 @@ def fldi_response(
         raise ValueError(f"rays must be a whole number of at least 3, got {rays!r}")
     moved = np.zeros((1, 3)) if offsets is None else np.atleast_2d(np.asarray(offsets, dtype=np.float64))
     if moved.ndim != 2 or moved.shape[1] != 3 or not np.isfinite(moved).all():
-        raise ValueError(f"offsets must be finite, shape (n, 3), got shape {np.shape(offsets)}")
+        raise ValueError(f"offsets must be finite, shape (n, 3), got shape {np.asarray(offsets).shape}")
     if time is not None and isinstance(field, (Series, IndexField, DensityField)):
         raise ValueError("time goes with several fields: a series has its own, and one field has none")
     times: np.ndarray | None = None
@@ -184,11 +188,17 @@ def fldi_response(
 
 def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, relation: dict[str, Any]) -> np.ndarray:
     """Phase, visibility, mean phase, error and truncated share for each offset, shape (n, 5)."""
+    given = field
     if isinstance(field, DensityField):
         index = field.index_field(wavelength=instrument.wavelength, **relation)
         field = index if index.is_uniform else index.resample(tolerance=1e-3)
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, a DensityField or a Series, got {type(field).__name__}")
+    if given is field and relation:
+        raise TypeError(
+            f"fldi_response has no argument {next(iter(relation))!r} for an index field: it takes offsets, time and "
+            "rays, and of a density field or a series what `index_field` takes"
+        )
     field.wavelength_for(instrument.wavelength)
     rows: list[tuple[float, ...]] = []
     met = False

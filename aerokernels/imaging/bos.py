@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..medium import IndexField
 from ..netcdf_file import write_netcdf
 from ..sensor import Sensor, write_grey
@@ -81,6 +82,7 @@ class BackgroundPictures:
         return repr(self.traced).replace("BackgroundDisplacement", "BackgroundPictures", 1)
 
 
+@checked
 def bos(
     field: IndexField,
     camera: Camera,
@@ -99,7 +101,9 @@ def bos(
         field: The refractive index.
         camera: The camera; its scene at a finite distance is where the pattern stands.
         pattern: A DotPattern, or a picture of brightness 0 to 1, axes [y, x], centred on the camera's axis.
-        pattern_pixel: Side of a pixel of such a picture in the scene [m]; None: as the camera's pixels see it.
+        pattern_pixel: Side of a pixel of such a picture in the scene [m]; None: as the camera's pixels see it. Pixels
+            of two thirds of the camera's and less are squares, of which a camera's pixel sees the mean; wider ones lie
+            on a spline.
         sensor: Makes grey levels and noise; None: brightness as it is.
         seed: Draws the noise; that of the two pictures is independent.
         aperture_rays: Points of the aperture, about.

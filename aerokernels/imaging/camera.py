@@ -14,11 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..pupils import Pupil
 
 GREATEST_PIXELS = 100_000_000
 
 
+@checked
 @dataclass(frozen=True)
 class Camera:
     """A camera that looks along its pupil's normal.

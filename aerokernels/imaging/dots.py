@@ -4,10 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from .camera import Camera
 
 # Samples of the pattern to a pixel, along each side.
 OVERSAMPLING = 2
+# Pixels of a picture to one of the camera, along each side, from which on they are squares that are summed up.
+FINE = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,10 +20,13 @@ class Background:
     Attributes:
         brightness: 0 to 1, shape (rows, columns), axes [y, x]; continued outside by its border.
         sample: Distance of its samples in pixels of the camera's picture.
+        squares: Whether samples are squares of even brightness, of which a pixel of the camera takes the exact mean;
+            otherwise they lie on a cubic spline.
     """
 
     brightness: np.ndarray
     sample: float
+    squares: bool = False
 
     @classmethod
     def of_scene(cls, brightness, pixel: float, camera: Camera) -> "Background":
@@ -30,10 +36,14 @@ class Background:
             raise ValueError(f"a background must be a finite array [y, x], got shape {brightness.shape}")
         if not (np.isfinite(pixel) and pixel > 0.0):
             raise ValueError(f"the background's pixel must be a positive length [m], got {pixel!r}")
-        return cls(brightness, float(pixel) / camera.scene_pixel)
+        sample = float(pixel) / camera.scene_pixel
+        return cls(brightness, sample, squares=sample * FINE <= 1.0)
 
     def prepared(self) -> np.ndarray:
-        """Coefficients of the cubic spline, of the brightness averaged over a pixel of the camera."""
+        """Coefficients of the cubic spline, of the brightness averaged over a pixel of the camera; sums of squares."""
+        if self.squares:
+            padded = np.pad(self.brightness, self._edge, mode="edge")
+            return np.pad(padded.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
         from scipy.ndimage import correlate1d, spline_filter
 
         box = _box(1.0 / self.sample)
@@ -46,13 +56,40 @@ class Background:
         """Brightness at places from the middle [pixels], arrays of one shape."""
         from scipy.ndimage import map_coordinates
 
+        darkest, brightest = self.brightness.min(), self.brightness.max()
+        if self.squares:
+            return np.clip(self._mean(prepared, row, column), darkest, brightest)
         place = [
             values / self.sample + 0.5 * (count - 1)
             for values, count in zip((row, column), prepared.shape, strict=True)
         ]
-        return np.asarray(map_coordinates(prepared, place, order=3, mode="nearest", prefilter=False))
+        found = map_coordinates(prepared, place, order=3, mode="nearest", prefilter=False)
+        # A spline overshoots beside hard edges.
+        return np.asarray(np.clip(found, darkest, brightest, out=found))
+
+    @property
+    def _edge(self) -> int:
+        """Samples by which squares go on beyond the border: a pixel of the camera that lies outside sees these."""
+        return int(np.ceil(1.0 / self.sample)) + 1
+
+    def _mean(self, sums: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+        """Mean of the squares over the camera's pixels about places from the middle [pixels], by sums up to corners."""
+        from scipy.ndimage import map_coordinates
+
+        half = 0.5 / self.sample
+        middle = [
+            np.clip(values / self.sample + 0.5 * (count - 1), half, count - 1 - half)
+            for values, count in zip((row, column), sums.shape, strict=True)
+        ]
+        total = np.zeros(np.shape(row))
+        for up in (-1.0, 1.0):
+            for along in (-1.0, 1.0):
+                corner = [middle[0] + up * half, middle[1] + along * half]
+                total += up * along * map_coordinates(sums, corner, order=1, mode="nearest")
+        return np.asarray(total * self.sample**2)
 
 
+@checked
 @dataclass(frozen=True)
 class DotPattern:
     """Bright Gaussian dots at random on black.

@@ -72,7 +72,7 @@ class KnownView:
             "beyond is unknown"
         )
         if float(np.mean(share)) <= GREATEST_SHARE:
-            warnings.warn(f"{text}; those pixels are marked in `known`", RuntimeWarning, stacklevel=4)
+            warnings.warn(f"{text}; those pixels are marked in `known`", RuntimeWarning, stacklevel=5)
             return
         raise ValueError(
             f"{text}. Give the field a larger region there, look another way, or take allow_truncation=True and read "

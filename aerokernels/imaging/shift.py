@@ -11,10 +11,12 @@ so what is seen in a pixel was displaced by minus the shift. Of a far scene, tan
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..clock import clocked, stage
 from ..medium import IndexField
 from ..tracing.pupil_air import GREATEST_SHARE
@@ -171,6 +173,7 @@ class BackgroundDisplacement:
         return f"BackgroundDisplacement of {rows} x {columns} pixels: up to {greatest} pixels"
 
 
+@checked
 def background_displacement(
     field: IndexField,
     camera: Camera,
@@ -268,6 +271,9 @@ def check_view(field: IndexField, camera: Camera, options: dict[str, Any]) -> No
     unknown = sorted(set(options) - set(TRACE_OPTIONS))
     if unknown:
         raise TypeError(f"options {unknown} are not known: choose from {', '.join(TRACE_OPTIONS)}")
+    tolerance = options.get("tolerance", DEFAULT_TOLERANCE)
+    if isinstance(tolerance, bool) or not isinstance(tolerance, Real):
+        raise TypeError(f"tolerance must be a number of waves, got {tolerance!r}")
 
 
 def aperture(camera: Camera, count: int) -> tuple[np.ndarray, np.ndarray]:

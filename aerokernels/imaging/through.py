@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import refuse_masked
+from ..arguments import Numbers, checked, refuse_masked
 from ..clock import clocked, stage
 from ..medium import IndexField
 from ..sensor import Sensor, write_grey
@@ -120,6 +120,7 @@ class ImageThrough:
         )
 
 
+@checked
 def image_through(
     field: IndexField,
     scene_image,
@@ -131,8 +132,8 @@ def image_through(
     aperture_rays: int = APERTURE_RAYS,
     sensor: Sensor | None = None,
     seed: int = 0,
-    wavelengths=None,
-    weights=None,
+    wavelengths: Numbers | None = None,
+    weights: Numbers | None = None,
     allow_truncation: bool = False,
     **options: Any,
 ) -> ImageThrough:

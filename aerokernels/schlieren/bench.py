@@ -18,12 +18,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from ..pupils import Disc, area_below
 from ..sensor import Sensor
 
 SOURCES = ("slit", "disc", "square")
 
 
+@checked
 @dataclass(frozen=True)
 class Bench:
     """The optics of a bench.

@@ -136,6 +136,7 @@ def interferogram(
     return replace(middle, intensity=np.asarray(light), exposure=float(exposure))
 
 
+@checked
 def fringe_picture(
     traced: LineOfSight,
     *,

@@ -131,6 +131,7 @@ def schlieren(
     )
 
 
+@checked
 def knife_edge_picture(
     traced: LineOfSight,
     *,

@@ -127,6 +127,7 @@ def shadowgraph(
     return replace(found, intensity=bench.sensor.expose(exposure * found.irradiance, bench.seed))
 
 
+@checked
 def shadow_picture(
     traced: LineOfSight,
     *,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import refuse_masked
+from ..arguments import checked, refuse_masked
 from ..clock import clocked, stage
 from ..pupils import Pupil
 from ..wavelength import check_wavelength
@@ -15,6 +15,7 @@ from ..wavelength import check_wavelength
 SIGN_CONVENTION = "OPD is positive where light is delayed"
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class WavefrontMap:
     """A wavefront's samples at the centres of square pixels, and what they were made with.
@@ -37,7 +38,7 @@ class WavefrontMap:
         budget: Makes the error budget of the OPD [m]; `error` calls it.
 
     Raises:
-        TypeError: The wavelength is not one number.
+        TypeError: An argument of another kind.
         ValueError: Shapes that disagree, a pixel that is not positive, an empty pupil, an OPD in it that is not finite,
             negative weights, a wavelength outside 0.1 to 20 um.
     """
@@ -58,6 +59,8 @@ class WavefrontMap:
 
     def __post_init__(self):
         """Check, and make read-only copies."""
+        if not (self.pupil is None or isinstance(self.pupil, Pupil)):
+            raise TypeError(f"pupil must be one of the pupils, or None, got {type(self.pupil).__name__}")
         for name in ("opd", "weight", "intensity"):
             refuse_masked(getattr(self, name), name)
         opd, weight = np.array(self.opd, dtype=np.float64), np.array(self.weight, dtype=np.float64)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import Numbers, checked
 from ..pupils import Pupil
 from ..quantities import Quantity
 from ..shown import shown
@@ -24,7 +25,7 @@ from .modes import (
 )
 from .pixel_errors import pixel_errors
 from .point_spread import PointSpread, point_spread_function
-from .spot_width import spot_width
+from .spot_width import spot_width, spot_width_error
 from .spread_errors import spread_errors
 from .terms import check_metres, mean_phasor, remove_terms, weighted_mean
 from .transfer import EncircledEnergy, Transfer, encircled, normalised_sensitivity, transfer_function
@@ -120,6 +121,7 @@ class Wavefront(WavefrontMap):
         opd, weight = self.samples
         return np.asarray(fit_tilt(opd, self.points, weight).tilt)
 
+    @checked
     def zernike(self, count: int) -> np.ndarray:
         """Coefficients [m] of the first `count` Zernike polynomials, shape (count,): Noll's index 1 comes first.
 
@@ -140,8 +142,15 @@ class Wavefront(WavefrontMap):
         """
         return self.opd_error * zernike_gains(self, count)
 
+    @checked
     def psf(
-        self, angle=None, *, half_width: float | None = None, padding: int = 8, wavelengths=None, weights=None
+        self,
+        angle: Numbers | None = None,
+        *,
+        half_width: float | None = None,
+        padding: int = 8,
+        wavelengths: Numbers | None = None,
+        weights: Numbers | None = None,
     ) -> PointSpread:
         """Point spread function over the perfect one's peak; arguments as for `point_spread_function`.
 
@@ -165,7 +174,8 @@ class Wavefront(WavefrontMap):
         otf = self.otf()
         return replace(otf, value=np.abs(otf.value))
 
-    def encircled_energy(self, angle=None, *, center=None) -> EncircledEnergy:
+    @checked
+    def encircled_energy(self, angle: Numbers | None = None, *, center: Numbers | None = None) -> EncircledEnergy:
         """Share of the light within an angle about a point of the image, exact for the pixels of the map.
 
         All light counts as lying within half of wavelength / pixel along either axis, which is what pixels hold.
@@ -206,6 +216,7 @@ class Wavefront(WavefrontMap):
         """Mean square OPD difference of pairs of points by their distance."""
         return structure_function(self)
 
+    @checked
     def pssn(self, fried: float = np.inf) -> float:
         """Normalised point source sensitivity: 1 without aberrations; `fried` is the atmosphere's r0 [m]."""
         if not fried > 0.0:
@@ -256,19 +267,9 @@ class Wavefront(WavefrontMap):
         return {
             "centroid_x": number(x, rims[0], edges["tilt_x"], pixels[0], unit="rad"),
             "centroid_y": number(y, rims[1], edges["tilt_y"], pixels[1], unit="rad"),
-            "fwhm": number(self.fwhm, self._fwhm_error, pixels[2], unit="rad"),
+            "fwhm": number(self.fwhm, spot_width_error(self), pixels[2], unit="rad"),
             "pssn": number(pssn, 4.0 * phase + 4.0 * phase**2, float(sensitivity)),
         }
-
-    @cached_property
-    def _fwhm_error(self) -> float:
-        error = self.opd_error
-        if not np.isfinite(error):
-            return float("nan")
-        x, y = self.coordinate[None, :] / self.radius, self.coordinate[:, None] / self.radius
-        forms = (2.0 * (x**2 + y**2) - 1.0, x**2 - y**2, 2.0 * x * y)
-        widths = [replace(self, opd=self.opd + sign * error * form).fwhm for form in forms for sign in (1.0, -1.0)]
-        return float(np.max(np.abs(np.array(widths) - self.fwhm)))
 
     def over_wavelengths(self, wavelengths, angle=None, weights=None):
         """The same OPD at several wavelengths [m] as an xarray.Dataset with a wavelength axis.

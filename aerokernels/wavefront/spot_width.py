@@ -35,3 +35,17 @@ def spot_width(wavefront: Any) -> float:
             return float(width)
         half_width *= 2.0
     return float("nan")
+
+
+def spot_width_error(wavefront: Any) -> float:
+    """Its greatest change [rad] under focus and astigmatism of the greatest OPD error, of either sign."""
+    error = wavefront.opd_error
+    if not np.isfinite(error):
+        return float("nan")
+    place = wavefront.coordinate / wavefront.radius
+    x, y = place[None, :], place[:, None]
+    forms = (2.0 * (x**2 + y**2) - 1.0, x**2 - y**2, 2.0 * x * y)
+    widths = [
+        replace(wavefront, opd=wavefront.opd + sign * error * form).fwhm for form in forms for sign in (1.0, -1.0)
+    ]
+    return float(np.max(np.abs(np.array(widths) - wavefront.fwhm)))
