@@ -20,6 +20,7 @@ from .body import Body
 from .cell_averages import node_values
 from .conserving import conserving_values
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite
+from .kept_averages import cut_and_kept
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
 from .solid_body import SolidBody
@@ -181,7 +182,8 @@ class IndexField(Derived):
             contrast: n - ambient_index at the vertices, shape (vertex_count,), or finite-volume averages over the
                 cells, shape (cell_count,): the shape tells which. On a structured mesh also (ni, nj), (ni - 1, nj - 1).
             ambient_index: Index outside the mesh.
-            interpolation: "bilinear", "bilinear-barron", "idw" or "cells" (see mesh_samples.py).
+            interpolation: "bilinear", "bilinear-barron", "idw" or "cells" (see mesh_samples.py); or "conserving",
+                which is bilinear on cells cut in four that keep the averages over them (see kept_averages.py).
             body: Solid body in the field.
             wavelength: Vacuum wavelength that `contrast` was made for [m]; None where it belongs to none.
             upstream: Errors of `contrast` from how it was made.
@@ -200,11 +202,18 @@ class IndexField(Derived):
             at_vertices.append(mesh.shape)
             in_cells.append((mesh.shape[0] - 1, mesh.shape[1] - 1))
         averages = None
+        if interpolation == "conserving" and values.shape not in in_cells:
+            raise ValueError("interpolation 'conserving' needs averages over cells, and these are values at vertices")
         if values.shape in in_cells:
             averages = values.ravel()
             averages.setflags(write=False)
-            keeps = interpolation in ("bilinear", "cells")
-            values = conserving_values(mesh, averages) if keeps else vertex_values(mesh, averages)
+            vacuum = 1.0 - ambient_index if ambient_index > 1.0 else -np.inf
+            if interpolation == "conserving":
+                mesh, values, averages = cut_and_kept(mesh, averages, vacuum)
+                interpolation = "bilinear"
+            else:
+                keeps = interpolation in ("bilinear", "cells")
+                values = conserving_values(mesh, averages, vacuum) if keeps else vertex_values(mesh, averages)
         elif values.shape not in at_vertices:
             raise ValueError(
                 f"contrast has shape {values.shape}: give one entry for each vertex, shape "
