@@ -10,16 +10,16 @@ with W_ck what vertex k stands for in the flow's cell c (of r dr dz, if axisymme
 smooth in lacks more than 1e-9 of the range. What is left then goes to the vertices that a cell has for itself.
 
 No vertex leaves the averages of the cells that have it, beside a captured shock, or goes beyond those of their
-neighbours by more than a quarter of what they differ by, elsewhere; the values to begin with are always allowed. So
-not every average can be kept: a cell of 1.1 between cells of 1 and 2 would take a value of 0.7 in its middle. Such cells
-are left what they lack, which `what_is_lacking` tells.
+neighbours by more than a quarter of what they differ by, elsewhere. The values to begin with are always allowed, but
+for densities below a tenth of those about a vertex. So not every average can be kept: a cell of 1.1 between cells of 1
+and 2 would take a value of 0.7 in its middle. Such cells are left what they lack, which `what_is_lacking` tells.
 """
 
 import numpy as np
 
 from .mesh import QuadMesh
 from .refined import cut_in_four
-from .vertex_values import of_parents, values_and_smooth, vertex_gradients
+from .vertex_values import linear_values_and_smooth, of_parents, vertex_gradients
 
 SWEEPS = 200
 ENOUGH = 1e-9  # of the range of the averages: what a cell may lack
@@ -40,7 +40,7 @@ def cut_and_kept(
     Raises:
         ValueError: A mesh that cannot be cut: it has two vertices in one place.
     """
-    values, smooth = values_and_smooth(mesh, average)
+    values, smooth = linear_values_and_smooth(mesh, average)
     if mesh.parents is None:
         gradient = vertex_gradients(mesh, values)
         gradient[mesh.cells[~smooth]] = 0.0
@@ -91,7 +91,7 @@ def keep_averages(
 
 
 def _bounds(share, turned, own, smooth, values, vacuum: float) -> tuple[np.ndarray, np.ndarray]:
-    """Least and greatest value allowed at each vertex; those to begin with are."""
+    """Least and greatest value allowed at each vertex; those to begin with are, if they are no vacuum."""
     low, high = _extremes(turned, own, own, values)
     wide = _extremes(turned, *_extremes(share, low, high, own), values)
     alone = np.diff(turned.indptr) == 1  # a cell's own average is no range: that of its neighbours is
@@ -100,7 +100,7 @@ def _bounds(share, turned, own, smooth, values, vacuum: float) -> tuple[np.ndarr
     more = BEYOND * (wide[1] - wide[0])
     least, greatest = np.where(touched, low, wide[0] - more), np.where(touched, high, wide[1] + more)
     floor = np.where(low > vacuum, vacuum + LEAST_SHARE * (low - vacuum), -np.inf) if np.isfinite(vacuum) else -np.inf
-    return np.minimum(np.maximum(least, floor), values), np.maximum(greatest, values)
+    return np.maximum(np.minimum(least, values), floor), np.maximum(greatest, values)
 
 
 def _extremes(rows, low, high, empty) -> tuple[np.ndarray, np.ndarray]:

@@ -46,17 +46,50 @@ def values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, 
     """Vertex values, and which of the flow's cells neither hold a captured shock nor touch one that does."""
     if mesh.shape is None:
         return _unstructured_vertex_values(mesh, average)
-    ni, nj = mesh.shape
+    smooth = ~_beside_shock(average.reshape(mesh.shape[0] - 1, mesh.shape[1] - 1))
+    return _along_both_axes(mesh, average, smooth), smooth.ravel()
+
+
+def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, level: bool = False) -> np.ndarray:
+    """Vertex values on a structured mesh, one direction after the other.
+
+    Args:
+        mesh: The mesh.
+        average: Averages, shape (cell_count,).
+        smooth: Cells without a captured shock, shape (ni - 1, nj - 1).
+        limited: Values stay between the averages of the cells that they join.
+        level: Nothing is extrapolated to the rim beside a shock.
+    """
+    ni, nj = mesh.shape or (0, 0)
     vertex = mesh.vertices.reshape(ni, nj, 2)
     centroid = mesh.cell_centroid.reshape(ni - 1, nj - 1, 2)
     face = 0.5 * (vertex[:, :-1] + vertex[:, 1:])
     on_axis = mesh.geometry == "axisymmetric"
     average = average.reshape(ni - 1, nj - 1)
-    smooth = whole = ~_beside_shock(average)
-    at_face = _faces_along_first_axis(average, smooth, centroid, face, on_axis)
+    at_face = _faces_along_first_axis(average, smooth, centroid, face, on_axis, limited, level)
     smooth = np.pad(smooth, ((1, 0), (0, 0)), mode="edge") & np.pad(smooth, ((0, 1), (0, 0)), mode="edge")
-    turned = _faces_along_first_axis(at_face.T, smooth.T, face.swapaxes(0, 1), vertex.swapaxes(0, 1), on_axis)
-    return turned.T.ravel(), whole.ravel()
+    places = face.swapaxes(0, 1), vertex.swapaxes(0, 1)
+    return np.asarray(_faces_along_first_axis(at_face.T, smooth.T, *places, on_axis, limited, level).T.ravel())
+
+
+def linear_values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As `values_and_smooth`, and linear densities come back exactly on skewed and uneven cells too.
+
+    What the values lack of a slope is known: coordinates that go the same way, from the centroids to the vertices, miss
+    the vertices by as much.
+    """
+    if mesh.shape is None or min(mesh.shape) < 3:
+        return _unstructured_vertex_values(mesh, average)
+    slope, shock = _slopes(mesh, mesh.cell_centroid, average)
+    smooth = ~shock.reshape(mesh.shape[0] - 1, mesh.shape[1] - 1)
+    values = _along_both_axes(mesh, average, smooth, level=True)
+    vertex, cell = mesh.cells.ravel(), np.repeat(np.arange(len(average)), 4)
+    count = np.bincount(vertex, minlength=len(values))
+    for axis in (0, 1):
+        place = _along_both_axes(mesh, mesh.cell_centroid[:, axis], smooth, limited=False, level=True)
+        missed = mesh.vertices[:, axis] - place
+        values = values + missed * np.bincount(vertex, slope[cell, axis], len(values)) / count
+    return values, ~shock
 
 
 def _beside_shock(average: np.ndarray) -> np.ndarray:
@@ -74,7 +107,7 @@ def _beside_shock(average: np.ndarray) -> np.ndarray:
     return jump
 
 
-def _faces_along_first_axis(average, smooth, centroid, face, on_axis: bool) -> np.ndarray:
+def _faces_along_first_axis(average, smooth, centroid, face, on_axis: bool, limited, level) -> np.ndarray:
     """Values at the n + 1 faces of n cells along axis 0; the higher-order term only between cells that are smooth."""
     count = len(average)
     result = np.empty((count + 1, *average.shape[1:]))
@@ -88,8 +121,9 @@ def _faces_along_first_axis(average, smooth, centroid, face, on_axis: bool) -> n
     inner = (average[:-1] * ahead + average[1:] * behind) / (ahead + behind)
     curvature = distance[1:-1] / 12.0 * (slope[2:] - slope[:-2])
     inner[1:-1] -= np.where(smooth[1:-2] & smooth[2:-1], curvature, 0.0)
-    low, high = np.minimum(average[:-1], average[1:]), np.maximum(average[:-1], average[1:])
-    result[1:-1] = np.clip(inner, low, high)
+    if limited:
+        inner = np.clip(inner, np.minimum(average[:-1], average[1:]), np.maximum(average[:-1], average[1:]))
+    result[1:-1] = inner
     for edge, first, second in ((0, 0, 1), (count, count - 1, count - 2)):
         reach = np.linalg.norm(face[edge] - centroid[first], axis=-1)
         ratio = np.minimum(reach / np.linalg.norm(centroid[second] - centroid[first], axis=-1), 1.0)
@@ -97,6 +131,8 @@ def _faces_along_first_axis(average, smooth, centroid, face, on_axis: bool) -> n
             radius, near, far = face[edge, ..., 0], centroid[first, ..., 0], centroid[second, ..., 0]
             even = near**2 / np.maximum(far**2 - near**2, 1e-300)
             ratio = np.where((radius == 0.0) & (far > near), np.minimum(even, 1.0), ratio)
+        if level:
+            ratio = np.where(smooth[first], ratio, 0.0)
         result[edge] = average[first] - ratio * (average[second] - average[first])
     return result
 
@@ -185,9 +221,8 @@ def _least_squares_gradient(points, values, first, second) -> np.ndarray:
     return (np.linalg.pinv(normal) @ right[..., None])[..., 0]
 
 
-def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse-distance mean of the linear reconstructions of a vertex's cells, which are flat beside a shock."""
-    centroid, average = of_parents(mesh, mesh.cell_centroid), of_parents(mesh, average)
+def _slopes(mesh: QuadMesh, centroid: np.ndarray, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slope in each of the flow's cells, none beside a captured shock, and which these are."""
     slope = np.zeros((len(average), 2))
     shock = np.zeros(len(average), dtype=bool)
     if len(average) > 1:
@@ -198,6 +233,13 @@ def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> tuple[np
         shock = np.bincount(first, missed, len(average)) > 0
         shock |= np.bincount(first, shock[second], len(average)) > 0
         slope[shock] = 0.0
+    return slope, shock
+
+
+def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Inverse-distance mean of the linear reconstructions of a vertex's cells, which are flat beside a shock."""
+    centroid, average = of_parents(mesh, mesh.cell_centroid), of_parents(mesh, average)
+    slope, shock = _slopes(mesh, centroid, average)
     vertex, cell = _touching(mesh)
     reach = mesh.vertices[vertex] - centroid[cell]
     guess = average[cell] + np.sum(slope[cell] * reach, axis=1)
@@ -210,15 +252,15 @@ def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> tuple[np
     np.maximum.at(high, vertex, average[cell])
     # By as much as the cells of a vertex differ, it may lie beyond their range.
     low, high = low - (high - low), high + (high - low)
-    if len(average) > 1:  # on the rim, beyond each cell by as much as that differs from any neighbour
-        least, most = average.copy(), average.copy()
-        np.minimum.at(least, first, average[second])
-        np.maximum.at(most, first, average[second])
-        rim = np.zeros(count, dtype=bool)
+    if len(average) > 1:  # on rims and in the middle of cells and edges, beyond each cell by what it differs by at most
+        first, second = _cell_pairs(mesh)
+        span = np.zeros(len(average))
+        np.maximum.at(span, first, np.abs(average[second] - average[first]))
+        rim = np.bincount(vertex, minlength=count) <= 2
         of, edge = np.nonzero(mesh.neighbors < 0)
         rim[mesh.cells[of, edge]] = rim[mesh.cells[of, (edge + 1) % 4]] = True
         on_rim = rim[vertex]
         vertex, cell = vertex[on_rim], cell[on_rim]
-        np.minimum.at(low, vertex, (2.0 * average - most)[cell])
-        np.maximum.at(high, vertex, (2.0 * average - least)[cell])
+        np.minimum.at(low, vertex, (average - span)[cell])
+        np.maximum.at(high, vertex, (average + span)[cell])
     return np.clip(value, low, high), ~shock
