@@ -174,6 +174,7 @@ class IndexField(Derived):
         body: Body | None = None,
         wavelength: float | None = None,
         upstream: "Upstream | None" = None,
+        walls: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> "IndexField":
         """A field on a quadrilateral mesh.
 
@@ -182,11 +183,12 @@ class IndexField(Derived):
             contrast: n - ambient_index at the vertices, shape (vertex_count,), or finite-volume averages over the
                 cells, shape (cell_count,): the shape tells which. On a structured mesh also (ni, nj), (ni - 1, nj - 1).
             ambient_index: Index outside the mesh.
-            interpolation: "bilinear", "bilinear-barron", "idw" or "cells" (see mesh_samples.py); or "conserving",
-                which is bilinear on cells cut in four that keep the averages over them (see kept_averages.py).
+            interpolation: "bilinear", "bilinear-barron", "idw" or "cells" (see mesh_samples.py); or "conserving":
+                bilinear on cells cut in four that keep their averages (see kept_averages.py).
             body: Solid body in the field.
             wavelength: Vacuum wavelength that `contrast` was made for [m]; None where it belongs to none.
             upstream: Errors of `contrast` from how it was made.
+            walls: Places at walls [m], shape (n, 2), and the contrast there, which "conserving" takes.
 
         Raises:
             TypeError: `mesh` is no QuadMesh.
@@ -203,25 +205,25 @@ class IndexField(Derived):
             in_cells.append((mesh.shape[0] - 1, mesh.shape[1] - 1))
         averages = None
         if interpolation == "conserving" and values.shape not in in_cells:
-            raise ValueError("interpolation 'conserving' needs averages over cells, and these are values at vertices")
+            raise ValueError("interpolation 'conserving' needs averages over cells: these are values at vertices")
         if values.shape in in_cells:
             averages = values.ravel()
             averages.setflags(write=False)
             vacuum = 1.0 - ambient_index if ambient_index > 1.0 else -np.inf
             if interpolation == "conserving":
-                mesh, values, averages = cut_and_kept(mesh, averages, vacuum)
+                mesh, values, averages = cut_and_kept(mesh, averages, vacuum, walls)
                 interpolation = "bilinear"
+            elif interpolation in ("bilinear", "cells"):
+                values = conserving_values(mesh, averages, vacuum)
             else:
-                keeps = interpolation in ("bilinear", "cells")
-                values = conserving_values(mesh, averages, vacuum) if keeps else vertex_values(mesh, averages)
+                values = vertex_values(mesh, averages)
         elif values.shape not in at_vertices:
             raise ValueError(
                 f"contrast has shape {values.shape}: give one entry for each vertex, shape "
                 f"{' or '.join(map(str, at_vertices))}, or one for each cell, shape {' or '.join(map(str, in_cells))}"
             )
-        values = values.ravel()
         values.setflags(write=False)
-        samples = MeshSamples(mesh, values, interpolation, averages)
+        samples = MeshSamples(mesh, values.reshape(-1), interpolation, averages)
         return cls(samples, mesh.geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
     @property

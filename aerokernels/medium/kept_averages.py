@@ -24,11 +24,15 @@ from .vertex_values import linear_values_and_smooth, of_parents, vertex_gradient
 SWEEPS = 200
 ENOUGH = 1e-9  # of the range of the averages: what a cell may lack
 BEYOND = 0.25  # of what the averages about a vertex differ by: so far it may leave their range in a smooth flow
+NEAR = 1e-8  # of the mesh's size: a wall's place nearer than this to a vertex is there
 LEAST_SHARE = 0.1  # of the least average about a vertex, counted from vacuum, below which its value does not fall
 
 
 def cut_and_kept(
-    mesh: QuadMesh, average: np.ndarray, vacuum: float = -np.inf
+    mesh: QuadMesh,
+    average: np.ndarray,
+    vacuum: float = -np.inf,
+    walls: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[QuadMesh, np.ndarray, np.ndarray]:
     """A mesh whose cells are parts of these, values at its vertices that keep the averages, and the average of each.
 
@@ -36,6 +40,7 @@ def cut_and_kept(
         mesh: The mesh; where its cells are parts already, it is the one that is returned.
         average: Averages, shape (cell_count,).
         vacuum: The value of no gas, above which values stay where averages do.
+        walls: Places [m], shape (n, 2), and the values that the interpolant has there.
 
     Raises:
         ValueError: A mesh that cannot be cut: it has two vertices in one place.
@@ -47,11 +52,17 @@ def cut_and_kept(
         mesh, values = cut_in_four(mesh, values, gradient)
         average = average[mesh.parents]
         average.setflags(write=False)
-    return mesh, keep_averages(mesh, values, average, smooth, vacuum), average
+    held = None if walls is None else _held(mesh, *walls)
+    return mesh, keep_averages(mesh, values, average, smooth, vacuum, held), average
 
 
 def keep_averages(
-    mesh: QuadMesh, values: np.ndarray, average: np.ndarray, smooth: np.ndarray, vacuum: float = -np.inf
+    mesh: QuadMesh,
+    values: np.ndarray,
+    average: np.ndarray,
+    smooth: np.ndarray,
+    vacuum: float = -np.inf,
+    held: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> np.ndarray:
     """Values near the given ones that keep the averages.
 
@@ -61,6 +72,7 @@ def keep_averages(
         average: Averages, shape (cell_count,).
         smooth: Which of the flow's cells neither hold a captured shock nor touch one that does.
         vacuum: The value of no gas.
+        held: Vertices whose values are known, and these.
     """
     from scipy.sparse import csr_array
 
@@ -73,8 +85,10 @@ def keep_averages(
     size, whole = np.asarray(share.sum(axis=1)), np.asarray(share.sum(axis=0))
     some = np.flatnonzero(whole > 0.0)
     low, high = _bounds(share, turned, own, smooth, values, vacuum)
+    if held is not None:
+        low[held[0]] = high[held[0]] = held[1]
     enough = ENOUGH * np.ptp(own)
-    found = values.copy()
+    found = np.clip(values, low, high)
     for _ in range(SWEEPS):
         lacks = own - (share @ found) / size
         if np.abs(lacks[smooth]).max(initial=0.0) <= enough and smooth.all():
@@ -88,6 +102,18 @@ def keep_averages(
     cell = turned.indices[turned.indptr[alone]]
     found[alone] = np.clip(found[alone] + lacks[cell], low[alone], high[alone])
     return found
+
+
+def _held(mesh: QuadMesh, points: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices that lie at some places, and the mean of the values there."""
+    from scipy.spatial import KDTree
+
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    distance, vertex = KDTree(mesh.vertices).query(points)
+    near = distance < NEAR * size
+    count = np.bincount(vertex[near], minlength=len(mesh.vertices))
+    some = np.flatnonzero(count)
+    return some, np.bincount(vertex[near], values[near], len(mesh.vertices))[some] / count[some]
 
 
 def _bounds(share, turned, own, smooth, values, vacuum: float) -> tuple[np.ndarray, np.ndarray]:

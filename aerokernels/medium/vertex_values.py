@@ -50,7 +50,7 @@ def values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, 
     return _along_both_axes(mesh, average, smooth), smooth.ravel()
 
 
-def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, level: bool = False) -> np.ndarray:
+def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, lesser: bool = False) -> np.ndarray:
     """Vertex values on a structured mesh, one direction after the other.
 
     Args:
@@ -58,7 +58,7 @@ def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, leve
         average: Averages, shape (cell_count,).
         smooth: Cells without a captured shock, shape (ni - 1, nj - 1).
         limited: Values stay between the averages of the cells that they join.
-        level: Nothing is extrapolated to the rim beside a shock.
+        lesser: To the rim beside a shock only the lesser of two changes goes on.
     """
     ni, nj = mesh.shape or (0, 0)
     vertex = mesh.vertices.reshape(ni, nj, 2)
@@ -66,10 +66,10 @@ def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, leve
     face = 0.5 * (vertex[:, :-1] + vertex[:, 1:])
     on_axis = mesh.geometry == "axisymmetric"
     average = average.reshape(ni - 1, nj - 1)
-    at_face = _faces_along_first_axis(average, smooth, centroid, face, on_axis, limited, level)
+    at_face = _faces_along_first_axis(average, smooth, centroid, face, on_axis, limited, lesser)
     smooth = np.pad(smooth, ((1, 0), (0, 0)), mode="edge") & np.pad(smooth, ((0, 1), (0, 0)), mode="edge")
     places = face.swapaxes(0, 1), vertex.swapaxes(0, 1)
-    return np.asarray(_faces_along_first_axis(at_face.T, smooth.T, *places, on_axis, limited, level).T.ravel())
+    return np.asarray(_faces_along_first_axis(at_face.T, smooth.T, *places, on_axis, limited, lesser).T.ravel())
 
 
 def linear_values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -82,11 +82,11 @@ def linear_values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.nd
         return _unstructured_vertex_values(mesh, average)
     slope, shock = _slopes(mesh, mesh.cell_centroid, average)
     smooth = ~shock.reshape(mesh.shape[0] - 1, mesh.shape[1] - 1)
-    values = _along_both_axes(mesh, average, smooth, level=True)
+    values = _along_both_axes(mesh, average, smooth, lesser=True)
     vertex, cell = mesh.cells.ravel(), np.repeat(np.arange(len(average)), 4)
     count = np.bincount(vertex, minlength=len(values))
     for axis in (0, 1):
-        place = _along_both_axes(mesh, mesh.cell_centroid[:, axis], smooth, limited=False, level=True)
+        place = _along_both_axes(mesh, mesh.cell_centroid[:, axis], smooth, limited=False)
         missed = mesh.vertices[:, axis] - place
         values = values + missed * np.bincount(vertex, slope[cell, axis], len(values)) / count
     return values, ~shock
@@ -107,7 +107,7 @@ def _beside_shock(average: np.ndarray) -> np.ndarray:
     return jump
 
 
-def _faces_along_first_axis(average, smooth, centroid, face, on_axis: bool, limited, level) -> np.ndarray:
+def _faces_along_first_axis(average, smooth, centroid, face, on_axis: bool, limited, lesser) -> np.ndarray:
     """Values at the n + 1 faces of n cells along axis 0; the higher-order term only between cells that are smooth."""
     count = len(average)
     result = np.empty((count + 1, *average.shape[1:]))
@@ -131,10 +131,29 @@ def _faces_along_first_axis(average, smooth, centroid, face, on_axis: bool, limi
             radius, near, far = face[edge, ..., 0], centroid[first, ..., 0], centroid[second, ..., 0]
             even = near**2 / np.maximum(far**2 - near**2, 1e-300)
             ratio = np.where((radius == 0.0) & (far > near), np.minimum(even, 1.0), ratio)
-        if level:
-            ratio = np.where(smooth[first], ratio, 0.0)
-        result[edge] = average[first] - ratio * (average[second] - average[first])
+        change = average[second] - average[first]
+        if lesser and limited:
+            change = np.where(smooth[first], change, _lesser(average, slope, distance, edge))
+        result[edge] = average[first] - ratio * change
     return result
+
+
+def _lesser(average, slope, distance, edge: int) -> np.ndarray:
+    """The change from the first cell on: the lesser of the first two, less what changes along the rim itself.
+
+    A layer along a wall goes on to it, a shock that leaves by the rim does not.
+    """
+    own = average if edge == 0 else average[::-1]
+    change = own[1] - own[0]
+    if len(own) < 3:
+        return np.zeros_like(change)
+    near, far = (0, 1) if edge == 0 else (-1, -2)
+    further = slope[far] * distance[near] * (1.0 if edge == 0 else -1.0)
+    step, along = np.abs(np.diff(own[0])), np.zeros_like(change)
+    along[1:] = step
+    along[:-1] = np.maximum(along[:-1], step)
+    size = np.maximum(np.minimum(np.abs(change), np.abs(further)) - along, 0.0)
+    return np.where(change * further > 0.0, np.sign(change) * size, 0.0)
 
 
 def vertex_gradients(mesh: QuadMesh, values: np.ndarray) -> np.ndarray:
