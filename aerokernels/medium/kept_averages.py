@@ -4,10 +4,10 @@ A quadrilateral has about one vertex, and one average to keep: a continuous func
 with. Cut in four from its middle (a triangle in three, as such cells are anyway) it has four vertices and more, and the
 averages are kept by sweeps over all of them,
 
-    v_k <- v_k + sum_c W_ck (a_c - mean_c(v)) / sum_c W_ck,
+    v_k <- v_k + w sum_c W_ck (a_c - mean_c(v)) / sum_c W_ck,
 
-with W_ck what vertex k stands for in the flow's cell c (of r dr dz, if axisymmetric), until no cell that the flow is
-smooth in lacks more than 1e-9 of the range. What is left then goes to the vertices that a cell has for itself.
+with W_ck what vertex k stands for in the flow's cell c (of r dr dz, if axisymmetric) and w = 1.5, until next to nothing
+is lacking or no more is gained. What is left then goes to the vertices that a cell has for itself.
 
 No vertex leaves the averages of the cells that have it, beside a captured shock, or goes beyond those of their
 neighbours by more than a quarter of what they differ by, elsewhere. The values to begin with are always allowed, but
@@ -21,8 +21,10 @@ from .mesh import QuadMesh
 from .refined import cut_in_four
 from .vertex_values import linear_values_and_smooth, of_parents, vertex_gradients
 
-SWEEPS = 200
-ENOUGH = 1e-9  # of the range of the averages: what a cell may lack
+SWEEPS = 200  # at most
+LOOK, SLOW = 10, 0.995  # sweeps after which it is seen whether what is lacking has become less than this share
+RELAXED = 1.5  # times what is lacking is given at once: below 2 sweeps converge
+ENOUGH = 1e-9  # of the range of the averages: what a cell may lack on an average
 BEYOND = 0.25  # of what the averages about a vertex differ by: so far it may leave their range in a smooth flow
 NEAR = 1e-8  # of the mesh's size: a wall's place nearer than this to a vertex is there
 LEAST_SHARE = 0.1  # of the least average about a vertex, counted from vacuum, below which its value does not fall
@@ -83,17 +85,21 @@ def keep_averages(
     share.sum_duplicates()
     turned = share.T.tocsr()
     size, whole = np.asarray(share.sum(axis=1)), np.asarray(share.sum(axis=0))
-    some = np.flatnonzero(whole > 0.0)
     low, high = _bounds(share, turned, own, smooth, values, vacuum)
     if held is not None:
         low[held[0]] = high[held[0]] = held[1]
     enough = ENOUGH * np.ptp(own)
     found = np.clip(values, low, high)
-    for _ in range(SWEEPS):
+    rate = np.where(whole > 0.0, RELAXED / np.where(whole > 0.0, whole, 1.0), 0.0)
+    before = np.inf
+    for sweep in range(SWEEPS):
         lacks = own - (share @ found) / size
-        if np.abs(lacks[smooth]).max(initial=0.0) <= enough and smooth.all():
-            break
-        found[some] += (turned @ lacks)[some] / whole[some]
+        if sweep % LOOK == 0:
+            left = float(np.abs(lacks).sum())
+            if left <= enough * len(lacks) or left > SLOW * before:
+                break
+            before = left
+        found += rate * (turned @ lacks)
         np.clip(found, low, high, out=found)
     alone = np.flatnonzero(np.diff(turned.indptr) == 1)
     theirs = share[:, alone]

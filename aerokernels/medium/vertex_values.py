@@ -80,7 +80,7 @@ def linear_values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.nd
     """
     if mesh.shape is None or min(mesh.shape) < 3:
         return _unstructured_vertex_values(mesh, average)
-    slope, shock = _slopes(mesh, mesh.cell_centroid, average)
+    slope, shock, *_ = _slopes(mesh, mesh.cell_centroid, average)
     smooth = ~shock.reshape(mesh.shape[0] - 1, mesh.shape[1] - 1)
     values = _along_both_axes(mesh, average, smooth, lesser=True)
     vertex, cell = mesh.cells.ravel(), np.repeat(np.arange(len(average)), 4)
@@ -240,9 +240,9 @@ def _least_squares_gradient(points, values, first, second) -> np.ndarray:
     return (np.linalg.pinv(normal) @ right[..., None])[..., 0]
 
 
-def _slopes(mesh: QuadMesh, centroid: np.ndarray, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Slope in each of the flow's cells, none beside a captured shock, and which these are."""
-    slope = np.zeros((len(average), 2))
+def _slopes(mesh: QuadMesh, centroid: np.ndarray, average: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Slope in each of the flow's cells, none beside a captured shock, which these are, and the pairs of neighbours."""
+    slope, first, second = np.zeros((len(average), 2)), np.empty(0, int), np.empty(0, int)
     shock = np.zeros(len(average), dtype=bool)
     if len(average) > 1:
         first, second = _cell_pairs(mesh)
@@ -252,13 +252,13 @@ def _slopes(mesh: QuadMesh, centroid: np.ndarray, average: np.ndarray) -> tuple[
         shock = np.bincount(first, missed, len(average)) > 0
         shock |= np.bincount(first, shock[second], len(average)) > 0
         slope[shock] = 0.0
-    return slope, shock
+    return slope, shock, first, second
 
 
 def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Inverse-distance mean of the linear reconstructions of a vertex's cells, which are flat beside a shock."""
     centroid, average = of_parents(mesh, mesh.cell_centroid), of_parents(mesh, average)
-    slope, shock = _slopes(mesh, centroid, average)
+    slope, shock, first, second = _slopes(mesh, centroid, average)
     vertex, cell = _touching(mesh)
     reach = mesh.vertices[vertex] - centroid[cell]
     guess = average[cell] + np.sum(slope[cell] * reach, axis=1)
@@ -272,7 +272,6 @@ def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> tuple[np
     # By as much as the cells of a vertex differ, it may lie beyond their range.
     low, high = low - (high - low), high + (high - low)
     if len(average) > 1:  # on rims and in the middle of cells and edges, beyond each cell by what it differs by at most
-        first, second = _cell_pairs(mesh)
         span = np.zeros(len(average))
         np.maximum.at(span, first, np.abs(average[second] - average[first]))
         rim = np.bincount(vertex, minlength=count) <= 2
