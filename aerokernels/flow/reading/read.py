@@ -245,7 +245,7 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
             plane_in_words(plane, reading.frame), f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []),
             *dataset.notes]  # fmt: skip
     wall = None
-    if where == "cell" and len(dataset.blocks) == 1 and fractions is None:
+    if where == "cell" and fractions is None:
         wall = wall_density(path, dataset, plane, reading.choice, reading.reference, names)
         said += [f"values at {len(wall.density)} points of the walls"] if wall is not None else []
     provenance = f"{path}: {'; '.join(said)}"
