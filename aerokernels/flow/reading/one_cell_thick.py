@@ -53,17 +53,18 @@ def _has_two_layers(place: np.ndarray, size: float) -> bool:
 def _flat(block: Block, low: np.ndarray, axis: int, size: float) -> Block | None:
     """The lower layer of a block; None where the other one is not the same moved across."""
     rest = [k for k in range(3) if k != axis]
+    shape, cells = None, None
     if block.shape is not None:
-        flat = _structured_layers(block, low)
-        cells, shape = None, flat[2] if flat else None
-    else:
-        flat = _layers(block, low, rest, size)
-        cells, shape = (_faces(block.cells, low) if flat and block.cells else None), None
-        if cells is None:
+        grid = _structured_layers(block, low)
+        if grid is None:
             return None
-    if flat is None:
-        return None
-    one, other = flat[:2]
+        one, other, shape = grid
+    else:
+        layers = _layers(block, low, rest, size)
+        cells = None if block.cells is None else _faces(block.cells, low)
+        if layers is None or cells is None:
+            return None
+        one, other = layers
     if (
         len(one) != len(other)
         or (np.abs(block.points[one][:, rest] - block.points[other][:, rest]) > NEAR * size).any()
