@@ -77,6 +77,7 @@ def test_pressure_of_zero_gradient_and_a_given_temperature(tmp_path):
         b'#include "elsewhere"',
         b"body { type fixedValue",
         b'"(" { type fixedValue; value uniform 3; }',
+        b'"(b|b)(o|o)(d|d)(y|y)(b|o)*!" { type fixedValue; value uniform 3; }',
     ],
 )
 def test_what_tells_nothing_of_the_wall_is_left_out(tmp_path, conditions):
