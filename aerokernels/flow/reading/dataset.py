@@ -188,16 +188,14 @@ class Patch:
         kind: "wall" where the file says so, else the file's own word for it.
         edges: Both ends of each edge in the file's unit and axes, shape (edge_count, 2, 3); none of a volume.
         polygons: The faces in the file's unit and axes, of a volume.
-        values: What an array has at each edge, by its name; None where the file does not say.
-        behind: The cell behind each edge, where there are values.
+        values: What an array has at each edge and in the cell behind it, by its name; None where the file says nothing.
     """
 
     name: str
     kind: str
     edges: np.ndarray = field(default_factory=lambda: NO_EDGES)
     polygons: Polygons | None = None
-    values: Callable[[str], np.ndarray | None] | None = None
-    behind: np.ndarray | None = None
+    values: Callable[[str], tuple[np.ndarray, np.ndarray] | None] | None = None
 
     @classmethod
     def of(cls, name: str, kind: str, corners: np.ndarray) -> "Patch":

@@ -14,6 +14,7 @@ from .dataset import ReadError
 from .foam_file import FoamFile, find
 
 _BOUNDARY = re.compile(rb"\bboundaryField\s*\{")
+_PLAIN = re.compile(r"(?:[\w|()-]|\.\*?){1,200}")
 _WIDTH = {"scalar": 1, "vector": 3, "symmTensor": 6, "tensor": 9, "sphericalTensor": 1}
 LEVEL = ("zeroGradient", "symmetry", "symmetryPlane", "slip")
 
@@ -38,8 +39,8 @@ class FoamPatchValues:
     face_count: int
     owner: np.ndarray
 
-    def __call__(self, name: str) -> np.ndarray | None:
-        """Values of a scalar field, shape (len(faces),); None where they are not known."""
+    def __call__(self, name: str) -> tuple[np.ndarray, np.ndarray] | None:
+        """Values of a scalar field at the faces and in their cells, shape (len(faces),) each; None if not known."""
         here = {self.patch: self.face_count}
         try:
             found = boundary_values(FoamFile(self.folder / name), here)[self.patch]
@@ -48,9 +49,10 @@ class FoamPatchValues:
                 found = LEVEL[0]
         except ReadError:  # the averages of the same file are what was asked for
             return None
+        cells = np.asarray(self.cell_data[name])[self.owner]  # type: ignore[index]
         if isinstance(found, str):
-            return np.asarray(self.cell_data[name])[self.owner] if found in LEVEL else None  # type: ignore[index]
-        return found[self.faces]
+            return (cells, cells) if found in LEVEL else None
+        return found[self.faces], cells
 
 
 def boundary_values(file: FoamFile, patches: dict[str, int]) -> dict[str, np.ndarray | str]:
@@ -89,8 +91,10 @@ def _conditions(file: FoamFile, patches: dict[str, int]) -> dict[str, tuple[str,
 
 
 def _fits(pattern: str, name: str) -> bool:
+    """Whether a pattern as cases have them, "(wall|body).*", is a patch's; others could take for ever and are none."""
+    plain = _PLAIN.fullmatch(pattern) and pattern.count("(") < 3 and pattern.count("*") < 3
     try:
-        return len(pattern) < 200 and re.fullmatch(pattern, name) is not None
+        return bool(plain) and re.fullmatch(pattern, name[:200]) is not None
     except re.error:
         return False
 
@@ -126,7 +130,11 @@ def _entry(file: FoamFile, repeated: int) -> np.ndarray | str:
         word = file.word()
         first = first or word
         if word == "nonuniform" and depth == 0:
-            kind = re.fullmatch(r"List<(\w+)>", file.word())
+            following = file.word()
+            if following == "0":  # of a patch without a face here, "0()", as decomposed cases have them
+                numbers = np.empty(0)
+                continue
+            kind = re.fullmatch(r"List<(\w+)>", following)
             width = _WIDTH.get(kind[1]) if kind else None
             if width is None:
                 raise file.fault("a list is of no kind that is known")

@@ -237,5 +237,5 @@ def flat_block(mesh: FoamMesh, faces: np.ndarray, cell_data, time: Path) -> tupl
         meant = pairs[first, 0]
         behind = mesh.faces.owner[meant]
         values = FoamPatchValues(time, cell_data, patch.name, meant - patch.first, patch.count, behind)
-        patches.append(Patch(patch.name, patch.kind, edges, values=values, behind=behind))
+        patches.append(Patch(patch.name, patch.kind, edges, values=values))
     return block, patches

@@ -56,6 +56,6 @@ def _field(found: Dataset, name, density, frame, reference, ambient, geometry, g
     unit = length_unit_given(length_unit, references)
     taken = reading_of(
         name, found, density, Frame.of(frame), unit, references, gas_constant, geometry,
-        None if ambient is None else float(ambient), species,
+        None if ambient is None else float(ambient), species, spacing is None and region is None,
     )  # fmt: skip
     return field_of(taken, spacing, region)

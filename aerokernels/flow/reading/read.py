@@ -20,6 +20,7 @@ from .density import DensityChoice, Reference, block_density, choose_density
 from .formats import load
 from .fractions import Fractions, choose_fractions
 from .frame import Frame, plane_normal
+from .one_cell_thick import flattened
 from .plane import Plane, patch_edges, plane_mesh
 from .wall_values import wall_density
 
@@ -117,7 +118,8 @@ def read(
         reference: What 1 is in a non-dimensional file: {"density": 1.225, "length": "50 mm", ...}, or a density alone.
         time: "latest" (None), "first" or a time of the file.
         gas_constant: [J/(kg K)], for pressure and temperature; None takes the file's, or air's.
-        geometry: "axisymmetric" for a plane file whose x is the axis and whose y is the radius; None tells by the file.
+        geometry: "axisymmetric" for a plane file whose x is the axis and whose y is the radius; "volume" for one cell
+            thick that is no plane; None tells by the file.
         ambient_density: Density around the field [kg/m3]; None takes what prevails where the flow comes from.
         spacing: Greatest node spacing of a volume's grid [m]; None follows from the cells.
         region: Lowest and highest corner of a volume's grid [m], in the optical frame; None takes all.
@@ -144,7 +146,8 @@ def read(
 def read_onto(kept: Kept | None, path, *, spacing=None, region=None, walls=None, **asked: Any) -> DensityField:
     """`read`, with what the mesh decides taken from the last reading and kept for the next."""
     try:
-        return field_of(prepare(path, **asked), spacing, region, walls, kept)
+        flat = spacing is None and region is None  # one cell thick it is planar, unless a grid is asked for
+        return field_of(prepare(path, flat=flat, **asked), spacing, region, walls, kept)
     except (ArithmeticError, LookupError) as fault:
         # Counts and indices that do not fit are refused where they are read; what passes that is damaged all the same.
         what = f"no field can be made of it ({type(fault).__name__}: {fault})"
@@ -156,7 +159,7 @@ def read_onto(kept: Kept | None, path, *, spacing=None, region=None, walls=None,
 
 
 def prepare(path, *, density=None, frame=None, length_unit=None, reference=None, time=None, gas_constant=None,
-            geometry=None, ambient_density=None, species=None, **options: Any) -> Reading:  # fmt: skip
+            geometry=None, ambient_density=None, species=None, flat=True, **options: Any) -> Reading:  # fmt: skip
     """Read a file and find out what is what in it; arguments and errors as in `read`."""
     if not isinstance(path, (str, os.PathLike)):
         raise TypeError(
@@ -174,16 +177,21 @@ def prepare(path, *, density=None, frame=None, length_unit=None, reference=None,
         raise TypeError(f"flow.read has no argument {sorted(unknown)[0]!r}")
     return reading_of(
         path, load(path, time, options), density, frame, unit, reference, gas_constant, geometry, ambient_density,
-        species,
+        species, flat,
     )  # fmt: skip
 
 
 def reading_of(
-    path, dataset: Dataset, density, frame, unit, reference, gas_constant, geometry, ambient, species=None
+    path, dataset: Dataset, density, frame, unit, reference, gas_constant, geometry, ambient, species=None, flat=True
 ) -> Reading:
-    """What is what in a dataset; `unit` of length [m] or None for the file's own, the rest as in `read`."""
+    """What is what in a dataset; `unit` of length [m] or None for the file's own, the rest as in `read`.
+
+    What is one cell thick is taken as planar if it may be `flat`.
+    """
     scale = (dataset.length or 1.0) if unit is None else unit
     check_blocks(path, dataset)
+    if flat and dataset.geometry is None and geometry != "volume":
+        dataset = flattened(dataset, frame.look) or dataset
     choice = choose_density(path, dataset, density, gas_constant)
     densities = [block_density(path, block, choice, reference, dataset.units) for block in dataset.blocks]
     normal = None
@@ -237,7 +245,7 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
             plane_in_words(plane, reading.frame), f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []),
             *dataset.notes]  # fmt: skip
     wall = None
-    if where == "cell" and len(dataset.blocks) == 1 and fractions is None:
+    if where == "cell" and fractions is None:
         wall = wall_density(path, dataset, plane, reading.choice, reading.reference, names)
         said += [f"values at {len(wall.density)} points of the walls"] if wall is not None else []
     provenance = f"{path}: {'; '.join(said)}"

@@ -8,7 +8,7 @@ what changes linearly between their middles, at the ends of a wall what goes on 
 import numpy as np
 
 from ..wall_density import WallDensity
-from .dataset import Block, Dataset, Patch
+from .dataset import Dataset
 from .density import DensityChoice, Reference, density_of, in_si
 from .plane import Plane
 
@@ -29,37 +29,32 @@ def wall_density(
         names: Patches that are walls; None takes what the file calls walls.
     """
     chosen = [names] if isinstance(names, str) else names
-    points, values = [], []
+    found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for patch in dataset.patches:
         meant = patch.kind == "wall" if chosen is None else patch.name in chosen
         if not meant or patch.values is None or not len(patch.edges):
             continue
-        own = _density(path, dataset, patch, choice, reference)
-        if own is None:
+        told = {name: patch.values(name) for name in choice.names}
+        known = {name: pair for name, pair in told.items() if pair is not None}
+        if len(known) == len(told):
+            pair = [_density(path, {n: own[k] for n, own in known.items()}, choice, reference, dataset) for k in (0, 1)]
+            found.setdefault(patch.name, []).append((plane.local(patch.edges), np.stack(pair)))
+    points, values = [], []
+    for parts in found.values():  # of each processor
+        edges = np.concatenate([own for own, _ in parts])
+        wall, cell = np.concatenate([pair for _, pair in parts], axis=1)
+        if not (np.isfinite(wall) & (wall > 0.0)).all() or (np.abs(wall - cell) <= SAME * cell).all():
             continue
-        edges = plane.local(patch.edges)
-        corners, at_corners = _at_corners(edges, own)
+        corners, at_corners = _at_corners(edges, wall)
         points += [edges.mean(axis=1), corners]
-        values += [own, at_corners]
+        values += [wall, at_corners]
     return WallDensity(np.concatenate(points), np.concatenate(values)) if points else None
 
 
-def _density(path, dataset: Dataset, patch: Patch, choice: DensityChoice, reference: Reference) -> np.ndarray | None:
-    """Densities at the edges of a patch [kg/m3]; None where they are not told, no gas's, or those of the cells."""
-    assert patch.values is not None
-    told = {name: patch.values(name) for name in choice.names}
-    if patch.behind is None or any(values is None for values in told.values()):
-        return None
-    block: Block = dataset.blocks[0]
-    inside = {name: np.asarray(block.cell_data[name])[patch.behind] for name in choice.names}
-    wall, cell = (
-        density_of({name: in_si(path, name, values, choice, reference, dataset.units) for name, values in own.items()},
-                   choice)
-        for own in (told, inside)
-    )  # fmt: skip
-    if not (np.isfinite(wall) & (wall > 0.0)).all() or (np.abs(wall - cell) <= SAME * cell).all():
-        return None
-    return wall
+def _density(path, values, choice: DensityChoice, reference: Reference, dataset: Dataset) -> np.ndarray:
+    """Densities [kg/m3] from values of the arrays that they come from, by name."""
+    found = {name: in_si(path, name, own, choice, reference, dataset.units) for name, own in values.items()}
+    return density_of(found, choice)
 
 
 def _at_corners(edges: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
