@@ -3,6 +3,7 @@
 On a GPU the host's side of a copy is pinned, so that the copy can be part of a graph.
 """
 
+import threading
 import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -56,7 +57,11 @@ class Fetched:
 
 
 class Recorded:
-    """The same work on a GPU: done as it is the first time, when it may load what it needs; a graph from then on."""
+    """The same work on a GPU: done as it is the first time, when it may load what it needs; a graph from then on.
+
+    Threads share a device's stream: what another one launched while a graph is recorded would become part of it, and
+    not be done. So it is recorded only where there is no other thread; until then the work is done as it is.
+    """
 
     def __init__(self, device: str):
         """Nothing is done yet."""
@@ -66,7 +71,7 @@ class Recorded:
 
     def __call__(self, work: Callable[[], None]) -> None:
         """Start it."""
-        if not self._was_done:
+        if not self._was_done or (self._graph is None and threading.active_count() > 1):
             work()
             self._was_done = True
             return
