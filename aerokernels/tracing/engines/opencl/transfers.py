@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Sent:
     """An array and its buffer, which lie in the same memory where there is no queue; see interface.py."""
 

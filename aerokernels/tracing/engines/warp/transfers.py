@@ -3,11 +3,15 @@
 On a GPU the host's side of a copy is pinned, so that the copy can be part of a graph.
 """
 
+import threading
+import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import warp as wp
+
+from ....device_arrays.pinned import LEAST, as_kind, pinned_memory
 
 
 class Sent:
@@ -18,7 +22,7 @@ class Sent:
         self.array, self.buffer = array, buffer
         self._there: wp.array | None = None
         if buffer.device.is_cuda:
-            self._there = _beside(buffer)
+            self._there = _beside(buffer, self)
             self.array = self._there.numpy().reshape(array.shape)
             self.array[...] = array
 
@@ -34,7 +38,7 @@ class Fetched:
     def __init__(self, buffers: Sequence[wp.array], arrays: Sequence[np.ndarray]):
         """Buffers of at least as many numbers as their arrays have."""
         self.buffers = list(buffers)
-        self._there = [_beside(buffer) for buffer in buffers]
+        self._there = [_beside(buffer, self) for buffer in buffers]
         self.arrays = [
             there.numpy()[: array.size].reshape(array.shape) for there, array in zip(self._there, arrays, strict=True)
         ]
@@ -53,7 +57,11 @@ class Fetched:
 
 
 class Recorded:
-    """The same work on a GPU: done as it is the first time, when it may load what it needs; a graph from then on."""
+    """The same work on a GPU: done as it is the first time, when it may load what it needs; a graph from then on.
+
+    Threads share a device's stream: what another one launched while a graph is recorded would become part of it, and
+    not be done. So it is recorded only where there is no other thread; until then the work is done as it is.
+    """
 
     def __init__(self, device: str):
         """Nothing is done yet."""
@@ -63,7 +71,7 @@ class Recorded:
 
     def __call__(self, work: Callable[[], None]) -> None:
         """Start it."""
-        if not self._was_done:
+        if not self._was_done or (self._graph is None and threading.active_count() > 1):
             work()
             self._was_done = True
             return
@@ -74,7 +82,14 @@ class Recorded:
         wp.capture_launch(self._graph)
 
 
-def _beside(buffer: wp.array) -> wp.array:
-    """An array on the host for the numbers of a buffer; pinned where that is on a GPU."""
-    flat = buffer.flatten()
-    return wp.empty(len(flat), dtype=buffer.dtype, device="cpu", pinned=buffer.device.is_cuda)
+def _beside(buffer: wp.array, owner: Any) -> wp.array:
+    """An array on the host for the numbers of a buffer, as long as its owner lives; pinned where that is on a GPU."""
+    kind, size = buffer.dtype, buffer.size
+    if not buffer.device.is_cuda:
+        return wp.empty(size, dtype=kind, device="cpu")
+    # To pin memory anew would take longer than a pupil does.
+    taken = pinned_memory().take(max(size * wp.types.type_size_in_bytes(kind), LEAST))
+    if taken is None:
+        return wp.empty(size, dtype=kind, device="cpu", pinned=True)
+    weakref.finalize(owner, pinned_memory().give_back, taken).atexit = False
+    return as_kind(taken, kind, size)
