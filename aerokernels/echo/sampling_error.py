@@ -103,5 +103,5 @@ def warn_of_sampling(volts: np.ndarray, period: float, method: str, error: float
         f"between the samples moves the range by up to {1e3 * error:.2g} mm, more where its edges are steeper "
         f"than a Gaussian's; sample faster{remedy}",
         CoarseSamplingWarning,
-        stacklevel=3,
+        stacklevel=5,  # who called the public function, which is looked at by `checked`
     )
