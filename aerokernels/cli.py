@@ -1,7 +1,7 @@
 """The command line: finds the commands, and turns what goes wrong into one line and an exit status.
 
 Exit status: 0 done; 1 failed; 2 bad input (the line names the file, the key and the remedy); 3 an answer that is worth
-nothing, because its error is greater than the number; 130 interrupted.
+nothing, because its error is greater than the number; 130 interrupted (143 by SIGTERM, 129 by a terminal that closed).
 `--debug`, anywhere on the line, shows where it failed as well; `--json` gives results as JSON, and `--quiet` silences
 notes and progress. Results go to stdout, all else to stderr.
 """
@@ -23,6 +23,7 @@ import typer
 
 from aerokernels import __version__, commands
 from aerokernels.commands._output import asked, say, silence, warn
+from aerokernels.interrupt import STOPPING, heeded
 from aerokernels.one_writer import NO_FILES
 from aerokernels.plain_text import plain
 
@@ -36,7 +37,7 @@ app = typer.Typer(
     name="aerokernels",
     help="Aero-optics of supersonic flow: from a density field to wavefront, Strehl ratio, laser echo and range.",
     epilog="Exit status: 0 done; 1 failed; 2 bad input; 3 the answer is worth nothing: its error is greater than the "
-    "number itself; 130 interrupted.",
+    "number itself; 130 interrupted (143 by SIGTERM, 129 by a terminal that closed).",
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,  # which takes "[ps]" and "[default: ...]" in a help text for markup, and drops it
     pretty_exceptions_enable=False,
@@ -137,16 +138,19 @@ def _show_warning(message: Warning | str, category: type[Warning], *where: Any, 
     warn(f"warning: {message}")
 
 
-def _stop(number: int, frame: FrameType | None) -> NoReturn:
-    raise KeyboardInterrupt
-
-
 def main() -> NoReturn:
     """Run the command line and leave the process."""
     gc.set_threshold(*COLLECT_AFTER)
     atexit.register(gc.freeze)  # and when all is done, what is left need not be looked through once more
-    # A polite kill ends like Ctrl-C does: what was half-written is cleared away.
-    signal.signal(signal.SIGTERM, _stop)
+    stopped: list[int] = []
+
+    def stop(number: int, frame: FrameType | None) -> NoReturn:
+        stopped.append(number)
+        raise KeyboardInterrupt
+
+    # A polite kill and a terminal that closes end like Ctrl-C does: what was half-written is cleared away.
+    for number in filter(heeded, STOPPING):
+        signal.signal(number, stop)
     arguments, switches = taken_out(sys.argv[1:])
     asked.as_json, asked.quiet = "--json" in switches, "--quiet" in switches
     warnings.showwarning = _show_warning
@@ -161,7 +165,9 @@ def main() -> NoReturn:
             traceback.print_exc()
         else:
             say(plain(f"error: {one_line(error)}"), err=True)
-        raise SystemExit(exit_status(error, arguments)) from None
+        status = exit_status(error, arguments)
+        raise SystemExit(128 + stopped[0] if status == INTERRUPTED and stopped else status) from None
     if status == INTERRUPTED:  # the parser turns an interrupt of its own accord into this status
-        print("interrupted", file=sys.stderr)
+        warn("interrupted")
+        status = 128 + stopped[0] if stopped else status
     raise SystemExit(status if isinstance(status, int) else 0)

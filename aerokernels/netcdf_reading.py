@@ -5,6 +5,8 @@ longer to start than everything else; it sends what the file holds, and large ar
 """
 
 import pickle
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -41,7 +43,7 @@ def open_netcdf(
         what: It in words, for the message that it announces more than there is memory.
         most_axes: Arrays of more axes do not count there: 1 for those that are read when the file is opened.
         decode_times: Whether times become dates.
-        whole: All of it is read at once.
+        whole: All of it is read at once, into memory.
 
     Raises:
         NoRoomError: As `room.check_file`.
@@ -49,12 +51,22 @@ def open_netcdf(
         ValueError: A damaged file, or of another format: names it, and says what HDF5 does; so do its arrays when they
             are read.
     """
-    try:
+    with told_of(path):
         found = in_child(path, f"{__name__}:describe", path, what, most_axes, float("inf") if whole else SMALL)
-        return dataset_of(path, found[0], found[1], decode_times)
+        data = dataset_of(path, found[0], found[1], decode_times)
+        return data.load() if whole else data
+
+
+@contextmanager
+def told_of(path: Path) -> Iterator[None]:
+    """What the libraries say of a damaged file becomes a ValueError that names it; they meet one with any error."""
+    try:
+        yield
     except (LibraryEndedError, NoRoomError):
         raise
-    except Exception as fault:  # the libraries meet a damaged file with any error
+    except Exception as fault:
+        if isinstance(fault, ValueError) and str(path) in str(fault):
+            raise
         raise ValueError(f"{path}: cannot be read as NetCDF ({_in_words(fault)}): {DAMAGED}") from fault
 
 

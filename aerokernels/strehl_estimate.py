@@ -120,7 +120,7 @@ def prepare_strehl(field: IndexField, pupil: Pupil, **options) -> "PreparedStreh
         prepared = PreparedStrehl(field, pupil, **options)
         if prepared.job.air.is_truncated:
             _warn(f"{prepared.job.air.described}: the Strehl ratio is that of the known air only")
-        prepared.plan = prepared.job.planned()  # uploads and compiles
+        prepared.plan = prepared.job.planned  # uploads and compiles
     prepared.seconds = seconds
     return prepared
 
@@ -252,7 +252,7 @@ class PreparedStrehl:
         with clocked() as seconds:
             made.field, made.wavelength = field, field.wavelength_for(self.asked_wavelength)
             made._make_job(self.job)
-            made.plan = made.job.planned()  # uploads
+            made.plan = made.job.planned  # uploads
         made.seconds = seconds
         return made
 
@@ -267,7 +267,7 @@ class PreparedStrehl:
             TypeError: One of the fields is no IndexField.
             ValueError: As for `estimate_strehl`.
         """
-        plan = self.job.planned()  # makes what all of them look at
+        plan = self.job.planned  # makes what all of them look at
         overlaps = plan.backend == "opencl" and not engine_of(plan.backend, plan.device).is_gpu
         return in_turn(lambda field: self.with_field(field)(seed), fields, 2 if overlaps else 1)
 

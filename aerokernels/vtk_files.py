@@ -8,14 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
+from .arguments import checked
 from .checks import check_count
 from .medium import IndexField
 from .rays import RayBundle
-from .tracing import Plane, trace
+from .tracing import Plane, RayStatus, trace
+from .tracing.status import reached
 
 POINT_COUNT = 33
 
 
+@checked
 def field_to_vtk(field: IndexField, path: str | Path) -> Path:
     """Write a field: "contrast" and "index" at its nodes, .vti from a uniform grid and .vtu from a mesh.
 
@@ -42,6 +45,7 @@ def field_to_vtk(field: IndexField, path: str | Path) -> Path:
     return _write(data, _named(field, np.asarray(field.samples.values)), Path(path), ".vtu", vtk)  # type: ignore[union-attr]
 
 
+@checked
 def rays_to_vtk(
     field: IndexField, rays: RayBundle, path: str | Path, *, length: float, point_count: int = POINT_COUNT, **options
 ) -> Path:
@@ -55,20 +59,29 @@ def rays_to_vtk(
         path: The file.
         length: How far they are followed along the mean direction from the middle of their starts [m].
         point_count: Points of each polyline.
-        **options: As for `trace`.
+        **options: As for `trace`, but `until` and `outputs`.
 
     Returns:
         The path written to.
 
     Raises:
         ImportError: VTK is not installed.
-        ValueError: A length or number that makes no sense, or what `trace` refuses.
+        TypeError: An argument of the wrong kind, or an option that `trace` has not.
+        ValueError: A length or number that makes no sense, rays without a mean direction, or what `trace` refuses.
     """
     if not (np.isfinite(length) and length > 0.0):
         raise ValueError(f"length must be a positive number of metres, got {length!r}")
     check_count(point_count, "point_count", 2)
+    if given := sorted({"until", "outputs"} & set(options)):
+        raise TypeError(
+            f"{given[0]} is not for rays_to_vtk: rays end on planes up to `length`, and their OPD is written"
+        )
     vtk = _vtk()
     along = rays.direction.mean(axis=0)
+    if not np.linalg.norm(along) > 1e-6:
+        raise ValueError(
+            "the rays' directions have no mean to follow them along: write those of either way on their own"
+        )
     along /= np.linalg.norm(along)
     middle = rays.position.mean(axis=0)
     place = np.full((point_count, rays.ray_count, 3), np.nan)
@@ -80,7 +93,7 @@ def rays_to_vtk(
         place[number], opd[number] = place[number - 1], opd[number - 1]
         found = trace(field, rays, until=plane, outputs=("position", "opd"), **options)
         assert found.position is not None and found.opd is not None  # asked for
-        known = found.ok & ahead
+        known = (reached(found.traced_status) | (found.traced_status == RayStatus.HIT_BODY)) & ahead
         place[number, known], opd[number, known] = found.position[known], found.opd[known]
     data = vtk.vtkPolyData()
     order = np.moveaxis(place, 0, 1).reshape(-1, 3)

@@ -244,11 +244,15 @@ APART void leave(
 
 __kernel void leapfrog(LEAPFROG_ARGUMENTS)
 {
+    Arrays arrays = ARRAYS;
+#if DESKS
+    __local float4 desks[WORK_GROUP * DESK_ROW];
+    arrays.desk = desks + get_local_id(0) / WARP * (WARP * DESK_ROW);
+#endif
     const int first = (int)get_global_id(0) * (LANES * PACKETS) + first_ray;
     if (first >= ray_count) {
         return;
     }
-    const Arrays arrays = ARRAYS;
     const RayOutputs outputs = RAY_OUTPUTS;
     const real ambient = (real)bounds.ambient;
     Entries in[PACKETS];

@@ -19,11 +19,20 @@ from types import FrameType
 from typing import NoReturn
 
 from aerokernels import netcdf_reading  # noqa: F401  # so that readers that are forked have it
-from aerokernels.validation import file_draws, flow_draws, input_draws, name_draws, record_draws
+from aerokernels.validation import (
+    file_draws,
+    flow_draws,
+    input_draws,
+    name_draws,
+    netcdf_draws,
+    record_draws,
+    tree_draws,
+)
 from aerokernels.validation.draws_in_processes import Report, share
 from aerokernels.validation.forked_readers import addresses, fork_readers
 
-DRAWS = {**input_draws.DRAWS, **record_draws.DRAWS, **flow_draws.DRAWS, **name_draws.DRAWS, **file_draws.DRAWS}
+DRAWS = {**input_draws.DRAWS, **record_draws.DRAWS, **flow_draws.DRAWS, **name_draws.DRAWS, **netcdf_draws.DRAWS,
+         **tree_draws.DRAWS, **file_draws.DRAWS}  # fmt: skip
 MEMORY, LONGEST = 4_000_000_000, 5.0  # [bytes] of a process' addresses beside its parent's, [s] of computing a draw
 
 

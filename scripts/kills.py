@@ -8,13 +8,18 @@ other waits, or ends with exit status 2 and one line. Exit status 1 where someth
 import argparse
 import hashlib
 import json
+import os
+import pty
 import random
+import select
+import shutil
+import signal
 import sqlite3
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import numpy as np
@@ -185,11 +190,107 @@ def recorders(folder: Path, count: int, draw: random.Random) -> str:
     return f"{count} times 3 recorders: two boards into one store, every echo once; on one port {refused} refused"
 
 
+def on_a_terminal(folder: Path, arguments: list[str], name: str, delay: float) -> tuple[int, str]:
+    """Run a command on a terminal of its own and stop it after a while: its status, and what it said.
+
+    SIGINT comes as the terminal's Ctrl-C, SIGHUP because the terminal closes.
+    """
+    process, terminal = pty.fork()
+    if not process:
+        os.chdir(folder)
+        os.execv(sys.executable, [sys.executable, "-m", "aerokernels", *arguments])
+    said, end, stopped, status = b"", time.monotonic() + delay, False, None
+    while status is None:
+        if not stopped and time.monotonic() > end:
+            stopped = True
+            if name == "SIGINT":
+                os.write(terminal, b"\x03")
+            elif name == "SIGHUP":
+                os.close(terminal)
+            else:
+                os.kill(process, getattr(signal, name))
+        if not (stopped and name == "SIGHUP") and select.select([terminal], [], [], 0.01)[0]:
+            with suppress(OSError):  # Linux says so when the last writer has left
+                said += os.read(terminal, 65536)
+        ended, found = os.waitpid(process, os.WNOHANG)
+        status = os.waitstatus_to_exitcode(found) if ended else None
+        assert time.monotonic() < end + 120.0, "it does not end"
+    if not (stopped and name == "SIGHUP"):
+        with suppress(OSError):
+            while more := os.read(terminal, 65536):
+                said += more
+        os.close(terminal)
+    return status, said.decode("utf-8", "replace")
+
+
+def progress(kind: str, folder: Path) -> int:
+    """How much of a job is done and kept: cases, snapshots or echoes."""
+    if kind == "record":
+        if not (folder / "out.sqlite").exists():
+            return 0
+        with closing(sqlite3.connect(folder / "out.sqlite")) as opened:
+            assert opened.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+            rows = opened.execute("SELECT recording, sequence FROM echoes").fetchall()
+            assert len(rows) == len(set(rows))
+            return len(rows)
+    kept = folder / "out" / {"sweep": "cases.jsonl", "series": ".series.zarr.journal"}.get(kind, "summary.json")
+    return kept.read_bytes().count(b"\n") if kept.exists() else 0
+
+
+def signals(kind: str, folder: Path, count: int, draw: random.Random) -> str:
+    """Stop a job by a signal at random times until it is done, and then begin anew; what came of it.
+
+    Raises:
+        AssertionError: Another status than the signal's, a traceback, something half-written, something done is lost.
+    """
+    ways = {"SIGINT": 130, "SIGTERM": 143, "SIGHUP": 129, "SIGKILL": -9}
+    arguments = [*command(kind, 1, "out"), *(["--count", "100000"] if kind == "record" else [])]
+    begin = time.monotonic()
+    board = None
+    if kind == "record":
+        board = started(folder, "board", "--protocol", "frames", "--link", "board0", "--rate", "400")
+        while not (folder / "board0").exists():
+            time.sleep(0.05)
+        took = 5.0
+    else:
+        _, said = (process := started(folder, *arguments)).communicate(timeout=600)
+        assert process.returncode == 0, said
+        took = time.monotonic() - begin
+        shutil.rmtree(folder / "out")
+    done = stopped = before = 0
+    try:
+        for number in range(count):
+            name = list(ways)[number % 4]
+            status, said = on_a_terminal(folder, arguments, name, took * draw.triangular(0.05, 1.1, 0.8))
+            early = status == -getattr(signal, name)  # while Python itself was still starting
+            right = status == 0 or early or status == ways[name]
+            told = sum(word in line for line in said.splitlines() for word in ("error:", "interrupted"))
+            assert right and "Traceback" not in said and told <= 1, (
+                name,
+                status,
+                said[-300:],
+            )
+            now = progress(kind, folder)
+            assert now >= before, f"{before - now} of what was done is lost"
+            drafts = [path.name for path in folder.rglob("*") if ".partial" in path.name]
+            assert name == "SIGKILL" or not drafts, drafts
+            before, done, stopped = now, done + (status == 0), stopped + (status != 0)
+            if status == 0 and kind != "record":
+                shutil.rmtree(folder / "out")
+                before = 0
+    finally:
+        if board is not None:
+            board.terminate()
+            board.communicate()
+    return f"{count} signals: {stopped} times stopped in time, {done} times done by then; nothing done was lost"
+
+
 def main() -> int:
     """Run what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--kills", type=int, default=20, help="of schlieren, run and export each")
     parser.add_argument("--pairs", type=int, default=6, help="of each command")
+    parser.add_argument("--signals", type=int, default=12, help="to run, sweep, series and record each")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="+", help="commands, such as schlieren [default: all]")
     given = parser.parse_args()
@@ -198,6 +299,7 @@ def main() -> int:
     jobs += [(f"{kind}, two at once", pairs, (kind,), given.pairs)
              for kind in ("run", "schlieren", "sweep", "series", "export")]  # fmt: skip
     jobs.append(("record, three at once", recorders, (), given.pairs))
+    jobs += [(f"{kind}, signals", signals, (kind,), given.signals) for kind in ("run", "sweep", "series", "record")]
     for name, work, arguments, count in jobs:
         if not count or (given.only and name.split(",")[0] not in given.only):
             continue

@@ -92,11 +92,12 @@ def command_line(
     """As `aerokernels`, but in this process, which saves its start: for refusals and what else needs no own process."""
     from aerokernels import cli
     from aerokernels.commands._output import asked
+    from aerokernels.interrupt import STOPPING
 
     def run(*arguments: object) -> subprocess.CompletedProcess[str]:
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(sys, "argv", ["aerokernels", *map(str, arguments)])
-        threshold, handler = gc.get_threshold(), signal.getsignal(signal.SIGTERM)
+        threshold, handlers = gc.get_threshold(), {one: signal.getsignal(one) for one in STOPPING}
         capsys.readouterr()
         try:
             with warnings.catch_warnings(), pytest.raises(SystemExit) as left:
@@ -104,7 +105,8 @@ def command_line(
                 cli.main()
         finally:
             gc.set_threshold(*threshold)
-            signal.signal(signal.SIGTERM, handler)
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
             asked.as_json = asked.quiet = False
         said = capsys.readouterr()
         return subprocess.CompletedProcess(arguments, left.value.code, said.out, said.err)

@@ -27,6 +27,7 @@ RANK = {
                 "wavelength",
                 "derived",
                 "clock",
+                "interrupt",
                 "in_turn",
                 "drafts",
                 "netcdf_file",

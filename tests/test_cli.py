@@ -1,5 +1,6 @@
 """The command line as a user meets it, on real scenes, with real files; in a process of its own where that matters."""
 
+import contextlib
 import json
 import os
 import pty
@@ -164,7 +165,7 @@ def test_debug_shows_where_it_failed_in_a_process_as_well(aerokernels):
 
 
 def test_an_interrupt_leaves_nothing(tmp_path: Path):
-    """A polite kill in the middle of the job: status 130, one line, no folder."""
+    """A polite kill in the middle of the job: status 143, one line, no folder."""
     job = subprocess.Popen(
         [sys.executable, "-m", "aerokernels", "run", "wind-tunnel-mach3", "--out", "out"],
         cwd=tmp_path,
@@ -179,8 +180,31 @@ def test_an_interrupt_leaves_nothing(tmp_path: Path):
             break
     job.send_signal(signal.SIGTERM)
     message = job.communicate(timeout=120)[1]
-    assert job.returncode == 130 and "Traceback" not in message and message.endswith("interrupted\n")
+    assert job.returncode == 143 and "Traceback" not in message and message.endswith("interrupted\n")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("way", ["Ctrl-C", "closes"])
+def test_a_terminal_that_interrupts_or_closes_leaves_nothing(tmp_path: Path, way: str):
+    """Set-up: a job on a terminal of its own, which sends Ctrl-C, or closes. Expected: status 130 or 129, no folder."""
+    process, terminal = pty.fork()
+    if not process:
+        os.chdir(tmp_path)
+        os.execv(sys.executable, [sys.executable, "-m", "aerokernels", "run", "wind-tunnel-mach3", "--out", "out"])
+    seen = b""
+    while b"tracing" not in seen:
+        seen += os.read(terminal, 4096)
+    if way == "closes":
+        os.close(terminal)
+    else:
+        os.write(terminal, b"\x03")
+        with contextlib.suppress(OSError):  # Linux says so when the last writer has left
+            while more := os.read(terminal, 4096):
+                seen += more
+        os.close(terminal)
+        assert seen.count(b"interrupted") == 1
+    assert os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == (129 if way == "closes" else 130)
+    assert b"Traceback" not in seen and list(tmp_path.iterdir()) == []
 
 
 def test_a_terminal_sees_progress_and_a_table(tmp_path: Path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerokernels import Annulus, Mask, Wavefront
+from aerokernels import Annulus, Disc, Mask, Polygon, Rectangle, Wavefront
 from aerokernels.wavefront.exchange.zemax import read_zemax
 from aerokernels.wavefront.grid import pupil_grid
 from aerokernels.zernike import zernike_modes
@@ -191,6 +191,41 @@ def test_netcdf_there_and_back(wave: Wavefront, tmp_path):
         Wavefront.from_xarray(data.assign_attrs(sign_convention="positive where light leads"))
     with pytest.raises(ValueError, match="opd, weight, wavelength, pixel, sign_convention is missing"):
         Wavefront.from_xarray(xarray.Dataset())
+
+
+@pytest.mark.parametrize("engine", ["h5netcdf", "scipy"])
+@pytest.mark.parametrize(
+    "pupil",
+    [
+        Disc(0.01, center=(0.1, 0.2, 0.3), normal=(0.1, 0.0, 1.0)),
+        Annulus(0.01, 0.004),
+        Rectangle(0.01, 0.02),
+        Polygon([[-0.01, -0.01], [0.01, -0.01], [0.0, 0.012]]),
+        Mask(np.linspace(0.1, 1.0, 20).reshape(4, 5), 1e-3),
+        Mask([[1.0]], (1e-3, 2e-3)),
+    ],
+    ids=lambda pupil: type(pupil).__name__,
+)
+def test_a_pupil_goes_with_its_wavefront(pupil, engine: str, tmp_path):
+    """Its numbers survive a file, and so do the errors told, which know where its edges cut through pixels."""
+    import xarray
+
+    coordinate, pixel, weight, intensity = pupil_grid(pupil, 16)
+    opd = 3e-8 * np.cos(200.0 * coordinate) + 1e-8 * np.sin(300.0 * coordinate)[:, None]
+    wave = Wavefront(*(opd, weight, pixel, 1e-6), intensity=intensity, pupil=pupil, budget=lambda: {"total": 1e-12})
+    wave.to_xarray().to_netcdf(tmp_path / "wavefront.nc", engine=engine)
+    with xarray.open_dataset(tmp_path / "wavefront.nc", engine=engine) as again:
+        back = Wavefront.from_xarray(again.load())
+    assert type(back.pupil) is type(pupil)
+    for name, value in vars(pupil).items():
+        if name in type(pupil).__dataclass_fields__:
+            np.testing.assert_array_equal(getattr(back.pupil, name), value)
+    assert {name: one.error for name, one in back.quantities.items()} == {
+        name: one.error for name, one in wave.quantities.items()
+    }
+    assert Wavefront.from_xarray(again.drop_attrs().assign_attrs(
+        {name: value for name, value in again.attrs.items() if name != "pupil_normal"}
+    )).pupil is None  # fmt: skip
 
 
 def test_pictures_can_be_drawn(wave: Wavefront):

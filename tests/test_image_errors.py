@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerokernels import Annulus, Disc, Rectangle, Wavefront
+from aerokernels import Annulus, Disc, Mask, Polygon, Rectangle, Wavefront
 from aerokernels.wavefront import PointSpread
 from aerokernels.wavefront.grid import pupil_grid
 from aerokernels.zernike import zernike_modes
@@ -74,6 +74,53 @@ def test_errors_hold_what_the_pixels_make_of_an_image(count):
         found = told[name]
         assert 0.0 < abs(found.value - true) <= found.error + 1e-6 * abs(true), name
         assert found.error < 0.2 * (abs(found.value) if name in ("fwhm", "pssn") else RESOLUTION), name
+
+
+@pytest.mark.parametrize(
+    "pupil",
+    [
+        Disc(0.05),
+        Annulus(0.05, 0.04),
+        Rectangle(WIDTH, HEIGHT),
+        Polygon([[-0.05, -0.03], [0.04, -0.02], [0.01, 0.05]]),
+        Mask([[1.0, 0.2, 0.7], [0.4, 1.0, 0.0]], 0.03),
+    ],
+    ids=lambda pupil: type(pupil).__name__,
+)
+@pytest.mark.parametrize("count", [20, 47])
+def test_a_point_spread_tells_what_the_pixels_make(pupil, count):
+    """Against sums over a grid twelve times as fine, near the peak and out to half of wavelength / pixel.
+
+    A mask's pixels and the map's own do not agree. Told is more than 96 % of what is off, and near the peak of no more
+    than forty times (median) of it.
+    """
+    coordinate, pixel, weight, intensity = pupil_grid(pupil, count)
+    wave = Wavefront(
+        *(surface(coordinate, coordinate[:, None]), weight, pixel, WAVELENGTH),
+        **{"intensity": intensity, "pupil": pupil, "budget": lambda: {"total": 0.0}},
+    )
+    near = np.linspace(-5.0, 5.0, 21) * RESOLUTION
+    angle = np.sort(np.concatenate([near, np.linspace(-0.5, 0.5, 10) * WAVELENGTH / pixel]))
+    found = wave.psf(angle)
+    edges = pixel / 12 * (np.arange(12 * len(weight) + 1) - 6 * len(weight))
+    place = 0.5 * (edges[1:] + edges[:-1])
+    light = pupil.coverage(edges, edges)
+    kernel = np.exp(-1j * WAVE_NUMBER * np.outer(angle, place))
+    amplitude = kernel @ (light * np.exp(1j * WAVE_NUMBER * surface(place, place[:, None]))) @ kernel.T
+    off = np.abs(found.intensity - np.abs(amplitude / light.sum()) ** 2)
+    assert off.max() > 1e-5
+    assert np.mean(off <= found.error + 1e-12) > 0.96
+    inner = np.ix_(*2 * [np.isin(angle, near)])
+    assert np.median(found.error[inner] / off[inner]) < 40.0
+    mixed = wave.psf(angle, wavelengths=[WAVELENGTH, 1.2 * WAVELENGTH])
+    assert mixed.error.max() > 0.1 * found.error.max()
+
+
+def surface(x, y):
+    """OPD [m] of focus, coma and a ripple."""
+    u, v = x / 0.05, y / 0.05
+    ripple = 0.05 * np.cos(6.0 * u - 4.0 * v + 1.0)
+    return WAVELENGTH * (0.2 * (u**2 + v**2) + 0.1 * u * (u**2 + v**2) + 0.3 * v + ripple)
 
 
 def test_shares_of_light_tell_what_the_pixels_make():

@@ -55,7 +55,7 @@ def test_package_in_the_wheel_is_that_of_the_checkout(root: Path, wheel_names: d
 
 def test_wheel_names_the_command_and_the_licence(wheel_names: dict[str, bytes]):
     (points,) = [data for name, data in wheel_names.items() if name.endswith("entry_points.txt")]
-    assert b"aerokernels = aerokernels.cli:main" in points
+    assert b"aerokernels = aerokernels.__main__:main" in points
     assert [name for name in wheel_names if name.endswith("licenses/LICENSE")]
     assert not [name for name in wheel_names if name.startswith(("tests/", "scripts/"))]
 

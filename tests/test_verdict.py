@@ -257,12 +257,18 @@ def test_the_verdict_is_of_the_wavefronts_own_pupil_and_direction():
 
 
 def test_a_map_too_coarse_for_its_phase_is_not_believed():
-    """A thick grating of 0.2 mm on pixels of 0.1 mm, each at a node of it: a wave answers, and not good."""
+    """A thick grating of 0.2 mm on pixels of 0.1 mm, each at a node of it: not decided, and a wave says not good."""
     field, pupil = thick_grating(0.2e-3, 60e-3, 0.3 / (2.0 * np.pi)), Rectangle(1.6e-3, 1.6e-3, (0.0, 0.0, -1e-3))
     seen = wavefront(field, pupil, wavelength=WAVELENGTH, pixel_count=16)
-    told = validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen)
-    assert told.answered_by == "waves" and not told.good
-    assert validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen) is told  # kept with the field
+    doubted = validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen)
+    assert doubted.answered_by == "nobody" and not doubted.decided and not doubted.good and not doubted
+    assert np.isnan(doubted.strehl_change) and doubted.bound > doubted.limit
+    assert "not decided" in doubted.reason and "waves=True" in doubted.reason
+    told = validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen, waves=True)
+    assert told.answered_by == "waves" and told.decided and not told.good
+    # It is kept with the field, and costs nothing any more.
+    assert validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen) is told
+    assert validity(field, pupil, wavelength=WAVELENGTH) is told
 
 
 def test_a_wavefront_of_other_light_is_refused_and_one_without_its_focus_does_not_answer():

@@ -60,3 +60,30 @@ def test_rays_are_polylines(tmp_path):
     assert arrays["opd"].reshape(-1, 5)[:, -1] == pytest.approx(ends.opd, abs=1e-12)
     with pytest.raises(ValueError, match="length"):
         rays_to_vtk(field, rays, tmp_path / "rays", length=0.0)
+
+
+def test_a_ray_stays_where_it_met_a_body(tmp_path):
+    """A square rod, between two of the planes that rays are followed to: on its face, with the OPD up to there."""
+    from aerokernels.medium import Body
+
+    y = np.linspace(-3e-3, 3e-3, 61)
+    rod = Body([[-5e-4, -5e-4], [5e-4, -5e-4], [5e-4, 5e-4], [-5e-4, 5e-4]], "planar")
+    contrast = 1e-4 * np.exp(-(y[:, None] ** 2 + y**2) / 2e-6)
+    field = IndexField.from_samples(contrast, origin=(y[0], y[0]), spacing=(1e-4, 1e-4), geometry="planar", body=rod)
+    rays = RayBundle([[0.0, 0.0, -2e-3], [0.0, 1e-3, -2e-3]], [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]])
+    _, place, arrays = read(rays_to_vtk(field, rays, tmp_path / "rays", length=4e-3, point_count=8), "PolyData")
+    ends = trace(field, rays)
+    assert place[:, 2].reshape(2, 8)[0, 3:] == pytest.approx(-5e-4, abs=1e-8)
+    assert arrays["opd"].reshape(2, 8)[0, -1] == pytest.approx(ends.opd[0], rel=1e-3)
+    assert place[15, 2] == pytest.approx(2e-3)
+
+
+def test_what_is_refused_of_rays(tmp_path):
+    field = IndexField.from_samples(np.zeros((4, 4)), origin=(0.0, 0.0), spacing=(0.1, 0.1), geometry="planar")
+    rays = RayBundle([[0.0, 0.1, 0.1], [0.0, 0.2, 0.2]], [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    with pytest.raises(ValueError, match="no mean"):
+        rays_to_vtk(field, rays, tmp_path / "rays", length=0.1)
+    with pytest.raises(TypeError, match=r"length must be a number of metres, got '4 mm': give 0.004"):
+        rays_to_vtk(field, rays, tmp_path / "rays", length="4 mm")
+    with pytest.raises(TypeError, match="until is not for rays_to_vtk"):
+        rays_to_vtk(field, rays, tmp_path / "rays", length=0.1, until=None)

@@ -63,6 +63,33 @@ def silence(stream: Any) -> None:
         os.close(nowhere)
 
 
+class Screen:
+    """A terminal for what is drawn on it all the while: one that has closed does not end the work."""
+
+    def __init__(self, stream: Any):
+        """Draw on `stream`."""
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        """Whatever else the stream has."""
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write a text, if there is still a terminal."""
+        try:
+            return int(self._stream.write(text))
+        except OSError:
+            silence(self._stream)
+            return len(text)
+
+    def flush(self) -> None:
+        """Send what was written, if there is still a terminal."""
+        try:
+            self._stream.flush()
+        except OSError:
+            silence(self._stream)
+
+
 def json_text(data: Any) -> str:
     """JSON that every reader takes: NaN and infinity are null."""
     from aerokernels.jobs.store import to_json

@@ -3,8 +3,9 @@
 import contextlib
 import sys
 from collections.abc import Callable, Iterator
+from typing import Any
 
-from aerokernels.commands._output import asked, note
+from aerokernels.commands._output import Screen, asked, note
 from aerokernels.plain_text import plain
 
 Progress = Callable[[str, float], None]
@@ -26,6 +27,7 @@ def shown_progress(title: str) -> Iterator[Progress]:
         TextColumn("{task.description}", markup=False),
         TimeElapsedColumn(),
     )
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    screen: Any = Screen(sys.stderr)
+    with Bar(*columns, console=Console(file=screen), transient=True) as bar:
         task = bar.add_task("", total=1.0, title=plain(title))
         yield lambda stage, fraction: bar.update(task, description=plain(stage), completed=fraction)

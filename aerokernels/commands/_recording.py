@@ -6,9 +6,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from aerokernels.commands._output import asked, silence
+from aerokernels.commands._output import Screen, asked, silence
 from aerokernels.plain_text import plain
 
 if TYPE_CHECKING:
@@ -85,7 +85,8 @@ def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
     from rich.console import Console
     from rich.text import Text
 
-    console, meter = Console(), RateMeter()
+    screen: Any = Screen(sys.stdout)
+    console, meter = Console(file=screen), RateMeter()
     if console.is_terminal:
         with console.status("waiting for the first echo") as live:
             yield lambda status: live.update(

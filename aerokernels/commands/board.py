@@ -40,10 +40,10 @@ def board(
     from aerokernels.hardware.board import run_board
     from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource
     from aerokernels.hardware.faults import FaultPlan, parse_faults
-    from aerokernels.hardware.interrupt import interrupt_flag
     from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS
     from aerokernels.hardware.pseudo_terminal import PseudoTerminal
     from aerokernels.hardware.scope_board import SimulatedScope, run_scope
+    from aerokernels.interrupt import interrupt_flag
 
     check_choice(protocol, "--protocol", PROTOCOLS)
     check_choice(dialect, "--dialect", DIALECT_NAMES)

@@ -41,11 +41,11 @@ def record(
     from aerokernels.checks import check_choice
     from aerokernels.commands._output import asked, result, say
     from aerokernels.commands._recording import describe, parse_labels, reporter
-    from aerokernels.hardware.interrupt import interrupt_flag
     from aerokernels.hardware.port import PortError
     from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS
     from aerokernels.hardware.recorder import Recorder
     from aerokernels.hardware.store import EchoStore
+    from aerokernels.interrupt import interrupt_flag
     from aerokernels.plain_text import plain
 
     check_choice(protocol, "--protocol", PROTOCOLS)

@@ -14,12 +14,15 @@ from ..medium.tensor_points import contrast_without_gradient
 from ..tracing.lines import cell_along, cylinder_span, slab_span
 from .instrument import FLDI
 
-# Radii to which a beam is followed: beyond lies exp(-2 * 2.6^2) of its light. Rays across a beam.
+# Radii to which a beam is followed, and the share of its light that lies beyond. Rays across a beam.
 REACH, LEAST_RAYS, MOST_RAYS = 2.6, 20, 192
+BEYOND_REACH = math.exp(-2.0 * REACH**2)
 # Times that the beams' widest radius in the box is found from how far they go in it, and that from the radius.
 BEAM_TURNS = 4
-# Layers along the beams, to a cell of the field and at most; points that are looked up at once.
-LAYERS_PER_CELL, MOST_LAYERS, BLOCK = 2, 4096, 400_000
+# Layers along the beams: to a cell of fields with and without kinks, at least and at most; the points in each, and how
+# many points are looked up at once.
+LAYERS_PER_CELL, LEAST_LAYERS, MOST_LAYERS, BLOCK = (2, 1), 8, 2048, 200_000
+GAUSS = 0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)
 
 
 def crossed(field: IndexField, instrument: FLDI, focus: np.ndarray) -> tuple[float, float] | None:
@@ -89,34 +92,77 @@ def beam_grid(field: IndexField, instrument: FLDI, ends: tuple[float, float], ra
 
 
 def gathered(
-    field: IndexField, instrument: FLDI, places: np.ndarray, focus: np.ndarray, ends: tuple[float, float]
+    field: IndexField,
+    instrument: FLDI,
+    places: np.ndarray,
+    focus: np.ndarray,
+    ends: tuple[float, float],
+    *,
+    coarser: int = 1,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Optical path [m] that the rays of both beams gather, shape (2, n): first the beam toward `direction`.
+
+    By two Gauss points in each layer, of as much of it as lies in the field's box.
+
+    Args:
+        field: The refractive index.
+        instrument: The instrument.
+        places: Places of the rays in units of a beam's radius, shape (n, 2).
+        focus: Its focus [m], shape (3,).
+        ends: Distances from the focus between which light is in the box [m].
+        coarser: How many times as thick the layers are as the field asks for.
 
     Returns:
         The paths, and which rays get past the field's body, of the same shape.
     """
     length = ends[1] - ends[0]
     cell = float(cell_along(field, instrument.axis[None])[0])
-    count = min(max(LAYERS_PER_CELL * math.ceil(length / cell), 16), MOST_LAYERS)
+    wanted = LAYERS_PER_CELL[field.interpolation == "cubic"] * length / cell
+    count = math.ceil(min(max(wanted, LEAST_LAYERS), MOST_LAYERS) / coarser)
+    edges = np.linspace(*ends, count + 1)
     thickness = length / count
-    middle = ends[0] + thickness * (np.arange(count) + 0.5)
-    radius = instrument.radius(middle)
-    first, second = instrument.direction, instrument.normal
-    assert first is not None
     path, passes = np.zeros((2, len(places))), np.ones((2, len(places)), dtype=bool)
     block = max(1, BLOCK // len(places))
     for begin in range(0, count, block):
-        part = slice(begin, begin + block)
-        along = focus + middle[part, None] * instrument.axis
-        across = places[:, :1] * first + places[:, 1:] * second
+        part = edges[begin : begin + block + 1]
         for beam, side in enumerate((0.5, -0.5)):
-            points = along[:, None] + side * instrument.separation * first + radius[part, None, None] * across
-            contrast = contrast_without_gradient(field, points.reshape(-1, 3)).reshape(points.shape[:2])
-            path[beam] += thickness * contrast.sum(axis=0)
-            if field.body is not None:
-                passes[beam] &= ~_in_body(field, points.reshape(-1, 3)).reshape(contrast.shape).any(axis=0)
+            spots = _points(instrument, places, focus, side, np.broadcast_to(part[:, None], (len(part), len(places))))
+            low, high = _in_box(field, field.local_coordinates(spots.reshape(-1, 3)).reshape(*spots.shape[:2], -1))
+            for node in GAUSS:
+                distance = part[:-1, None] + thickness * (low + node * (high - low))
+                points = _points(instrument, places, focus, side, distance).reshape(-1, 3)
+                contrast = contrast_without_gradient(field, points).reshape(distance.shape)
+                path[beam] += 0.5 * thickness * np.einsum("ij,ij->j", high - low, contrast)
+                if field.body is not None:
+                    passes[beam] &= ~_in_body(field, points).reshape(distance.shape).any(axis=0)
     return path, passes
+
+
+def _points(instrument: FLDI, places: np.ndarray, focus: np.ndarray, side: float, distance: np.ndarray) -> np.ndarray:
+    """Where the rays of one beam are at distances (m, n) from the focus [m], shape (m, n, 3)."""
+    first, second = instrument.direction, instrument.normal
+    assert first is not None
+    across = places[:, :1] * first + places[:, 1:] * second
+    middle = focus + side * instrument.separation * first
+    return middle + distance[..., None] * instrument.axis + instrument.radius(distance)[..., None] * across
+
+
+def _in_box(field: IndexField, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """From which to which share of its length each stretch between points (m + 1, n, axes) lies in the box, (m, n)."""
+    low, high = field.box
+    if field.geometry == "axisymmetric":
+        low, high = np.array([-np.inf, low[2]]), high[[0, 2]]
+    elif field.geometry == "planar":
+        low, high = low[1:], high[1:]
+    first, last = np.zeros((len(local) - 1, local.shape[1])), np.ones((len(local) - 1, local.shape[1]))
+    for axis in range(local.shape[2]):
+        place = local[..., axis]
+        if place.min() >= low[axis] and place.max() <= high[axis]:
+            continue
+        enters, leaves = slab_span(place[:-1], np.diff(place, axis=0), low[axis], high[axis])
+        first, last = np.maximum(first, enters), np.minimum(last, leaves)
+    missed = first >= last
+    return np.where(missed, 0.0, first), np.where(missed, 0.0, last)
 
 
 def _in_body(field: IndexField, points: np.ndarray) -> np.ndarray:

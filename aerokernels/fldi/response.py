@@ -20,7 +20,7 @@ from ..medium import IndexField
 from ..shown import drawn_on
 from .instrument import FLDI
 from .known_beams import truncated_share, warn_of_truncation
-from .rays import REACH, beam_grid, crossed, gathered
+from .rays import BEYOND_REACH, REACH, beam_grid, crossed, gathered
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,7 +33,9 @@ class FLDIResponse:
         visibility: Contrast of the interference, 1 where all rays agree; light without its twin, which a body holds
             back, takes from it.
         mean_phase: Mean phase difference by light [rad], linear in the field.
-        error: What the phase may be off by through the rays' number [rad]: the difference to half as many either way.
+        error: What the phase may be off by through the number of rays and of layers along them [rad]: the difference to
+            half as many rays either way, the greater one to a half and a third of the layers, and what the light beyond
+            the outermost rays may change.
         truncated: Share of the light that goes through disturbed air that ends with the field's box, of which the phase
             holds the known part only.
         time: Times [s], shape (time_count,), or None for one field.
@@ -199,7 +201,8 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
         places, share, coarse = beam_grid(field, instrument, ends, rays)
         (first, second), passes = gathered(field, instrument, places, focus, ends)
         beyond = truncated_share(field, instrument, focus, ends, REACH)
-        difference = 2.0 * np.pi / instrument.wavelength * (first - second)
+        per_metre = 2.0 * np.pi / instrument.wavelength
+        difference = per_metre * (first - second)
         both, lit = passes.all(axis=0), passes.mean(axis=0)
         if not share @ both > 0.0:  # a body holds back one beam, or both
             rows.append((np.nan, 0.0, np.nan, np.nan, beyond))
@@ -210,7 +213,16 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
         # Beyond half a turn the phase follows the mean: a detector counts fringes.
         phase = float(np.angle(whole))
         phase += 2.0 * np.pi * np.rint((mean - phase) / (2.0 * np.pi))
-        rows.append((phase, abs(whole), mean, abs(np.angle(half / whole)) if whole and half else np.nan, beyond))
+        error = abs(np.angle(half / whole)) if whole and half else np.nan
+        error += BEYOND_REACH * float(np.ptp(difference[both]))
+        few = np.flatnonzero(coarse * both)
+        if len(few):  # the greater change by twice and by thrice as thick layers: that of one alone vanishes by chance
+            changes = []
+            for coarser in (2, 3):
+                (first, second), _ = gathered(field, instrument, places[few], focus, ends, coarser=coarser)
+                changes.append(coarse[few] @ (per_metre * (first - second) - difference[few]))
+            error += float(np.abs(changes).max()) / float(coarse[few].sum())
+        rows.append((phase, abs(whole), mean, error, beyond))
     if not met:
         raise ValueError("the beams do not meet the field: check the focus, the axis and the units (metres)")
     return np.asarray(rows)

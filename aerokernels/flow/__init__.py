@@ -11,7 +11,7 @@ from .blunt_body import BluntBodyFlow, blunt_body
 from .ciddor import ciddor_constant, ciddor_refractivity, moist_air_density, water_fraction
 from .conical_field import ConicalFlow, cone
 from .conical_profile import ConeShock
-from .density_field import CellDensity, DensityField, uniform_air
+from .density_field import CellDensity, DensityField
 from .exact_field import ExactField
 from .fan_field import ExpansionFan, expansion, expansion_fan, mach_after_turn, maximum_expansion
 from .gas import (
@@ -35,6 +35,7 @@ from .shipped import shipped, shipped_names
 from .shock_tube import TubeAtTime, shock_tube
 from .shocks import PrandtlMeyer, Shock, maximum_deflection, normal_shock, oblique_shock, prandtl_meyer
 from .species import SPECIES, SPECIES_NAMES, Composition, Species, species_constant
+from .still_air import uniform_air
 from .taylor_maccoll import cone_shock, maximum_cone_angle
 from .vortex import Vortex, vortex
 from .wedge_field import PlaneShock, plane_shock, wedge

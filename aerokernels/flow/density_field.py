@@ -1,9 +1,10 @@
 """Density fields, what a flow hands to the optics: `DensityField`, common to all, and `CellDensity`, on a mesh."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from importlib import import_module
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -13,10 +14,11 @@ from ..medium import Body, IndexField, QuadMesh, SolidBody
 from ..read_only import ReadOnly
 from ..shown import shown
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
-from .gas import SEA_LEVEL_DENSITY, FreeStream, check_density, no_gas
+from .gas import FreeStream, check_density, no_gas
 from .models import MODELS, one_constant, refractivity_model
 from .refractivity import RELATIONS
 from .species import Composition
+from .wall_density import WallDensity
 
 
 class DensityField(ReadOnly, ABC):
@@ -143,6 +145,7 @@ class SampledDensity(DensityField):
             ambient_density=float(ambient_density),
             conditions=None if self.conditions is None else self.conditions.at_density(self.conditions.density * ratio),
             provenance=f"{self.provenance}; densities multiplied by {ratio:.8g}".lstrip("; "),
+            **self._also_scaled(ratio),
         )
 
     @checked
@@ -169,7 +172,8 @@ class SampledDensity(DensityField):
             composition: A `Composition` or fractions of species (one for each density may be given, in their order)
                 with which K is made. None takes the field's.
             gladstone_dale: Another name for `constant`.
-            interpolation: As in IndexField.from_mesh ("bilinear" if None) or IndexField.from_samples ("cubic").
+            interpolation: As in IndexField.from_mesh ("bilinear" if None, "conserving" where walls have values of their
+                own) or IndexField.from_samples ("cubic").
 
         Raises:
             TypeError: The wavelength is not one number.
@@ -193,7 +197,16 @@ class SampledDensity(DensityField):
             body=self.body,
             wavelength=wavelength,
             upstream=model.upstream(wavelength, self._column_error),
+            **({} if composition else self._walls(lambda rho: model.contrast(rho, self.ambient_density, wavelength))),
         )
+
+    def _also_scaled(self, ratio: float) -> dict[str, Any]:
+        """Other attributes that go with the density, multiplied by a ratio."""
+        return {}
+
+    def _walls(self, contrast_of: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:
+        """What is known at walls, as arguments for `_index`."""
+        return {}
 
     _column_error = 0.0  # [kg/m2] of the density along z, from how it was made
 
@@ -244,12 +257,15 @@ class CellDensity(MeshDensity):
         conditions: The free stream, or None where the gas is at rest.
         provenance: Where the field comes from, in words.
         composition: The gas, where it is a mixture that is known cell by cell; None for one gas.
+        wall: What the solver holds at walls, or None.
 
     Raises:
         TypeError: The mesh is no QuadMesh.
         ValueError: Densities that are not positive and finite, or no gas's (how many, and where the first is), or
             another number of them than of cells.
     """
+
+    wall: WallDensity | None = field(default=None, kw_only=True)
 
     def __post_init__(self):
         """Check the densities."""
@@ -312,34 +328,12 @@ class CellDensity(MeshDensity):
 
         return mesh_columns(self.mesh, self.density - self.ambient_density, position, direction)
 
+    def _also_scaled(self, ratio: float) -> dict[str, Any]:
+        return {} if self.wall is None else {"wall": self.wall.scaled(ratio)}
+
+    def _walls(self, contrast_of: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:
+        return {} if self.wall is None else {"walls": (self.wall.points, contrast_of(self.wall.density))}
+
     def _index(self, contrast: np.ndarray, interpolation: str | None, **common) -> IndexField:
-        return IndexField.from_mesh(self.mesh, contrast, interpolation=interpolation or "bilinear", **common)
-
-
-@checked
-def uniform_air(
-    density: float = SEA_LEVEL_DENSITY,
-    *,
-    body: Body | None = None,
-    radius: float = 0.04,
-    z_range: tuple[float, float] = (-0.04, 0.01),
-) -> CellDensity:
-    """Air at rest, the same everywhere: what a tunnel holds before it is started.
-
-    Args:
-        density: [kg/m3].
-        body: A solid body standing in it.
-        radius: Radius of the axisymmetric box the field is given on [m]; beyond it the air is the same.
-        z_range: Lowest and highest z of the box [m].
-
-    Raises:
-        ValueError: A density or radius that is not positive and finite, or a range that does not increase.
-    """
-    check_positive(radius, "radius")
-    low, high = z_range
-    if not low < high:
-        raise ValueError(f"z_range must increase, got {z_range!r}")
-    # Eight cells are more than a constant needs; five-point gradients need four.
-    nodes = np.meshgrid(np.linspace(0.0, radius, 9), np.linspace(low, high, 9), indexing="ij")
-    mesh, ambient = QuadMesh.structured(*nodes, "axisymmetric"), check_positive(density, "density")
-    return CellDensity(mesh, np.full(len(mesh.cells), ambient), ambient, body, None, f"air at rest, {ambient:g} kg/m3")
+        usual = "conserving" if "walls" in common else "bilinear"
+        return IndexField.from_mesh(self.mesh, contrast, interpolation=interpolation or usual, **common)

@@ -90,7 +90,7 @@ def series_of_dataset(
     clock = next((one for one in TIME_NAMES if one in array.dims), None)
     if clock is None:
         raise ValueError(f"{name}: {array.name} has axes {', '.join(map(str, array.dims))} and no time")
-    axes = next((one for one in _AXES if {clock, *one} == set(array.dims)), None)
+    axes = next((one for one in _AXES if sorted((clock, *one)) == sorted(map(str, array.dims))), None)
     if axes is None:
         raise ValueError(
             f"{name}: {array.name} has axes {', '.join(map(str, array.dims))}: rename them to time and "
@@ -138,8 +138,16 @@ def series_of_dataset(
 def _falls(name: str, coordinate: Any) -> bool:
     if coordinate is None or coordinate.size < 2:
         return False
-    values = _numbers(name, coordinate)
+    values = _along(name, coordinate)
     return bool(values[0] > values[-1])
+
+
+def _along(name: str, coordinate: Any) -> np.ndarray:
+    """The values of a coordinate along its own axis."""
+    if coordinate.ndim != 1:
+        axes = ", ".join(map(str, coordinate.dims)) or "no axis"
+        raise ValueError(f"{name}: coordinate {coordinate.name} is over {axes}: give it along its own axis alone")
+    return _numbers(name, coordinate)
 
 
 def _numbers(name: str, array: Any, kinds: str = "iufmM") -> np.ndarray:
@@ -169,7 +177,7 @@ def _in_si(name: str, axis: str, array: Any, dimension: str) -> np.ndarray:
     if axis not in array.coords:  # of which xarray would make numbers from 0 on
         raise ValueError(f"{name}: axis {axis} has no coordinate: add one")
     coordinate = array.coords[axis]
-    values = _numbers(name, coordinate)
+    values = _along(name, coordinate)
     if values.dtype.kind in "mM":
         return seconds(values)
     return values.astype(np.float64) * _factor(name, coordinate.attrs.get("units"), dimension, axis)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.constants import speed_of_light
 
+from aerokernels.echo.stored import echo_of_result
 from aerokernels.hardware.frames import GREATEST_SAMPLE_COUNT, EchoFrame
 from aerokernels.netcdf_reading import open_netcdf
 
@@ -112,10 +113,7 @@ class EchoSource:
             path = path / "result.nc"
         if not path.is_file():
             raise ValueError(f"result {path}: no such file; make one with `aerokernels run SCENE --out DIR`")
-        result = open_netcdf(path, f"result {path}")
-        if not {"time", "echo_voltage"} <= set(result.variables) or result["echo_voltage"].dims != result["time"].dims:
-            raise ValueError(f"result {path}: holds no 'echo_voltage' over 'time'; give the result.nc of a run")
-        echo_time, voltage = result["time"].values, result["echo_voltage"].values
+        echo_time, voltage = echo_of_result(path, open_netcdf(path, f"result {path}", decode_times=False))
         sample_time = _sample_times(sample_count, sample_period_ps)
         return cls(np.interp(sample_time, echo_time, voltage, left=0.0, right=0.0), sample_period_ps, noise)
 

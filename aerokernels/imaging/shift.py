@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 # Points of the aperture: a ring of four has the exact mean of what changes by up to the third power across it.
 APERTURE_RAYS = 4
+# Points by which the error of a mean over fewer is told; of more, a quarter of them tell it. What the change counts.
+OTHER_RAYS, SAFETY = 16, 1.5
 # Of `trace` [waves].
 DEFAULT_TOLERANCE = 1e-3
 # Called by threads, each with rows of the picture of its own: (rows, point of the aperture [m], its share of the light,
@@ -67,16 +69,24 @@ class BackgroundDisplacement:
 
     @cached_property
     def error(self) -> np.ndarray:
-        """What the size of the displacement may be off by through the field's grid [pixels], shape (rows, columns).
+        """What the size of the displacement may be off by [pixels], shape (rows, columns); NaN where it is not known.
 
-        Three more bundles are traced when it is first read: see displacement_error.py. NaN where it is not known.
+        Through the field's grid (displacement_error.py), and where it is the mean over several points of the aperture,
+        through their number: by its change for OTHER_RAYS of them. Three more bundles and those of the other points are
+        traced when it is first read.
         """
         if self.view is None:
             return np.full(self.through.shape, np.nan)
         camera, shape, options = self.camera, self.through.shape, self.options
-        return displacement_error(
+        grid = displacement_error(
             self.view.field, camera, shape, lambda field: landing_shift(field, camera, shape, np.zeros(2), options)
         )
+        count = len(self.view.points)
+        if count == 1:
+            return grid
+        other = OTHER_RAYS if count < OTHER_RAYS else max(count // 4, 2)
+        changed = gather(self.view.field, camera, shape, other, options, allow_truncation=True)
+        return grid + SAFETY * np.linalg.norm(changed.displacement - self.displacement, axis=-1)
 
     @cached_property
     def truncated(self) -> np.ndarray:

@@ -149,20 +149,27 @@ def waveforms(data: "xarray.Dataset", path: Path) -> Iterator[RecordedEcho]:
         if not timed and "sample_period" not in data.variables:
             raise ValueError(f"{path}: holds no times: give `time` over sample, or `sample_period` over echo [s]")
 
-        def column(name: str) -> np.ndarray:
-            return np.broadcast_to(_in_si(path, data[name], "time", "s"), (len(rows),))
+        def column(name: str, values: np.ndarray) -> np.ndarray:
+            if values.shape not in ((), (1,), (len(rows),)):
+                raise ValueError(f"{path}: `{name}` has shape {values.shape}: give one for each of {len(rows)} echoes")
+            return np.broadcast_to(values, (len(rows),))
 
-        labels = {name: np.broadcast_to(data[name].values, (len(rows),)) for name in keys}
-        first = column("first_sample_time") if "first_sample_time" in data.variables else np.zeros(len(rows))
+        labels = {name: column(name, data[name].values) for name in keys}
+        single = () if timed else {"first_sample_time", "sample_period"} & set(data.variables)
+        given = {name: column(name, _in_si(path, data[name], "time", "s")) for name in single}
+        first = given.get("first_sample_time", np.zeros(len(rows)))
+        shared = _in_si(path, data["time"], "time", "s") if timed else np.empty(0)
+        if shared.ndim != 1:
+            raise ValueError(f"{path}: `time` of shape {shared.shape}: give it over sample, one for all echoes")
         for k, row in enumerate(rows):
             count = int(np.isfinite(row).sum())
             row = (
                 row[:count] if np.isfinite(row[:count]).all() else row
             )  # NaN beyond the echo's own samples is no fault
             if timed:
-                time = _in_si(path, data["time"], "time", "s")[: row.size]
+                time = shared[: row.size]
             else:
-                time = first[k] + np.arange(row.size) * float(column("sample_period")[k])
+                time = first[k] + np.arange(row.size) * float(given["sample_period"][k])
             echo_label = _as_label({name.removeprefix("label_"): values[k] for name, values in labels.items()})
             yield checked(RecordedEcho(echo_label, time, row), f"{path}: echo {k}")
 
@@ -175,6 +182,8 @@ def _in_si(path: Path, variable: "xarray.DataArray", dimension: str, usual: str)
         factor = quantity(f"1 {spelled.get(unit.lower(), unit)}", dimension)
     except ValueError as error:
         raise ValueError(f"{path}: the units of `{variable.name}`: {error}") from None
+    if variable.dtype.kind not in "iuf":
+        raise ValueError(f"{path}: `{variable.name}` holds {variable.dtype} and no real numbers: write it again")
     return np.asarray(variable.values, dtype=np.float64) * factor
 
 
@@ -185,7 +194,7 @@ def load_netcdf(path: Path) -> "xarray.Dataset":
         ValueError: not such a file, or a damaged one; names it.
     """
     with _blamed_on(path):
-        return open_netcdf(path, str(path), decode_times=False, whole=True).load()
+        return open_netcdf(path, str(path), decode_times=False, whole=True)
 
 
 @contextlib.contextmanager

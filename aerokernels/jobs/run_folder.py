@@ -7,12 +7,16 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.echo.stored import echo_of_result
 from aerokernels.jobs.recorded import Label, label_text, load_netcdf
 from aerokernels.jobs.store import RESULT_FILE, SUMMARY_FILE, finish_moving
+
+if TYPE_CHECKING:
+    import xarray
 
 _NONE: Label = ()
 
@@ -48,8 +52,8 @@ class RunFolder:
         """What a number of the summary may be off by; NaN where that is not known."""
         found = (self.summary.get("errors") or {}).get(key)
         if method is not None:
-            found = (found or {}).get(method)
-        return math.nan if found is None else float(found)
+            found = found.get(method) if isinstance(found, dict) else None
+        return float(found) if _is_number(found) else math.nan
 
 
 class RunWithoutEcho(ValueError):
@@ -78,20 +82,62 @@ def read_run(text: str) -> RunFolder:
             )
     try:
         summary = json.loads((path / SUMMARY_FILE).read_text(encoding="utf-8"))
-        lost = (summary.get("failures") or {}).get("echo")
-        if lost:
-            raise RunWithoutEcho(f"run {path}: it has no echo to compare with: {lost}")
-        result = load_netcdf(path / RESULT_FILE)
-        time, voltage = (result[name].values.astype(np.float64) for name in ("time", "echo_voltage"))
-        detector = tomllib.loads(str(result.attrs.get("scene", ""))).get("detector", {})
-        distance = float(summary["true_range_m"])
-    except RunWithoutEcho:
-        raise
-    except (ValueError, KeyError, OSError, TypeError) as error:
-        raise ValueError(
-            f"run {path}: its files cannot be read ({type(error).__name__}: {error}); run it again"
-        ) from None
-    return RunFolder(path, summary, time, voltage, distance, detector, label)
+    except (ValueError, OSError, RecursionError) as error:
+        raise _unreadable(path, f"{SUMMARY_FILE}: {error}") from None
+    _check_echo(path, summary)
+    return run_of(path, summary, load_netcdf(path / RESULT_FILE), label)
+
+
+def run_of(path: Path, summary: Any, result: "xarray.Dataset", label: Label = _NONE) -> RunFolder:
+    """A run of what its files hold; arguments as the attributes of `RunFolder`, and what result.nc holds.
+
+    Raises:
+        ValueError: Something else than a run writes: which, with the folder's name.
+    """
+    _check_echo(path, summary)
+    time, voltage = echo_of_result(path, result)
+    try:
+        scene = tomllib.loads(str(result.attrs.get("scene", "")))
+    except (ValueError, RecursionError) as error:
+        raise _unreadable(path, f"the scene in {RESULT_FILE}: {error}") from None
+    detector, distance = scene.get("detector", {}), summary.get("true_range_m")
+    for name, found in (("errors", summary.get("errors")), ("ranges_m", summary.get("ranges_m"))):
+        if not _holds_numbers(found, 2 if name == "errors" else 1):
+            raise _unreadable(path, f"{name} in {SUMMARY_FILE} holds something else than numbers")
+    if not (_is_number(distance) and distance > 0.0):
+        raise _unreadable(path, f"true_range_m in {SUMMARY_FILE} is {str(distance)[:40]}")
+    keys = ("threshold", "fraction")
+    if not isinstance(detector, dict) or not all(_is_number(detector.get(key, 0.0)) for key in keys):
+        raise _unreadable(path, f"the scene in {RESULT_FILE} has another [detector]")
+    return RunFolder(path, summary, time, voltage, float(distance), detector, label)
+
+
+def _unreadable(path: Path, what: str) -> ValueError:
+    return ValueError(f"run {path}: its files cannot be read ({' '.join(what.split())}); run it again")
+
+
+def _check_echo(path: Path, summary: Any) -> None:
+    """Refuse a summary that is none, and one of a run without an echo."""
+    lost = summary.get("failures") or {} if isinstance(summary, dict) else None
+    if not isinstance(lost, dict):
+        raise _unreadable(path, f"{SUMMARY_FILE} is none of a run")
+    if lost.get("echo"):
+        raise RunWithoutEcho(f"run {path}: it has no echo to compare with: {lost['echo']}")
+
+
+def _is_number(value: Any) -> bool:
+    """Whether it is a finite number that float64 holds."""
+    try:
+        return isinstance(value, (int, float)) and math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def _holds_numbers(value: Any, depth: int) -> bool:
+    """Whether it is nothing, a number, or, down to a depth, such things by name."""
+    if isinstance(value, dict):
+        return depth > 0 and all(_holds_numbers(one, depth - 1) for one in value.values())
+    return value is None or (depth < 2 and _is_number(value))
 
 
 def match_runs(labels: Sequence[Label], runs: Sequence[RunFolder]) -> dict[Label, RunFolder]:
@@ -130,11 +176,12 @@ def _agrees(label: Label, run: RunFolder, *, alone: bool) -> bool:
 def _same(text: str, value: Any) -> bool:
     try:
         return math.isclose(float(text), float(value), rel_tol=1e-6, abs_tol=1e-9)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return text == str(value)
 
 
 def _described(run: RunFolder) -> str:
     if run.label:
         return f"{run.path} ({label_text(run.label)})"
-    return f"{run.path} (mach={run.summary['mach']:g})" if "mach" in run.summary else str(run.path)
+    mach = run.summary.get("mach")
+    return f"{run.path} (mach={mach:g})" if _is_number(mach) else str(run.path)

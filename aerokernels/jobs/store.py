@@ -241,4 +241,4 @@ def _replacing(path: Path) -> Iterator[Path]:
 
 def read_result(path: Path) -> "xarray.Dataset":
     """Read a `result.nc` into memory; raises ValueError as `open_netcdf`."""
-    return open_netcdf(path, str(path), whole=True).load()
+    return open_netcdf(path, str(path), whole=True)

@@ -20,10 +20,13 @@ from .body import Body
 from .cell_averages import node_values
 from .conserving import conserving_values
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite
+from .kept_averages import cut_and_kept
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
 from .solid_body import SolidBody
 from .vertex_values import vertex_values
+
+GREATEST_INDEX = 1e3  # far above that of any medium, and far below what leaves float64 in its powers
 
 
 def check_ambient(ambient_index: float) -> None:
@@ -75,11 +78,18 @@ class IndexField(Derived):
         object.__setattr__(self, "ambient_index", float(self.ambient_index))
         if self.wavelength is not None:
             object.__setattr__(self, "wavelength", check_wavelength(self.wavelength))
-        least = self.samples.extremes[0] if isinstance(self.samples, UniformGrid) else self.samples.values.min()
+        uniform = isinstance(self.samples, UniformGrid)
+        values = np.asarray(self.samples.extremes if uniform else self.samples.values)  # type: ignore[union-attr]
+        least, greatest = values.min(), values.max()
         if least + self.ambient_index <= 0.0:
             raise ValueError(
                 f"the index must be positive everywhere: the least contrast is {least:g}, "
                 f"the ambient index {self.ambient_index:g}"
+            )
+        if greatest + self.ambient_index > GREATEST_INDEX:
+            raise ValueError(
+                f"no medium has an index of {greatest + self.ambient_index:g}: the greatest contrast is {greatest:g}, "
+                f"the ambient index {self.ambient_index:g}; a contrast is n - ambient_index"
             )
         check_box(self.samples.low, self.samples.high)
         if self.body is not None and self.body.geometry != self.geometry:
@@ -173,6 +183,7 @@ class IndexField(Derived):
         body: Body | None = None,
         wavelength: float | None = None,
         upstream: "Upstream | None" = None,
+        walls: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> "IndexField":
         """A field on a quadrilateral mesh.
 
@@ -181,10 +192,12 @@ class IndexField(Derived):
             contrast: n - ambient_index at the vertices, shape (vertex_count,), or finite-volume averages over the
                 cells, shape (cell_count,): the shape tells which. On a structured mesh also (ni, nj), (ni - 1, nj - 1).
             ambient_index: Index outside the mesh.
-            interpolation: "bilinear", "bilinear-barron", "idw" or "cells" (see mesh_samples.py).
+            interpolation: "bilinear", "bilinear-barron", "idw" or "cells" (see mesh_samples.py); or "conserving":
+                bilinear on cells cut in four that keep their averages (see kept_averages.py).
             body: Solid body in the field.
             wavelength: Vacuum wavelength that `contrast` was made for [m]; None where it belongs to none.
             upstream: Errors of `contrast` from how it was made.
+            walls: Places at walls [m], shape (n, 2), and the contrast there, which "conserving" takes.
 
         Raises:
             TypeError: `mesh` is no QuadMesh.
@@ -200,19 +213,26 @@ class IndexField(Derived):
             at_vertices.append(mesh.shape)
             in_cells.append((mesh.shape[0] - 1, mesh.shape[1] - 1))
         averages = None
+        if interpolation == "conserving" and values.shape not in in_cells:
+            raise ValueError("interpolation 'conserving' needs averages over cells: these are values at vertices")
         if values.shape in in_cells:
             averages = values.ravel()
             averages.setflags(write=False)
-            keeps = interpolation in ("bilinear", "cells")
-            values = conserving_values(mesh, averages) if keeps else vertex_values(mesh, averages)
+            vacuum = 1.0 - ambient_index if ambient_index > 1.0 else -np.inf
+            if interpolation == "conserving":
+                mesh, values, averages = cut_and_kept(mesh, averages, vacuum, walls)
+                interpolation = "bilinear"
+            elif interpolation in ("bilinear", "cells"):
+                values = conserving_values(mesh, averages, vacuum)
+            else:
+                values = vertex_values(mesh, averages)
         elif values.shape not in at_vertices:
             raise ValueError(
                 f"contrast has shape {values.shape}: give one entry for each vertex, shape "
                 f"{' or '.join(map(str, at_vertices))}, or one for each cell, shape {' or '.join(map(str, in_cells))}"
             )
-        values = values.ravel()
         values.setflags(write=False)
-        samples = MeshSamples(mesh, values, interpolation, averages)
+        samples = MeshSamples(mesh, values.reshape(-1), interpolation, averages)
         return cls(samples, mesh.geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
     @property

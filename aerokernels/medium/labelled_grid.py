@@ -18,14 +18,21 @@ def grid_arguments(array) -> dict:
     if not hasattr(array, "dims") or not hasattr(array, "coords") or hasattr(array, "data_vars"):
         raise TypeError(f"from_xarray takes an xarray DataArray, got {type(array).__name__}: choose one of a Dataset")
     names = {str(dim): dim for dim in array.dims}
-    order = next((axes for axes in GEOMETRIES if set(axes) == set(names)), None)
+    order = next((axes for axes in GEOMETRIES if sorted(axes) == sorted(map(str, array.dims))), None)
     if order is None:
-        raise ValueError(f"dimensions {', '.join(names)} make no field: call them x, y, z, or y, z, or r, z")
+        axes = ", ".join(map(str, array.dims))
+        raise ValueError(f"dimensions {axes} make no field: call them x, y, z, or y, z, or r, z")
     array = array.transpose(*(names[axis] for axis in order))
     origin, spacing = [], []
     for axis in order:
         if names[axis] not in array.coords:
             raise ValueError(f"dimension {axis} has no coordinates: assign them, in metres or with an attribute units")
+        own = array.coords[names[axis]]
+        if own.dtype.kind not in "iuf" or own.ndim != 1:
+            raise ValueError(
+                f"coordinates {axis} must be a row of numbers, got {own.dtype} of shape {own.shape}: "
+                "assign them in metres"
+            )
         unit = str(array.coords[names[axis]].attrs.get("units", "")).strip()
         place = np.asarray(array.coords[names[axis]].values, dtype=np.float64)
         place = place * unit_of(unit, "length").factor
@@ -44,5 +51,7 @@ def grid_arguments(array) -> dict:
         spacing.append(float(step))
     known = ("ambient_index", "interpolation", "wavelength", "cell_averages")
     given = {name: array.attrs[name] for name in known if name in array.attrs}
+    if "cell_averages" in given and np.isin(given["cell_averages"], (0, 1)).all():  # NetCDF has no true and false
+        given["cell_averages"] = bool(np.all(given["cell_averages"]))
     samples = np.asarray(array.values)
     return {"contrast": samples, "origin": origin, "spacing": spacing, "geometry": GEOMETRIES[order], **given}

@@ -22,7 +22,7 @@ from ..shown import shown
 from .conserving import what_is_lacking
 from .grid import eq5_step
 from .mesh import Places, QuadMesh
-from .vertex_values import vertex_gradients
+from .vertex_values import values_and_smooth, vertex_gradients
 
 MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw", "cells")
 
@@ -72,10 +72,19 @@ class MeshSamples(Derived):
 
     @cached_property
     def lacking(self) -> np.ndarray | None:
-        """What of its average the interpolant lacks in each cell, shape (cell_count,); None where that is not known."""
+        """What of its average the interpolant lacks in each cell, shape (cell_count,); None where that is not known.
+
+        Where cells are cut, which keeps averages beside a shock too, it counts twice there, and half of what values at
+        the corners would lack is added: where in such a cell the gas changes, its average does not say.
+        """
         if self.averages is None or self.interpolation != "bilinear":
             return None
-        return what_is_lacking(self.mesh, self.averages, self.values)
+        lacks = what_is_lacking(self.mesh, self.averages, self.values)
+        if self.mesh.parents is None:
+            return lacks
+        start, smooth = values_and_smooth(self.mesh, self.averages)
+        unsure = lacks + 0.5 * what_is_lacking(self.mesh, self.averages, start)
+        return np.asarray(lacks + np.where(smooth[self.mesh.parents], 0.0, unsure))
 
     @cached_property
     def paper_step(self) -> np.ndarray:

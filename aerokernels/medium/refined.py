@@ -19,7 +19,25 @@ from .mesh import QuadMesh
 
 def refined(field):
     """The field on cells cut in four; None where the cut cells make no mesh."""
-    mesh, values, gradient = field.mesh, field.samples.values, field.samples.gradients
+    samples = field.samples
+    try:
+        finer, values = cut_in_four(field.mesh, samples.values, samples.gradients)
+    except ValueError:  # a seam has two vertices in each place
+        return None
+    return replace(field, samples=replace(samples, mesh=finer, values=values, averages=None))
+
+
+def cut_in_four(mesh: QuadMesh, values: np.ndarray, gradient: np.ndarray) -> tuple[QuadMesh, np.ndarray]:
+    """The mesh with every cell cut in four parts, one after the other, and the values at its vertices.
+
+    Args:
+        mesh: The mesh.
+        values: At its vertices, shape (vertex_count,).
+        gradient: At its vertices [1/m], shape (vertex_count, 2).
+
+    Raises:
+        ValueError: The mesh has two vertices in one place, at a seam.
+    """
     vertex, cells = mesh.vertices, mesh.cells
     ends = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2).astype(np.int64), axis=1)
     _, first, of_edge = np.unique(ends[:, 0] * len(vertex) + ends[:, 1], return_index=True, return_inverse=True)
@@ -35,9 +53,6 @@ def refined(field):
     # Corner k, the middle of the edge after it, the middle of the cell, the middle of the edge before it.
     quarters = [np.concatenate([cells[:, [k]], edge[:, [k]], middle, edge[:, [k - 1]]], axis=1) for k in range(4)]
     points = np.concatenate([vertex, edge_middle, cell_middle])
-    try:
-        finer = QuadMesh(points, np.stack(quarters, axis=1).reshape(-1, 4), mesh.geometry)
-    except ValueError:  # a seam has two vertices in each place
-        return None
-    finer_values = np.concatenate([values, edge_value, cell_value])
-    return replace(field, samples=replace(field.samples, mesh=finer, values=finer_values, averages=None))
+    parents = np.repeat(np.arange(len(cells)) if mesh.parents is None else mesh.parents, 4)
+    finer = QuadMesh(points, np.stack(quarters, axis=1).reshape(-1, 4), mesh.geometry, parents=parents)
+    return finer, np.concatenate([values, edge_value, cell_value])

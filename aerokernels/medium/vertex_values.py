@@ -46,17 +46,50 @@ def values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, 
     """Vertex values, and which of the flow's cells neither hold a captured shock nor touch one that does."""
     if mesh.shape is None:
         return _unstructured_vertex_values(mesh, average)
-    ni, nj = mesh.shape
+    smooth = ~_beside_shock(average.reshape(mesh.shape[0] - 1, mesh.shape[1] - 1))
+    return _along_both_axes(mesh, average, smooth), smooth.ravel()
+
+
+def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, lesser: bool = False) -> np.ndarray:
+    """Vertex values on a structured mesh, one direction after the other.
+
+    Args:
+        mesh: The mesh.
+        average: Averages, shape (cell_count,).
+        smooth: Cells without a captured shock, shape (ni - 1, nj - 1).
+        limited: Values stay between the averages of the cells that they join.
+        lesser: To the rim beside a shock only the lesser of two changes goes on.
+    """
+    ni, nj = mesh.shape or (0, 0)
     vertex = mesh.vertices.reshape(ni, nj, 2)
     centroid = mesh.cell_centroid.reshape(ni - 1, nj - 1, 2)
     face = 0.5 * (vertex[:, :-1] + vertex[:, 1:])
     on_axis = mesh.geometry == "axisymmetric"
     average = average.reshape(ni - 1, nj - 1)
-    smooth = whole = ~_beside_shock(average)
-    at_face = _faces_along_first_axis(average, smooth, centroid, face, on_axis)
+    at_face = _faces_along_first_axis(average, smooth, centroid, face, on_axis, limited, lesser)
     smooth = np.pad(smooth, ((1, 0), (0, 0)), mode="edge") & np.pad(smooth, ((0, 1), (0, 0)), mode="edge")
-    turned = _faces_along_first_axis(at_face.T, smooth.T, face.swapaxes(0, 1), vertex.swapaxes(0, 1), on_axis)
-    return turned.T.ravel(), whole.ravel()
+    places = face.swapaxes(0, 1), vertex.swapaxes(0, 1)
+    return np.asarray(_faces_along_first_axis(at_face.T, smooth.T, *places, on_axis, limited, lesser).T.ravel())
+
+
+def linear_values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As `values_and_smooth`, and linear densities come back exactly on skewed and uneven cells too.
+
+    What the values lack of a slope is known: coordinates that go the same way, from the centroids to the vertices, miss
+    the vertices by as much.
+    """
+    if mesh.shape is None or min(mesh.shape) < 3:
+        return _unstructured_vertex_values(mesh, average)
+    slope, shock, *_ = _slopes(mesh, mesh.cell_centroid, average)
+    smooth = ~shock.reshape(mesh.shape[0] - 1, mesh.shape[1] - 1)
+    values = _along_both_axes(mesh, average, smooth, lesser=True)
+    vertex, cell = mesh.cells.ravel(), np.repeat(np.arange(len(average)), 4)
+    count = np.bincount(vertex, minlength=len(values))
+    for axis in (0, 1):
+        place = _along_both_axes(mesh, mesh.cell_centroid[:, axis], smooth, limited=False)
+        missed = mesh.vertices[:, axis] - place
+        values = values + missed * np.bincount(vertex, slope[cell, axis], len(values)) / count
+    return values, ~shock
 
 
 def _beside_shock(average: np.ndarray) -> np.ndarray:
@@ -74,7 +107,7 @@ def _beside_shock(average: np.ndarray) -> np.ndarray:
     return jump
 
 
-def _faces_along_first_axis(average, smooth, centroid, face, on_axis: bool) -> np.ndarray:
+def _faces_along_first_axis(average, smooth, centroid, face, on_axis: bool, limited, lesser) -> np.ndarray:
     """Values at the n + 1 faces of n cells along axis 0; the higher-order term only between cells that are smooth."""
     count = len(average)
     result = np.empty((count + 1, *average.shape[1:]))
@@ -88,8 +121,9 @@ def _faces_along_first_axis(average, smooth, centroid, face, on_axis: bool) -> n
     inner = (average[:-1] * ahead + average[1:] * behind) / (ahead + behind)
     curvature = distance[1:-1] / 12.0 * (slope[2:] - slope[:-2])
     inner[1:-1] -= np.where(smooth[1:-2] & smooth[2:-1], curvature, 0.0)
-    low, high = np.minimum(average[:-1], average[1:]), np.maximum(average[:-1], average[1:])
-    result[1:-1] = np.clip(inner, low, high)
+    if limited:
+        inner = np.clip(inner, np.minimum(average[:-1], average[1:]), np.maximum(average[:-1], average[1:]))
+    result[1:-1] = inner
     for edge, first, second in ((0, 0, 1), (count, count - 1, count - 2)):
         reach = np.linalg.norm(face[edge] - centroid[first], axis=-1)
         ratio = np.minimum(reach / np.linalg.norm(centroid[second] - centroid[first], axis=-1), 1.0)
@@ -97,8 +131,29 @@ def _faces_along_first_axis(average, smooth, centroid, face, on_axis: bool) -> n
             radius, near, far = face[edge, ..., 0], centroid[first, ..., 0], centroid[second, ..., 0]
             even = near**2 / np.maximum(far**2 - near**2, 1e-300)
             ratio = np.where((radius == 0.0) & (far > near), np.minimum(even, 1.0), ratio)
-        result[edge] = average[first] - ratio * (average[second] - average[first])
+        change = average[second] - average[first]
+        if lesser and limited:
+            change = np.where(smooth[first], change, _lesser(average, slope, distance, edge))
+        result[edge] = average[first] - ratio * change
     return result
+
+
+def _lesser(average, slope, distance, edge: int) -> np.ndarray:
+    """The change from the first cell on: the lesser of the first two, less what changes along the rim itself.
+
+    A layer along a wall goes on to it, a shock that leaves by the rim does not.
+    """
+    own = average if edge == 0 else average[::-1]
+    change = own[1] - own[0]
+    if len(own) < 3:
+        return np.zeros_like(change)
+    near, far = (0, 1) if edge == 0 else (-1, -2)
+    further = slope[far] * distance[near] * (1.0 if edge == 0 else -1.0)
+    step, along = np.abs(np.diff(own[0])), np.zeros_like(change)
+    along[1:] = step
+    along[:-1] = np.maximum(along[:-1], step)
+    size = np.maximum(np.minimum(np.abs(change), np.abs(further)) - along, 0.0)
+    return np.where(change * further > 0.0, np.sign(change) * size, 0.0)
 
 
 def vertex_gradients(mesh: QuadMesh, values: np.ndarray) -> np.ndarray:
@@ -185,10 +240,9 @@ def _least_squares_gradient(points, values, first, second) -> np.ndarray:
     return (np.linalg.pinv(normal) @ right[..., None])[..., 0]
 
 
-def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse-distance mean of the linear reconstructions of a vertex's cells, which are flat beside a shock."""
-    centroid, average = of_parents(mesh, mesh.cell_centroid), of_parents(mesh, average)
-    slope = np.zeros((len(average), 2))
+def _slopes(mesh: QuadMesh, centroid: np.ndarray, average: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Slope in each of the flow's cells, none beside a captured shock, which these are, and the pairs of neighbours."""
+    slope, first, second = np.zeros((len(average), 2)), np.empty(0, int), np.empty(0, int)
     shock = np.zeros(len(average), dtype=bool)
     if len(average) > 1:
         first, second = _cell_pairs(mesh)
@@ -198,6 +252,13 @@ def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> tuple[np
         shock = np.bincount(first, missed, len(average)) > 0
         shock |= np.bincount(first, shock[second], len(average)) > 0
         slope[shock] = 0.0
+    return slope, shock, first, second
+
+
+def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Inverse-distance mean of the linear reconstructions of a vertex's cells, which are flat beside a shock."""
+    centroid, average = of_parents(mesh, mesh.cell_centroid), of_parents(mesh, average)
+    slope, shock, first, second = _slopes(mesh, centroid, average)
     vertex, cell = _touching(mesh)
     reach = mesh.vertices[vertex] - centroid[cell]
     guess = average[cell] + np.sum(slope[cell] * reach, axis=1)
@@ -210,15 +271,14 @@ def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> tuple[np
     np.maximum.at(high, vertex, average[cell])
     # By as much as the cells of a vertex differ, it may lie beyond their range.
     low, high = low - (high - low), high + (high - low)
-    if len(average) > 1:  # on the rim, beyond each cell by as much as that differs from any neighbour
-        least, most = average.copy(), average.copy()
-        np.minimum.at(least, first, average[second])
-        np.maximum.at(most, first, average[second])
-        rim = np.zeros(count, dtype=bool)
+    if len(average) > 1:  # on rims and in the middle of cells and edges, beyond each cell by what it differs by at most
+        span = np.zeros(len(average))
+        np.maximum.at(span, first, np.abs(average[second] - average[first]))
+        rim = np.bincount(vertex, minlength=count) <= 2
         of, edge = np.nonzero(mesh.neighbors < 0)
         rim[mesh.cells[of, edge]] = rim[mesh.cells[of, (edge + 1) % 4]] = True
         on_rim = rim[vertex]
         vertex, cell = vertex[on_rim], cell[on_rim]
-        np.minimum.at(low, vertex, (2.0 * average - most)[cell])
-        np.maximum.at(high, vertex, (2.0 * average - least)[cell])
+        np.minimum.at(low, vertex, (average - span)[cell])
+        np.maximum.at(high, vertex, (average + span)[cell])
     return np.clip(value, low, high), ~shock

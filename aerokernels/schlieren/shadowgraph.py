@@ -24,10 +24,12 @@ import numpy as np
 from aerokernels.medium import IndexField
 
 from ..arguments import checked
+from ..checks import check_choice
 from ..shown import shown
-from .bench import Bench
+from .bench import SOURCES, Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
+from .source_blur import blurred
 from .view import PictureView
 from .window import Window, ray_lines
 
@@ -54,6 +56,7 @@ class Shadowgraph(PictureView):
         distance: from the field's middle to the screen, along the light [m].
         source_angle: full angle that the source subtends [rad].
         exposure: brightness of undisturbed light, 1 for white.
+        source: the source's shape, as of a `Bench`.
     """
 
     intensity: np.ndarray
@@ -66,6 +69,7 @@ class Shadowgraph(PictureView):
     distance: float
     source_angle: float
     exposure: float
+    source: str = "disc"
 
     def to_xarray(self) -> "xarray.Dataset":
         """The picture as a dataset with units."""
@@ -78,6 +82,7 @@ class Shadowgraph(PictureView):
                 "kind": "shadowgraph",
                 "distance_m": self.distance,
                 "source_angle_rad": self.source_angle,
+                "source": self.source,
             },
         )
 
@@ -98,9 +103,11 @@ def shadowgraph(
         field: any field; a planar one needs `width` and a view along x.
         distance: from the field's middle to the screen, along the light [m]. A camera may be focused on a plane within
             the field or before it: then this is small or negative, and the rays are drawn straight back.
-        source_angle: full angle that the source subtends seen from the field [rad]: it blurs by distance times angle.
+        source_angle: full angle that the source, a disc, subtends seen from the field [rad]: it blurs by distance times
+            angle.
         exposure: brightness of undisturbed light, 1 for white.
-        bench: the bench's optics: its source gives the angle, its sensor noise; the screen is what is in focus.
+        bench: the bench's optics: its source gives the angle and the shape that blurs, a slit along the horizontal
+            alone; its sensor noise; the screen is what is in focus.
         **options: view, extent, pixel_count, rays_per_pixel, width, tolerance, wavelength, backend, device, precision:
             as in `line_of_sight`.
 
@@ -113,17 +120,27 @@ def shadowgraph(
             raise ValueError(f"source_angle = {source_angle}: the bench's source gives it; leave it out")
         source_angle = bench.angle
     traced = line_of_sight(field, **options)
-    found = shadow_picture(traced, distance=distance, source_angle=source_angle, exposure=exposure)
+    shape = "disc" if bench is None else bench.source
+    found = shadow_picture(traced, distance=distance, source_angle=source_angle, exposure=exposure, source=shape)
     if bench is None or bench.sensor is None:
         return found
     return replace(found, intensity=bench.sensor.expose(exposure * found.irradiance, bench.seed))
 
 
 def shadow_picture(
-    traced: LineOfSight, *, distance: float, source_angle: float = 0.0, exposure: float = 0.5
+    traced: LineOfSight,
+    *,
+    distance: float,
+    source_angle: float = 0.0,
+    exposure: float = 0.5,
+    source: str = "disc",
 ) -> Shadowgraph:
-    """The shadowgraph of light that was traced already; arguments and errors as in `shadowgraph`."""
+    """The shadowgraph of light that was traced already; arguments and errors as in `shadowgraph`.
+
+    `source` is the source's shape, as of a `Bench`.
+    """
     check_screen(distance, source_angle, exposure)
+    check_choice(source, "source", SOURCES)
     window = traced.window
     if min(traced.through.shape) < 2:
         raise ValueError(f"a shadowgraph needs at least 2 x 2 rays, got {traced.through.shape}: raise pixel_count")
@@ -133,7 +150,7 @@ def shadow_picture(
     onward = distance - (traced.focus - window.middle)
     irradiance = spread(traced, traced.displacement + onward * tangent)
     if source_angle > 0.0:
-        irradiance = _blurred(irradiance, abs(distance) * source_angle, window.pitch)
+        irradiance = blurred(irradiance, source, abs(distance) * source_angle, window.pitch)
     return Shadowgraph(
         intensity=np.clip(exposure * irradiance, 0.0, 1.0),
         horizontal=window.horizontal,
@@ -145,6 +162,7 @@ def shadow_picture(
         distance=float(distance),
         source_angle=float(source_angle),
         exposure=float(exposure),
+        source=source,
     )
 
 
@@ -254,15 +272,3 @@ def _deposit(
             along = 1.0 - first[:, 1] if d_row else first[:, 1]
             weight = (amount * across * along)[inside]
             light += np.bincount((i * shape[1] + j)[inside], weights=weight, minlength=light.size)
-
-
-def _blurred(irradiance: np.ndarray, diameter: float, pitch: tuple[float, float]) -> np.ndarray:
-    """The mean over a disc of `diameter` [m] about each pixel."""
-    from scipy.ndimage import convolve
-
-    half = [int(np.ceil(0.5 * diameter / step)) for step in (pitch[1], pitch[0])]
-    y, x = np.ogrid[-half[0] : half[0] + 1, -half[1] : half[1] + 1]
-    # The disc's edge runs through pixels: each counts by how much of it lies inside, to about a tenth.
-    distance = np.hypot(y * pitch[1], x * pitch[0])
-    disc = np.clip((0.5 * diameter - distance) / float(np.mean(pitch)) + 0.5, 0.0, 1.0)
-    return convolve(irradiance, disc / disc.sum(), mode="nearest")

@@ -96,6 +96,37 @@ def in_chunks(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozense
     return arrays
 
 
+class Trials:
+    """A few rays that are traced again and again by leapfrog, with other numbers of samples and scales of the error."""
+
+    def __init__(
+        self, field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset
+    ):
+        """Upload and compile; the plan has samples."""
+        engine = engine_of(plan.backend, plan.device)
+        self.names = [name for name in OUTPUT_TYPES if name in outputs or name == "status"]
+        self.plan, self.count = plan, rays.ray_count
+        self.prepared = engine.prepare(field, plan, until, wavelength, outputs, rays.direction)
+        with stage("upload"):
+            self.starts = [engine.put(np.asarray(array)) for array in (rays.position, rays.direction)]
+            self.results = self.prepared.allocate(self.count)
+
+    def __call__(self, sample_count: int, quadrature: float, trajectory: float) -> dict[str, np.ndarray]:
+        """The outputs for so many samples; the last two are the scales, see TracePlan."""
+        prepared, engine = self.prepared, self.prepared.engine
+        prepared.tune(sample_count=sample_count, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
+        with stage("kernel"):
+            prepared.launch(self.starts, self.results, self.count)
+            engine.wait()
+        arrays: dict[str, np.ndarray] = {}
+        with stage("download"):
+            for name in self.names:
+                width, kind = OUTPUT_TYPES[name]
+                arrays[name] = np.empty((self.count, width) if width > 1 else self.count, dtype=kind)
+                engine.get(self.results[name], arrays[name])
+        return arrays
+
+
 def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
     """The same on an engine that keeps all results: nothing is waited for that is on its way to the host."""
     engine, ray_count = prepared.engine, len(starts[0])

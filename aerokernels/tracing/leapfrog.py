@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..device_arrays import extremes_of, on_host
+from ..device_arrays import extremes_of
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
@@ -21,7 +21,7 @@ from .cube_polynomials import may_have_cubes, roughly_off
 from .engines import engine_of
 from .grid_tables import prepare_grid
 from .held import held_error
-from .launch import launch
+from .launch import Trials
 from .lever_arms import LeverArms, lever_arms_of
 from .plan import TracePlan
 from .prediction import predict_evaluations
@@ -166,7 +166,8 @@ def _fit(
     least = _least_samples(field, pilot, held, plan.lever_arms)
     if not _is_worth_it(field, pilot, plan, wavelength, least):
         return nothing
-    levels = [_Level(field, pilot, plan, until, wavelength, least * 3**power) for power in range(3)]
+    trials = _trials(field, pilot, replace(plan, sample_count=least), until, wavelength)
+    levels = [_Level(trials, least * 3**power) for power in range(3)]
     if not levels[-1].is_fit:
         return nothing
     first, second = levels[0].error(levels[1]), levels[1].error(levels[2])
@@ -183,14 +184,14 @@ def _fit(
     while count and _is_worth_it(field, pilot, plan, wavelength, count):
         level = next((level for level in levels if level.count == count), None)
         if level is None:
-            level = _Level(field, pilot, plan, until, wavelength, count)
+            level = _Level(trials, count)
         finest = levels[-1]
         if 2 * count > finest.count:
-            finest = _Level(field, pilot, plan, until, wavelength, 3 * count)
+            finest = _Level(trials, 3 * count)
             levels.append(finest)
         worst = level.error(finest)
         if level.is_fit and worst <= budget:
-            shares = _shares(field, pilot, plan, until, wavelength, level, worst)
+            shares = _shares(trials, level, worst)
             return count, shares, worst, between.sampling(count)
         count = in_threes(1.25 * count)
     return nothing
@@ -226,16 +227,17 @@ def _with_cubes(
     # A sample costs so little that some more are taken rather than looking up what lies between them.
     count = between.fewest(count, in_threes(CUBES_MORE * count)) or count
     sampling = between.sampling(count)
+    plan = replace(plan, sample_count=count)
     by_cubes = replace(plan, cubes=True)
-    spline = _Level(field, pilot, plan, until, wavelength, count)
-    finest = _Level(field, pilot, plan, until, wavelength, 3 * count)
-    level = _Level(field, pilot, by_cubes, until, wavelength, count)
+    trials = _trials(field, pilot, plan, until, wavelength)
+    spline, finest = _Level(trials, count), _Level(trials, 3 * count)
+    level = _Level(_trials(field, pilot, by_cubes, until, wavelength), count)
     worst = level.error(finest)
     if not (level.is_fit and finest.is_fit and worst <= held / MARGIN and level.turned(spline) <= CUBES_ANGLE):
         return None
-    shares = _shares(field, pilot, plan, until, wavelength, spline, worst)
-    final = replace(by_cubes, trajectory_error_scale=shares[1], sampling=sampling)
-    again = float((_Level(field, pilot, final, until, wavelength, count, shares[0]).step_error > held).mean())
+    shares = _shares(trials, spline, worst)
+    final = _trials(field, pilot, replace(by_cubes, sampling=sampling), until, wavelength)
+    again = float((_Level(final, count, *shares).step_error > held).mean())
     if again * cost_again > CUBES_GAIN * count:
         return None
     return count, shares, worst, sampling
@@ -258,20 +260,22 @@ def _confirm(
     count = Between(field, spread(), until, held, plan.lever_arms).sufficient(count)
     if not count:
         return None
-    level, finest = (_Level(field, pilot, plan, until, wavelength, number) for number in (count, 3 * count))
+    trials = _trials(field, pilot, replace(plan, sample_count=count), until, wavelength)
+    level, finest = _Level(trials, count), _Level(trials, 3 * count)
     worst = level.error(finest)
     if not (level.is_fit and finest.is_fit and worst <= held / MARGIN):
         return None
-    return count, _shares(field, pilot, plan, until, wavelength, level, worst), worst, None
+    return count, _shares(trials, level, worst), worst, None
 
 
-def _shares(
-    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, level: "_Level", worst: float
-) -> tuple[float, float]:
+def _trials(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> Trials:
+    return Trials(field, pilot, plan, until, wavelength, frozenset(("opd", "step_error", "direction")))
+
+
+def _shares(trials: Trials, level: "_Level", worst: float) -> tuple[float, float]:
     """The scales of a ray's own error estimate, by which it covers the pilot's greatest error [m]."""
     share = SAFETY * worst / level.difference if level.difference > 0.0 else GREATEST_SHARE
-    bending = replace(plan, trajectory_error_scale=1.0)
-    bends = _Level(field, pilot, bending, until, wavelength, level.count, 0.0).difference
+    bends = _Level(trials, level.count, 0.0, 1.0).difference
     trajectory_error_scale = SAFETY * worst / bends if bends > 0.0 else 0.0
     return min(max(share, LEAST_SHARE), GREATEST_SHARE), min(trajectory_error_scale, GREATEST_BEND)
 
@@ -279,11 +283,8 @@ def _shares(
 class _Level:
     """The pilot, traced with `count` samples a ray."""
 
-    def __init__(
-        self, field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, count: int, share=1.0
-    ):
-        trial = replace(plan, sample_count=count, quadrature_error_scale=share)
-        arrays = on_host(launch(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error", "direction"))))
+    def __init__(self, trials: Trials, count: int, share: float = 1.0, bending: float = 0.0):
+        arrays = trials(count, share, bending)
         self.count = count
         self.opd, self.step_error, self.direction = arrays["opd"], arrays["step_error"], arrays["direction"]
         self.good = reached(arrays["status"]) & np.isfinite(arrays["step_error"])

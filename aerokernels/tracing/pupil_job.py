@@ -119,14 +119,16 @@ class PupilJob:
         sizes = sorted(size for size in known if self.run.task.per_replicate < size <= self.per_replicate)
         return [cache(partial(_finer_run, self.task, self.plan_of, size)) for size in sizes]
 
+    @cached_property
     def planned(self) -> TracePlan:
         """The plan of the first run, with what its rays over the pupil were chosen by."""
-        return self.planned_for(self.run)
+        plan = self.run.task.plan
+        return replace(plan, reasons=(*plan.reasons, *self._chosen))
 
     def planned_for(self, run: PupilRun, *more: str) -> TracePlan:
         """The plan of a run, with what the rays over the pupil were chosen by, and why there are more of them."""
         plan = run.task.plan
-        return replace(plan, reasons=(*plan.reasons, *self._chosen, *more))
+        return self.planned if run is self.run else replace(plan, reasons=(*plan.reasons, *self._chosen, *more))
 
     @property
     def _chosen(self) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """A pupil of millions of rays on the engine of its plan: launched, traced and summed there; no ray is fetched."""
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -27,8 +28,6 @@ from .pupil_sums import (
 from .retrace import retrace_rejected
 from .status import RayStatus
 
-# The place of the seeds among what launch_pupil is given.
-SEEDS = 8
 # Bytes for a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
 KEPT_BYTES = 16 + 8 + 4
 
@@ -83,19 +82,26 @@ class PupilRun:
         self.kernels = engine.pupil_kernels(needed if task.is_radial else ("launch_pupil", *needed))
         with stage("upload"):
             self.one = engine.put(np.ones(1))
-            self.starts = None if task.is_radial else self._starts()
+            self.seeds = None if task.is_radial else engine.sent(np.zeros((self.widest, 2), np.uint32))
+            self.starts = None if self.seeds is None else self._starts(self.seeds.buffer)
             self.headings = engine.put(np.repeat(task.look[None], together, axis=0)) if task.is_radial else None
         self.no_surface = self._phasor_numbers(np.zeros(4))
         self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined_counts(task.per_replicate)]
         self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
+        buffers, arrays = [self.sums[-1]], [np.zeros(self.widest * SUM_COUNT)]
+        if self.prepared.rejected is not None:
+            buffers, arrays = [*buffers, self.prepared.rejected], [*arrays, np.zeros(1, np.int32)]
+        self.reading = engine.fetched(buffers, arrays)
+        # One batch, whose rays are made on the device, is the same work each time.
+        self.repeat = engine.recorded() if len(self.batches) == 1 and not task.is_radial else None
 
-    def _starts(self) -> list:
-        """What the kernel launch_pupil is given before the rays, the seeds of a batch among them: see SEEDS."""
+    def _starts(self, seeds: Any) -> list:
+        """What the kernel launch_pupil is given before the rays, the seeds of a batch among them."""
         task, engine, pupil = self.task, self.engine, self.task.pupil
         of_square = pupil.square_map
         vectors = [pupil.center, *(pupil.reach * axis for axis in pupil.axes), task.look]
         shape = [of_square.shape, of_square.row_count, of_square.column_count, engine.put(of_square.table)]
-        seeds, order = engine.put(np.zeros((self.widest, 2), np.uint32)), engine.put(task.order())
+        order = engine.put(task.order())
         return [*vectors, *shape, seeds, order, task.per_replicate, task.generator, smoothed_axes(of_square)]
 
     def __call__(self, seed: int | None) -> PupilSums:
@@ -109,10 +115,14 @@ class PupilRun:
         kept, rejected = [], 0
         points = task.points(seed)
         for number, rows in enumerate(self.batches):
-            batch = self._launch(rows, points, self._buffers(number if task.terms else 0))
-            self.prepared.launch([batch.position, batch.direction], batch.results, batch.count)
-            sums[rows] = self._sums(batch, self.no_surface)
-            if self.prepared.take_rejected() or not holds_tolerance(sums[rows], task):
+            batch = self._place(rows, points, self._buffers(number if task.terms else 0))
+            if self.repeat is None:
+                self._trace(batch)
+            else:
+                self.repeat(partial(self._trace, batch))
+            found, *counted = self.reading.wait()
+            sums[rows] = found.reshape(-1, SUM_COUNT)[: rows.stop - rows.start]
+            if sum(self.prepared.taken(int(each[0])) for each in counted) or not holds_tolerance(sums[rows], task):
                 rejected += self._retrace(batch)
                 sums[rows] = self._sums(batch, self.no_surface)
             kept.append(batch)
@@ -138,28 +148,43 @@ class PupilRun:
             self.buffers.append({**(self.buffers[0] if number else {}), **fresh})
         return self.buffers[number]
 
-    def _launch(self, rows: slice, points: Any, buffers: dict[str, Any]) -> Batch:
-        """The rays of some replicates, on the device."""
+    def _place(self, rows: slice, points: Any, buffers: dict[str, Any]) -> Batch:
+        """Some replicates: rays along a radius on the device, of others what they will be made of sent there."""
         task, engine = self.task, self.engine
         count = (rows.stop - rows.start) * task.per_replicate
         results = {name: buffers[name] for name in OUTPUT_TYPES}
-        if task.is_radial:
+        if self.seeds is None:
             position, place, weight = (engine.put(array) for array in radial_rays(task, points, rows))
             return Batch(rows, count, position, self.headings, place, weight, count, results)
-        assert self.starts is not None
-        engine.put_into(self.starts[SEEDS], np.ascontiguousarray(points[rows]))
-        before = self.starts
+        self.seeds.array[: rows.stop - rows.start] = points[rows]
         position, direction, place = (buffers[name] for name in ("start", "heading", "place"))
         weight, weights = (buffers["weight"], count) if task.generator else (self.one, 1)
-        engine.launch(self.kernels["launch_pupil"], before, [position, direction, place, weight], count)
         return Batch(rows, count, position, direction, place, weight, weights, results)
+
+    def _trace(self, batch: Batch) -> None:
+        """Start all that a batch takes, up to its sums on their way to the host."""
+        if self.seeds is not None:
+            assert self.starts is not None
+            self.seeds.send()
+            rays = [batch.position, batch.direction, batch.place, batch.weight]
+            self.engine.launch(self.kernels["launch_pupil"], self.starts, rays, batch.count)
+        self.prepared.launch([batch.position, batch.direction], batch.results, batch.count)
+        self._start_sums(batch, self.no_surface)
+        self.reading.start()
 
     def _phasor_numbers(self, surface: np.ndarray) -> list:
         """What the kernel sum_phasors is given first; numbers that are the same objects need not be set again."""
         return [2.0 * np.pi / self.task.wavelength, surface[:3], float(surface[3]), self.task.per_replicate]
 
     def _sums(self, batch: Batch, numbers: list) -> np.ndarray:
-        """Sums of the replicates of a batch, (n, SUM_COUNT): of groups, then of groups of groups.
+        """Sums of the replicates of a batch, (n, SUM_COUNT); `numbers` as for `_start_sums`."""
+        self._start_sums(batch, numbers)
+        self.reading.start()
+        values: np.ndarray = self.reading.wait()[0].reshape(-1, SUM_COUNT)
+        return values[: batch.rows.stop - batch.rows.start]
+
+    def _start_sums(self, batch: Batch, numbers: list) -> None:
+        """Sum groups of the replicates of a batch, then groups of groups.
 
         `numbers` are those of `_phasor_numbers`: phases are measured from their surface.
         """
@@ -173,9 +198,6 @@ class PupilRun:
         engine.launch(self.kernels["sum_phasors"], numbers, [*shared, *per_ray, self.sums[0]], groups)
         for (rows, joined), sums in zip(pairwise(joined_counts(per_replicate)), pairwise(self.sums), strict=True):
             engine.launch(self.kernels["reduce_sums"], [rows, joined], [*sums], replicates * joined * SUM_COUNT)
-        values = np.empty(replicates * SUM_COUNT)
-        engine.get(self.sums[-1], values)
-        return values.reshape(replicates, SUM_COUNT)
 
     def _retrace(self, batch: Batch) -> int:
         """Trace again the rays of a batch that are above the tolerance; returns how many are so still."""

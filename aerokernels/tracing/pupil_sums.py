@@ -185,7 +185,7 @@ def group_count(per_replicate: int) -> int:
 def joined_counts(per_replicate: int) -> list[int]:
     """Rows of sums that a replicate has, from its groups on, joined and joined again until one is left."""
     counts = [group_count(per_replicate)]
-    while counts[-1] > 1 or len(counts) == 1:
+    while counts[-1] > 1:
         counts.append(-(-counts[-1] // REDUCTION_WIDTH))
     return counts
 

@@ -169,7 +169,7 @@ def _right_calls() -> dict[str, tuple[Callable, dict[str, Any]]]:
         "shadowgraph": (shadowgraph, {"field": air, "pixel_count": 8, "distance": 0.5}),
         "interferogram": (interferogram, {"field": air, "pixel_count": 8, "fringe_spacing": 4e-3, "fringe_angle": 0.1}),
         "split_step": (split_step, {"field": air, "light": disc, "pixel_count": 16, "step_count": 2}),
-        "validity": (validity, {"field": air, "pupil": disc}),
+        "validity": (validity, {"field": air, "pupil": disc, "waves": True}),
         "Scene.load": (Scene.load, {"place": "wind-tunnel-static"}),
     }
     uniform = flow.uniform_air(1.2, radius=4e-3, z_range=(0.0, 8e-3))

@@ -1,8 +1,8 @@
 """Drawn flow files, given to their own reader in this process: what comes out hangs together, or is refused in words.
 
 A whole reading of a file, with its grid and its body, costs milliseconds (`damaged_files.py`); here ends what
-this package parses itself, with small files, in memory or on a disk of memory. Formats that stand on VTK or HDF5 are
-not drawn here. As in input_draws.py, any other outcome is an exception to whoever draws.
+this package parses itself, with small files, in memory or on a disk of memory. What VTK and HDF5
+have read is drawn in tree_draws.py. As in input_draws.py, any other outcome is an exception to whoever draws.
 """
 
 import io
@@ -15,7 +15,7 @@ import numpy as np
 
 from ..flow.reading.calling import read_here
 from ..flow.reading.dataset import Dataset, ReadError
-from ..flow.reading.density import Reference, block_density, choose_density
+from ..flow.reading.density import Reference, beside_the_flow, block_density, choose_density
 from ..flow.reading.foam_file import FoamFile
 from ..opened import OPENED
 from . import sound_files
@@ -27,7 +27,7 @@ NO_ROOM = "than the memory takes"  # which small files have: their numbers are l
 MOST_VALUES = 1_000_000  # of files of some kilobytes: more is what a damaged count has announced
 
 
-def _looked_at(path: Path, found: Dataset) -> bool:
+def looked_at(path: Path, found: Dataset) -> bool:
     """Arrays have a value for each place, cells refer to points that are there, and densities are those of a gas."""
     for block in found.blocks:
         count = len(block.points)
@@ -37,7 +37,7 @@ def _looked_at(path: Path, found: Dataset) -> bool:
             raise AssertionError(f"{count} points of shape {block.shape}")
         if (cells := block.cells) is not None and cells.faces is None:
             good = len(cells.start) == len(cells) + 1 and cells.start[-1] == len(cells.points)
-            if not (good and (np.diff(cells.start) > 0).all() and 0 <= cells.points.min(initial=0)) or (
+            if not (good and (np.diff(cells.start) >= 0).all() and 0 <= cells.points.min(initial=0)) or (
                 cells.points.max(initial=-1) >= count
             ):
                 raise AssertionError(f"cells of {path} do not hang together")
@@ -49,10 +49,12 @@ def _looked_at(path: Path, found: Dataset) -> bool:
                 raise AssertionError(f"{name!r} has another number of values than there are cells")
     choice = choose_density(path, found, None, None)
     for block in found.blocks:
-        values, _ = block_density(path, block, choice, Reference(), found.units)
+        values, where = block_density(path, block, choice, Reference(), found.units)
         hidden = (
             block.blank if block.blank is not None and len(block.blank) == len(values) else np.zeros(len(values), bool)
         )
+        if where == "cell" and (beside := beside_the_flow(block)) is not None:
+            hidden = hidden | beside
         if not (np.isfinite(values[~hidden]).all() and (values[~hidden] > 0.0).all()):
             raise AssertionError("densities of a gas")
     return True
@@ -60,7 +62,7 @@ def _looked_at(path: Path, found: Dataset) -> bool:
 
 def _read(path: Path, module: str, options: dict | None = None) -> bool:
     try:
-        return _looked_at(path, read_here(module, path, None, options or {}))
+        return looked_at(path, read_here(module, path, None, options or {}))
     except ReadError as fault:
         return told(fault, path.parent, NO_ROOM)
     except ValueError as fault:  # names of arrays and gases that nobody knows

@@ -21,17 +21,15 @@ from ..flow.reading.foam_case import times_of, unit_in_words
 from ..flow.reading.fractions import species_arrays
 from ..flow.reading.tecplot_text import coordinate_columns
 from ..flow.reading.vtk_files import collection
-from ..flow.series_files import series_of_dataset
-from ..netcdf_reading import FarVariable, dataset_of
 from ..series.store import NUMBERS, ZarrStore
 from ..units import DIMENSIONS, quantity
 from ..written_units import DIMENSIONS as WRITTEN
 from ..written_units import in_brackets
 from .input_draws import NUMBERS as WILD
-from .input_draws import TEXTS, Draw
+from .input_draws import Draw
 from .refusals import told
 from .sound_files import COLLECTION
-from .spoiling import ODD_WORDS, spoilt_text
+from .spoiling import spoilt_text
 
 PARTS = ("kg", "m", "m3", "m^3", "m-3", "m**-3", "mm", "s", "Pa", "hPa", "kPa", "GPa", "K", "degC", "deg", "nm", "lb",
          "ft", "slug", "/", "/", " per ", "^", "-", "3", "9", "(", ")", " ", ".", "·", "²", "⁻", "1", "kilogram",
@@ -115,64 +113,6 @@ def index(draw: random.Random, folder: Path) -> bool:
     return True
 
 
-def _attribute(draw: random.Random) -> Any:
-    odd: tuple[Any, ...] = (
-        *TEXTS, *ODD_WORDS, 3.0, -1, 0, np.float64("nan"), np.int16(2), np.array([1.0, 2.0]), np.array([]), b"\xff",
-        True, [], "kg m-3", "mm", "ns", "seconds since 1970-01-01", "days since 0000-00-00", "hours since x",
-        "since", "x y",
-    )  # fmt: skip
-    return draw.choice(odd)
-
-
-KEYS = ("units", "scale_factor", "add_offset", "_FillValue", "missing_value", "coordinates", "calendar", "dtype",
-        "bounds", "ambient_density", "long_name", "grid_mapping", "_Unsigned", "time")  # fmt: skip
-
-
-def attributes(draw: random.Random, folder: Path) -> bool:
-    """A series as HDF5 has read it, with other attributes, names, shapes and types."""
-    axes = {"time": 3, "y": 4, "z": 5}
-    far: dict[str, FarVariable] = {}
-    for name in (*axes, "density"):
-        dims = (name,) if name in axes else tuple(axes)
-        shape = tuple(axes[dim] for dim in dims)
-        values = np.arange(math.prod(shape), dtype=float).reshape(shape) * 1e-3 + (name == "density")
-        far[name] = FarVariable(dims, shape, values.dtype, {}, None, values)
-    held: dict[str, Any] = {"ambient_density": 1.2}
-    for _ in range(draw.choice((0, 1, 1, 2, 3))):
-        name, way = draw.choice(list(far)), draw.randrange(8)
-        one = far[name]
-        if way <= 3:
-            far[name] = one._replace(attributes={**one.attributes, draw.choice(KEYS): _attribute(draw)})
-        elif way == 4:
-            held[draw.choice(KEYS)] = _attribute(draw)
-        elif way == 5:
-            far[draw.choice(("rho", "t", "x", "r", "", "a/b", "\x1b", "Density"))] = far.pop(name)
-        elif way == 6 and one.values is not None:
-            kind = draw.choice(("i4", "f4", "S3", "U3", "?", "c16", "O", "M8[ns]"))
-            with np.errstate(all="ignore"), suppress(RuntimeError, ValueError):
-                far[name] = one._replace(values=one.values.astype(kind), dtype=np.dtype(kind))
-        elif one.values is not None:
-            values = one.values.astype(object).ravel()
-            values[draw.randrange(values.size)] = draw.choice((np.nan, np.inf, -1.0, 0.0, 1e300))
-            with suppress(ArithmeticError, TypeError, ValueError):
-                far[name] = one._replace(values=values.astype(one.values.dtype).reshape(one.shape))
-    path = folder / "a.nc"
-    try:
-        data = dataset_of(path, far, held, True)
-    except Exception:  # which `open_netcdf` tells with the file's name
-        return False
-    try:
-        series = series_of_dataset(data, None, None, False, None, {}, str(path), {})
-        if not (np.isfinite(series.time).all() and (np.diff(series.time) > 0).all()):
-            raise AssertionError(f"times {series.time}")
-        field = series[draw.randrange(len(series))]
-        if not np.isfinite(np.asarray(field.density)).all():  # type: ignore[attr-defined]  # of samples
-            raise AssertionError("finite densities")
-    except ValueError as fault:
-        return told(fault)
-    return True
-
-
 def journal(draw: random.Random, folder: Path) -> bool:
     """The journal beside a store of a series, damaged."""
     definition = {"pupil": {"radius": 0.1}, "first snapshot": "ab12"}
@@ -193,6 +133,5 @@ DRAWS: dict[str, Draw] = {
     "unit": unit,
     "names": names,
     "index": index,
-    "attributes": attributes,
     "journal": journal,
 }

@@ -7,15 +7,17 @@ fields fade out at both ends of that part, so that nothing is cut off. The phase
 twentieth of a radian to five, and the contrast follows from it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ..medium import IndexField
+from ..medium.grid import UniformGrid
 from ..pupils import Annulus, Disc, Pupil, Rectangle
 from ..wavefront import wavefront
 from ..waves import split_step, validity
+from ..waves.bounds import change_bound
 
 KINDS = ("shock", "turbulence", "mixed")
 # Nodes along z and across, at most.
@@ -29,6 +31,8 @@ GREATEST_CONTRAST = 8e-4
 GOOD = 1e-2
 # Pixels of the traced wavefront, and of the window of the wave that is the truth.
 MAP_PIXELS, WAVE_PIXELS = 64, 160
+# Halvings of a span of six decades by which a view is brought to its bound.
+BISECTIONS = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,16 +87,18 @@ class VerdictCheck:
 
     @property
     def right(self) -> bool:
-        """Whether the verdict is."""
-        return self.said_good == self.is_good
+        """Whether the verdict is; one that is not decided is not."""
+        return self.answered_by != "nobody" and self.said_good == self.is_good
 
 
-def check_verdict(view: DrawnView, limit: float = GOOD, pixel_count: int = WAVE_PIXELS) -> VerdictCheck:
-    """The verdict beside traced wavefront, and what a finely sampled wave says of it."""
+def check_verdict(
+    view: DrawnView, limit: float = GOOD, pixel_count: int = WAVE_PIXELS, map_pixels: int = MAP_PIXELS
+) -> VerdictCheck:
+    """The verdict beside a traced wavefront, and what a finely sampled wave says of it."""
     from time import process_time
 
     begin = process_time()
-    seen = wavefront(view.field, view.pupil, wavelength=view.wavelength, pixel_count=MAP_PIXELS)
+    seen = wavefront(view.field, view.pupil, wavelength=view.wavelength, pixel_count=map_pixels)
     traced = process_time()
     told = validity(view.field, view.pupil, wavelength=view.wavelength, wavefront=seen, limit=limit)
     done = process_time()
@@ -153,6 +159,32 @@ def draw_view(seed: int, kind: str | None = None) -> DrawnView:
         ambient_index=1.0 + 2.7e-4,
     )
     return DrawnView(kind, field, pupil, wavelength, smallest, length)
+
+
+def view_at_bound(view: DrawnView, limit: float = GOOD) -> DrawnView | None:
+    """The view with its contrast scaled so that bounds of the field just prove it good; None where none can.
+
+    Where they can, this is the view on which they are the likeliest to be wrong.
+    """
+
+    def scaled(factor: float) -> DrawnView:
+        samples = view.field.samples
+        assert isinstance(samples, UniformGrid)
+        contrast = replace(samples, samples=factor * samples.samples)
+        return replace(view, field=replace(view.field, samples=contrast))
+
+    def bound(factor: float) -> float:
+        field = scaled(factor).field
+        return change_bound(field, view.pupil, view.pupil.normal, view.wavelength).change
+
+    low, high = np.log(1e-4), np.log(1e2)
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if bound(float(np.exp(middle))) <= limit else (low, middle)
+    factor = float(np.exp(low))
+    found = scaled(factor)
+    is_air = float(np.abs(found.field.samples.samples).max()) < GREATEST_CONTRAST  # type: ignore[union-attr]
+    return found if is_air and bound(factor) <= limit else None
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:

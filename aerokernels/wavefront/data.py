@@ -79,6 +79,10 @@ class WavefrontMap:
         intensity = weight**2 if self.intensity is None else np.where(lit, np.array(self.intensity, np.float64), 0.0)
         if intensity.shape != weight.shape or not (intensity >= weight**2 * (1.0 - 1e-9)).all():
             raise ValueError("the intensity must be of the weights' shape and nowhere below their square")
+        if not (np.ndim(self.blocked) == 0 and 0.0 <= self.blocked <= 1.0):
+            raise ValueError(f"blocked must be a share of the pupil's weight, 0 to 1, got {self.blocked!r}")
+        if self.direction is not None and not (np.shape(self.direction) == (3,) and np.isfinite(self.direction).all()):
+            raise ValueError(f"the direction must be three finite numbers, got {self.direction!r}")
         for array in (opd, weight, intensity):
             array.setflags(write=False)
         checked = {"opd": opd, "weight": weight, "intensity": intensity, "pixel": float(self.pixel), "radius": radius}

@@ -31,20 +31,24 @@ class PointSpread:
             its greatest value is the Strehl ratio when tilt is left out of account.
         angle: Field angles of rows and columns [rad], shape (n,).
         phase_error: Makes the phase error of the wavefront [rad]; `error` calls it.
+        pixel_error: Makes what each intensity is off by for the pixels of the wavefront, shape (n, n); likewise.
     """
 
     intensity: np.ndarray
     angle: np.ndarray
     phase_error: Callable[[], float] | None = field(default=None, repr=False, compare=False)
+    pixel_error: Callable[[], np.ndarray] | None = field(default=None, repr=False, compare=False)
 
     @cached_property
     def error(self) -> np.ndarray:
         """What each intensity may be off by, shape (n, n); NaN where that is not known. Computed when first read.
 
-        A phase error changes an intensity as it changes a Strehl ratio: it is one, of the wavefront less a tilt.
+        A phase error changes an intensity as it changes a Strehl ratio: it is one, of the wavefront less a tilt. What
+        the pixels make it off by comes on top: see spread_errors.py.
         """
         phase = float("nan") if self.phase_error is None else self.phase_error()
-        return strehl_errors(self.intensity, phase)
+        pixels = 0.0 if self.pixel_error is None else self.pixel_error()
+        return np.hypot(strehl_errors(self.intensity, phase), pixels)
 
     @property
     def peak(self) -> float:

@@ -50,10 +50,16 @@ def polychromatic_psf(
     share = mixed_weights(lengths, shares)
     mean = np.tensordot(share, np.stack([one.intensity for one in each]), 1)
     shortest = wavefront.at_wavelength(float(lengths.min()))
-    return PointSpread(mean, each[0].angle, partial(shortest.phase_error))
+    return PointSpread(mean, each[0].angle, partial(shortest.phase_error), partial(_pixel_errors, share, each))
 
 
 def mixed_weights(wavelengths: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """Of the point spread functions at the wavelengths in that of all the light; they sum to 1."""
     weight = shares / wavelengths**2
     return np.asarray(weight / weight.sum())
+
+
+def _pixel_errors(shares: np.ndarray, each: list[PointSpread]) -> np.ndarray:
+    """What the mean of point spread functions of one wavefront is off by for its pixels: all of them alike."""
+    found = [share * one.pixel_error() for share, one in zip(shares, each, strict=True) if one.pixel_error is not None]
+    return np.asarray(np.sum(found, axis=0))

@@ -25,6 +25,7 @@ from .modes import (
 from .pixel_errors import pixel_errors
 from .point_spread import PointSpread, point_spread_function
 from .spot_width import spot_width
+from .spread_errors import spread_errors
 from .terms import check_metres, mean_phasor, remove_terms, weighted_mean
 from .transfer import EncircledEnergy, Transfer, encircled, normalised_sensitivity, transfer_function
 
@@ -153,7 +154,7 @@ class Wavefront(WavefrontMap):
             return polychromatic_psf(self, wavelengths, weights, angle, half_width, padding)
         options: dict[str, Any] = {"half_width": half_width, "padding": padding, "angle": angle}
         found = point_spread_function(self.opd, self.weight, self.pixel, self.wavelength, **options)
-        return replace(found, phase_error=self.phase_error)
+        return replace(found, phase_error=self.phase_error, pixel_error=partial(spread_errors, self, found.angle))
 
     def otf(self) -> Transfer:
         """Optical transfer function, complex."""

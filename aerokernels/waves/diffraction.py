@@ -11,6 +11,7 @@ one line of pixels is the whole problem.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -114,26 +115,35 @@ class Ways:
 
         step = (self.slabs.last - self.slabs.first) / len(paths)
         wave = fft2(self.window.amplitude.astype(np.complex64), overwrite_x=True)
-        way = self.before + 0.5 * step
+        way = self._free(self.before + 0.5 * step)
         for number, path in enumerate(paths):
-            for factor in self._free(way):
+            for factor in way:
                 wave *= factor
             wave = ifft2(wave, overwrite_x=True)
             wave *= phase_factor(path, self.wavelength)
             if opaque is not None:
                 wave[opaque[number]] = 0.0
+            if number == 0 and len(paths) > 1:
+                way = self._free(step)
             if number < len(paths) - 1:
-                wave, way = fft2(wave, overwrite_x=True), step
+                wave = fft2(wave, overwrite_x=True)
         return complex(wave.sum())
 
     def _free(self, way: float) -> list[np.ndarray]:
         """What a way [m] of free space does to the components along y and along x."""
         wave_number = 2.0 * np.pi * self.ambient_index / self.wavelength
         factors = []
-        for count in self.window.amplitude.shape:
-            across = 2.0 * np.pi * np.fft.fftfreq(count, self.window.pixel)
-            factors.append(np.exp(-0.5j * way / wave_number * across**2).astype(np.complex64))
-        return [factors[0][:, None], factors[1]] if len(factors[1]) > 1 else [factors[0][:, None]]
+        for square in self._frequencies:
+            factors.append(np.exp(-0.5j * way / wave_number * square).astype(np.complex64))
+        return factors
+
+    @cached_property
+    def _frequencies(self) -> list[np.ndarray]:
+        """Squares of the components' wave numbers along y and, of more than one column, along x [1/m2]."""
+        rows, columns = (
+            (2.0 * np.pi * np.fft.fftfreq(count, self.window.pixel)) ** 2 for count in self.window.amplitude.shape
+        )
+        return [rows[:, None], columns] if len(columns) > 1 else [rows[:, None]]
 
     def _rays(self, paths: np.ndarray) -> complex:
         """The sum of what the rays bring, by where they began."""

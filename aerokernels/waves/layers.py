@@ -45,6 +45,9 @@ def span_of(
     Raises:
         ValueError: None of them meets the field.
     """
+    within = _span_along_z(field, center, normal, axes, across, up)
+    if within is not None:
+        return within
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(*across, LINES), np.linspace(*up, LINES)))
     start = center + x[:, None] * axes[0] + y[:, None] * axes[1]
     span = box_span(field, start, np.broadcast_to(normal, start.shape).copy())
@@ -52,6 +55,28 @@ def span_of(
     if not meets.any():
         raise ValueError("the wave does not meet the field: check its centre, its normal and the units (metres)")
     return max(float(span.enter[meets].min()), 0.0), float(span.leave[meets].max())
+
+
+def _span_along_z(
+    field: IndexField,
+    center: np.ndarray,
+    normal: np.ndarray,
+    axes: tuple[np.ndarray, np.ndarray],
+    across: tuple[float, float],
+    up: tuple[float, float],
+) -> tuple[float, float] | None:
+    """As `span_of`, of lines along z of which one through the middle meets the field; None for others."""
+    if abs(abs(float(normal[2])) - 1.0) > 1e-15:
+        return None
+    middle = center + 0.5 * (across[0] + across[1]) * axes[0] + 0.5 * (up[0] + up[1]) * axes[1]
+    low, high = field.box
+    inside = (
+        math.hypot(middle[0], middle[1]) < high[0]
+        if field.geometry == "axisymmetric"
+        else bool(((middle > low) & (middle < high))[:2].all())
+    )
+    ends = sorted(float(normal[2]) * (float(end) - float(center[2])) for end in (low[2], high[2]))
+    return (max(ends[0], 0.0), ends[1]) if inside and ends[1] > 0.0 else None
 
 
 def layer_count(field: IndexField, length: float, step_count: int | None, most: int = MOST_LAYERS) -> int:

@@ -5,12 +5,14 @@ little even beside a wavefront that is a fan of a few rays: its pixels are as co
 length, which is one of the field and the pupil, is kept with the field.
 """
 
+import math
 import weakref
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..medium import IndexField
+from ..medium.grid import UniformGrid
 from ..medium.tensor_points import contrast_without_gradient
 from ..pupils import Pupil
 from ..tracing.lines import box_span
@@ -26,7 +28,7 @@ NEAR_FOCUS = 0.5
 # The greatest curvature times distance that two screens are asked about.
 FLAT = 0.3
 # Lines of sight across the pupil and layers along them by which the disturbed length is found, and lengths kept.
-LINES, LINE_LAYERS, KEPT = 4, 32, 8
+LINES, LINE_LAYERS, NODE_LAYERS, KEPT = 4, 32, 64, 8
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,8 @@ def _length_on_lines(field: IndexField, pupil: Pupil, look: np.ndarray) -> float
     lit = pupil.transmission(x, y) > 0.0
     if lit.any():
         x, y = x[lit], y[lit]
+    if isinstance(field.samples, UniformGrid) and abs(abs(float(look[2])) - 1.0) < 1e-15:
+        return _length_by_nodes(field, field.samples, pupil, float(look[2]), x, y)
     first, second = pupil.axes
     start = pupil.center + x[:, None] * first + y[:, None] * second
     span = box_span(field, start, np.broadcast_to(look, start.shape).copy())
@@ -101,6 +105,24 @@ def _length_on_lines(field: IndexField, pupil: Pupil, look: np.ndarray) -> float
     points = start + depth[:, None, None] * look
     layers = contrast_without_gradient(field, points.reshape(-1, 3)).reshape(LINE_LAYERS, len(start))
     return spread_along(layers, end - begin)
+
+
+def _length_by_nodes(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, x, y) -> float:
+    """The same of lines along z of a grid, at the nodes beside them: no interpolant is needed for a width."""
+    center, axes = pupil.center, pupil.axes
+    points = center + np.asarray(x)[:, None] * axes[0] + np.asarray(y)[:, None] * axes[1]
+    local = field.local_coordinates(points)[:, :-1]
+    node = np.rint((local - grid.origin[:-1]) / grid.spacing[:-1]).astype(int)
+    inside = ((node >= 0) & (node < grid.shape[:-1])).all(axis=1)
+    ends = (float(center[2]) - grid.origin[-1]) / grid.spacing[-1]
+    count = grid.shape[-1]
+    first, last = (max(0, math.ceil(ends)), count) if sign > 0.0 else (0, min(count, math.floor(ends) + 1))
+    step = max(1, (last - first) // NODE_LAYERS)
+    if last - first < 2 or not inside.any():
+        return 0.0
+    lines = np.zeros((len(x), len(range(first, last, step))))
+    lines[inside] = grid.samples[(*node[inside].T, slice(first, last, step))]
+    return spread_along(lines.T, step * lines.shape[1] * float(grid.spacing[-1]))
 
 
 def spread_along(layers: np.ndarray, length: float) -> float:

@@ -11,6 +11,7 @@ slanted line of sight, a mesh) it is the mean of layers. Either way a thin shock
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +20,8 @@ from ..medium.grid import UniformGrid
 from ..medium.tensor_points import contrast_without_gradient
 
 # Slabs that the disturbed air is divided into at first; layers of the box where no sum over coefficients can be had: so
-# many up to a few slabs, more for more.
-FINEST, LAYERS, FEW = 64, 32, 8
+# many up to a few slabs, more for more. So many slabs are integrated together at least.
+FINEST, LAYERS, FEW, TOGETHER = 64, 32, 8, 4
 # Phase [rad] that the air left out at either end may hold.
 LEFT_OUT = 0.01
 
@@ -65,6 +66,10 @@ class Slabs(ABC):
             count: How many.
         """
 
+    def spread(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """What lines about places of a window hold in each of FINEST slabs, to a common factor, (slabs, y, x)."""
+        return self.taken(x, y, FINEST)
+
     def opaque(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray | None:
         """Where light ends in `count` slabs, at places as for `taken`, shape (count, y, x); None: nowhere."""
         return None
@@ -72,10 +77,14 @@ class Slabs(ABC):
 
 def slabs_of(field: IndexField, look: LookingAlong, begin: float, end: float, wavelength: float) -> Slabs:
     """Slabs of a field between two distances along a line of sight [m]."""
-    along_z = abs(abs(float(look.normal[2])) - 1.0) < 1e-15
-    if field.is_uniform and along_z:
+    if is_summed(field, look.normal):
         return SlabsAlongZ(field, look, begin, end, wavelength)
     return SlabsOfLayers(field, look, begin, end)
+
+
+def is_summed(field: IndexField, normal: np.ndarray) -> bool:
+    """Whether slabs of a field across a line of sight are sums over coefficients."""
+    return field.is_uniform and abs(abs(float(normal[2])) - 1.0) < 1e-15
 
 
 class SlabsAlongZ(Slabs):
@@ -93,6 +102,8 @@ class SlabsAlongZ(Slabs):
         self.first, self.last = self._disturbed(held, begin, end, wavelength)
         edges = float(look.center[2]) + float(look.normal[2]) * np.linspace(self.first, self.last, FINEST + 1)
         self._means = _slab_means(held, grid, edges)
+        self._latest: tuple[tuple[bytes, bytes, int], np.ndarray] | None = None
+        self._matrices: dict[tuple[int, bytes], tuple[Any, np.ndarray]] = {}
 
     def _window(self, axis: int) -> tuple[int, int, int]:
         """Coefficients along an axis that the window's values depend on: from, to, and the first one's cell."""
@@ -139,7 +150,14 @@ class SlabsAlongZ(Slabs):
         return False
 
     def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
-        """See `Slabs.taken`."""
+        """See `Slabs.taken`; few slabs are sums of TOGETHER, the last of which are held."""
+        key = (x.tobytes(), y.tobytes(), max(count, TOGETHER))
+        if self._latest is None or self._latest[0] != key:
+            self._latest = key, self._integrals(x, y, key[2])
+        held = self._latest[1]
+        return held.reshape(count, -1, *held.shape[1:]).sum(axis=1)
+
+    def _integrals(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
         look, geometry = self._look, self._field.geometry
         values = self._means.reshape(*self._means.shape[:-1], count, -1).mean(axis=-1)
         across = look.center[0] + np.asarray(x) * look.axes[0][0]
@@ -164,8 +182,36 @@ class SlabsAlongZ(Slabs):
         thickness = (self.last - self.first) / count
         return np.where(inside, 2.0 * thickness * potential / (index + ambient), 0.0)
 
+    def spread(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """See `Slabs.spread`: the coefficients at the nodes beside the lines."""
+        look, geometry = self._look, self._field.geometry
+        across = look.center[0] + np.asarray(x) * look.axes[0][0]
+        up = look.center[1] + np.asarray(y) * look.axes[1][1]
+        if geometry == "axisymmetric":
+            return np.moveaxis(self._means[self._nearest(np.hypot(up[:, None], across), 0)], -1, 0)
+        rows = self._nearest(up, 1 if geometry == "volume" else 0)
+        if geometry == "planar":
+            return np.repeat(self._means[rows].T[:, :, None], len(across), axis=2)
+        return np.moveaxis(self._means[self._nearest(across, 0)][:, rows], (0, 1, 2), (2, 1, 0))
+
+    def _nearest(self, points: np.ndarray, axis: int) -> np.ndarray:
+        """The coefficient that is held of the node beside points [m] along an axis of the grid."""
+        grid = self._grid
+        node = np.rint((points - grid.origin[axis]) / grid.spacing[axis]).astype(int) - self._across[axis][2]
+        first = 1 if grid.interpolation == "cubic" else 0
+        return np.clip(node * spline.STRIDE[grid.interpolation] + first, 0, self._means.shape[axis] - 1)
+
     def _interpolated(self, points: np.ndarray, values: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
         """Values along their first axis, an axis of the grid, at points [m], and which of those lie in the box."""
+        key = (axis, points.tobytes())
+        if key not in self._matrices:
+            self._matrices[key] = self._matrix(points, len(values), axis)
+        matrix, inside = self._matrices[key]
+        product = matrix @ np.ascontiguousarray(values).reshape(len(values), -1)
+        return product.reshape(len(points), *values.shape[1:]), inside
+
+    def _matrix(self, points: np.ndarray, held: int, axis: int) -> tuple[Any, np.ndarray]:
+        """What makes values at points [m] of so many coefficients along an axis, and which points lie in the box."""
         from scipy.sparse import csr_array
 
         grid = self._grid
@@ -173,14 +219,11 @@ class SlabsAlongZ(Slabs):
         place = (points - grid.origin[axis]) / grid.spacing[axis]
         last = grid.shape[axis] - 1
         inside = (place >= -1e-12 * last) & (place <= last * (1.0 + 1e-12))
-        held = len(values)
         cell = np.clip(np.floor(place).astype(np.int64), self._across[axis][2], last - 1)
         weight, _ = spline.weights(grid.interpolation, np.where(inside, place - cell, 0.0))
         column = np.minimum((cell - self._across[axis][2]) * stride + np.arange(support)[:, None], held - 1)
         start = np.arange(0, support * len(points) + 1, support)
-        matrix = csr_array((weight.T.ravel(), column.T.ravel(), start), shape=(len(points), held))
-        product = matrix @ np.ascontiguousarray(values).reshape(held, -1)
-        return product.reshape(len(points), *values.shape[1:]), inside
+        return csr_array((weight.T.ravel(), column.T.ravel(), start), shape=(len(points), held)), inside
 
 
 def _slab_means(held: np.ndarray, grid: UniformGrid, edges: np.ndarray) -> np.ndarray:
@@ -199,11 +242,11 @@ def _slab_means(held: np.ndarray, grid: UniformGrid, edges: np.ndarray) -> np.nd
     column = cell * stride + np.arange(support)[:, None]
     length = held.shape[-1]
     total = np.bincount((slab * length + column).ravel(), weight.ravel(), count * length).reshape(count, length)
+    used = total != 0.0
+    first, last = used.argmax(axis=1), length - used[:, ::-1].argmax(axis=1)
     means = np.empty((*held.shape[:-1], count))
-    for number, row in enumerate(total):
-        used = np.flatnonzero(row)
-        part = slice(used[0], used[-1] + 1)
-        np.matmul(held[..., part], row[part], out=means[..., number])
+    for number, (start, stop) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        np.matmul(held[..., start:stop], total[number, start:stop], out=means[..., number])
     return means
 
 

@@ -42,7 +42,7 @@ def page() -> str:
         "This page is made from the commands themselves: it says what `aerokernels COMMAND --help` says. A command reads a SCENE: a "
         "TOML file, or the name of a scene that ships. Quantities are written with their unit, in quotes.\n",
         "Exit status: 0 done; 1 failed; 2 bad input, with one line that names the file, the key and the remedy; 3 the answer is worth "
-        "nothing, because its error is greater than the number; 130 interrupted.\n",
+        "nothing, because its error is greater than the number; 130 interrupted (143 by SIGTERM, 129 by a terminal that closed).\n",
         "Options of every command:\n",
         _table(_rows(_group().params)),
     ]

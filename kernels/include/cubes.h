@@ -43,11 +43,21 @@ static inline Local of_polynomial(const reals *q, const reals *t, reals u, reals
 static inline float lower_number(float both) { return as_float(as_uint(both) << 16); }
 static inline float upper_number(float both) { return as_float(as_uint(both) & 0xffff0000u); }
 
-// The polynomial that begins with the number `start` of the table.
-static inline Local in_one_cube(__global const real *coefficients, int start, reals u, reals v, reals w)
+// The numbers of the polynomial that begins with the number `start` of the table, in fours.
+typedef struct {
+    float4 r0, r1, r2, r3;
+} CubeRow;
+
+static inline CubeRow row_of(__global const real *coefficients, int start)
 {
     __global const float4 *row = (__global const float4 *)(coefficients + start);
-    const float4 r0 = row[0], r1 = row[1], r2 = row[2], r3 = row[3];
+    const CubeRow found = {row[0], row[1], row[2], row[3]};
+    return found;
+}
+
+static inline Local in_row(const CubeRow *row, reals u, reals v, reals w)
+{
+    const float4 r0 = row->r0, r1 = row->r1, r2 = row->r2, r3 = row->r3;
     const reals q[10] = {r0.x, r0.y, r0.z, r0.w, r1.x, r1.y, r1.z, r1.w, r2.x, r2.y};
     const reals t[10] = {
         lower_number(r2.z), upper_number(r2.z), lower_number(r2.w), upper_number(r2.w), lower_number(r3.x),
@@ -60,9 +70,62 @@ static inline Local in_one_cube(__global const real *coefficients, int start, re
 
 #if LANES == 1
 
-static inline Local in_cubes(__global const real *coefficients, ints start, reals u, reals v, reals w)
+#if DESKS
+
+// NVIDIA's GPUs look at each line that a warp's load touches: rows that 32 threads load by themselves, in four loads, are
+// 128 of them. Four neighbours that load one row after the other, a quarter each, touch 32; each then takes its own row
+// from the desk of its warp.
+static inline uint threads_here(void)
 {
-    return in_one_cube(coefficients, start, u, v, w);
+    uint found;
+    asm volatile("activemask.b32 %0;" : "=r"(found));
+    return found;
+}
+
+static inline int from_thread(int number, int thread)
+{
+    int found;
+    asm volatile("shfl.sync.idx.b32 %0, %1, %2, 0x1f, 0xffffffff;" : "=r"(found) : "r"(number), "r"(thread));
+    return found;
+}
+
+static inline void meet_in_warp(void)
+{
+    asm volatile("bar.warp.sync 0xffffffff;" : : : "memory");
+}
+
+static inline CubeRow row_together(__global const real *coefficients, int start, __local float4 *desk)
+{
+    const int thread = get_local_id(0) % WARP, quarter = thread & 3, first = thread & ~3;
+    float4 got[4];
+#pragma unroll
+    for (int k = 0; k < 4; k++) {
+        got[k] = ((__global const float4 *)(coefficients + from_thread(start, first + k)))[quarter];
+    }
+    meet_in_warp();  // nobody reads the rows before these any more
+#pragma unroll
+    for (int k = 0; k < 4; k++) {
+        desk[DESK_ROW * (first + k) + quarter] = got[k];
+    }
+    meet_in_warp();
+    __local const float4 *own = desk + DESK_ROW * thread;
+    const CubeRow row = {own[0], own[1], own[2], own[3]};
+    return row;
+}
+
+#endif
+
+static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v, reals w)
+{
+    CubeRow row;
+#if DESKS
+    if (threads_here() == 0xffffffffu) {
+        row = row_together(arrays->coefficients, start, arrays->desk);
+        return in_row(&row, u, v, w);
+    }
+#endif
+    row = row_of(arrays->coefficients, start);
+    return in_row(&row, u, v, w);
 }
 
 #elif LANES == 16
@@ -92,10 +155,12 @@ static inline Local in_cubes(__global const real *coefficients, ints start, real
 
 // Where lanes are in cubes of their own: each loads its numbers in fours, which are then turned so that each number is
 // a vector over the lanes.
-static inline Local in_cubes(__global const real *coefficients, ints start, reals u, reals v, reals w)
+static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v, reals w)
 {
+    __global const real *coefficients = arrays->coefficients;
     if (start.s0 == start.sf && start.s0 == start.s8 && all(start == start.s0)) {
-        return in_one_cube(coefficients, start.s0, u, v, w);
+        const CubeRow row = row_of(coefficients, start.s0);
+        return in_row(&row, u, v, w);
     }
     reals c[CUBE_ROW];
 #if TURNS

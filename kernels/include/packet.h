@@ -89,7 +89,7 @@ static inline Potential sample_packet(const Field *field, const Arrays *arrays, 
 {
     reals u, v, w = (reals)R(0.0);
 #if CUBES
-    const Local inner = in_cubes(arrays->coefficients, cube_start(field, x, y, z, &u, &v, &w), u, v, w);
+    const Local inner = in_cubes(arrays, cube_start(field, x, y, z, &u, &v, &w), u, v, w);
 #elif GEOMETRY == VOLUME
     const ints i = cells_of(x, field->row[0], &u);
     const ints j = cells_of(y, field->row[1], &v);

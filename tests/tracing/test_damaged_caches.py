@@ -20,7 +20,8 @@ from .opencl_stands import need_opencl, run_python
 LAUNCH = (
     "import numpy as np\n"
     "from aerokernels.tracing.engines.opencl.devices import import_pyopencl, session\n"
-    "from aerokernels.tracing.engines.opencl.engine import Engine, Kernel\n"
+    "from aerokernels.tracing.engines.opencl.arguments import Kernel\n"
+    "from aerokernels.tracing.engines.opencl.engine import Engine\n"
     "from aerokernels.tracing.engines.opencl.launchers import make_kernel\n"
     "cl, on = import_pyopencl(), Engine(None)\n"
     "source = '__kernel void fill(int a, int b, __global float *x) { x[get_global_id(0)] = 3.0f; }'\n"

@@ -41,7 +41,7 @@ class Device:
     def run(self, name: str, items: int, *arguments) -> None:
         import pyopencl as cl
 
-        from aerokernels.tracing.engines.opencl.engine import Kernel
+        from aerokernels.tracing.engines.opencl.arguments import Kernel
         from aerokernels.tracing.engines.opencl.program import WORK_GROUP, build
 
         kernel = Kernel(cl.Kernel(build(self.opened, f"{name}.cl"), name))

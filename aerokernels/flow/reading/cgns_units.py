@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .array_units import length_of
-from .cgns_nodes import HDF5, children, data_of, name_of, text_of
+from .cgns_nodes import HDF5, Node, children, data_of, node_of, text_of
 
 # Symbols by the standard's words, in the order of the exponents: mass, length, time, temperature, angle.
 SYMBOLS = (
@@ -39,23 +39,27 @@ def units(path: Path) -> tuple[float | None, dict[str, str]]:
             return None, {}
     import h5py
 
+    with h5py.File(path, "r") as file:
+        return units_of(path, node_of(file))
+
+
+def units_of(path: Path, root: Node) -> tuple[float | None, dict[str, str]]:
+    """The same of the nodes of a file."""
     lengths: dict[str, str] = {}
     arrays: dict[str, str] = {}
-    with h5py.File(path, "r") as file:
-        for base in children(file, "CGNSBase_t"):
-            for zone in children(base, "Zone_t"):
-                for label in ("GridCoordinates_t", "FlowSolution_t"):
-                    for part in children(zone, label):
-                        for array in children(part, "DataArray_t"):
-                            name = name_of(array)
-                            known = LENGTH if label == "GridCoordinates_t" else EXPONENTS.get(name)
-                            unit = _unit([file, base, zone, part, array], known)
-                            if unit:
-                                (lengths if label == "GridCoordinates_t" else arrays).setdefault(name, unit)
+    for base in children(root, "CGNSBase_t"):
+        for zone in children(base, "Zone_t"):
+            for label in ("GridCoordinates_t", "FlowSolution_t"):
+                for part in children(zone, label):
+                    for array in children(part, "DataArray_t"):
+                        known = LENGTH if label == "GridCoordinates_t" else EXPONENTS.get(array.name)
+                        unit = _unit([root, base, zone, part, array], known)
+                        if unit:
+                            (lengths if label == "GridCoordinates_t" else arrays).setdefault(array.name, unit)
     return length_of(path, lengths)[0], arrays
 
 
-def _unit(above: list, known: tuple[float, ...] | None) -> str:
+def _unit(above: list[Node], known: tuple[float, ...] | None) -> str:
     """The unit of the last node of a row of nodes, each below the one before it; empty where nothing tells it."""
     words, kind = None, ""
     for node in above:
@@ -65,7 +69,7 @@ def _unit(above: list, known: tuple[float, ...] | None) -> str:
             words = np.asarray(data_of(own)).tobytes().decode("latin-1")
     if words is None or kind not in ("", "Dimensional", "DataClassNull"):
         return ""
-    told = next(children(above[-1], "DimensionalExponents_t"), None)
+    told = next(iter(children(above[-1], "DimensionalExponents_t")), None)
     exponents = known if told is None else tuple(float(power) for power in data_of(told))
     if exponents is None:
         return ""

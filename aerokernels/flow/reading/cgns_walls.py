@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .cgns_nodes import HDF5, child, children, data_of, name_of, text_of
+from .cgns_nodes import HDF5, Node, child, children, data_of, node_of, text_of
 from .dataset import Patch
 
 # Corners of CGNS' edges, triangles and quadrilaterals; mid-points come last.
@@ -26,31 +26,38 @@ def patches(path: Path) -> tuple[list[Patch], list[str]]:
             return [], ["boundary patches of CGNS files in ADF are not read"]
     import h5py
 
-    found, notes = [], []
     with h5py.File(path, "r") as file:
-        for base in children(file, "CGNSBase_t"):
-            dimension = int(data_of(base)[0])
-            if dimension not in (2, 3):
+        return patches_of(node_of(file))
+
+
+def patches_of(root: Node) -> tuple[list[Patch], list[str]]:
+    """The same of the nodes of a file."""
+    found, notes = [], []
+    for base in children(root, "CGNSBase_t"):
+        dimension = int(data_of(base)[0])
+        if dimension not in (2, 3):
+            continue
+        families = {own.name: text_of(kind) for own in children(base, "Family_t")
+                    for kind in children(own, "FamilyBC_t")}  # fmt: skip
+        for zone in children(base, "Zone_t"):
+            points = _points(zone)
+            conditions = [own for part in children(zone, "ZoneBC_t") for own in children(part, "BC_t")]
+            if points is None or not conditions:
                 continue
-            families = {name_of(own): text_of(kind) for own in children(base, "Family_t")
-                        for kind in children(own, "FamilyBC_t")}  # fmt: skip
-            for zone in children(base, "Zone_t"):
-                points = _points(zone)
-                conditions = [own for part in children(zone, "ZoneBC_t") for own in children(part, "BC_t")]
-                if points is None or not conditions:
+            even = any(text_of(own) == "Structured" for own in children(zone, "ZoneType_t"))
+            elements = None if even else _Elements(zone, dimension)
+            for own in conditions:
+                corners = _faces_of_range(own, zone, dimension, len(points)) if elements is None else elements.of(own)
+                if not len(corners):
+                    notes.append(f"boundary patch {own.name} names no faces that are there")
                     continue
-                even = any(text_of(own) == "Structured" for own in children(zone, "ZoneType_t"))
-                elements = None if even else _Elements(zone, dimension)
-                for own in conditions:
-                    corners = _faces_of_range(own, zone, dimension) if elements is None else elements.of(own)
-                    if not len(corners):
-                        notes.append(f"boundary patch {name_of(own)} names no faces that are there")
-                        continue
-                    found.append(Patch.of(name_of(own), _kind(own, families), points[corners]))
+                if corners.min() < 0 or corners.max() >= len(points):  # NumPy counts the former from the end
+                    raise ValueError(f"boundary patch {own.name!r} names points that are not there")
+                found.append(Patch.of(own.name, _kind(own, families), points[corners]))
     return found, notes
 
 
-def _points(zone) -> np.ndarray | None:
+def _points(zone: Node) -> np.ndarray | None:
     for grid in children(zone, "GridCoordinates_t"):
         axes = [child(grid, f"Coordinate{axis}") for axis in "XYZ"]
         if axes[0] is not None and axes[1] is not None:
@@ -59,7 +66,7 @@ def _points(zone) -> np.ndarray | None:
     return None
 
 
-def _kind(condition, families: dict[str, str]) -> str:
+def _kind(condition: Node, families: dict[str, str]) -> str:
     """Kind "wall" for walls, by the condition's own type, its family's, or its family's name; else the type."""
     kind = text_of(condition)
     if kind == "FamilySpecified":
@@ -70,14 +77,16 @@ def _kind(condition, families: dict[str, str]) -> str:
     return "wall" if kind.startswith("BCWall") else kind or "patch"
 
 
-def _location(condition) -> str:
+def _location(condition: Node) -> str:
     own = child(condition, "GridLocation")
     return "Vertex" if own is None else text_of(own)
 
 
-def _faces_of_range(condition, zone, dimension: int) -> np.ndarray:
+def _faces_of_range(condition: Node, zone: Node, dimension: int, point_count: int) -> np.ndarray:
     """Corners of the faces of a structured zone in a range of points, shape (n, 2) or (n, 4); i is the fastest."""
     counts = data_of(zone).reshape(3, dimension)[0].astype(np.int64)  # as HDF5 has it: sizes of vertices first
+    if np.prod(counts, dtype=float) != point_count:
+        raise ValueError(f"{zone.name!r} announces {' x '.join(map(str, counts))} points and has {point_count}")
     own = child(condition, "PointRange")
     if own is None:
         return np.empty((0, 2), np.int64)
@@ -106,7 +115,7 @@ def _faces_of_range(condition, zone, dimension: int) -> np.ndarray:
 class _Elements:
     """The edges of an unstructured plane, or the faces of a volume, by their numbers in the file."""
 
-    def __init__(self, zone, dimension: int):
+    def __init__(self, zone: Node, dimension: int):
         self.wide = 2 if dimension == 2 else 4
         number, corners = [], []
         for section in children(zone, "Elements_t"):
@@ -116,13 +125,16 @@ class _Elements:
         self.number = np.concatenate(number) if number else np.empty(0, np.int64)
         self.corners = np.concatenate(corners) if corners else np.empty((0, self.wide), np.int64)
 
-    def _of_section(self, section) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    def _of_section(self, section: Node) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         kind = int(data_of(section)[0])
         own, limits = child(section, "ElementConnectivity"), child(section, "ElementRange")
         if own is None or limits is None:
             return
         first, last = (int(v) for v in data_of(limits).ravel())
-        flat, number = data_of(own).astype(np.int64).ravel(), np.arange(first, last + 1)
+        flat = data_of(own).astype(np.int64).ravel()
+        if not 0 <= last + 1 - first <= len(flat):  # before they get room: a few bytes may announce billions
+            raise ValueError(f"{section.name!r} announces elements {first} to {last} in {len(flat)} numbers")
+        number = np.arange(first, last + 1)
         if kind in SURFACE:
             yield from self._kept(kind, number, flat.reshape(len(number), POINTS[kind]))
         elif kind in (MIXED, POLYGONS):
@@ -151,15 +163,17 @@ class _Elements:
         short = self.wide - corners.shape[1]
         yield number, np.concatenate([corners, corners[:, -1:].repeat(short, axis=1)], axis=1)
 
-    def of(self, condition) -> np.ndarray:
+    def of(self, condition: Node) -> np.ndarray:
         """Corners of the elements of a condition; by points, those that have all theirs among them."""
         ends = child(condition, "PointRange", "ElementRange")
         own = child(condition, "PointList", "ElementList")
         if ends is not None:
             first, last = (int(v) for v in data_of(ends).ravel())
-            wanted = np.arange(first, last + 1)
-        else:
-            wanted = np.empty(0, np.int64) if own is None else data_of(own).astype(np.int64).ravel()
+        wanted = np.empty(0, np.int64) if own is None else data_of(own).astype(np.int64).ravel()
+
+        def is_wanted(values: np.ndarray) -> np.ndarray:
+            return np.isin(values, wanted) if ends is None else (values >= first) & (values <= last)
+
         by_element = _location(condition) != "Vertex" or child(condition, "ElementRange", "ElementList") is not None
-        held = np.isin(self.number, wanted) if by_element else np.isin(self.corners, wanted - 1).all(axis=1)
+        held = is_wanted(self.number) if by_element else is_wanted(self.corners + 1).all(axis=1)
         return np.asarray(self.corners[held])

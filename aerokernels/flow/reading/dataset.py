@@ -4,7 +4,7 @@ A reader knows its format and nothing of optics; what comes after it (density, f
 nothing of formats. This page is all that the two have in common.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -188,12 +188,16 @@ class Patch:
         kind: "wall" where the file says so, else the file's own word for it.
         edges: Both ends of each edge in the file's unit and axes, shape (edge_count, 2, 3); none of a volume.
         polygons: The faces in the file's unit and axes, of a volume.
+        values: What an array has at each edge, by its name; None where the file does not say.
+        behind: The cell behind each edge, where there are values.
     """
 
     name: str
     kind: str
     edges: np.ndarray = field(default_factory=lambda: NO_EDGES)
     polygons: Polygons | None = None
+    values: Callable[[str], np.ndarray | None] | None = None
+    behind: np.ndarray | None = None
 
     @classmethod
     def of(cls, name: str, kind: str, corners: np.ndarray) -> "Patch":

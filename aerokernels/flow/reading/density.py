@@ -144,16 +144,9 @@ def block_density(
         ReadError: Arrays of another shape, units of another kind, or densities that are no gas's, outside of blanked
             parts.
     """
-
-    def in_si(name: str, values: np.ndarray, dimension: str) -> np.ndarray:
-        with np.errstate(all="ignore"):  # what comes out as no number is refused below
-            if dimension in reference.given:
-                return np.asarray(values * getattr(reference, dimension))
-            return in_si_units(path, values, name, units.get(name, ""), dimension)
-
     if choice.density is not None:
         values, where = scalar_array(path, block, choice.density)
-        values = in_si(choice.density, values, "density")
+        found = {choice.density: values}
     else:
         assert choice.pressure is not None and choice.temperature is not None
         pressure, where = scalar_array(path, block, choice.pressure)
@@ -162,12 +155,31 @@ def block_density(
             raise ReadError(
                 path, f"{choice.pressure} and {choice.temperature} lie in different places", "give both in cells"
             )
-        pressure = in_si(choice.pressure, pressure, "pressure")
-        temperature = in_si(choice.temperature, temperature, "temperature")
-        with np.errstate(all="ignore"):
-            values = pressure / (choice.gas_constant * temperature)
+        found = {choice.pressure: pressure, choice.temperature: temperature}
+    found = {name: in_si(path, name, values, choice, reference, units) for name, values in found.items()}
+    values = density_of(found, choice)
     _refuse_no_gas(path, block, " and ".join(choice.names), values, where)
     return values, where
+
+
+def in_si(
+    path, name: str, values: np.ndarray, choice: DensityChoice, reference: Reference, units: Mapping[str, str]
+) -> np.ndarray:
+    """Values of one of the arrays that the density comes from, in SI; what comes out as no number is refused later."""
+    dimension = {choice.density: "density", choice.pressure: "pressure", choice.temperature: "temperature"}[name]
+    with np.errstate(all="ignore"):
+        if dimension in reference.given:
+            return np.asarray(values * getattr(reference, dimension))
+        return in_si_units(path, values, name, units.get(name, ""), dimension)
+
+
+def density_of(found: Mapping[str, np.ndarray], choice: DensityChoice) -> np.ndarray:
+    """The density [kg/m3] from the arrays that it comes from, by name, in SI."""
+    if choice.density is not None:
+        return found[choice.density]
+    assert choice.pressure is not None and choice.temperature is not None
+    with np.errstate(all="ignore"):
+        return np.asarray(found[choice.pressure] / (choice.gas_constant * found[choice.temperature]))
 
 
 def scalar_array(path, block: Block, name: str, where: str | None = None) -> tuple[np.ndarray, str]:
@@ -192,7 +204,7 @@ def scalar_array(path, block: Block, name: str, where: str | None = None) -> tup
 
 def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str) -> None:
     blank = block.blank if block.blank is not None and len(block.blank) == len(values) else None
-    beside = _beside_the_flow(block) if where == "cell" else None
+    beside = beside_the_flow(block) if where == "cell" else None
     if beside is not None:
         blank = beside if blank is None else blank | beside
     if wrong := no_gas(values, blank):
@@ -206,7 +218,7 @@ def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str
         )
 
 
-def _beside_the_flow(block: Block) -> np.ndarray | None:
+def beside_the_flow(block: Block) -> np.ndarray | None:
     """Which cells hold no flow: faces beside solid cells, lines and points beside flat ones; None for no such."""
     if block.cells is None:
         return None

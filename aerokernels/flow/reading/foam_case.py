@@ -235,7 +235,7 @@ def _part(folder: Path, time: str) -> tuple[Block, list, str]:
     plane = plane_of(mesh)
     if plane is None:
         return _solid_block(mesh, fields), surface_patches(mesh), "volume"
-    block, patches = flat_block(mesh, np.concatenate(plane[1]), fields)
+    block, patches = flat_block(mesh, np.concatenate(plane[1]), fields, folder / time)
     return block, patches, plane[0]
 
 

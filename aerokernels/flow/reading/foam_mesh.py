@@ -196,9 +196,13 @@ def surface_patches(mesh: FoamMesh) -> list[Patch]:
     return found
 
 
-def flat_block(mesh: FoamMesh, faces: np.ndarray, cell_data) -> tuple[Block, list[Patch]]:
-    """The side of a mesh that is one cell thick as polygons, in the order of the cells, and the patches' edges."""
+def flat_block(mesh: FoamMesh, faces: np.ndarray, cell_data, time: Path) -> tuple[Block, list[Patch]]:
+    """The side of a mesh that is one cell thick as polygons, in the order of the cells, and the patches' edges.
+
+    `time` is the folder of the fields, which have values on patches.
+    """
     from .dataset import POLYGON, Cells
+    from .foam_boundary import FoamPatchValues
 
     owner = mesh.faces.owner[faces]
     order = np.argsort(owner, kind="stable")
@@ -230,5 +234,8 @@ def flat_block(mesh: FoamMesh, faces: np.ndarray, cell_data) -> tuple[Block, lis
         _, first, count = np.unique(pairs[:, 0], return_index=True, return_counts=True)
         first = first[count == 2]
         edges = np.stack([mesh.points[pairs[first, 1]], mesh.points[pairs[first + 1, 1]]], axis=1)
-        patches.append(Patch(patch.name, patch.kind, edges))
+        meant = pairs[first, 0]
+        behind = mesh.faces.owner[meant]
+        values = FoamPatchValues(time, cell_data, patch.name, meant - patch.first, patch.count, behind)
+        patches.append(Patch(patch.name, patch.kind, edges, values=values, behind=behind))
     return block, patches

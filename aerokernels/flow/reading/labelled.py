@@ -55,7 +55,7 @@ def labelled_dataset(path, data, variables=None, time=None, kind: str = "xarray"
         entry = data[name]
         if entry.dtype.kind in "mM":  # of which only those that are an axis are times
             entry = entry.copy(data=seconds(entry.values)) if entry.ndim == 1 else entry
-        if entry.dtype.kind not in "iuf":
+        if entry.dtype.kind not in "iuf" or len(set(entry.dims)) < entry.ndim:  # a matrix over one dimension, twice
             continue
         spatial = [dim for dim in in_order if dim in entry.dims]
         others = [dim for dim in entry.dims if dim not in spatial]

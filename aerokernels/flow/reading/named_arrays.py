@@ -44,6 +44,19 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         (arrays, units, ends), kind = _hdf5(path), "HDF5"
     else:
         raise ReadError(path, "it does not begin like an HDF5 file", DAMAGED)
+    return arrays_as_dataset(path, arrays, units, ends, variables, kind, time)
+
+
+def arrays_as_dataset(
+    path: Path,
+    arrays: dict[str, np.ndarray],
+    units: dict[str, str],
+    ends: dict[str, tuple[float, float]],
+    variables: dict[str, Any],
+    kind: str,
+    time: Any,
+) -> Dataset:
+    """The dataset of what a file holds: arrays and their units by name, the ends of axes; `variables` is a caller's."""
     given = {axis: value for axis, value in variables.items() if not isinstance(value, str)}
     if given:  # what a caller says of the axes counts for more than what the file has of them
         arrays = {n: own for n, own in arrays.items() if not any(plain_name(n) in COLUMNS[a] for a in COLUMNS)}
@@ -60,7 +73,7 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
         with np.load(path, allow_pickle=False) as data:
             check_room(float(sum(part.file_size for part in data.zip.infolist())), f"{path}: it")
             found = {name: _unless_objects(data, name) for name in data.files}
-        return {name: own for name, own in found.items() if own is not None and own.dtype.kind in "iufb"}
+        arrays = {name: own for name, own in found.items() if own is not None and own.dtype.kind in "iufb"}
     except NoRoomError:
         raise
     except (
@@ -74,6 +87,13 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
         SyntaxError,
     ) as fault:
         raise ReadError(path, f"it is no whole NPZ file ({fault})", DAMAGED) from None
+    if not arrays and None in found.values():
+        raise ReadError(
+            path,
+            "it holds objects of Python alone, which are never unpickled, since that runs what is in them",
+            "save plain arrays: numpy.savez(path, x=..., y=..., density=...)",
+        )
+    return arrays
 
 
 def _unless_objects(data, name: str) -> np.ndarray | None:
@@ -108,6 +128,17 @@ def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, 
     """Arrays by name, their units, and the ends of axes."""
     import h5py
 
+    try:
+        with h5py.File(path, "r") as file:
+            return arrays_of(file)
+    except (OSError, RuntimeError, KeyError, ValueError) as fault:
+        raise ReadError(path, f"HDF5 cannot read it ({str(fault)[:120]})", DAMAGED) from None
+
+
+def arrays_of(file: Any) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, tuple[float, float]]]:
+    """The same of an open file."""
+    import h5py
+
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     bounds: dict[str, set[float]] = {}
@@ -124,12 +155,8 @@ def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, 
             unit = entry.attrs.get("units")
             units[name] = unit.decode() if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
 
-    try:
-        with h5py.File(path, "r") as file:
-            take("", file)
-            file.visititems(take)
-    except (OSError, RuntimeError, KeyError, ValueError) as fault:
-        raise ReadError(path, f"HDF5 cannot read it ({str(fault)[:120]})", DAMAGED) from None
+    take("", file)
+    file.visititems(take)
     known = {key: values.pop() for key, values in bounds.items() if len(values) == 1}
     ends = {a: (known[f"{a}min"], known[f"{a}max"]) for a in "xyzr" if f"{a}min" in known and f"{a}max" in known}
     return arrays, units, ends
@@ -179,10 +206,12 @@ def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool =
         raise ReadError(path, f"variables: {sorted(unknown)[0]!r} is no coordinate", "name x, y, z or r, z")
     axes = axes_of(chosen)
     axisymmetric = axes[:1] == ("r",)
-    if len([axis for axis in axes if axis in chosen]) < 2:
+    if len(known := [axis for axis in axes if axis in chosen]) < 2:
+        lacking = f"only {known[0]} is known, of two coordinates at least" if known else "no coordinates are known"
         raise ReadError(
-            path, f"no coordinates are known (there are: {', '.join(arrays) or 'no arrays'})",
-            "call them x, y, z or r, z, or name them: variables={'x': 'NAME', ...}",
+            path, f"{lacking} (there are: {', '.join(arrays) or 'no arrays'})",
+            "call them x, y, z or r, z, or name them: variables={'x': 'NAME', ...}; a flow along one axis alone needs "
+            "its samples repeated at two places of a second one",
         )  # fmt: skip
     times, arrays, taken = _at_time(path, arrays, chosen, units, time)
     coordinates = [np.asarray(arrays[chosen[axis]], dtype=np.float64) for axis in axes]

@@ -16,11 +16,12 @@ from ..density_field import CellDensity, DensityField
 from ..gas import check_density
 from ..sampled_density import VertexDensity
 from .dataset import Block, Dataset, ReadError, check_points
-from .density import Reference, block_density, choose_density
+from .density import DensityChoice, Reference, block_density, choose_density
 from .formats import load
 from .fractions import Fractions, choose_fractions
 from .frame import Frame, plane_normal
 from .plane import Plane, patch_edges, plane_mesh
+from .wall_values import wall_density
 
 if TYPE_CHECKING:
     from .resampling import Resampling
@@ -42,6 +43,8 @@ class Reading:
         scale: The file's unit of length [m].
         ambient: The density around the field that was asked for [kg/m3], or None.
         said: What was taken, in words.
+        choice: Where its density comes from.
+        reference: What 1 is in it.
         fractions: Mass fractions of the species, or None for one gas.
     """
 
@@ -54,6 +57,8 @@ class Reading:
     scale: float
     ambient: float | None
     said: str
+    choice: DensityChoice
+    reference: Reference
     fractions: Fractions | None = None
 
     def moved(self, points: np.ndarray) -> np.ndarray:
@@ -178,7 +183,7 @@ def reading_of(
 ) -> Reading:
     """What is what in a dataset; `unit` of length [m] or None for the file's own, the rest as in `read`."""
     scale = (dataset.length or 1.0) if unit is None else unit
-    _check_blocks(path, dataset)
+    check_blocks(path, dataset)
     choice = choose_density(path, dataset, density, gas_constant)
     densities = [block_density(path, block, choice, reference, dataset.units) for block in dataset.blocks]
     normal = None
@@ -199,7 +204,7 @@ def reading_of(
     said = choice.described() if fractions is None else f"{choice.described()}; {fractions.said}"
     if unit is None and scale != 1.0:
         said += f"; coordinates in units of {scale:g} m, which the file states"
-    return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said, fractions)
+    return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said, choice, reference, fractions)
 
 
 def field_of(reading: Reading, spacing=None, region=None, walls=None, kept: Kept | None = None) -> DensityField:
@@ -231,9 +236,15 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
     said = [dataset.format, *([f"t = {dataset.time:g}"] if dataset.time is not None else []), reading.said,
             plane_in_words(plane, reading.frame), f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []),
             *dataset.notes]  # fmt: skip
-    kind = CellDensity if where == "cell" else VertexDensity
+    wall = None
+    if where == "cell" and len(dataset.blocks) == 1 and fractions is None:
+        wall = wall_density(path, dataset, plane, reading.choice, reading.reference, names)
+        said += [f"values at {len(wall.density)} points of the walls"] if wall is not None else []
+    provenance = f"{path}: {'; '.join(said)}"
     try:
-        return kind(mesh, density, ambient, body, None, f"{path}: {'; '.join(said)}", composition=composition)
+        if where == "cell":
+            return CellDensity(mesh, density, ambient, body, None, provenance, composition=composition, wall=wall)
+        return VertexDensity(mesh, density, ambient, body, None, provenance, composition=composition)
     except ValueError as fault:
         raise ReadError(path, str(fault), "see what the file holds with `aerokernels fields`") from None
 
@@ -290,7 +301,12 @@ def length_unit_given(unit: str | float | None, reference: Reference) -> float |
     return unit_of_length(unit) * reference.length
 
 
-def _check_blocks(path, dataset: Dataset) -> None:
+def check_blocks(path, dataset: Dataset) -> None:
+    """Refuse blocks whose points have no place, or whose cells do not hang together.
+
+    Raises:
+        ReadError: Which, and what to do.
+    """
     if not dataset.blocks or not any(len(block.points) for block in dataset.blocks):
         raise ReadError(path, "it holds no points", "give a file with a mesh and its arrays")
     for block in dataset.blocks:

@@ -163,6 +163,8 @@ def _block(path: Path | str, data, name: str) -> Block:
     cell_data = _arrays(path, data.GetCellData(), data.GetNumberOfCells())
     ghosts = cell_data.pop("vtkGhostType", None)
     point_ghosts = point_data.pop("vtkGhostType", None)
+    if any(own is not None and own.ndim != 1 for own in (ghosts, point_ghosts)):
+        raise ReadError(path, "its vtkGhostType has several components", DAMAGED)
     blank = None
     if ghosts is not None and (ghosts.astype(int) & (BLANK | HIDDEN | 1)).any():
         blank = (ghosts.astype(int) & (BLANK | HIDDEN | 1)) != 0

@@ -139,8 +139,9 @@ def _opencl_named(device: str | None) -> tuple[str, str, str]:
 def _warp_devices(quick: bool = False, memory: bool = False) -> list[BackendInfo]:
     """Warp's devices. A quick look does without importing Warp where there is no CUDA driver.
 
-    The size of a GPU's memory is told where `memory` asks for it: every trace comes here, and that size takes a context
-    of the driver's, made and destroyed in 0.17 s on an H200 where Warp has none open.
+    The size of a device's memory is told where `memory` asks for it: every trace comes here, and a GPU's takes a
+    context of the driver's, made and destroyed in 0.17 s on an H200 where Warp has none open, a processor's a dozen
+    files of its control groups.
     """
     if importlib.util.find_spec("warp") is None:
         return [_absent("warp", "the package warp-lang is not installed: pip install warp-lang")]

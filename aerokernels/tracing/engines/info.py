@@ -49,10 +49,10 @@ def known_memory() -> int | None:
     return int(memory) if memory < math.inf else None
 
 
-def warp_processor(version: str, reason: str) -> BackendInfo:
-    """Warp's CPU device."""
+def warp_processor(version: str, reason: str, memory: bool = False) -> BackendInfo:
+    """Warp's CPU device; with `memory`, how much of it this process may have."""
     text = f"{core_count()} cores, launches chunked over threads"
-    return BackendInfo("warp", "cpu", text, version, True, True, known_memory(), reason)
+    return BackendInfo("warp", "cpu", text, version, True, True, known_memory() if memory else None, reason)
 
 
 def cuda_driver_loads() -> bool:

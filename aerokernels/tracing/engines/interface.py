@@ -4,7 +4,7 @@ Kernels have the same names and arguments in Warp and in OpenCL (kernel_table.py
 written with these few functions is written once: a bundle in chunks (launch.py), a pupil and its sums (pupil_run.py).
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -48,6 +48,9 @@ class Engine(Protocol):
         Raises:
             ValueError: The device is not there, or too small for the field.
         """
+
+    def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
+        """Arguments of a `Prepared` with other numbers of the struct Control, by name; the former may be changed."""
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> "Prepared":
         """Patches between traced rays made ready for outputs of rays of their family."""
@@ -94,6 +97,18 @@ class Engine(Protocol):
     def get(self, buffer: Any, array: np.ndarray) -> None:
         """Wait for what was launched, and copy the first rows of a buffer into the array."""
 
+    def sent(self, array: np.ndarray) -> "Sent":
+        """A buffer with a copy of an array of numbers, which is sent there again and again."""
+
+    def fetched(self, buffers: Sequence[Any], arrays: Sequence[np.ndarray]) -> "Fetched":
+        """What brings buffers into arrays of the same numbers, together, again and again."""
+
+    def recorded(self) -> Callable[[Callable[[], None]], None]:
+        """What does the same work again and again: launches, `Sent` and `Fetched` on the same buffers each time.
+
+        Where a device takes all of it as one, it gets it so from the second time on.
+        """
+
     def launch(self, kernel: Any, before: list, after: list, count: int) -> Any:
         """Start a kernel over `count` rays, or groups of rays, without waiting for it.
 
@@ -103,6 +118,31 @@ class Engine(Protocol):
 
     def wait(self) -> None:
         """Wait for what was launched."""
+
+
+class Sent(Protocol):
+    """An array on the host and a buffer to which it is sent; see `Engine.sent`.
+
+    Attributes:
+        array: To be written before it is sent, and left alone until what was launched after that has ended.
+        buffer: Where it goes.
+    """
+
+    array: np.ndarray
+    buffer: Any
+
+    def send(self) -> None:
+        """Start to copy it; what is launched from now on finds it there."""
+
+
+class Fetched(Protocol):
+    """Buffers and the arrays that they come to; see `Engine.fetched`."""
+
+    def start(self) -> None:
+        """Start to bring them, as what was launched so far leaves them."""
+
+    def wait(self) -> Sequence[np.ndarray]:
+        """The arrays, once they are there; they hold until the next `start`."""
 
 
 @dataclass(eq=False)
@@ -149,12 +189,20 @@ class Prepared:
                 buffers[name] = rows[alike]
         return buffers
 
+    def tune(self, **numbers: Any) -> None:
+        """Take other numbers of the struct Control from now on."""
+        self.arguments = self.engine.tuned(self.arguments, numbers)
+
     def take_rejected(self) -> int:
         """How many rays the kernel did not hold for since this was last asked."""
         if self.rejected is None:
             return 0
         count = np.zeros(1, np.int32)
         self.engine.get(self.rejected, count)
-        if count[0]:
+        return self.taken(int(count[0]))
+
+    def taken(self, count: int) -> int:
+        """The same of a number that was read: it is counted from 0 again."""
+        if count:
             self.engine.put_into(self.rejected, np.zeros(1, np.int32))
-        return int(count[0])
+        return count

@@ -1,11 +1,16 @@
 """Wavefronts as labelled datasets, for NetCDF files with CF attributes."""
 
+import math
+from dataclasses import fields
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
+from ...pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle
 from ..data import SIGN_CONVENTION, WavefrontMap
+
+PUPILS: dict[str, Any] = {kind.__name__: kind for kind in (Annulus, Disc, Mask, Polygon, Rectangle)}
 
 
 def to_xarray(wavefront: WavefrontMap):
@@ -27,11 +32,11 @@ def to_xarray(wavefront: WavefrontMap):
     }
     if wavefront.direction is not None:
         attributes["direction"] = np.asarray(wavefront.direction)
-    if wavefront.pupil is not None:
-        attributes["pupil"] = type(wavefront.pupil).__name__
-        attributes["pupil_center"], attributes["pupil_normal"] = wavefront.pupil.center, wavefront.pupil.normal
+    shape, numbers = _pupil_numbers(wavefront.pupil)
+    attributes.update(numbers)
     return xarray.Dataset(
         {
+            **shape,
             "opd": (("y", "x"), wavefront.opd, opd),
             "weight": (
                 ("y", "x"),
@@ -60,18 +65,76 @@ def from_xarray(dataset) -> dict[str, Any]:
     if lost:
         raise ValueError(f"the dataset is no wavefront of Wavefront.to_xarray: {', '.join(lost)} is missing")
     attributes = dataset.attrs
-    if attributes["sign_convention"] != SIGN_CONVENTION:
+    if str(attributes["sign_convention"]) != SIGN_CONVENTION:
         raise ValueError(f"the dataset's sign convention is {attributes['sign_convention']!r}, not {SIGN_CONVENTION!r}")
-    error = float(attributes.get("opd_error", np.nan))
+    error = _number(attributes, "opd_error", np.nan)
     return {
-        "opd": np.asarray(dataset["opd"].transpose("y", "x")),
-        "weight": np.asarray(dataset["weight"].transpose("y", "x")),
-        "pixel": float(attributes["pixel"]),
-        "wavelength": float(attributes["wavelength"]),
-        "intensity": np.asarray(dataset["intensity"].transpose("y", "x")) if "intensity" in dataset else None,
-        "radius": float(attributes["radius"]) if "radius" in attributes else None,
-        "blocked": float(attributes.get("blocked", 0.0)),
+        "opd": _map(dataset, "opd"),
+        "weight": _map(dataset, "weight"),
+        "pixel": _number(attributes, "pixel"),
+        "wavelength": _number(attributes, "wavelength"),
+        "intensity": _map(dataset, "intensity") if "intensity" in dataset else None,
+        "radius": _number(attributes, "radius") if "radius" in attributes else None,
+        "blocked": _number(attributes, "blocked", 0.0),
         "removed": tuple(str(attributes.get("removed", "")).split()),
-        "direction": np.asarray(attributes["direction"]) if "direction" in attributes else None,
+        "direction": _numbers(attributes, "direction", (3,)) if "direction" in attributes else None,
+        "pupil": _pupil(dataset),
         "budget": partial(dict, total=error) if np.isfinite(error) else None,
     }
+
+
+def _pupil_numbers(pupil: Pupil | None) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A pupil's numbers as a dataset's variables (arrays of two axes) and attributes (the others, and its kind)."""
+    variables: dict[str, Any] = {}
+    attributes: dict[str, Any] = {}
+    if pupil is not None:
+        attributes["pupil"] = type(pupil).__name__
+        for field in fields(cast(Any, pupil)):
+            value, name = getattr(pupil, field.name), f"pupil_{field.name}"
+            if np.ndim(value) == 2:
+                variables[name] = ((f"{name}_row", f"{name}_column"), value)
+            else:
+                attributes[name] = value
+    return variables, attributes
+
+
+def _pupil(dataset) -> Pupil | None:
+    """The pupil that a dataset was made with; None where it has none, or not all of its numbers."""
+    kind = PUPILS.get(str(dataset.attrs.get("pupil")))
+    if kind is None:
+        return None
+    found = {}
+    for field in fields(kind):
+        name = f"pupil_{field.name}"
+        if name not in dataset and name not in dataset.attrs:
+            return None
+        found[field.name] = np.asarray(dataset[name] if name in dataset else dataset.attrs[name])
+        if found[field.name].ndim < 2 and found[field.name].size == 1:  # files make arrays of lone numbers
+            found[field.name] = found[field.name].item()
+    return kind(**found)
+
+
+def _map(dataset, name: str) -> np.ndarray:
+    """A map [y, x] of a dataset."""
+    own = dataset[name]
+    if set(own.dims) != {"y", "x"} or own.ndim != 2 or own.dtype.kind not in "iuf":
+        axes = ", ".join(map(str, own.dims))
+        raise ValueError(f"the dataset's {name} must be numbers over (y, x), got {own.dtype} over ({axes})")
+    return np.asarray(own.transpose("y", "x"))
+
+
+def _numbers(attributes, name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """An attribute of a dataset that holds so many numbers; NetCDF has one number as a row of one."""
+    value = np.asarray(attributes[name])
+    if value.dtype.kind not in "iuf" or value.size != math.prod(shape):
+        raise ValueError(
+            f"the dataset's attribute {name} must be {'a number' if shape == () else f'{shape[0]} numbers'}, "
+            f"got {str(attributes[name])[:60]!r}"
+        )
+    return value.astype(np.float64).reshape(shape)
+
+
+def _number(attributes, name: str, otherwise: float | None = None) -> float:
+    if name not in attributes and otherwise is not None:
+        return otherwise
+    return float(_numbers(attributes, name, ()))

@@ -130,3 +130,34 @@ def test_conditions_of_a_plane(tmp_path, kind, parts, families, expected):
 def test_walls_of_a_file_that_is_no_hdf5(tmp_path):
     (tmp_path / "a.cgns").write_bytes(b"@(#)ADF Database Version")
     assert cgns_walls.patches(tmp_path / "a.cgns") == ([], ["boundary patches of CGNS files in ADF are not read"])
+
+
+@pytest.mark.parametrize("corner", [0, 10])
+def test_a_corner_that_is_not_there_is_no_other_point(corner, tmp_path):
+    """Set-up: a wall of one edge between nine points, numbered from 1, that ends at point 0 or 10.
+
+    Expected: refused with the patch's name; point 0 was taken for the last one.
+    """
+    x, y = np.meshgrid(np.arange(3.0), np.arange(3.0))
+    parts = [("PointRange", "IndexRange_t", [1, 1])]
+    path = cgns_writer.cgns(
+        tmp_path / "a.cgns", (x.ravel(), y.ravel()), np.ones(9), [("nose", "BCWall", [*parts, ("GridLocation",
+        "GridLocation_t", "EdgeCenter")])], elements=[(3, np.array([[0, corner - 1]]))]
+    )  # fmt: skip
+    with pytest.raises(ValueError, match="'nose' names points that are not there"):
+        cgns_walls.patches(path)
+
+
+def test_elements_that_a_file_only_announces_get_no_room(tmp_path):
+    """Set-up: an ElementRange of 2**31 elements beside four numbers. Expected: refused before 16 GB are asked for."""
+    import h5py
+
+    x, y = np.meshgrid(np.arange(3.0), np.arange(3.0))
+    wall = ("nose", "BCWall", [("PointRange", "IndexRange_t", [1, 2])])
+    path = cgns_writer.cgns(
+        tmp_path / "a.cgns", (x.ravel(), y.ravel()), np.ones(9), [wall], elements=[(3, np.array([[0, 1], [1, 2]]))]
+    )
+    with h5py.File(path, "r+") as file:
+        file["Base/Zone/Elements 1/ElementRange/ data"][...] = [1, 2**31 - 1]
+    with pytest.raises(ValueError, match="announces elements 1 to 2147483647 in 4 numbers"):
+        cgns_walls.patches(path)

@@ -116,6 +116,7 @@ def test_su2_restarts_that_do_not_belong_to_the_mesh(tmp_path):
     ("changes", "variables", "told"),
     [
         ({"x": None, "y": None}, {}, r"no coordinates are known \(there are: rho\)"),
+        ({"y": None}, {}, r"only x is known, of two coordinates at least \(there are: x, rho\)"),
         ({}, {"x": "width"}, "there is no array 'width': take one of x, y, rho|there is no array 'width'"),
         ({}, {"phi": "x"}, "variables: 'phi' is no coordinate"),
         ({"x": np.ones((3, 2))}, {}, "coordinates have shapes"),
@@ -128,6 +129,13 @@ def test_arrays_by_name(tmp_path, changes, variables, told):
     np.savez(path, **{name: array for name, array in {**ARRAYS, **changes}.items() if array is not None})
     with pytest.raises(ReadError, match=told):
         named_arrays.read(path, None, {"variables": variables})
+
+
+def test_a_file_of_objects_says_that_they_are_not_unpickled(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, rho=np.array({"x": [0.0, 1.0]}, dtype=object))
+    with pytest.raises(ReadError, match="objects of Python alone, which are never unpickled"):
+        named_arrays.read(path, None, {})
     np.savez(path, **{**ARRAYS, "rho": np.ones((2, 3))})  # as C programs have it: z, y, x
     assert named_arrays.read(path).blocks[0].point_data["rho"].shape == (6,)
     path.write_bytes(path.read_bytes()[:100])

@@ -184,8 +184,7 @@ def _open(found: FoundDevice) -> Session:
     cl = import_pyopencl()
     try:
         context = cl.Context([found.device])
-        clocked = cl.command_queue_properties.PROFILING_ENABLE
-        queue = cl.CommandQueue(context, found.device, properties=clocked)
+        queue = cl.CommandQueue(context, found.device)
     except cl.Error as error:
         raise OpenCLUnavailable(
             f"OpenCL device {found.info.device!r} is listed but does not open ({error}): is it in use, or its "

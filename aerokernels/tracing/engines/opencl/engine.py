@@ -1,9 +1,7 @@
 """The OpenCL engine: fields uploaded once, kernels built for what they are to do, launches in order."""
 
-import dataclasses
 import weakref
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,11 +18,12 @@ from ...plan import TracePlan
 from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
 from ..interface import GRID_TABLES, Prepared
 from ..layout import REAL_TYPES, Value, arrays_of
-from .arguments import by_value, pack
+from .arguments import Kernel, pack
 from .devices import session
 from .launchers import give_back, take_kernel
 from .program import WORK_GROUP, build, build_options, lane_count
 from .tables import cell_polynomials, may_be_packed
+from .transfers import Fetched, Sent
 
 # On a GPU, numbers below 1e-38 are zero: roots and quotients then take fewer instructions.
 FLUSH = "-cl-denorms-are-zero"
@@ -34,43 +33,10 @@ POOLED = 1 << 28
 PACKETS = 2
 # Equal rows that are copied to the device as they are.
 REPEATED = 1 << 12
-# Where the coefficients stand among the arguments: behind the structs Field, Bounds and Control.
-FIRST_ARRAY = 3
+# Where Control and the coefficients stand among the arguments: behind the structs Field and Bounds.
+CONTROL, FIRST_ARRAY = 2, 3
 # Kernels of a pupil: work-items that each of what it is launched over takes.
 PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "reduce_sums": 1}
-
-
-@dataclass(frozen=True, eq=False)
-class Kernel:
-    """A kernel object, which belongs to one caller: its arguments are set one by one.
-
-    Attributes:
-        kernel: PyOpenCL's.
-        lanes: Rays that a work-item moves.
-        items: Work-items that one of what it is launched over takes.
-        given: The arguments of its last launch: those that are the same need not be set again.
-    """
-
-    kernel: Any
-    lanes: int = 1
-    items: int = 1
-    given: list = dataclasses.field(default_factory=list)
-
-    def set(self, arguments: list) -> None:
-        """Set those of the arguments that are not what they were.
-
-        One by one: calling the kernel would go through PyOpenCL's launchers, which it keeps on disk, and which a
-        damaged disk makes unusable.
-        """
-        known = self.given if len(self.given) == len(arguments) else [None] * len(arguments)
-        for number, (new, old) in enumerate(zip(arguments, known, strict=True)):
-            if new is not old and not (type(new) is type(old) and isinstance(new, (int, float)) and new == old):
-                self.kernel.set_arg(number, by_value(new))
-        self.given[:] = arguments
-
-    def size(self, count: int) -> tuple[int]:
-        """Work-items of a launch: whole work-groups, at least one; the kernel itself knows where to stop."""
-        return (max(1, -(-(-(-count // self.lanes) * self.items) // WORK_GROUP)) * WORK_GROUP,)
 
 
 class Engine:
@@ -155,6 +121,13 @@ class Engine:
             *self._upload(field, data, plan.precision, plan.method == "paper", packs),
             *self._tables(field, plan.precision, tables),
         ]
+
+    def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
+        """A new struct, which the kernel is given when it is launched next."""
+        control = arguments[CONTROL].copy()
+        for name, value in numbers.items():
+            control[name] = value
+        return [*arguments[:CONTROL], control, *arguments[CONTROL + 1 :]]
 
     def _tables(self, field: IndexField, precision: str, tables: dict) -> list:
         """Buffers of the arrays of Control; of a field without such tables they are kept."""
@@ -259,6 +232,18 @@ class Engine:
         """Wait for what was launched, and copy the first rows of a buffer into the array."""
         if array.nbytes:
             cl.enqueue_copy(self.session.queue, array, buffer, is_blocking=True)
+
+    def sent(self, array: np.ndarray) -> "Sent":
+        """See interface.py."""
+        return Sent(self.session.queue if self.is_gpu else None, array, self.share(array))
+
+    def fetched(self, buffers: Sequence[Any], arrays: Sequence[np.ndarray]) -> "Fetched":
+        """See interface.py."""
+        return Fetched(self.session.queue, buffers, arrays, self._memory)
+
+    def recorded(self) -> Callable[[Callable[[], None]], None]:
+        """What does the work as it is."""
+        return lambda work: work()
 
     def launch(self, kernel: Kernel, before: list, after: list, count: int):
         """Start a kernel over all rays, or groups of rays; returns its event."""

@@ -50,7 +50,8 @@ def types() -> list[str]:
         if values_of(name):
             lines += _struct(name, [_member(member, name in GIVEN) for member in values_of(name)])
     given = [member for name in GIVEN for member in arrays_of(name)]
-    lines += _struct("Arrays", [_member(member, True) for member in given])
+    desk = ["#if DESKS", "    __local float4 *desk;  // of a warp, see cubes.h", "#endif"]
+    lines += _struct("Arrays", [*(_member(member, True) for member in given), *desk])
     lines += _struct("RayOutputs", [_member(member, False) for member in STRUCTS["RayOutputs"]])
     return lines
 

@@ -7,7 +7,7 @@ from ..info import NO_CUDA, BackendInfo, warp_processor
 
 
 def list_devices(memory: bool = False) -> list[BackendInfo]:
-    """Warp's devices, a CUDA device first where there is one; with `memory`, how much of it a GPU has."""
+    """Warp's devices, a CUDA device first where there is one; with `memory`, how much of it each has."""
     start_warp()
     version, found = wp.__version__, []
     for device in wp.get_devices():
@@ -16,5 +16,5 @@ def list_devices(memory: bool = False) -> list[BackendInfo]:
             found.append(BackendInfo("warp", device.alias, device.name, version, True, True, size, reason))
         else:
             reason = "a GPU goes before it" if wp.is_cuda_available() else NO_CUDA
-            found.append(warp_processor(version, reason))
+            found.append(warp_processor(version, reason, memory))
     return sorted(found, key=lambda info: info.device == "cpu")

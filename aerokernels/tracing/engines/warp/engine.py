@@ -1,6 +1,6 @@
 """The Warp engine: fields uploaded once, launches over all cores of a CPU or on a GPU."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from operator import is_
 from typing import Any
@@ -27,11 +27,15 @@ from ..layout import STRUCTS, Value, arrays_of
 from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
+from .kernels.team import WARP
 from .kernels.trace import build_kernel
 from .library import library_of
 from .loading import load_module
+from .transfers import Fetched, Recorded, Sent
 from .types import types
 
+# Kernels of which a GPU's warp takes one group of rays.
+SHARED = (pupil.sum_moments, pupil.sum_phasors)
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
 CHUNK = 4096
 # The share of the device's memory that one result may keep, and the rays that come to a GPU chunk by chunk.
@@ -104,6 +108,12 @@ class Engine:
             _filled("Bounds", data.bounds | bounds, plan.precision),
             _filled("Control", data.control | control | blocks | bound_arrays, plan.precision),
         ]
+
+    def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
+        """The same structs, of which the last one is changed."""
+        for name, value in numbers.items():
+            setattr(arguments[-1], name, value)
+        return arguments
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
         """Patches between traced rays made ready for outputs of rays of their family."""
@@ -188,12 +198,25 @@ class Engine:
         """Wait for what was launched, and copy the first rows of a buffer into the array."""
         array[...] = buffer[: len(array)].numpy() if len(array) < len(buffer) else buffer.numpy()
 
+    def sent(self, array: np.ndarray) -> Sent:
+        """See interface.py."""
+        return Sent(array, self.share(array))
+
+    def fetched(self, buffers: Sequence[wp.array], arrays: Sequence[np.ndarray]) -> Fetched:
+        """See interface.py."""
+        return Fetched(buffers, arrays)
+
+    def recorded(self) -> Callable[[Callable[[], None]], None]:
+        """What makes a graph of CUDA of the work; on the CPU what does it as it is."""
+        return Recorded(self.device) if self.is_gpu else lambda work: work()
+
     def launch(self, kernel, before: list, after: list, count: int) -> None:
         """Run a kernel over all rays: one launch on a GPU, not waited for; chunks over host threads on the CPU."""
         before = [wp.vec3d(*value) if isinstance(value, np.ndarray) else value for value in before]
         after = [self._outputs(value) if isinstance(value, dict) else value for value in after]
         if self.device != "cpu":
-            wp.launch(kernel, dim=count, inputs=[*before, 0, *after], device=self.device)
+            threads = WARP if kernel in SHARED else 1
+            wp.launch(kernel, dim=threads * count, inputs=[*before, 0, *after], device=self.device)
             return
 
         def run(first: int) -> None:

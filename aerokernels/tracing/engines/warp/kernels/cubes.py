@@ -5,21 +5,57 @@ import warp as wp
 from ....scheme import CUBE_ROW, CUBE_SIDE
 from ..library import KernelLibrary, built_once
 
-# Sixteen bytes at once: a GPU that loads their numbers one by one is slower by them than by the spline.
-FOUR_NUMBERS = """
+# A GPU looks at each line that a warp's load touches: four neighbours load one row after the other together, sixteen
+# bytes each; each thread then takes its own row from the desk of its warp (kernels/include/cubes.h). Only whole warps
+# do, in blocks of Warp's size; rows of five fours, of which the last is spare, lie in different banks of memory.
+ROW_OF_CUBE = """
+    wp::vec_t<16, wp::float32> row;
 #if defined(__CUDA_ARCH__)
-    const float4 four = __ldg(reinterpret_cast<const float4 *>(numbers.data + at));
-    return wp::vec_t<4, wp::float32>(four.x, four.y, four.z, four.w);
+    __shared__ float4 desks[256 * 5];
+    float4 fours[4];
+    if (__activemask() == 0xffffffffu && blockDim.x <= 256) {
+        const int thread = threadIdx.x & 31, quarter = thread & 3, first = thread & ~3;
+        float4 *desk = desks + (threadIdx.x & ~31) * 5;
+#pragma unroll
+        for (int k = 0; k < 4; k++) {
+            const int start = __shfl_sync(0xffffffffu, at, first + k);
+            fours[k] = __ldg(reinterpret_cast<const float4 *>(numbers.data + start) + quarter);
+        }
+        __syncwarp();  // nobody reads the rows before these any more
+#pragma unroll
+        for (int k = 0; k < 4; k++) {
+            desk[5 * (first + k) + quarter] = fours[k];
+        }
+        __syncwarp();
+#pragma unroll
+        for (int k = 0; k < 4; k++) {
+            fours[k] = desk[5 * thread + k];
+        }
+    } else {
+#pragma unroll
+        for (int k = 0; k < 4; k++) {
+            fours[k] = __ldg(reinterpret_cast<const float4 *>(numbers.data + at) + k);
+        }
+    }
+#pragma unroll
+    for (int k = 0; k < 4; k++) {
+        row[4 * k] = fours[k].x;
+        row[4 * k + 1] = fours[k].y;
+        row[4 * k + 2] = fours[k].z;
+        row[4 * k + 3] = fours[k].w;
+    }
 #else
-    const wp::float32 *four = numbers.data + at;
-    return wp::vec_t<4, wp::float32>(four[0], four[1], four[2], four[3]);
+    for (int k = 0; k < 16; k++) {
+        row[k] = numbers.data[at + k];
+    }
 #endif
+    return row;
 """
 
 
-@wp.func_native(FOUR_NUMBERS)
-def four_numbers(numbers: wp.array(dtype=wp.float32), at: int) -> wp.types.vector(4, wp.float32):
-    """Four neighbouring numbers of an array, from a multiple of four on."""
+@wp.func_native(ROW_OF_CUBE)
+def row_of_cube(numbers: wp.array(dtype=wp.float32), at: int) -> wp.types.vector(CUBE_ROW, wp.float32):
+    """The numbers of a cube's polynomial, which begin at a place of the table."""
     ...
 
 
@@ -57,25 +93,22 @@ def build_cube_sample(library: KernelLibrary):
         j, v = cube_of(place[1], field.row[1])
         k, w = cube_of(place[2], field.row[2])
         at = row * ((i * (field.row[1] // side + 1) + j) * (field.row[2] // side + 1) + k)
-        r0 = four_numbers(field.coefficients, at)
-        r1 = four_numbers(field.coefficients, at + 4)
-        r2 = four_numbers(field.coefficients, at + 8)
-        r3 = four_numbers(field.coefficients, at + 12)
+        r = row_of_cube(field.coefficients, at)
         two, three = number(2.0), number(3.0)
-        q1, q2, q4, q5, q7 = r0[1], r0[2], r1[0], r1[1], r1[3]
-        p0, p1, p2, p3, p4, p5 = r2[2], r2[3], r3[0], r3[1], r3[2], r3[3]
+        q1, q2, q4, q5, q7 = r[1], r[2], r[4], r[5], r[7]
+        p0, p1, p2, p3, p4, p5 = r[10], r[11], r[12], r[13], r[14], r[15]
         t0, t1, t2, t3, t4 = lower_number(p0), upper_number(p0), lower_number(p1), upper_number(p1), lower_number(p2)
         t5, t6, t7, t8, t9 = upper_number(p2), lower_number(p3), upper_number(p3), lower_number(p4), upper_number(p4)
-        a1 = (t1 * u + q4) * u + r0[3]
+        a1 = (t1 * u + q4) * u + r[3]
         a2 = t2 * u + q5
-        a = ((t3 * v + a2) * v + a1) * v + ((t0 * u + q2) * u + q1) * u + r0[0]
+        a = ((t3 * v + a2) * v + a1) * v + ((t0 * u + q2) * u + q1) * u + r[0]
         a_u = (t2 * v + two * t1 * u + q4) * v + (three * t0 * u + two * q2) * u + q1
         a_v = (three * t3 * v + two * a2) * v + a1
-        b1 = t5 * u + r2[0]
-        b = (t6 * v + b1) * v + (t4 * u + q7) * u + r1[2]
+        b1 = t5 * u + r[8]
+        b = (t6 * v + b1) * v + (t4 * u + q7) * u + r[6]
         b_u = t5 * v + two * t4 * u + q7
         b_v = two * t6 * v + b1
-        d = t8 * v + t7 * u + r2[1]
+        d = t8 * v + t7 * u + r[9]
         rate = number(per_cell) * field.inverse_spacing
         potential = vec4(
             ((t9 * w + d) * w + b) * w + a,

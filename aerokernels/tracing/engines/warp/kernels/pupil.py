@@ -12,6 +12,7 @@ from ....pupil_sums import MOMENT_COUNT, SUM_COUNT
 from ....scheme import GROUP, HASHES, REDUCTION_WIDTH
 from ....status import RayStatus
 from ..types import takes
+from .team import greatest_of_team, place_in_team, sum_of_team, team_size
 
 # Constants of 32 bits are typed here: a literal inside a kernel would pass through a signed integer.
 _HASH_1 = wp.constant(wp.uint32(HASHES[0]))
@@ -173,7 +174,7 @@ def sum_moments(
     sums_out,
 ):
     """Moments of one group of rays, those that arrived."""
-    group = wp.tid() + first_group
+    group = wp.tid() // team_size() + first_group
     begin, stop = group_span(group, per_replicate)
     count = wp.float64(0.0)
     sx = wp.float64(0.0)
@@ -191,7 +192,7 @@ def sum_moments(
     sqw = wp.float64(0.0)
     worst = wp.float64(0.0)
     looked = wp.float64(0.0)
-    for ray in range(begin, stop):
+    for ray in range(begin + place_in_team(), stop, team_size()):
         looked += wp.float64(evaluation_count_in[ray])
         if has_arrived(status_in[ray]):
             p = pupil_in[ray]
@@ -213,22 +214,39 @@ def sum_moments(
             sqq += share * q * q
             sqw += share * q * w
             worst = wp.max(worst, step_error_in[ray])
-    sums_out[group * _SUMS + 0] = count
-    sums_out[group * _SUMS + 1] = sx
-    sums_out[group * _SUMS + 2] = sy
-    sums_out[group * _SUMS + 3] = sw
-    sums_out[group * _SUMS + 4] = sxx
-    sums_out[group * _SUMS + 5] = sxy
-    sums_out[group * _SUMS + 6] = syy
-    sums_out[group * _SUMS + 7] = sxw
-    sums_out[group * _SUMS + 8] = syw
-    sums_out[group * _SUMS + 9] = sww
-    sums_out[group * _SUMS + 10] = worst
-    sums_out[group * _SUMS + 11] = looked
-    sums_out[group * _SUMS + 12] = sxq
-    sums_out[group * _SUMS + 13] = syq
-    sums_out[group * _SUMS + 14] = sqq
-    sums_out[group * _SUMS + 15] = sqw
+    count = sum_of_team(count)
+    sx = sum_of_team(sx)
+    sy = sum_of_team(sy)
+    sw = sum_of_team(sw)
+    sxx = sum_of_team(sxx)
+    sxy = sum_of_team(sxy)
+    syy = sum_of_team(syy)
+    sxw = sum_of_team(sxw)
+    syw = sum_of_team(syw)
+    sww = sum_of_team(sww)
+    worst = greatest_of_team(worst)
+    looked = sum_of_team(looked)
+    sxq = sum_of_team(sxq)
+    syq = sum_of_team(syq)
+    sqq = sum_of_team(sqq)
+    sqw = sum_of_team(sqw)
+    if place_in_team() == 0:
+        sums_out[group * _SUMS + 0] = count
+        sums_out[group * _SUMS + 1] = sx
+        sums_out[group * _SUMS + 2] = sy
+        sums_out[group * _SUMS + 3] = sw
+        sums_out[group * _SUMS + 4] = sxx
+        sums_out[group * _SUMS + 5] = sxy
+        sums_out[group * _SUMS + 6] = syy
+        sums_out[group * _SUMS + 7] = sxw
+        sums_out[group * _SUMS + 8] = syw
+        sums_out[group * _SUMS + 9] = sww
+        sums_out[group * _SUMS + 10] = worst
+        sums_out[group * _SUMS + 11] = looked
+        sums_out[group * _SUMS + 12] = sxq
+        sums_out[group * _SUMS + 13] = syq
+        sums_out[group * _SUMS + 14] = sqq
+        sums_out[group * _SUMS + 15] = sqw
 
 
 @wp.kernel(enable_backward=False)
@@ -247,17 +265,20 @@ def sum_phasors(
     sums_out,
 ):
     """Sum of exp(i k (OPD - surface)) over one group of rays, those that arrived."""
-    group = wp.tid() + first_group
+    group = wp.tid() // team_size() + first_group
     begin, stop = group_span(group, per_replicate)
     total = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
-    for ray in range(begin, stop):
+    for ray in range(begin + place_in_team(), stop, team_size()):
         if has_arrived(status_in[ray]):
             p = pupil_in[ray]
             surface = plane[0] + plane[1] * p[0] + plane[2] * p[1] + focus * (p[0] * p[0] + p[1] * p[1])
             phase = wave_number * (opd_in[ray] - surface)
             total += weight_of(weight_count, weight_in, ray) * wp.vec2d(wp.cos(phase), wp.sin(phase))
-    sums_out[group * _SUMS + _MOMENTS] = total[0]
-    sums_out[group * _SUMS + _MOMENTS + 1] = total[1]
+    real_part = sum_of_team(total[0])
+    imaginary_part = sum_of_team(total[1])
+    if place_in_team() == 0:
+        sums_out[group * _SUMS + _MOMENTS] = real_part
+        sums_out[group * _SUMS + _MOMENTS + 1] = imaginary_part
 
 
 @wp.kernel(enable_backward=False)

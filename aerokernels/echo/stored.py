@@ -1,0 +1,39 @@
+"""The simulated echo in the result.nc of a run, read back."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..netcdf_reading import told_of
+
+if TYPE_CHECKING:
+    import xarray
+
+LEAST_SAMPLES = 2
+
+
+def echo_of_result(path: Path, result: "xarray.Dataset") -> tuple[np.ndarray, np.ndarray]:
+    """Times [s] and voltages [V] of the echo in a result, both of shape (n,).
+
+    Args:
+        path: Its file, for messages.
+        result: What it holds, times as numbers.
+
+    Raises:
+        ValueError: It holds none, or one whose times do not increase, or that is not finite; names the file.
+    """
+    if not {"time", "echo_voltage"} <= set(result.variables) or not (
+        result["echo_voltage"].dims == result["time"].dims == result["time"].dims[:1] != ()
+    ):
+        raise ValueError(f"result {path}: holds no 'echo_voltage' over 'time'; give the result.nc of a run")
+    with told_of(path):
+        time, voltage = (result[name].values for name in ("time", "echo_voltage"))
+    if not (time.dtype.kind in "iuf" and voltage.dtype.kind in "iuf" and time.size >= LEAST_SAMPLES):
+        raise ValueError(f"result {path}: its 'time' and 'echo_voltage' are no rows of numbers; run it again")
+    time, voltage = time.astype(np.float64), voltage.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        increasing = bool((np.diff(time) > 0.0).all())
+    if not (increasing and np.isfinite(time).all() and np.isfinite(voltage).all()):
+        raise ValueError(f"result {path}: its echo is not finite at times that increase; run it again")
+    return time, voltage

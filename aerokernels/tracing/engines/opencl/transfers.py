@@ -1,0 +1,50 @@
+"""Copies to and from an OpenCL device that are made again and again, without waiting where none is needed."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+
+
+@dataclass(frozen=True, eq=False)
+class Sent:
+    """An array and its buffer, which lie in the same memory where there is no queue; see interface.py."""
+
+    queue: Any
+    array: np.ndarray
+    buffer: Any
+
+    def send(self) -> None:
+        """Start to copy it: the queue is in order."""
+        if self.queue is not None:
+            cl.enqueue_copy(self.queue, self.buffer, self.array, is_blocking=False)
+
+
+class Fetched:
+    """Buffers and their arrays, which are read as one; see interface.py."""
+
+    def __init__(self, queue: Any, buffers: Sequence[Any], arrays: Sequence[np.ndarray], empty: Callable[[int], Any]):
+        """`empty` makes the buffer of so many bytes in which the others are put side by side."""
+        self.queue, self.buffers = queue, buffers
+        sizes = [array.nbytes for array in arrays]
+        self.starts = [-(-sum(sizes[:number]) // 8) * 8 for number in range(len(sizes))]
+        self.bytes = np.zeros(self.starts[-1] + sizes[-1], np.uint8)
+        self.joined = buffers[0] if len(buffers) == 1 else empty(len(self.bytes))
+        self.arrays = [
+            self.bytes[start : start + array.nbytes].view(array.dtype).reshape(array.shape)
+            for start, array in zip(self.starts, arrays, strict=True)
+        ]
+
+    def start(self) -> None:
+        """Put them side by side: to read each on its own, the driver waits for the device each time."""
+        if self.joined is self.buffers[0]:
+            return
+        for buffer, start, array in zip(self.buffers, self.starts, self.arrays, strict=True):
+            cl.enqueue_copy(self.queue, self.joined, buffer, byte_count=array.nbytes, src_offset=0, dst_offset=start)
+
+    def wait(self) -> Sequence[np.ndarray]:
+        """The arrays."""
+        cl.enqueue_copy(self.queue, self.bytes, self.joined, is_blocking=True)
+        return self.arrays

@@ -1,0 +1,125 @@
+"""The verdict of a wave: it goes through as few slabs of a field, on as coarse a window, as the question allows.
+
+The finest phase that matters sets the pixels, and diffraction.py doubles the slabs until the answer is known.
+"""
+
+import math
+
+import numpy as np
+
+from ..medium import IndexField
+from ..pupils import Pupil
+from .diffraction import Ways, window_of
+from .layers import span_of
+from .screens import WINDOW, crossings_of, fast_size, spread_along
+from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
+from .slabs import FINEST, LookingAlong, Slabs, slabs_of
+from .verdict import Validity
+
+# Phase [rad rms] that may be left out of what counts as the finest, and lines either way on which that is looked for.
+UNSEEN, FEATURE_LINES = 0.03, 16
+# The window of one column, where nothing varies along x, over the pupil; pixels to the finest half period, and in all
+# at least; of one column, at least and at most; lines across that tell where along the way light is disturbed.
+COLUMN_WINDOW, PER_FEATURE, LEAST_PIXELS, COLUMN_PIXELS, SLAB_LINES = 2.0, 4.0, 48, (256, 512), 16
+# Rays are straight where they come near their foci (screens.py) over more than this share of the pupil.
+GREATEST_SHARE = 0.1
+
+
+def by_waves(field: IndexField, pupil: Pupil, wavelength: float, feature: float | None, limit: float) -> Validity:
+    """The verdict of a wave through slabs of the field, see diffraction.py; a finest phase of None is looked for."""
+    reach = max(pupil.half_extent)
+    # In a planar field seen across its axis nothing varies along the first axis.
+    flat = field.geometry == "planar" and abs(float(pupil.normal[0])) < 1e-15
+    clear, half = is_clear(field, pupil, pupil.normal, wavelength), (COLUMN_WINDOW if flat else WINDOW) * reach
+    if not clear:
+        half = max(half, reach + fringes(field, wavelength))
+    look = LookingAlong(pupil.center, pupil.normal, pupil.axes, half)
+    begin, end = span_of(field, look.center, look.normal, look.axes, *(2 * [(-look.half, look.half)]))
+    slabs: Slabs = (
+        slabs_of(field, look, begin, end, wavelength) if clear else SlabsPastBody(field, look, begin, end, wavelength)
+    )
+    if feature is None:
+        window = window_of(pupil, reach, COLUMN_PIXELS[1] if flat else 2 * slabs.most_pixels // 3, flat)
+        path = slabs.taken(window.x, window.y, 1)[0]
+        _, passes = shadow_of(slabs, window, wavelength, end)
+        feature = finest_feature(np.where(passes, path, np.nan), window.pixel, wavelength)
+    least, most = COLUMN_PIXELS if flat else (LEAST_PIXELS, slabs.most_pixels)
+    # Fringes of a rim are as fine as the pixels allow.
+    pixels = fast_size(math.ceil(np.clip(2.0 * look.half * PER_FEATURE / feature, least, most))) if clear else most
+    window = window_of(pupil, look.half, pixels, flat)
+    distance = _slabs_length(slabs, pupil, flat)
+    shadow, passes = shadow_of(slabs, window, wavelength, end)
+    path = slabs.taken(window.x, window.y, 1)[0]
+    crossings = crossings_of(path, window.pixel, window.amplitude * passes, distance)
+    ways = Ways(
+        window=window,
+        slabs=slabs,
+        passes=passes,
+        before=slabs.first,
+        after=end - slabs.last,
+        wavelength=wavelength,
+        ambient_index=field.ambient_index,
+        straight=crossings.near > GREATEST_SHARE,
+    )
+    return Validity(
+        strehl_change=ways.change(limit),
+        feature=feature,
+        distance=distance,
+        fresnel_number=fresnel_number(feature, wavelength, distance),
+        crossed_share=crossings.crossed,
+        curvature=crossings.curvature,
+        limit=limit,
+        blocked=shadow.blocked,
+        rim_fresnel_number=shadow.fresnel_number,
+    )
+
+
+def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
+    """The disturbed length [m], by lines through the slabs; of a flat one, which are alike along x, by one row."""
+    place = max(pupil.half_extent) * (2.0 * (np.arange(SLAB_LINES) + 0.5) / SLAB_LINES - 1.0)
+    lit = pupil.transmission(*np.meshgrid(place, place)) > 0.0
+    across = np.zeros(1) if flat else place
+    if flat:
+        lit = lit.any(axis=1, keepdims=True)
+    opaque = slabs.opaque(across, place, FINEST)
+    if opaque is not None and (lit & ~opaque.any(axis=0)).any():
+        lit &= ~opaque.any(axis=0)
+    return spread_along(slabs.spread(across, place)[:, lit], slabs.last - slabs.first)
+
+
+def finest_feature(path: np.ndarray, pixel: float, wavelength: float) -> float:
+    """Half period of the finest phase [m] that holds UNSEEN rad of paths [m], NaN outside the pupil; infinite if none.
+
+    By second differences at growing distance, which no tilt touches and no edge of the pupil: a component of period p
+    holds its whole at a distance of p / 2.
+    """
+    count, wave_number = len(path), 2.0 * np.pi / wavelength
+    # Some lines either way say what all of them do: columns and, of a map of more than one, rows.
+    part = slice(None, None, max(1, count // FEATURE_LINES))
+    ways = [path.T[part], path[part]] if path.shape[0] == path.shape[1] else [path.T[part]]
+    lines = np.stack(ways)
+    for stride in (2**power for power in range(int(np.log2(max(count // 2, 1))) + 1)):
+        # Of a coarse difference every second part of it is looked at: the rest says the same.
+        step = max(1, stride // 2)
+        squares = _mean_squares(lines[..., ::step], stride // step)
+        # Of a component that is sampled at its extremes the second difference is four times the amplitude.
+        if wave_number * math.sqrt(squares / 8.0) > 2.0 * UNSEEN:
+            return stride * pixel
+    return float("inf")
+
+
+def _mean_squares(lines: np.ndarray, stride: int) -> float:
+    """Mean squares of second differences along lines (ways, lines, n) at a distance of so many pixels, their sum."""
+    second = lines[..., 2 * stride :] + lines[..., : -2 * stride]
+    second -= 2.0 * lines[..., stride:-stride]
+    total = 0.0
+    for own in second:
+        known = own[np.isfinite(own)]
+        if len(known):
+            total += float(np.einsum("i,i->", known, known)) / len(known)  # no BLAS: its threads take longer than that
+    return total
+
+
+def fresnel_number(feature: float, wavelength: float, distance: float) -> float:
+    """Of a feature [m] over a distance [m]; infinite where nothing is disturbed."""
+    return feature**2 / (wavelength * distance) if distance > 0.0 else float("inf")
