@@ -63,16 +63,16 @@ def check_share(value: float, name: str) -> float:
     return number
 
 
-def check_tilt(value: float, name: str = "tilt") -> float:
-    """Return `value` as a float in (-pi/2, pi/2) [rad].
+def check_tilt(value: float) -> float:
+    """Return a tilt as a float in (-pi/2, pi/2) [rad].
 
     Raises:
         ValueError: It lies outside.
         TypeError: It is no number.
     """
-    number = _as_number(value, name)
+    number = _as_number(value, "tilt")
     if not abs(number) < 0.5 * math.pi:
-        raise ValueError(f"{name} must lie between -pi/2 and pi/2 rad (not degrees), got {value!r}")
+        raise ValueError(f"tilt must lie between -pi/2 and pi/2 rad (not degrees), got {value!r}")
     return number
 
 

@@ -5,6 +5,11 @@ import re
 _HIDDEN = re.compile(r"[^\n -~]")
 
 
+def cut(text: str, most: int = 60) -> str:
+    """A text of that many characters at most, with dots in place of the rest."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
 def plain(text: str) -> str:
     """A text without control characters, but for line ends and tabs: others by their numbers."""
     return _HIDDEN.sub(lambda found: found[0] if found[0] == "\t" or found[0].isprintable() else _code(found[0]), text)

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .arguments import units_in
+from .plain_text import cut
 
 C = TypeVar("C", bound=type)
 MOST_NUMBERS = 4  # of an array that are written out
@@ -41,13 +42,14 @@ def described(value: Any) -> str:
     """One value in a line: an array by its shape and range, an object of fields by its class."""
     if isinstance(value, np.ndarray):
         if value.size <= MOST_NUMBERS or value.dtype.kind not in "fiub":
-            return _short(" ".join(np.array2string(value, precision=6, separator=", ", threshold=20).split()))
+            text = np.array2string(value, precision=6, separator=", ", threshold=20)
+            return cut(" ".join(text.split()), MOST_TEXT)
         finite = value[np.isfinite(value)]
         span = f", {finite.min():.6g} to {finite.max():.6g}" if finite.size else ", none finite"
         return f"{' x '.join(map(str, value.shape))}{span}"
     if dataclasses.is_dataclass(value):
         return type(value).__name__
-    return f"{value:.9g}" if isinstance(value, float) else _short(" ".join(repr(value).split()))
+    return f"{value:.9g}" if isinstance(value, float) else cut(" ".join(repr(value).split()), MOST_TEXT)
 
 
 def drawn_on(axes: Any) -> Any:
@@ -66,10 +68,6 @@ def extent_of(x: Any, y: Any) -> tuple[float, float, float, float]:
         half = 0.5 * float(middles[-1] - middles[0]) / max(len(middles) - 1, 1)
         ends += [float(middles[0]) - half, float(middles[-1]) + half]
     return ends[0], ends[1], ends[2], ends[3]
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT - 3]}..."
 
 
 def _as_html(thing: Any) -> str:

@@ -1,7 +1,7 @@
 """How long kernels take on a GPU without what a call adds: many launches in a row, and new seeds of a Strehl ratio.
 
 A million rays of the bundles of `aerokernels bench bundles`, every ray traced: the kernel stage of a call, one launch
-that is waited for, and ten in a row, with results on the device; Dr.Jit's 32 steps beside them where it is installed.
+that is waited for, and ten in a row, with results on the device; a launch of Dr.Jit's 32 steps beside them where it is installed.
 Then 2,304 rays of a disc in the cone scene, everything made ready: a new seed, and the kernels' part of it. Wall time
 [ms], medians.
 """
@@ -53,26 +53,13 @@ def launches(field: Any, rays: RayBundle, plan: TracePlan, until: Any, repeats: 
     return median(lambda: run(1), repeats), median(lambda: run(IN_A_ROW), repeats) / IN_A_ROW
 
 
-def drjit_launches(rays: RayBundle, repeats: int) -> tuple[float, float]:
-    """The same of Dr.Jit's last scheme, its own clock for one launch."""
-    import drjit
+def drjit_launch(rays: RayBundle, repeats: int) -> float:
+    """One launch of Dr.Jit's scheme of 32 steps that is waited for, by its own clock [ms]."""
+    from aerokernels.benchmark.peers import drjit_schemes
 
-    from aerokernels.benchmark.bundle_peer import drjit_runs
-
-    *_, run = drjit_runs(rays, repeats)
-    wait, ends = drjit.sync_thread, []
-
-    def first_and_last() -> None:  # of each scheme's one launch and IN_A_ROW after it
-        if len(ends) % (IN_A_ROW + 1) in (0, IN_A_ROW):
-            wait()
-        ends.append(time.perf_counter())
-
-    drjit.sync_thread = first_and_last
-    try:
-        list(drjit_runs(rays, IN_A_ROW))
-    finally:
-        drjit.sync_thread = wait
-    return 1e3 * float(np.median(run.seconds)), 1e3 * (ends[-1] - ends[-1 - IN_A_ROW]) / IN_A_ROW
+    *_, scheme = drjit_schemes(cone_field(), rays, (32,))
+    scheme.run()  # compiles
+    return 1e3 * float(np.median([scheme.run().seconds for _ in range(repeats)]))
 
 
 def main() -> None:
@@ -95,8 +82,7 @@ def main() -> None:
             one, many = launches(field, rays, found[-1].plan, scene.until, given.repeats)
             rows.append([kind, str(target["backend"]), f"{stage:.3f}", f"{one:.3f}", f"{many:.3f}"])
         if importlib.util.find_spec("drjit") is not None:
-            one, many = drjit_launches(rays, given.repeats)
-            rows.append([kind, "Dr.Jit", "", f"{one:.3f}", f"{many:.3f}"])
+            rows.append([kind, "Dr.Jit", "", f"{drjit_launch(rays, given.repeats):.3f}", ""])
     print(markdown_table(["bundle", "by", "stage", "one", f"of {IN_A_ROW} in a row"], rows))
     rows, pupil = [], Disc(APERTURE, -CONE_HALF[2] * SLOPE / SLOPE[2], SLOPE)
     for target in targets:

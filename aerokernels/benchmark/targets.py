@@ -1,8 +1,8 @@
 """What runs where: the choices of a benchmark, checked before anything is measured."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
+from aerokernels.checks import check_choice, check_count, check_positive
 from aerokernels.tracing.engines.choice import available_backends, choose_backend
 from aerokernels.tracing.plan import METHODS, PRECISIONS
 
@@ -44,16 +44,17 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
-        _check("suite", self.suites, SUITES)
-        _check("precision", self.precisions, PRECISIONS)
-        _check("method", self.methods, [name for name in METHODS if name != "fixed"])
-        _check("backend", self.backends, ("warp", "opencl", "reference"))
-        if self.repeats < 1:
-            raise ValueError(f"repeats must be at least 1, got {self.repeats}")
-        if self.ray_count < 16:
-            raise ValueError(f"ray count must be at least 16, got {self.ray_count}")
-        if not 0.0 < self.tolerance < float("inf"):
-            raise ValueError(f"tolerance must be a positive number of waves, got {self.tolerance}")
+        for what, names, known in (
+            ("suite", self.suites, SUITES),
+            ("precision", self.precisions, PRECISIONS),
+            ("method", self.methods, [name for name in METHODS if name != "fixed"]),
+            ("backend", self.backends, ("warp", "opencl", "reference")),
+        ):
+            for name in names:
+                check_choice(name, what, known)
+        check_count(self.repeats, "repeats")
+        check_count(self.ray_count, "ray_count", 16)
+        check_positive(self.tolerance, "tolerance", "waves")
         if "reference" in self.backends and self.ray_count > REFERENCE_RAYS:
             raise ValueError(
                 f"backend 'reference' traces one ray at a time: {self.ray_count} rays would take hours, give at most "
@@ -64,12 +65,6 @@ class Settings:
     def wanted(self) -> tuple[str, ...]:
         """The suites to run, each once, in the order of SUITES."""
         return tuple(name for name in SUITES if name in (self.suites or SUITES))
-
-
-def _check(what: str, names: Sequence[str], known: Sequence[str]) -> None:
-    for name in names:
-        if name not in known:
-            raise ValueError(f"{what} {name!r} is not known: choose from {', '.join(known)}")
 
 
 def find_targets(settings: Settings) -> list[tuple[str, str]]:

@@ -35,17 +35,18 @@ def board(
     seed: Annotated[int, typer.Option(min=0, help="Of the noise and the faults.")] = 0,
 ) -> None:
     """Simulate a digitiser board or an oscilloscope: try `record` without hardware."""
+    from aerokernels.checks import check_choice
     from aerokernels.commands._output import asked, result, say
     from aerokernels.hardware.board import run_board
     from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource
     from aerokernels.hardware.faults import FaultPlan, parse_faults
-    from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS, require_one_of
+    from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS
     from aerokernels.hardware.pseudo_terminal import PseudoTerminal
     from aerokernels.hardware.scope_board import SimulatedScope, run_scope
     from aerokernels.interrupt import interrupt_flag
 
-    require_one_of("--protocol", protocol, PROTOCOLS)
-    require_one_of("--dialect", dialect, DIALECT_NAMES)
+    check_choice(protocol, "--protocol", PROTOCOLS)
+    check_choice(dialect, "--dialect", DIALECT_NAMES)
     if not rate > 0.0:
         raise ValueError(f"--rate {rate}: give a positive number of echoes per second")
     faults = FaultPlan(parse_faults(fault or []), pause, seed)

@@ -38,17 +38,18 @@ def record(
     """Record echoes from hardware until --count or Ctrl-C; a port that goes away is waited for."""
     from dataclasses import asdict
 
+    from aerokernels.checks import check_choice
     from aerokernels.commands._output import asked, result, say
     from aerokernels.commands._recording import describe, parse_labels, reporter
     from aerokernels.hardware.port import PortError
-    from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS, require_one_of
+    from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS
     from aerokernels.hardware.recorder import Recorder
     from aerokernels.hardware.store import EchoStore
     from aerokernels.interrupt import interrupt_flag
     from aerokernels.plain_text import plain
 
-    require_one_of("--protocol", protocol, PROTOCOLS)
-    require_one_of("--dialect", dialect, ("auto", *DIALECT_NAMES))
+    check_choice(protocol, "--protocol", PROTOCOLS)
+    check_choice(dialect, "--dialect", ("auto", *DIALECT_NAMES))
     labels = parse_labels(label or [])
     with interrupt_flag() as interrupted:
         connect = connector(port, protocol, baud, flow, dialect, timeout, interrupted.is_set)

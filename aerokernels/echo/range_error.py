@@ -9,6 +9,7 @@ time has a variance of at least s^2 / sum (dv/dt)^2 (Cramer-Rao), so that
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -16,8 +17,7 @@ from ..arguments import Numbers, checked
 from ..checks import as_waveform, check_at_least, check_count, check_positive, check_share
 from .chain import DetectorChain
 from .pulse_curve import PulseCurve
-from .ranging import Template, read_range, sampling_error_of
-from .sampling_error import warn_of_sampling
+from .ranging import Reading, Template
 from .waveform import SPEED_OF_LIGHT
 
 
@@ -120,14 +120,15 @@ def range_statistics(
     if true_range is not None:
         true_range = check_at_least(true_range, "true_range")
 
-    def read(samples: np.ndarray) -> float:
-        return read_range(times, samples, method, threshold=threshold, template=template, fraction=fraction)
-
-    clean = read(volts)  # an argument that is wrong shows here, before a trial could pass for a missed one
-    sampling = sampling_error_of(volts, period, method, threshold=threshold, template=template, fraction=fraction)
-    warn_of_sampling(volts, period, method, sampling, template is not None)
+    reading = Reading(method, threshold, template, fraction)
+    clean = reading.range(times, volts)  # an argument that is wrong shows here, and passes for no missed trial
+    sampling = reading.warn(volts, period)
     generator = np.random.default_rng(seed)
-    ranges = _trials(read, lambda: volts + generator.normal(scale=noise_rms, size=volts.size), trial_count)
+    ranges = _trials(
+        partial(reading.range, times),
+        lambda: volts + generator.normal(scale=noise_rms, size=volts.size),
+        trial_count,
+    )
     found = summarise_ranges(ranges, trial_count, clean if true_range is None else true_range, bound, confidence)
     return replace(found, sampling_error=sampling)
 

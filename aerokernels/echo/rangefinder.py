@@ -15,7 +15,7 @@ from .chain import chain_of
 from .pulse_curve import PulseCurve
 from .range_error import RangeStatistics, chain_range_statistics
 from .range_walk import RangeWalk, range_walk
-from .ranging import RANGING_METHODS, read_waveform, template_curve
+from .ranging import RANGING_METHODS, Reading, template_curve
 from .shaped_curve import Shape, shaped_curve
 
 
@@ -105,14 +105,9 @@ class Rangefinder:
         return self._range(_Record(*as_waveform(time, voltage)), method)
 
     def _range(self, record: "_Record", method: str) -> float:
-        reading = read_waveform(
-            record.waveform,
-            method,
-            threshold=self.threshold,
-            template=self.shape if method == "matched-filter" else None,
-            fraction=self.fraction,
-            shape=self.shape,
-            curve=record.curve,
+        template = self.shape if method == "matched-filter" else None
+        reading = Reading(method, self.threshold, template, self.fraction, self.shape).range_of(
+            record.waveform, record.curve
         )
         if method == "leading-edge" and self.walk is not None:
             curve, finer = record.curve or shaped_curve(record.volts, self.shape, record.period)

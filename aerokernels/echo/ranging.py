@@ -17,14 +17,14 @@ the voltage: subtract the baseline first.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from ..arguments import Numbers, checked
 from ..checks import as_finite_array, as_waveform, check_choice, check_positive
+from ..derived import Derived
 from .pulse_curve import CENTROID_FLOOR, PulseCurve
 from .sampling_error import sampling_error, warn_of_sampling
 from .shaped_curve import Shape, best_place, shaped_curve, shifted_samples, template_transform
@@ -83,95 +83,101 @@ def estimate_range(
         >>> round(estimate_range(time, voltage, "centroid"), 3)
         1.499
     """
-    reading = read_range(time, voltage, method, threshold=threshold, template=template, fraction=fraction)
-    _, volts, period = as_waveform(time, voltage)
-    error = sampling_error_of(volts, period, method, threshold=threshold, template=template, fraction=fraction)
-    warn_of_sampling(volts, period, method, error, template is not None)
-    return reading
-
-
-def read_range(
-    time,
-    voltage,
-    method: str,
-    *,
-    threshold: float | None = None,
-    template: Template | None = None,
-    fraction: float = 0.5,
-    shape: Shape | None = None,
-) -> float:
-    """As `estimate_range`, without a warning: for many records of one kind.
-
-    `shape` is the pulse as a function of time [s], by which the samples are interpolated; None: the template, where
-    that is a function.
-    """
-    check_choice(method, "method", RANGING_METHODS)
     waveform = as_waveform(time, voltage)
-    return read_waveform(waveform, method, threshold=threshold, template=template, fraction=fraction, shape=shape)
+    reading = Reading(method, threshold, template, fraction)
+    found = reading.range_of(waveform)
+    reading.warn(*waveform[1:])
+    return found
 
 
-def read_waveform(
-    waveform: tuple[np.ndarray, np.ndarray, float],
-    method: str,
-    *,
-    threshold: float | None = None,
-    template: Template | None = None,
-    fraction: float = 0.5,
-    shape: Shape | None = None,
-    curve: tuple[PulseCurve, int] | None = None,
-) -> float:
-    """As `read_range`, of what `as_waveform` gave; `curve` is what `shaped_curve` made of it by `shape`, or None."""
-    times, volts, period = waveform
-    place = _place(volts, period, method, threshold, template, fraction, shape, curve)
-    return 0.5 * SPEED_OF_LIGHT * (float(times[0]) + place * period)
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """How ranges are read off records of one kind.
 
+    Attributes:
+        method: As for `estimate_range`.
+        threshold: As for `estimate_range` [V].
+        template: As for `estimate_range`.
+        fraction: As for `estimate_range`.
+        shape: The pulse as a function of time [s], by which the samples are interpolated; None: the template, where
+            that is a function.
 
-def sampling_error_of(
-    volts: np.ndarray,
-    period: float,
-    method: str,
-    *,
-    threshold: float | None = None,
-    template: Template | None = None,
-    fraction: float = 0.5,
-) -> float:
-    """Greatest error [m] due to the position of a record's pulse between its samples: see sampling_error.py."""
-    if template is not None and not callable(template):
-        template = _checked_samples(template)
+    Raises:
+        ValueError: An unknown method.
+        TypeError: A template that is a class.
+    """
 
-    def read(samples: np.ndarray, known: Template | None) -> float:
-        return _place(samples, period, method, threshold, known, fraction, None)
+    method: str
+    threshold: float | None = None
+    template: Template | None = None
+    fraction: float = 0.5
+    shape: Shape | None = None
 
-    return sampling_error(volts, period, read, template, method != "leading-edge")
+    def __post_init__(self):
+        """Check."""
+        check_choice(self.method, "method", RANGING_METHODS)
+        if isinstance(self.template, type):
+            name = self.template.__name__
+            raise TypeError(f"template must be a function of time [s], or samples, got the class {name}")
 
+    def range(self, time, voltage) -> float:
+        """Range [m] of samples [V] at times [s], without a warning; raises as `estimate_range`."""
+        return self.range_of(as_waveform(time, voltage))
 
-def _place(
-    volts: np.ndarray,
-    period: float,
-    method: str,
-    threshold: float | None,
-    template: Template | None,
-    fraction: float,
-    shape: Shape | None,
-    made: tuple[PulseCurve, int] | None = None,
-) -> float:
-    """Place of arrival [samples]."""
-    if isinstance(template, type):
-        raise TypeError(f"template must be a function of time [s], or samples, got the class {template.__name__}")
-    if method == "matched-filter":
-        if template is None:
-            raise ValueError("method 'matched-filter' needs a template: a function of time, or samples of the pulse")
-        shape_of_it = template_curve(template, period)
-        place = best_place(volts, shape_of_it, period)
-        _check_whole(shape_of_it, place, volts.size, period)
-        return place
-    known = template if callable(template) else None
-    curve, finer = made or shaped_curve(volts, shape or known, period)
-    place = _arrival(curve, method, threshold, fraction) / finer
-    if template is None or method == "leading-edge":
-        return place
-    samples, zero, finer = _template_samples(template, volts.size, period, finer)
-    return place - (_arrival(PulseCurve(samples, is_whole=True), method, None, fraction) - zero) / finer
+    def range_of(
+        self, waveform: tuple[np.ndarray, np.ndarray, float], curve: tuple[PulseCurve, int] | None = None
+    ) -> float:
+        """As `range`, of what `as_waveform` gave; `curve` is what `shaped_curve` made of it by `shape`, or None."""
+        times, volts, period = waveform
+        return 0.5 * SPEED_OF_LIGHT * (float(times[0]) + self._place(volts, period, curve) * period)
+
+    def sampling_error(self, volts: np.ndarray, period: float) -> float:
+        """Greatest error [m] due to the position of a record's pulse between its samples: see sampling_error.py."""
+        template = self.template
+        if template is not None and not callable(template):
+            template = _checked_samples(template)
+
+        def read(samples: np.ndarray, known: Template | None) -> float:
+            return replace(self, template=known, shape=None)._place(samples, period)
+
+        return sampling_error(volts, period, read, template, self.method != "leading-edge")
+
+    def warn(self, volts: np.ndarray, period: float) -> float:
+        """Warn where the sampling error [m] is more than is tolerated, and return it."""
+        error = self.sampling_error(volts, period)
+        warn_of_sampling(volts, period, self.method, error, self.template is not None)
+        return error
+
+    def _place(self, volts: np.ndarray, period: float, made: tuple[PulseCurve, int] | None = None) -> float:
+        """Place of arrival [samples]."""
+        template = self.template
+        if self.method == "matched-filter":
+            if template is None:
+                raise ValueError("method 'matched-filter' needs a template: a function of time, or the pulse's samples")
+            shape = template_curve(template, period)
+            place = best_place(volts, shape, period)
+            _check_whole(shape, place, volts.size, period)
+            return place
+        known = template if callable(template) else None
+        curve, finer = made or shaped_curve(volts, self.shape or known, period)
+        place = self._arrival(curve) / finer
+        if template is None or self.method == "leading-edge":
+            return place
+        samples, zero, finer = _template_samples(template, volts.size, period, finer)
+        return place - (self._arrival(PulseCurve(samples, is_whole=True)) - zero) / finer
+
+    def _arrival(self, curve: PulseCurve) -> float:
+        """Place of arrival [samples] by one of the methods that need no template."""
+        if self.method == "leading-edge":
+            if self.threshold is None:
+                raise ValueError("method 'leading-edge' needs a threshold [V]")
+            return curve.first_rise(check_positive(self.threshold, "threshold", "V"))
+        if self.method == "centroid":
+            return curve.centroid
+        share = check_positive(self.fraction, "fraction")
+        if share >= 1.0:
+            raise ValueError(f"fraction must lie between 0 and 1, got {self.fraction!r}")
+        return curve.rise_before_peak(share * curve.peak)
 
 
 def _check_whole(template: Shape, place: float, count: int, period: float) -> None:
@@ -182,22 +188,8 @@ def _check_whole(template: Shape, place: float, count: int, period: float) -> No
             raise ValueError(f"the record {when} within the pulse that matches best: let it {remedy}")
 
 
-def _arrival(curve: PulseCurve, method: str, threshold: float | None, fraction: float) -> float:
-    """Place of arrival [samples] by one of the methods that need no template."""
-    if method == "leading-edge":
-        if threshold is None:
-            raise ValueError("method 'leading-edge' needs a threshold [V]")
-        return curve.first_rise(check_positive(threshold, "threshold", "V"))
-    if method == "centroid":
-        return curve.centroid
-    share = check_positive(fraction, "fraction")
-    if share >= 1.0:
-        raise ValueError(f"fraction must lie between 0 and 1, got {fraction!r}")
-    return curve.rise_before_peak(share * curve.peak)
-
-
 @dataclass(frozen=True, eq=False)
-class SampledTemplate:
+class SampledTemplate(Derived):
     """A template's samples as a function of time [s], zero at the greatest of them; 0 outside of them.
 
     Attributes:
@@ -224,27 +216,14 @@ class SampledTemplate:
 
     def transform(self, count: int, period: float) -> tuple[np.ndarray, float]:
         """See `shaped_curve.template_transform`; that of the last record's samples is kept."""
-        return self._latest("transform", (count, period), lambda: template_transform(self, count, period), 1)
+        return self.derive(("transform", count, period), lambda: template_transform(self, count, period), 1)
 
     def shifted(self, places: np.ndarray, shifts: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
         """See `shaped_curve.shifted_samples`; those of the last records' places are kept: echoes are much alike."""
         if not 1 < shifts.size <= MOST_KEPT // places.size:  # a single shift is that of one record
             return shifted_samples(self, places, shifts, period)
-        key = (places.size, int(places[0]), shifts.tobytes(), period)
-        return self._latest("shifted", key, lambda: shifted_samples(self, places, shifts, period), KEPT)
-
-    def _latest(self, kind: str, key: tuple, make: Callable[[], Any], most: int) -> Any:
-        """What `make` gives for a key, of which the latest few of a kind are kept."""
-        kept = self._kept.setdefault(kind, {})
-        if key not in kept:
-            for old in list(kept)[: len(kept) + 1 - most]:
-                del kept[old]
-            kept[key] = make()
-        return kept[key]
-
-    @cached_property
-    def _kept(self) -> dict[str, dict[tuple, Any]]:
-        return {}
+        key = ("shifted", places.size, int(places[0]), shifts.tobytes(), period)
+        return self.derive(key, lambda: shifted_samples(self, places, shifts, period), KEPT)
 
 
 def template_curve(

@@ -143,5 +143,5 @@ def warn_of_sampling(volts: np.ndarray, period: float, method: str, error: float
         f"the record has {sum(sides):.2g} samples across its pulse, too few for method {str(method)!r}: the pulse's "
         f"place between the samples moves the range by up to {1e3 * error:.2g} mm; sample faster{remedy}",
         CoarseSamplingWarning,
-        stacklevel=4,
+        stacklevel=5,  # who called the public function, which is looked at by `checked`
     )

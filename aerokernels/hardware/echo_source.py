@@ -141,8 +141,8 @@ def _sample_times(sample_count: int, sample_period_ps: int) -> np.ndarray:
 
 def _drawn_on(time: np.ndarray, echo_time: np.ndarray, voltage: np.ndarray) -> np.ndarray:
     """An echo's voltage at other times [s], by the quintic spline; 0 V outside its record."""
-    from scipy.interpolate import make_interp_spline
+    from aerokernels.checks import as_waveform
+    from aerokernels.echo.ranging import SampledTemplate
 
-    spline = make_interp_spline(echo_time - echo_time[0], voltage, k=min(5, 2 * ((echo_time.size - 2) // 2) + 1))
-    inside = (time >= echo_time[0]) & (time <= echo_time[-1])
-    return np.where(inside, spline(np.clip(time - echo_time[0], 0.0, echo_time[-1] - echo_time[0])), 0.0)
+    echo_time, voltage, period = as_waveform(echo_time, voltage)
+    return SampledTemplate(voltage, period)(time - echo_time[np.argmax(voltage)])

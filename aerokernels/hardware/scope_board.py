@@ -5,9 +5,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from aerokernels.checks import check_choice
 from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.hardware.faults import FaultPlan
-from aerokernels.hardware.protocols import DIALECT_NAMES, require_one_of
+from aerokernels.hardware.protocols import DIALECT_NAMES
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 
 _ZERO = -100  # count of 0 V, so that most of the 8 bits are for the echo
@@ -27,7 +28,7 @@ class SimulatedScope:
 
     def __init__(self, source: EchoSource, *, dialect: str = "tektronix", rate: float = 50.0, seed: int = 0) -> None:
         """Switch on."""
-        require_one_of("dialect", dialect, DIALECT_NAMES)
+        check_choice(dialect, "dialect", DIALECT_NAMES)
         if not rate > 0.0:
             raise ValueError(f"rate = {rate} acquisitions per second: give a positive one")
         self._source, self._dialect, self._rate, self._seed = source, dialect, rate, seed

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import checked
+from ..checks import check_choice
 from ..medium import IndexField
 from ..netcdf_file import write_netcdf
 from ..sensor import Sensor, write_grey
@@ -56,8 +57,7 @@ class BackgroundPictures:
         Raises:
             ValueError: Another format than "tiff" or "png".
         """
-        if format not in FORMATS:
-            raise ValueError(f"format {format!r} is not known: choose one of {', '.join(FORMATS)}")
+        check_choice(format, "format", FORMATS)
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         paths = folder / f"reference.{format}", folder / f"flow.{format}"

@@ -10,13 +10,14 @@ What the record's ends cut off the pulse then shifts both readings alike.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from aerokernels.checks import as_waveform
 from aerokernels.echo import RANGING_METHODS
-from aerokernels.echo.ranging import read_range
+from aerokernels.echo.ranging import Reading, template_curve
 from aerokernels.jobs.run_folder import RunFolder
 
 
@@ -63,22 +64,12 @@ def range_errors(
         simulated: the simulation there [V], shape (n,).
         threshold: level of the leading edge [V].
     """
-    template = _template(run)
+    shape = template_curve(run.voltage, as_waveform(run.time, run.voltage)[2])
     reported = run.summary.get("ranges_m") or {}
     found = {}
     for method in RANGING_METHODS:
-
-        def read(times: np.ndarray, volts: np.ndarray, method: str = method) -> float:
-            return read_range(
-                times,
-                volts,
-                method,
-                threshold=threshold,
-                template=template if method == "matched-filter" else None,
-                fraction=float(run.detector.get("fraction", 0.5)),
-                shape=template,
-            )
-
+        template = shape if method == "matched-filter" else None
+        read = Reading(method, threshold, template, float(run.detector.get("fraction", 0.5)), shape).range
         try:
             own = read(time, simulated)
         except ValueError:
@@ -108,13 +99,3 @@ def _summed_up(errors: Sequence[float], count: int, simulated_error: float) -> R
         ranged_count=number,
         missed_count=count - number,
     )
-
-
-def _template(run: RunFolder) -> Callable[[np.ndarray], np.ndarray]:
-    """The simulated pulse about its greatest sample, 0 beyond its record."""
-    from scipy.interpolate import make_interp_spline
-
-    zero = float(run.time[np.argmax(run.voltage)])
-    first, last = float(run.time[0]) - zero, float(run.time[-1]) - zero
-    spline = make_interp_spline(run.time - zero, run.voltage, k=5)
-    return lambda time: np.where((time >= first) & (time <= last), spline(np.clip(time, first, last)), 0.0)

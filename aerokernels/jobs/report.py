@@ -61,10 +61,10 @@ GROUPS = {
 }
 
 
-def quantity_of(summary: Mapping[str, Any], key: str, unit: str = "") -> Quantity:
+def quantity_of(summary: Mapping[str, Any], key: str) -> Quantity:
     """A number of a summary with its error; NaN for null, and for the error of a summary that has none."""
     value, error = to_json(summary.get(key)), to_json((summary.get("errors") or {}).get(key))
-    return Quantity(math.nan if value is None else value, math.nan if error is None else error, unit)
+    return Quantity(math.nan if value is None else value, math.nan if error is None else error)
 
 
 def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from ..plain_text import cut
 from ..units import si_unit
 from .key_units import dimension_of
 
@@ -58,18 +59,18 @@ def scene_error(
 def _describe(fault: Mapping[str, Any], key: str, value: Any, model: type[BaseModel]) -> str:
     kind, context = fault["type"], fault.get("ctx", {})
     if kind == "extra_forbidden":
-        return f"unknown key {key} = {_short(value)}: {_nearest_key(key, known_keys(model), model)}"
+        return f"unknown key {key} = {cut(repr(value))}: {_nearest_key(key, known_keys(model), model)}"
     if kind == "missing":
         return f"{key} is missing: {_how_to_add(key, model)}"
     if kind == "model_type":
-        return f"{key} = {_short(value)} must be a table: write [{key}] and its keys below it"
+        return f"{key} = {cut(repr(value))} must be a table: write [{key}] and its keys below it"
     if kind == "literal_error":
-        return f"{key} = {_short(value)}: choose one of {context['expected']}"
+        return f"{key} = {cut(repr(value))}: choose one of {context['expected']}"
     if kind == "value_error":
         text = str(context["error"])
         if isinstance(value, Mapping) and key not in known_keys(model):
             return text  # about several keys of a table, which it names
-        return f"{key} = {text}" if text.startswith(f"{value!r} ") else f"{key} = {_short(value)}: {text}"
+        return f"{key} = {text}" if text.startswith(f"{value!r} ") else f"{key} = {cut(repr(value))}: {text}"
     bounds = {
         "greater_than": ("gt", "above"),
         "greater_than_equal": ("ge", "at least"),
@@ -83,11 +84,11 @@ def _describe(fault: Mapping[str, Any], key: str, value: Any, model: type[BaseMo
         unit = f" {si_unit(dimension)}".rstrip() if dimension else ""
         bare = isinstance(value, (int, float)) or (isinstance(value, str) and value[-1:].isdigit())
         hint = f"; a number without a unit is in radians: is it '{value} deg'?" if bare and unit == " rad" else ""
-        return f"{key} = {_short(value)} must be {words} {bound:g}{unit}{hint}"
+        return f"{key} = {cut(repr(value))} must be {words} {bound:g}{unit}{hint}"
     if kind in ("tuple_type", "list_type"):
-        return f'{key} = {_short(value)}: write a list in brackets, such as ["piston"]'
+        return f'{key} = {cut(repr(value))}: write a list in brackets, such as ["piston"]'
     text = fault["msg"]
-    return f"{key} = {_short(value)}: {text[:1].lower()}{text[1:]}"
+    return f"{key} = {cut(repr(value))}: {text[:1].lower()}{text[1:]}"
 
 
 def _how_to_add(key: str, model: type[BaseModel]) -> str:
@@ -125,8 +126,3 @@ def _look_up(raw: Any, key: str) -> Any:
         else:
             break
     return raw
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import checked
+from ..checks import check_choice
 from ..pupils import Disc, area_below
 from ..sensor import Sensor
 
@@ -60,8 +61,7 @@ class Bench:
                 raise ValueError(f"{name} = {value!r}: give a positive length in metres")
         if self.angle > 0.5:
             raise ValueError(f"a source of {self.angle:.3g} rad is too large: check source_size and focal_length")
-        if self.source not in SOURCES:
-            raise ValueError(f"source {self.source!r} is not known: choose one of {', '.join(SOURCES)}")
+        check_choice(self.source, "source", SOURCES)
         count = self.source_points
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= 64:
             raise ValueError(f"source_points {count!r}: give a whole number from 1 to 64")

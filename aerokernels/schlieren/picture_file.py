@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..checks import check_choice
 from ..room import NoRoomError, check_room
 from .picture import AnyPicture, Picture
 
@@ -45,8 +46,7 @@ def read_picture(
     tip = np.asarray(nose, dtype=np.float64)
     if tip.shape != (2,) or not np.isfinite(tip).all():
         raise ValueError(f"nose {nose!r}: give (column, row) of the nose's tip in pixels")
-    if upstream not in FLOW_SIDES:
-        raise ValueError(f"upstream {upstream!r} is not known: choose one of {', '.join(FLOW_SIDES)}")
+    check_choice(upstream, "upstream", FLOW_SIDES)
     if not (np.isfinite(roll) and abs(roll) < 0.5 * np.pi):
         raise ValueError(f"roll = {roll}: give an angle in radians between -pi/2 and pi/2")
     grey = _read_grey(path)

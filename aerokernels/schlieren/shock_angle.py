@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..checks import check_choice
 from .fronts import LEAST_LINES, fit_curve, inner_bands, outer_fronts, smoothed
 from .picture import AnyPicture
 
@@ -68,8 +69,7 @@ def measure_shock_angle(
     Raises:
         ValueError: a window outside the picture or too narrow, no shock in it, an argument that makes no sense.
     """
-    if half not in HALVES:
-        raise ValueError(f"half {half!r} is not known: choose one of {', '.join(HALVES)}")
+    check_choice(half, "half", HALVES)
     if degree not in (1, 2):
         raise ValueError(f"degree = {degree!r}: give 1 (straight) or 2 (curved)")
     if (near is None) != (reach is None):

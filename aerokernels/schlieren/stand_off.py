@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..checks import check_choice
 from .fronts import LEAST_LINES, fit_curve, outer_fronts, smoothed
 from .picture import AnyPicture
 
@@ -62,8 +63,7 @@ def measure_stand_off(
     Raises:
         ValueError: too few rows, no shock or no body on them, an argument that makes no sense.
     """
-    if upstream not in SIDES:
-        raise ValueError(f"upstream {upstream!r} is not known: choose one of {', '.join(SIDES)}")
+    check_choice(upstream, "upstream", SIDES)
     if not (np.isfinite(half_height) and half_height > 0.0):
         raise ValueError(f"half_height = {half_height}: give a positive length in metres")
     rows = np.flatnonzero(np.abs(picture.vertical - axis) <= half_height)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.one_writer import only_writer
+from aerokernels.plain_text import cut
 
 if TYPE_CHECKING:
     import xarray
@@ -148,7 +149,8 @@ class ZarrStore:
             found = found or {}
             keys = {**found, **self.definition}
             key = next((key for key in keys if found.get(key) != self.definition.get(key)), "all")
-            told = f"{key} was {_short(found.get(key))} and is {_short(self.definition.get(key))}"
+            was, now = (cut(json.dumps(one.get(key))) for one in (found, self.definition))
+            told = f"{key} was {was} and is {now}"
             told = "whose first snapshot has other densities" if key == FIRST else told
             raise ValueError(f"out={self.path}: it holds another series, {told}; take another name, or remove it")
         for row in numbers:
@@ -307,8 +309,3 @@ def _consolidate(path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that the third format of Zarr has no such place in its standard
         zarr.consolidate_metadata(str(path))
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 60 else text[:57] + "..."

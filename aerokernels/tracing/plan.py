@@ -115,18 +115,7 @@ class TracePlan:
 
     def as_dict(self) -> dict:
         """The plan for a summary file."""
-        return {
-            "method": self.method,
-            "backend": self.backend,
-            "device": self.device,
-            "precision": self.precision,
-            "max_steps": self.max_steps,
-            "step": self.step,
-            "tolerance": self.tolerance,
-            "sample_count": self.sample_count,
-            "cubes": self.cubes,
-            "predicted_evaluations": self.predicted_evaluations,
-            "predicted_error": self.predicted_error,
-            "bundle": None if self.bundle is None else asdict(self.bundle),
-            "reasons": list(self.reasons),
-        }
+        names = ("method", "backend", "device", "precision", "max_steps", "step", "tolerance", "sample_count", "cubes")
+        plain = {name: getattr(self, name) for name in (*names, "predicted_evaluations", "predicted_error")}
+        bundle = None if self.bundle is None else asdict(self.bundle)
+        return {**plain, "bundle": bundle, "reasons": list(self.reasons)}

@@ -68,7 +68,7 @@ def draw(seed: int, **fixed: str) -> Case:
 def _draw_field(kind, rng) -> IndexField:
     """A field of 12 to 49 nodes a side, 1e-5 to 1e-3 m apart."""
     axes = 3 if kind["geometry"] == "volume" else 2
-    # Few enough nodes that tables are made for bundles along z, and the reference is quick.
+    # Few enough nodes that the reference is quick.
     shape = rng.integers(12, 26 if axes == 3 else 50, axes)
     if axes == 3 and kind["count"] == "300":
         shape = rng.integers(9, 14, 3)
@@ -209,7 +209,7 @@ def _draw_stop(kind, medium, rays, rng):
     obliquity = np.tan(np.deg2rad(rng.choice([0.0, rng.uniform(0.0, 60.0), rng.uniform(60.0, 85.0)])))
     normal = along + obliquity * across
     if abs(along[2]) == 1.0 and rng.random() < 0.7:
-        normal = np.array([0.0, 0.0, 1.0])  # as tables need it
+        normal = np.array([0.0, 0.0, 1.0])
     middle = 0.5 * (low + high)
     if kind["stop"] == "within":
         return Plane(rng.uniform(low, high), normal)

@@ -3,6 +3,7 @@
 Whatever the damage, a file is read as a density field of a gas, or refused with one line: nothing else may happen.
 """
 
+import random
 import shutil
 from pathlib import Path
 
@@ -14,11 +15,11 @@ from ..fragile import LibraryEndedError
 from .damaged_structure import damage_structure, has_structure
 
 
-def damage(data: bytes, random: Generator) -> bytes:
+def damage(data: bytes, generator: Generator) -> bytes:
     """One of many ways to spoil a file."""
-    way = int(random.integers(10))
+    way = int(generator.integers(10))
     size = len(data)
-    at, length = int(random.integers(size)), int(random.integers(1, max(2, size // 4)))
+    at, length = int(generator.integers(size)), int(generator.integers(1, max(2, size // 4)))
     if way == 0:
         return data[:at]
     if way == 1:
@@ -28,25 +29,30 @@ def damage(data: bytes, random: Generator) -> bytes:
     if way == 3:  # a text where numbers were, or the reverse
         return data[:at] + b"not a number " * 3 + data[at + 39 :]
     if way == 4:
-        return data[:at] + bytes(random.integers(0, 256, 8, dtype=np.uint8)) + data[at + 8 :]
+        return data[:at] + bytes(generator.integers(0, 256, 8, dtype=np.uint8)) + data[at + 8 :]
     if way == 5:  # the byte order of a part
         part = data[at // 8 * 8 : at // 8 * 8 + length // 8 * 8 + 8]
         part = part[: len(part) // 8 * 8]
         swapped = np.frombuffer(part, "<u8").byteswap().tobytes()
         return data[: at // 8 * 8] + swapped + data[at // 8 * 8 + len(part) :]
     if way == 6:
-        wild = random.choice(np.array([np.nan, np.inf, -1.0, 1e300, 0.0]))
+        wild = generator.choice(np.array([np.nan, np.inf, -1.0, 1e300, 0.0]))
         return data[: at // 8 * 8] + np.float64(wild).tobytes() + data[at // 8 * 8 + 8 :]
     if way == 7:  # a digit of a count or of a number
         digits = [k for k, byte in enumerate(data) if 48 <= byte <= 57]
         if not digits:
             return data[:at]
-        place = digits[int(random.integers(len(digits)))]
-        return data[:place] + random.choice(np.array([b"9", b"-", b"0", b"999999999", b"e"])) + data[place + 1 :]
+        place = digits[int(generator.integers(len(digits)))]
+        return data[:place] + generator.choice(np.array([b"9", b"-", b"0", b"999999999", b"e"])) + data[place + 1 :]
     if way == 8:
         return data + data[at : at + length]
-    wild = int(random.choice(np.array([-1, 0, 2**31 - 1, -(2**31), 65536])))
+    wild = int(generator.choice(np.array([-1, 0, 2**31 - 1, -(2**31), 65536])))
     return data[: at // 4 * 4] + np.int32(wild).tobytes() + data[at // 4 * 4 + 4 :]
+
+
+def damaged(data: bytes, draw: random.Random) -> bytes:
+    """The same of whatever there is, by another generator."""
+    return damage(data, np.random.default_rng(draw.randrange(2**32))) if data else data
 
 
 def outcome_of(path: Path) -> str:
@@ -87,11 +93,11 @@ class DamagedCopies:
 
     def outcome(self, seed: int) -> str:
         """What becomes of the copy that is damaged by a seed, as `outcome_of` has it."""
-        random = np.random.default_rng(seed)
-        chosen, content = list(self._contents.items())[int(random.integers(len(self._contents)))]
+        generator = np.random.default_rng(seed)
+        chosen, content = list(self._contents.items())[int(generator.integers(len(self._contents)))]
         place = self._copy / chosen.relative_to(self._sound)
-        structural = has_structure(content) and random.random() < 0.5
-        place.write_bytes((damage_structure if structural else damage)(content, random))
+        structural = has_structure(content) and generator.random() < 0.5
+        place.write_bytes((damage_structure if structural else damage)(content, generator))
         try:
             return outcome_of(self._damaged)
         except BaseException as fault:

@@ -14,6 +14,7 @@ import struct
 import tomllib
 import zlib
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +23,14 @@ from cobs import cobs
 
 from ..hardware.blocks import Block, BlockDecoder, TextLine
 from ..hardware.decoder import DamagedPiece, FrameDecoder
-from ..hardware.frames import EchoFrame
+from ..hardware.frames import GREATEST_FRAME_LENGTH, EchoFrame
 from ..hardware.preamble import PreambleError, parse_rigol, parse_tektronix
 from ..opened import OPENED
 from ..scene import Scene, SceneError
 from ..scene.errors import known_keys
 from ..scene.loading import shipped_scene_text, shipped_scenes
+from .damaged_files import damaged
+from .refusals import told
 
 Draw = Callable[[random.Random, Path], bool]
 """Draws an input, gives it to its parser: whether it was taken; False where it was refused in words."""
@@ -68,13 +71,6 @@ def toml_text(value: Any) -> str:
     return str(value)
 
 
-def _told(fault: Exception) -> bool:
-    text = str(fault)
-    if not text or "\n" in text or len(text) > 20_000:
-        raise AssertionError(f"told as {text[:200]!r}") from fault
-    return False
-
-
 def scene(draw: random.Random, folder: Path) -> bool:
     """A shipped scene with some of its keys changed, lost or of another kind, as a file."""
     name = draw.choice(shipped_scenes())
@@ -103,7 +99,7 @@ def scene(draw: random.Random, folder: Path) -> bool:
     try:
         Scene.load(path)
     except SceneError as fault:
-        return _told(fault)
+        return told(fault)
     return True
 
 
@@ -118,7 +114,7 @@ def override(draw: random.Random, folder: Path) -> bool:
     try:
         Scene.load(draw.choice(("sea-level-mach3", "wind-tunnel-mach3")), changes)
     except SceneError as fault:
-        return _told(fault)
+        return told(fault)
     return True
 
 
@@ -144,24 +140,28 @@ def _frame(draw: random.Random) -> bytes:
 
 def _spoilt(data: bytes, draw: random.Random) -> bytes:
     for _ in range(draw.randrange(3)):
-        at, wide = draw.randrange(len(data) + 1), draw.randrange(1, 30)
-        way = draw.randrange(4)
-        if way == 0:
-            data = data[:at] + data[at + wide :]
-        elif way == 1:
-            data = data[:at] + draw.randbytes(wide) + data[at:]
-        elif way == 2:
-            data = data[:at] + data[at : at + wide] * 2 + data[at + wide :]
-        else:
-            data = data[:at] + bytes([draw.randrange(256)]) + data[at + 1 :]
+        data = damaged(data, draw)
     return data
+
+
+def _in_chunks(make: Callable[[], Any], stream: bytes, draw: random.Random, most: int) -> list[Any]:
+    """What a decoder makes of a stream: the same however it is cut, and no more than `most` bytes are held back."""
+    whole, decoder = make(), make()
+    expected, pieces = [*whole.feed(stream), *whole.finish()], []
+    cuts = sorted(draw.randrange(len(stream) + 1) for _ in range(draw.choice((1, 1, 8))))
+    for begin, end in pairwise((0, *cuts, len(stream))):
+        pieces += decoder.feed(stream[begin:end])
+        if decoder.pending_length > most:
+            raise AssertionError(f"{decoder.pending_length} bytes are held back of {stream!r}")
+    if repr([*map(vars, expected)]) != repr([*map(vars, pieces), *map(vars, decoder.finish())]):
+        raise AssertionError(f"the chunks matter in {stream!r}")
+    return expected
 
 
 def frame(draw: random.Random, folder: Path) -> bool:
     """A few frames of a board, damaged on the line, in chunks."""
     wire = _spoilt(b"".join(_frame(draw) for _ in range(draw.randrange(1, 4))), draw)
-    decoder, cut = FrameDecoder(), draw.randrange(len(wire) + 1)
-    pieces: list[EchoFrame | DamagedPiece] = [*decoder.feed(wire[:cut]), *decoder.feed(wire[cut:]), *decoder.finish()]
+    pieces: list[EchoFrame | DamagedPiece] = _in_chunks(FrameDecoder, wire, draw, GREATEST_FRAME_LENGTH)
     taken = False
     for piece in pieces:
         if isinstance(piece, EchoFrame):
@@ -180,15 +180,11 @@ def block(draw: random.Random, folder: Path) -> bool:
     parts = (b":CURVE #240" + draw.randbytes(40) + b"\n", b"#15\n#19\n\n", b"#0abc\n", b"12\r\n", b'A "#1',
              b"#9999999999", b':WFMOUTPRE:WFID "Ch1; #1";YMULT 1.0E-3\n')  # fmt: skip
     stream = _spoilt(b"".join(draw.choice(parts) for _ in range(draw.randrange(1, 6))), draw)
-    whole, pieces = BlockDecoder(4096), BlockDecoder(4096)
-    expected = [*whole.feed(stream), *whole.finish()]
-    cut = draw.randrange(len(stream) + 1)
-    if [*pieces.feed(stream[:cut]), *pieces.feed(stream[cut:]), *pieces.finish()] != expected:
-        raise AssertionError(f"the chunks matter in {stream!r}")
-    for piece in expected:
+    pieces = _in_chunks(lambda: BlockDecoder(4096), stream, draw, 3 * 4096)
+    for piece in pieces:
         if isinstance(piece, TextLine) and not piece.text.replace("\t", " ").isprintable():
             raise AssertionError(f"a text: {piece.text!r}")
-    return any(isinstance(piece, Block) for piece in expected)
+    return any(isinstance(piece, Block) for piece in pieces)
 
 
 def preamble(draw: random.Random, folder: Path) -> bool:
@@ -210,7 +206,7 @@ def preamble(draw: random.Random, folder: Path) -> bool:
             found = parse_rigol(",".join(values[: draw.choice((10, 10, 10, 9))]))
         curve = found.curve(draw.randbytes(draw.choice((8, 8, 16, 7, 0))), b"", 1)
     except PreambleError as fault:
-        return _told(fault)
+        return told(fault)
     if not (np.isfinite(curve.voltage).all() and np.isfinite(curve.time).all()):
         raise AssertionError(f"voltages and times are finite: {found}")
     return True

@@ -16,21 +16,23 @@ def noise(shape, amplitude, seed=3, width=3.0):
     return amplitude * array / np.abs(array).max()
 
 
-def uniform_field(geometry: str, interpolation: str = "cubic", amplitude: float = 3e-4, ambient: float = AMBIENT):
-    """A field of about 3 x 3 x 4 mm."""
-    shape, origin = {
-        "volume": ((31, 29, 41), (-15e-4, -14e-4, 0.0)),
-        "planar": ((29, 41), (-14e-4, 0.0)),
-        "axisymmetric": ((29, 41), (0.0, 0.0)),
-    }[geometry]
+def _on_grid(samples: np.ndarray, geometry: str, interpolation: str, ambient: float) -> IndexField:
+    """Samples on a grid about the z axis, from z = 0 on."""
+    across = 0.0 if geometry == "axisymmetric" else -0.5 * CELL * (np.array(samples.shape[:-1]) - 1)
     return IndexField.from_samples(
-        noise(shape, amplitude),
-        origin=origin,
-        spacing=(CELL,) * len(shape),
+        samples,
+        origin=(*np.broadcast_to(across, samples.ndim - 1), 0.0),
+        spacing=(CELL,) * samples.ndim,
         geometry=geometry,
         ambient_index=ambient,
         interpolation=interpolation,
     )
+
+
+def uniform_field(geometry: str, interpolation: str = "cubic", amplitude: float = 3e-4, ambient: float = AMBIENT):
+    """A field of about 3 x 3 x 4 mm."""
+    shape = (31, 29, 41) if geometry == "volume" else (29, 41)
+    return _on_grid(noise(shape, amplitude), geometry, interpolation, ambient)
 
 
 def mesh_field(interpolation: str = "bilinear", geometry: str = "planar"):
@@ -49,19 +51,8 @@ def random_field(geometry: str, interpolation: str, seed: int, width: float = 3.
     """
     across, along = 11, 14
     if interpolation in ("cubic", "linear", "monotone"):
-        shape, origin = {
-            "volume": ((across, across, along), (-5e-4, -5e-4, 0.0)),
-            "planar": ((across, along), (-5e-4, 0.0)),
-            "axisymmetric": ((across, along), (0.0, 0.0)),
-        }[geometry]
-        return IndexField.from_samples(
-            noise(shape, amplitude, seed, width),
-            origin=origin,
-            spacing=(CELL,) * len(shape),
-            geometry=geometry,
-            ambient_index=AMBIENT,
-            interpolation=interpolation,
-        )
+        shape = (across, across, along) if geometry == "volume" else (across, along)
+        return _on_grid(noise(shape, amplitude, seed, width), geometry, interpolation, AMBIENT)
     low = -5e-4 if geometry == "planar" else 0.0
     y, z = np.meshgrid(low + CELL * np.arange(across), CELL * np.arange(along), indexing="ij")
     shift = np.random.default_rng(seed + 1000).uniform(-0.2 * CELL, 0.2 * CELL, (2, across - 2, along - 2))

@@ -15,6 +15,7 @@ import numpy as np
 from ..hardware.rows import echo_of, label_of
 from ..jobs.recorded import LEAST_SAMPLES, RecordedEcho, checked, waveforms
 from .input_draws import Draw
+from .refusals import told
 
 SAMPLES = 20
 ODD = (0, 1, -1, 2**31, 2**63 - 1, -(2**63), 1e-300, 1e300, math.inf, -math.inf, math.nan, 0.5, "", "text", "1", b"",
@@ -25,7 +26,7 @@ KINDS = ("f8", "f4", "i2", "u8", "S3", "U3", "c16", "?", "O", "M8[ns]", "m8[ns]"
 
 
 def looked_at(echoes: Iterable[RecordedEcho]) -> bool:
-    """Finite voltages at increasing times, labels of texts: whether there is one."""
+    """Whether there are any; all have finite voltages at increasing times, and labels of texts."""
     count = 0
     for echo in echoes:
         finite = np.isfinite(echo.voltage).all() and np.isfinite(echo.time).all()
@@ -35,13 +36,6 @@ def looked_at(echoes: Iterable[RecordedEcho]) -> bool:
             raise AssertionError(f"a label of texts: {echo.label}")
         count += 1
     return count > 0
-
-
-def _told(fault: Exception) -> bool:
-    text = str(fault)
-    if not text or "\n" in text.strip() or len(text) > 6000:
-        raise AssertionError(f"told as {text[:300]!r}") from fault
-    return False
 
 
 def row(draw: random.Random, folder: Path) -> bool:
@@ -68,7 +62,7 @@ def row(draw: random.Random, folder: Path) -> bool:
     try:
         return looked_at([checked(RecordedEcho(tuple(label.items()), frame.time, frame.voltage), "row")])
     except ValueError as fault:
-        return _told(fault)
+        return told(fault)
 
 
 def _values(draw: random.Random, name: str, shape: tuple[int, ...], kind: str) -> np.ndarray:
@@ -121,7 +115,7 @@ def dataset(draw: random.Random, folder: Path) -> bool:
     except ValueError as fault:
         if str(path) not in str(fault):
             raise AssertionError(f"the file is not named: {fault}") from fault
-        return _told(fault)
+        return told(fault)
 
 
 def summary(draw: random.Random, folder: Path) -> bool:

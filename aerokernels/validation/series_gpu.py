@@ -19,21 +19,24 @@ from aerokernels.series import look_map
 from aerokernels.series.line_integrals import LineIntegrals
 from aerokernels.series.pupil_grid import pupil_grid
 from aerokernels.validation.fourier_fields import CONSTANT, WAVELENGTH, Fourier
-from aerokernels.validation.series_speed import DIRECTIONS, SPACING, exact_map, mesh_of_shape, off_by, pupil_before
+from aerokernels.validation.series_speed import (
+    DIRECTIONS,
+    SPACING,
+    exact_map,
+    mesh_of_shape,
+    off_by,
+    pupil_before,
+    timed,
+)
 
 COLUMNS = ("what", "pinned copy", "host to map", "share", "pinned to map", "share", "device to map", "error")
 REPEATS = 12
 REGARD_NODES, REGARD_SPACING = 65, 2e-3
 
 
-def quickest(call: Callable[[], Any], repeats: int = REPEATS) -> float:
-    """Least wall seconds of a call, after two others."""
-    call(), call()
-    marks = [time.perf_counter()]
-    for _ in range(repeats):
-        call()
-        marks.append(time.perf_counter())
-    return float(np.diff(marks).min())
+def quickest(call: Callable[[], Any]) -> float:
+    """Least wall seconds of a call."""
+    return timed(call, REPEATS)[0]
 
 
 def measure_gpu(shape: tuple[int, int, int], pixels: int, device: str) -> Iterator[dict[str, Any]]:

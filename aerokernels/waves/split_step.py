@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 
 from ..arguments import checked
+from ..checks import check_choice
 from ..clock import clocked, stage
 from ..medium import IndexField
 from ..pupils import Pupil
@@ -82,8 +83,7 @@ def split_step(
         raise ValueError(f"tolerance must be positive, got {tolerance!r}")
     if step_count is not None and (not isinstance(step_count, (int, np.integer)) or step_count < 1):
         raise ValueError(f"step_count must be a whole number of at least 1, got {step_count!r}")
-    if precision not in PRECISIONS:
-        raise ValueError(f"precision {precision!r} is not known: choose one of {', '.join(PRECISIONS)}")
+    check_choice(precision, "precision", PRECISIONS)
     library = fourier_library(device)
     with clocked() as seconds:
         with stage("plan"):

@@ -8,7 +8,7 @@ import pytest
 from aerokernels import Scene, echo, estimate_range, range_statistics
 from aerokernels.echo import RANGING_METHODS, CoarseSamplingWarning
 from aerokernels.echo.pulses import GaussianPulse, HeliosPulse
-from aerokernels.echo.ranging import read_range, sampling_error_of
+from aerokernels.echo.ranging import Reading
 from aerokernels.echo.shaped_curve import shaped_curve
 from aerokernels.echo.waveform import SPEED_OF_LIGHT
 
@@ -75,7 +75,7 @@ def test_without_the_shape_the_error_is_told(method):
         ):
             reading = estimate_range(time, volts, method, threshold=1.0)
         off.append(abs(reading - HALF_C * (arrival + truth)))
-        reported.append(sampling_error_of(volts, period, method, threshold=1.0))
+        reported.append(Reading(method, 1.0).sampling_error(volts, period))
     assert (np.array(off) <= reported).all()
     assert 3e-3 < max(off) < 40e-3 and max(reported) < 3.0 * max(off)
     with pytest.warns(CoarseSamplingWarning):
@@ -103,7 +103,7 @@ def test_edges_and_tops_of_other_shapes_are_told_of(method, name, per_width):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", CoarseSamplingWarning)
             off = abs(estimate_range(time, volts, method, threshold=1.0) - HALF_C * (arrival + truth))
-        told = sampling_error_of(volts, period, method, threshold=1.0)
+        told = Reading(method, 1.0).sampling_error(volts, period)
         assert off <= told + 1e-3 * HALF_C * 2.0 * TAU, phase
         if name == "corner" and method == "constant-fraction":
             assert told > 0.0
@@ -171,7 +171,7 @@ def test_noise_at_few_samples_costs_no_more_than_the_bound_allows(method):
     readings = []
     for seed in range(200):
         time, volts, arrival = record(shape, period, seed / 200.0, noise=0.01, seed=seed)
-        reading = read_range(time, volts, method, threshold=1.0, template=shape)
+        reading = Reading(method, 1.0, shape).range(time, volts)
         readings.append(reading - HALF_C * (arrival + truth))
     error = np.std(readings) / np.sqrt(len(readings))
     assert abs(np.mean(readings)) < 4.0 * error + 1e-3

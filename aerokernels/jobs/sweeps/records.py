@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from aerokernels.jobs.store import to_json, write_text
-from aerokernels.plain_text import plain_json
+from aerokernels.plain_text import cut, plain_json
 
 DEFINITION_FILE, CASES_FILE, DATASET_FILE = "sweep.json", "cases.jsonl", "sweep.nc"
 _REMEDY = "take another --out, or remove that folder"
@@ -75,8 +75,7 @@ def _differences(old: Any, new: Any, key: str = "") -> Iterator[tuple[str, str, 
 
 
 def _short(value: Any) -> str:
-    text = "absent" if value is None else json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return "absent" if value is None else cut(json.dumps(value, ensure_ascii=False))
 
 
 def _is_record(record: Any) -> bool:

@@ -3,15 +3,15 @@
 import signal
 import time
 from pathlib import Path
+from random import Random
 
 import numpy as np
 
-from aerokernels.hardware.blocks import BlockDecoder
-from aerokernels.hardware.decoder import FrameDecoder
 from aerokernels.hardware.faults import FaultPlan
-from aerokernels.hardware.frames import EchoFrame, encode
+from aerokernels.hardware.frames import encode
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 
+from .. import input_draws
 from .line import Outcome, RecorderProcess, counts, is_whole, made_frames, stored, wait_for_reader
 
 DAMAGE = {"torn": 0.0125, "flipped": 0.0125, "glued": 0.0125, "garbage": 0.0125}
@@ -48,58 +48,16 @@ def damage(folder: Path, size: float) -> Outcome:
 
 
 def fuzz(folder: Path, size: float) -> Outcome:
-    """`size` mutated streams for each decoder, whole and in chunks: the chunks do not matter, little is held back."""
-    random = np.random.default_rng(2)
-    frames = [encode(frame) for frame in made_frames(20, 40)]
-    blocks = [
-        b':WFMOUTPRE:BYT_NR 1;WFID "Ch1; #1";YMULT 1.0E-3\n',
-        b":CURVE #240" + bytes(range(40)) + b"\n",
-        b"#15\n#19\n\n",
-        b"12\r\n",
-    ]
-    longest = byte_count = 0
-    start = time.perf_counter()
-    for _ in range(int(size)):
-        for make, parts, bound in ((FrameDecoder, frames, 2**18), (lambda: BlockDecoder(4096), blocks, 3 * 4096)):
-            stream = _mutated(b"".join(parts[k] for k in random.integers(len(parts), size=6)), random)
-            whole, pieces = make(), make()
-            expected = whole.feed(stream) + whole.finish()
-            cuts = np.sort(random.integers(0, len(stream) + 1, 8))
-            found: list = []
-            for chunk in np.split(np.frombuffer(stream, np.uint8), cuts):
-                found += pieces.feed(chunk.tobytes())
-                longest = max(longest, pieces.pending_length)
-                if pieces.pending_length > bound:
-                    return Outcome(False, f"{pieces.pending_length} bytes held back")
-            found += pieces.finish()
-            if [_seen(one) for one in found] != [_seen(one) for one in expected]:
-                return Outcome(False, f"the chunks matter in {stream!r}")
-            byte_count += 2 * len(stream)
-    rate = byte_count / (time.perf_counter() - start) / 1e6
-    return Outcome(True, f"2 x {int(size)} streams, {byte_count / 1e6:.0f} MB at {rate:.1f} MB/s, {longest} bytes held")
-
-
-def _mutated(stream: bytes, random: np.random.Generator) -> bytes:
-    data = np.frombuffer(stream, np.uint8).copy()
-    for _ in range(int(random.integers(0, 6))):
-        kind, place = random.integers(4), int(random.integers(len(data)))
-        if kind == 0:
-            data[place] ^= np.uint8(1 << random.integers(8))
-        elif kind == 1:
-            data = np.delete(data, slice(place, place + int(random.integers(1, 60))))
-        elif kind == 2:
-            data = np.insert(data, place, random.integers(0, 256, random.integers(1, 60)).astype(np.uint8))
-        else:
-            data = np.insert(data, place, data[place : place + 50])
-        if not data.size:
-            return b""
-    return data.tobytes()
-
-
-def _seen(one: object) -> tuple:
-    if isinstance(one, EchoFrame):
-        return one.sequence, one.crc, one.raw
-    return tuple(vars(one).values())
+    """`size` damaged streams for each decoder, whole and in chunks, as `frame` and `block` of input_draws.py."""
+    start, taken = time.perf_counter(), 0
+    for seed in range(int(size)):
+        for name in ("frame", "block"):
+            try:
+                taken += input_draws.DRAWS[name](Random(seed), folder)
+            except AssertionError as fault:
+                return Outcome(False, f"{name}, seed {seed}: {fault}")
+    rate = 2.0 * size / (time.perf_counter() - start)
+    return Outcome(True, f"2 x {int(size)} streams at {rate:.0f} a second, something whole in {taken} of them")
 
 
 def kills(folder: Path, size: float) -> Outcome:

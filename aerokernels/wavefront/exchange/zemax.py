@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...checks import check_choice
 from ..data import WavefrontMap
 
 KINDS = ("phase", "sag")
@@ -22,8 +23,7 @@ def to_zemax(wavefront: WavefrontMap, path, kind: str = "phase") -> None:
     Raises:
         ValueError: A kind that is neither "phase" nor "sag".
     """
-    if kind not in KINDS:
-        raise ValueError(f"kind {kind!r} is not known: choose one of {', '.join(KINDS)}")
+    check_choice(kind, "kind", KINDS)
     scale = 2.0 * np.pi / wavefront.wavelength if kind == "phase" else 1e3
     height = np.where(wavefront.lit, -scale * wavefront.opd, 0.0)[::-1]
     lost = (~wavefront.lit)[::-1]
