@@ -11,9 +11,9 @@ by twice that:
 
     |change| <= \int (z - z_p) |lap m| dz  +  2 k L T^2  +  1/(4 k) \int (z - z_p)^2 |lap lap m| dz
 
-with T = \int |grad m| dz,
-and air whose phase stays within P of its mean on all lines leaves either Strehl ratio within P^2 of 1. A tilt
-that all the light shares turns it as a whole and is left out of T. What is neglected are products of such terms.
+with T = \int |grad m| dz, and air whose phase stays within P of its mean on all lines leaves either Strehl ratio within
+P^2 of 1. A tilt that all the light shares turns it as a whole and is left out of T. What is neglected are products of
+such terms.
 
 A cubic spline and its derivatives lie between the differences of its coefficients, and one coefficient along z stands
 for one cell of the integrals. They are looked at plane by plane where light of the pupil goes, some widths
@@ -91,8 +91,8 @@ def _along_z(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, wa
     held = _held(field, grid, pupil, margin) if len(ahead) else None
     if held is None:
         return None
-    part = slice(int(ahead[0]), int(ahead[-1]) + 1)
-    held, way = held[..., part], np.maximum(way[part], 0.0)
+    in_front = slice(int(ahead[0]), int(ahead[-1]) + 1)
+    held, way = held[..., in_front], np.maximum(way[in_front], 0.0)
     round_about = field.geometry == "axisymmetric"
     # Slope over radius is a mean of second derivatives from the axis on.
     ways = 2.0 if round_about else 1.0
@@ -118,7 +118,7 @@ def _along_z(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, wa
         fourth = np.zeros((len(steps), len(way)))
         for part in _parts(held, 4):
             for axis, found in enumerate(fourth):
-                np.maximum(found, _greatest(np.diff(part, 4, axis=axis)), out=found)
+                np.maximum(found, _greatest(_differences(part, axis, 4)), out=found)
         roots = ways * np.sum(np.sqrt(fourth) / steps[:, None] ** 2, axis=0)
         diffraction = share * float((way * roots) @ (way * roots))
     change = rest + diffraction if math.isfinite(curvature) else math.inf
@@ -177,10 +177,12 @@ def _parts(held: np.ndarray, order: int) -> Iterator[np.ndarray]:
         yield np.subtract(part, line, out=np.empty(part.shape, dtype=np.float32), casting="same_kind")
 
 
-def _differences(values: np.ndarray, axis: int) -> np.ndarray:
+def _differences(values: np.ndarray, axis: int, order: int = 1) -> np.ndarray:
     """What `numpy.diff` gives, in half of its time for small arrays."""
     ahead = (slice(None),) * axis
-    return np.asarray(values[(*ahead, slice(1, None))] - values[(*ahead, slice(None, -1))])
+    for _ in range(order):
+        values = values[(*ahead, slice(1, None))] - values[(*ahead, slice(None, -1))]
+    return values
 
 
 def _greatest(values: np.ndarray) -> np.ndarray:
