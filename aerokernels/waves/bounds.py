@@ -39,7 +39,7 @@ GREATEST_BOUND = 0.1
 # asks for a smaller one.
 LITTLE, ENOUGH = 0.25, 5e-3
 # Coefficients that are looked at together, along z so many that NumPy is quick for them; bounds kept for a field.
-PART_SIZE, LONG, KEPT = 1 << 15, 128, 8
+PART_SIZE, LONG, KEPT = 1 << 16, 128, 8
 
 
 @dataclass(frozen=True)
@@ -99,16 +99,19 @@ def _along_z(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, wa
     # The coefficients are those of the potential, which is the contrast times the ambient index.
     scale, steps = spacing / grid.ambient_index, grid.spacing[:-1]
     share = scale / (4.0 * wave_number)
-    planes, rest = _Planes(held.shape), 0.0
+    planes, rest, curvature, second = _Planes(held.shape), 0.0, math.inf, np.zeros(len(way))
     for part in _parts(held, 2):
-        planes.take(part)
+        firsts = planes.take(part)
         # The radial slope points every way about the axis: it has no tilt in common.
         low, high = planes.low, planes.high
         steep = np.maximum(high, -low) if round_about else 0.5 * (high - low)
         turn = scale * float(np.sqrt(np.sum((steep / steps[:, None]) ** 2, axis=0)).sum())
-        second = ways * np.sum(planes.second / steps[:, None] ** 2, axis=0)
-        curvature = scale * float((way * second).sum())
-        rest = curvature + 2.0 * wave_number * length * turn**2
+        rest = 2.0 * wave_number * length * turn**2
+        if rest <= GREATEST_BOUND:
+            planes.take_bends(firsts)
+            second = ways * np.sum(planes.second / steps[:, None] ** 2, axis=0)
+            curvature = scale * float((way * second).sum())
+            rest += curvature
         if rest > GREATEST_BOUND:  # what is not looked at yet adds to it
             curvature = math.inf
             break
@@ -142,12 +145,17 @@ class _Planes:
         count = len(shape) - 1, shape[-1]
         self.low, self.high, self.second = np.full(count, np.inf), np.full(count, -np.inf), np.zeros(count)
 
-    def take(self, part: np.ndarray) -> None:
-        """Add a part."""
-        for axis, (low, high, second) in enumerate(zip(self.low, self.high, self.second, strict=True)):
-            first = _differences(part, axis)
+    def take(self, part: np.ndarray) -> list[np.ndarray]:
+        """Add a part; its first differences along each axis."""
+        firsts = [_differences(part, axis) for axis in range(len(self.low))]
+        for first, low, high in zip(firsts, self.low, self.high, strict=True):
             np.maximum(high, _over(np.maximum, first), out=high)
             np.minimum(low, _over(np.minimum, first), out=low)
+        return firsts
+
+    def take_bends(self, firsts: list[np.ndarray]) -> None:
+        """Add the second differences of a part, by its first ones."""
+        for axis, (first, second) in enumerate(zip(firsts, self.second, strict=True)):
             np.maximum(second, _greatest(_differences(first, axis)), out=second)
 
 
