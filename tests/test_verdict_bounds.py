@@ -52,10 +52,9 @@ def test_the_bound_of_a_lens_is_its_curvature_times_its_distance(geometry: str, 
 
 
 def test_a_tilt_is_no_disturbance():
-    """A prism of a thousandth of a radian turns all light alike: without the parabola's 1e-8 nothing would be left."""
-    prism = bound_of(air(lambda y: 2e-2 * y + 0.5e-7 * y**2))
-    assert prism.change < 1e-6
-    assert bound_of(air(lambda y: 2e-2 * y + 1e-3 * np.maximum(y, 0.0) ** 2)).change > 1e-6
+    """A prism of a thousandth of a radian turns all light alike: nothing is left, to 1e-5 by single precision."""
+    assert bound_of(air(lambda y: 2e-2 * y)).change < 1e-5
+    assert bound_of(air(lambda y: 2e-2 * y + 0.1 * np.maximum(y, 0.0) ** 2)).change > 1e-4
 
 
 def test_weak_air_of_any_interpolant_is_proven_and_strong_air_is_not():

@@ -183,7 +183,8 @@ def view_at_bound(view: DrawnView, limit: float = GOOD) -> DrawnView | None:
         low, high = (middle, high) if bound(float(np.exp(middle))) <= limit else (low, middle)
     factor = float(np.exp(low))
     found = scaled(factor)
-    is_air = float(np.abs(found.field.samples.samples).max()) < GREATEST_CONTRAST  # type: ignore[union-attr]
+    assert isinstance(found.field.samples, UniformGrid)
+    is_air = max(np.abs(found.field.samples.extremes)) < GREATEST_CONTRAST
     return found if is_air and bound(factor) <= limit else None
 
 

@@ -2,7 +2,8 @@
 
 from .angular_spectrum import angular_spectrum
 from .split_step import split_step
-from .validity import Validity, validity
+from .validity import validity
+from .verdict import Validity
 from .wave import Wave
 
 __all__ = ["Validity", "Wave", "angular_spectrum", "split_step", "validity"]

@@ -80,7 +80,7 @@ def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
     lit = pupil.transmission(*np.meshgrid(place, place)) > 0.0
     across = np.zeros(1) if flat else place
     if flat:
-        lit = lit.any(axis=1, keepdims=True)
+        lit = np.asarray(lit.any(axis=1, keepdims=True))
     opaque = slabs.opaque(across, place, FINEST)
     if opaque is not None and (lit & ~opaque.any(axis=0)).any():
         lit &= ~opaque.any(axis=0)

@@ -38,7 +38,7 @@ from ..medium import IndexField
 from ..pupils import Pupil
 from ..tracing.lines import box_size
 from ..wavefront import Wavefront
-from .bounds import change_bound
+from .bounds import GREATEST_BOUND, change_bound
 from .coarse_wave import by_waves, finest_feature, fresnel_number
 from .screens import screens_answer, stride_of
 from .shadows import is_clear
@@ -47,8 +47,6 @@ from .verdict import FEWEST_MAPPED, GOOD, Validity
 
 # The share of the limit that the rays' own answer must stay below.
 CLEAR = 0.1
-# The greatest bound from the field that proves anything: what it neglects is of the order of its square.
-GREATEST_BOUND = 0.1
 # The least Fresnel number with which they answer: at 1.8 two screens have said -0.0009 of a wave's +0.039.
 FEWEST_FRESNEL = 4.0
 # Cells times rays beside which a wave through sampled layers is cheap: it takes 0.05 to 0.2 s, and a ray through a mesh
