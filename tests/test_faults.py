@@ -22,7 +22,7 @@ def in_python(code: str, *arguments: object, options: tuple[str, ...] = (), **en
     return subprocess.run(
         [sys.executable, *options, "-c", code, *map(str, arguments)],
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=120,
         stdin=subprocess.DEVNULL,
         env={**os.environ, **environment},
