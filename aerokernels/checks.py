@@ -1,7 +1,9 @@
 """Checks of arguments: each refuses a value by name and says what would do."""
 
 import math
+import os
 from collections.abc import Collection
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,20 @@ import numpy as np
 UNEVENNESS = 1e-3
 # A sample period above this is no rangefinder's: nanoseconds, or sample numbers, that were taken for seconds.
 LONGEST_PERIOD = 1e-3
+
+
+def check_path(value: Any, name: str) -> Path:
+    """Return `value` as a path: it is a text or path-like, of texts.
+
+    Raises:
+        TypeError: It is something else.
+        ValueError: It has a zero character, which no path has.
+    """
+    if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
+        raise TypeError(f"{name} must be a text or a Path, got {type(value).__name__}")
+    if "\0" in os.fspath(value):
+        raise ValueError(f"{name} is {os.fspath(value)!r}: a path has no zero character")
+    return Path(value)
 
 
 def check_positive(value: float, name: str, unit: str = "") -> float:

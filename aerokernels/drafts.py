@@ -4,12 +4,24 @@ A process that is killed leaves its draft. Whoever writes to the same place next
 and the process that make it, and one whose process is no more is nobody's.
 """
 
+import errno
 import os
 import re
 import shutil
 import socket
 from contextlib import suppress
 from pathlib import Path
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+class OutputError(OSError):
+    """There is no room for results; the message names the place and the remedy."""
+
+    def __init__(self, place: Path, fault: OSError, name: str = "--out "):
+        """Say it in one line; `name` is what the place is called."""
+        super().__init__(f"{name}{place}: {os.strerror(fault.errno or 0)}: make room, or choose another place")
+        self.errno = fault.errno
 
 
 def draft_of(path: Path) -> Path:

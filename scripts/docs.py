@@ -125,7 +125,7 @@ def remake(name: str) -> None:
         raise SystemExit(f"error: {name!r} is not made by any command: choose one of {', '.join(found)}")
     subprocess.run(shlex.split(found[name]["command"]), cwd=ROOT, check=True)
     commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, check=True, capture_output=True, text=True
+        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, check=True, capture_output=True, encoding="utf-8"
     )
     today = datetime.date.today().isoformat()
     text = noted(RECORDS.read_text(encoding="utf-8"), name, commit.stdout.strip(), today)

@@ -54,7 +54,7 @@ def command(kind: str, variant: int, out: str) -> list[str]:
 
 def started(folder: Path, *arguments: str) -> subprocess.Popen:
     """A command on its way."""
-    return subprocess.Popen([sys.executable, "-m", "aerokernels", *arguments], cwd=folder, text=True,
+    return subprocess.Popen([sys.executable, "-m", "aerokernels", *arguments], cwd=folder, encoding="utf-8",
                             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)  # fmt: skip
 
 

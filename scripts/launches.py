@@ -1,9 +1,9 @@
 """How long kernels take on a GPU without what a call adds: many launches in a row, and new seeds of a Strehl ratio.
 
 A million rays of the bundles of `aerokernels bench bundles`, every ray traced: the kernel stage of a call, one launch
-that is waited for, and ten in a row, with results on the device; a launch of Dr.Jit's 32 steps beside them where it is installed.
-Then 2,304 rays of a disc in the cone scene, everything made ready: a new seed, and the kernels' part of it. Wall time
-[ms], medians.
+that is waited for, and ten in a row, with results on the device; a launch of Dr.Jit's 32 steps beside them where it
+is installed. Then 2,304 rays of a disc in the cone scene, everything made ready: a new seed, and the kernels' part of
+it. Wall time [ms], medians.
 """
 
 import argparse

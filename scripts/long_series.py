@@ -93,7 +93,7 @@ def digest(store: Path) -> str:
 def _begin(count: int, out: Path) -> subprocess.Popen:
     """A process that computes the series into a store, by this program, and prints what `compute` found."""
     program = [sys.executable, str(Path(__file__).resolve()), "--alone", "--count", str(count), "--out", str(out)]
-    return subprocess.Popen(program, stdout=subprocess.PIPE, text=True)
+    return subprocess.Popen(program, stdout=subprocess.PIPE, encoding="utf-8")
 
 
 def _journal(out: Path) -> int:

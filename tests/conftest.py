@@ -78,7 +78,7 @@ def aerokernels(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str
             cwd=tmp_path,
             stdin=subprocess.DEVNULL,
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             timeout=timeout,
         )
 

@@ -243,7 +243,9 @@ def test_import_is_light():
     """`import aerokernels` loads none of the heavy packages, nor does naming the command line's help."""
     for statement in ("import aerokernels", "import aerokernels.cli", "import aerokernels; dir(aerokernels)"):
         code = f"{statement}\nimport sys\nprint(*[name for name in {HEAVY!r} if name in sys.modules])"
-        loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+        loaded = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True
+        ).stdout.split()
         assert loaded == [], f"{statement!r} loads {loaded}"
 
 
@@ -273,7 +275,7 @@ def test_public_names_do_not_depend_on_what_was_imported_before():
         "from aerokernels import echo, strehl\n"
         "assert callable(echo) and callable(strehl)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == ["echo", "flow", "schlieren", "strehl", "wavefront", "zernike"]
 
@@ -304,7 +306,7 @@ def test_modules_are_modules_and_functions_in_any_order(first: str):
     """Each way of importing alone before and after the calls, and all the others after it, in a process of its own."""
     others = [line for name, line in IMPORTS.items() if name != first]
     code = "\n".join([IMPORTS[first], CALLS, *others, CALLS, IMPORTS[first]])
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
     assert done.returncode == 0, done.stderr
 
 

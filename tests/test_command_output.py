@@ -81,7 +81,9 @@ def test_a_pipe_that_closes_does_not_end_the_work(tmp_path):
         "from pathlib import Path\nfrom aerokernels.commands import _output\n"
         "for number in range(3): _output.result('a line', number)\nPath('done').touch()"
     )
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, stdout=writing, stderr=subprocess.PIPE, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, stdout=writing, stderr=subprocess.PIPE, encoding="utf-8"
+    )
     os.close(writing)
     assert (done.returncode, done.stderr) == (0, "") and (tmp_path / "done").exists()
 

@@ -22,7 +22,7 @@ def in_python(code: str, *arguments: object, options: tuple[str, ...] = (), **en
     return subprocess.run(
         [sys.executable, *options, "-c", code, *map(str, arguments)],
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=120,
         stdin=subprocess.DEVNULL,
         env={**os.environ, **environment},
@@ -152,6 +152,46 @@ def test_two_processes_do_not_write_one_series(tmp_path: Path):
     shutil.rmtree(path)
     with ZarrStore(path, template, {"series": "a"}).writing() as anew:  # the journal alone is worth nothing
         anew.add(maps, numbers)
+
+
+@unix
+def test_a_series_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
+    """Set-up: files that may have no bytes, or as many as the journal's first lines, or any number.
+
+    Expected: told with the store's name; no draft stays, what was kept is kept, and with room the series is finished.
+    """
+    pytest.importorskip("zarr")
+    code = (
+        "import resource, sys; from pathlib import Path; import numpy as np; import xarray\n"
+        "from aerokernels.drafts import OutputError\n"
+        "from aerokernels.series.store import MAPS, NUMBERS, ZarrStore\n"
+        "axis, path = np.linspace(-0.01, 0.01, 4), Path(sys.argv[1]) / 'maps.zarr'\n"
+        "template = xarray.Dataset(coords={'time': np.arange(9.0), 'y': axis, 'x': axis})\n"
+        "maps = {name: np.ones((4, 4), kind) for name, (kind, _, _) in MAPS.items()}\n"
+        "numbers = dict.fromkeys(NUMBERS, 1.0)\n"
+        "hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]\n"
+        "for size in (0, 30_000, resource.RLIM_INFINITY):\n"
+        "    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))\n"
+        "    store = ZarrStore(path, template, {'series': 'a' * 29_800})\n"
+        "    print(store.done.count)\n"
+        "    try:\n"
+        "        with store.writing():\n"
+        "            while store.done.count < 9:\n"
+        "                store.add(maps, numbers)\n"
+        "            print(float(store.finish()['opd'].sum()))\n"
+        "    except OutputError as fault:\n"
+        "        print(fault)\n"
+        "    print(sorted(one.name for one in path.parent.iterdir()))\n"
+    )
+    done = in_python(code, tmp_path)
+    assert done.returncode == 0, done.stderr[-2000:]
+    nothing, told, left, again, full, kept, some, total, there = done.stdout.splitlines()
+    assert (nothing, again, left) == ("0", "0", "[]")
+    for line in (told, full):
+        assert line.startswith(f"out={tmp_path / 'maps.zarr'}: ") and line.endswith(
+            "make room, or choose another place"
+        )
+    assert kept == there == "['.maps.zarr.journal', 'maps.zarr']" and 0 < int(some) < 9 and float(total) == 144.0
 
 
 @unix

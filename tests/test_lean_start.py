@@ -24,7 +24,7 @@ def imported(code: str, *arguments: str) -> set[str]:
         f"import sys\nbefore = set(sys.modules)\ntry:\n    exec({code!r})\n"
         "finally:\n    print('modules:', *sorted(set(sys.modules) - before), file=sys.stderr)"
     )
-    done = subprocess.run([sys.executable, "-c", script, *arguments], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", script, *arguments], capture_output=True, encoding="utf-8")
     last = done.stderr.strip().splitlines()[-1]
     assert done.returncode == 0 and last.startswith("modules:"), done.stderr
     return set(last.split()[1:])

@@ -63,7 +63,7 @@ def test_a_shell_that_binds_and_limits():
         "try: room.check_room(1.5e9, 'a.nc')\n"
         "except room.NoRoomError as error: print(error)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True, timeout=60)
     numbers, refusal = done.stdout.splitlines()
     cores, memory, free = map(float, numbers.split())
     assert (cores, memory) == (1, 2 << 30) and 0 < free < memory < math.inf

@@ -19,7 +19,7 @@ def wheel_names(root: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
     made = subprocess.run(
         [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder, root],
         capture_output=True,
-        text=True,
+        encoding="utf-8",
     )
     assert made.returncode == 0, made.stdout + made.stderr
     (wheel,) = folder.glob("*.whl")

@@ -181,3 +181,23 @@ def test_columns_of_pandas_in_different_orders_are_refused():
     assert strehl(table.opd, 1e-6, table.weight) == strehl(table.opd.to_numpy(), 1e-6, table.weight.to_numpy())
     with pytest.raises(ValueError, match="opd and weights have the same labels in different orders"):
         strehl(table.opd, 1e-6, table.weight[::-1])
+
+
+@pytest.mark.parametrize("given", [b"a.nc", 3, "a\0.nc"])
+def test_paths_are_texts_or_path_like(given):
+    """Expected of every way in: the argument's name, in words; bytes, numbers and zero characters ended in Python's."""
+    from aerokernels import flow, sweep
+    from aerokernels.hardware.echo_source import EchoSource
+    from aerokernels.hardware.store import EchoStore
+    from aerokernels.schlieren.picture_file import read_picture
+
+    ways = [
+        lambda: EchoStore(given),
+        lambda: EchoSource.from_result(given),
+        lambda: read_picture(given, pixel_size=1e-3, nose=(1.0, 1.0)),
+        lambda: sweep("wind-tunnel-mach3", vary={"target.tilt": [0.0]}, out=given),
+        *([] if given == 3 else [lambda: flow.open_series(given)]),
+    ]
+    for way in ways:
+        with pytest.raises((TypeError, ValueError), match=r"^(path|out|source) (must be a text or a Path, got|is 'a)"):
+            way()

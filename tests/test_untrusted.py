@@ -40,7 +40,7 @@ CORPUS = {"scene": (8380,), "override": (1018, 5030), "preamble": (1780,), "netc
           "plot3d": (1130,), "npz": (6, 48, 70984352, 80265532), "names": (60265237,),
           "unit": (7465,), "index": (1697,),
           "netcdf-result": (189, 301540), "netcdf-wavefront": (113, 365), "netcdf-index": (703, 871, 200030),
-          "netcdf-series": (300225, 300401), "cgns-nodes": (3688, 5164), "vtk-grids": (152, 1181, 2448),
+          "netcdf-series": (300225, 300401, 130000012), "cgns-nodes": (3688, 5164), "vtk-grids": (152, 1181, 2448),
           "journal": (5458,)}  # fmt: skip
 
 

@@ -88,7 +88,7 @@ def quick(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         [sys.executable, str(root / "scripts" / "work_precision.py"), "--quick", "--out", str(out)],
         stdin=subprocess.DEVNULL,
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=300.0,
     )
     assert done.returncode == 0, done.stderr
@@ -148,7 +148,7 @@ def test_refuses_what_makes_no_sense(root: Path, tmp_path: Path):
         [sys.executable, str(root / "scripts" / "work_precision.py"), "--rays", "0", "--out", str(tmp_path / "out")],
         stdin=subprocess.DEVNULL,
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=300.0,
     )
     assert done.returncode == 2 and "few" in done.stderr

@@ -1,5 +1,6 @@
 """Opening a series: from a file with a time axis, from numbered files, from arrays of a solver in this process."""
 
+import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..checks import check_path
 from ..device_arrays import host_array
 from ..medium import Body, QuadMesh
 from .density_field import DensityField
@@ -77,9 +79,9 @@ def open_series(
     if species not in (None, False):
         shared["species"] = species
     for_files = {**{name: value for name, value in shared.items() if value is not None}, **options}
-    if isinstance(source, (str, Path)):
-        path = Path(source)
-        if any(letter in str(source) for letter in "*?[") and not path.exists():
+    if isinstance(source, (str, bytes, os.PathLike)):
+        path = check_path(source, "source")
+        if any(letter in str(path) for letter in "*?[") and not path.exists():
             return _of_files(_matching(path), time, time_step, start_time, _reader(read, for_files, density))
         if path.suffix == ".pvd" and path.is_file():
             entries = sorted(import_module(f"{__package__}.reading.vtk_files").collection(path))
@@ -105,7 +107,7 @@ def open_series(
     total = (len(items) if hasattr(items, "__len__") else int(items.shape[0])) if listed else count
     if listed and total == 0:
         raise ValueError("the series is empty: give at least one snapshot")
-    if listed and isinstance(items[0], (str, Path)):
+    if listed and isinstance(items[0], (str, os.PathLike)):
         return _of_files([Path(item) for item in items], time, time_step, start_time, _reader(read, for_files, density))
     get = items.__getitem__ if listed else InOrder(items)
     times = times_of(time, time_step, start_time, total)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.constants import speed_of_light
 
+from aerokernels.checks import check_path
 from aerokernels.echo.stored import echo_of_result
 from aerokernels.hardware.frames import GREATEST_SAMPLE_COUNT, EchoFrame
 from aerokernels.netcdf_reading import open_netcdf
@@ -108,7 +109,7 @@ class EchoSource:
         Raises:
             ValueError: there is no such file, it cannot be read, or there is no echo in it.
         """
-        path = Path(path)
+        path = check_path(path, "path")
         if path.is_dir():
             path = path / "result.nc"
         if not path.is_file():

@@ -113,7 +113,7 @@ def _remedy(port: str, error: Exception) -> str:
         return "permission denied: add your user to the group that owns the device (often 'dialout') and log in again"
     if code in (errno.ENOENT, errno.ENXIO, errno.ENODEV):
         return f"no such port: plug the board in, or choose one of {_known_ports()}"
-    if "configure port" in text or code == errno.ENOTTY:
+    if "configure port" in text or code in (errno.ENOTTY, errno.EISDIR, errno.ENOTDIR, errno.ELOOP, errno.ENAMETOOLONG):
         return "not a serial port: give a device such as /dev/ttyUSB0 or a pyserial URL"
     if "://" in port:
         return f"{text}: check the pyserial URL, for example socket://192.168.0.7:4000"

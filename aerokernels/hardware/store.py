@@ -13,6 +13,7 @@ from operator import index
 from pathlib import Path
 from typing import Any, TypeVar
 
+from aerokernels.checks import check_path
 from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.preamble import ScopeCurve
@@ -74,7 +75,7 @@ class EchoStore:
 
     def __init__(self, path: str | Path, *, read_only: bool = False) -> None:
         """Open the file, or make it."""
-        self.path = Path(path)
+        self.path = check_path(path, "path")
         address, is_new = store_address(self.path, read_only=read_only), not self.path.exists()
         try:
             self._connection = sqlite3.connect(address, uri=True, timeout=_BUSY_TIME, isolation_level=None)

@@ -53,7 +53,8 @@ def _middle(corner: np.ndarray) -> np.ndarray:
 def written_at() -> datetime:
     """When a file is written: now, or at SOURCE_DATE_EPOCH where that is set, so that equal runs give equal files."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
-    return datetime.fromtimestamp(int(epoch), UTC) if epoch.isdigit() else datetime.now(UTC)
+    known = epoch.isascii() and epoch.isdigit() and len(epoch) <= 11  # up to the year 5138
+    return datetime.fromtimestamp(int(epoch), UTC) if known else datetime.now(UTC)
 
 
 def _number(value: float | None) -> float:

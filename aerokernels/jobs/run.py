@@ -1,5 +1,6 @@
 """One run: a scene from its flow to the reported range."""
 
+import os
 import time
 from collections.abc import Callable
 from functools import cached_property
@@ -106,7 +107,7 @@ def simulate(
             device, a target inside the flow, a pupil that no ray leaves, an index field of another wavelength than the
             scene's.
     """
-    if isinstance(scene, (str, Path)):
+    if isinstance(scene, (str, os.PathLike)):
         scene = Scene.load(scene)
     if not isinstance(scene, Scene):
         raise TypeError(f"scene must be a Scene, a path or a shipped scene's name, got {type(scene).__name__}")

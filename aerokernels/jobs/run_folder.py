@@ -53,7 +53,7 @@ class RunFolder:
         found = (self.summary.get("errors") or {}).get(key)
         if method is not None:
             found = found.get(method) if isinstance(found, dict) else None
-        return float(found) if _is_number(found) else math.nan
+        return float(found) if found is not None and _is_number(found) else math.nan
 
 
 class RunWithoutEcho(ValueError):

@@ -5,7 +5,6 @@ failure, an interrupt or a full disk leaves what was there before.
 """
 
 import contextlib
-import errno
 import json
 import math
 import os
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.drafts import draft_of
+from aerokernels.drafts import FULL, OutputError, draft_of
 from aerokernels.netcdf_file import write_netcdf
 from aerokernels.netcdf_reading import open_netcdf
 from aerokernels.one_writer import only_writer
@@ -28,17 +27,6 @@ if TYPE_CHECKING:
 RESULT_FILE, SUMMARY_FILE, REPORT_FILE = "result.nc", "summary.json", "report.html"
 MAPS_FILE = "series.zarr"
 COMPLETE = ".result.complete"  # a whole result inside the folder that it is moved into
-
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-
-
-class OutputError(OSError):
-    """There is no room for results; the message names the place and the remedy."""
-
-    def __init__(self, place: Path, fault: OSError):
-        """Say it in one line."""
-        super().__init__(f"--out {place}: {os.strerror(fault.errno or 0)}: make room, or choose another place")
-        self.errno = fault.errno
 
 
 def check_output_folder(out: Path, own: Sequence[str] = ()) -> None:

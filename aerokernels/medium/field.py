@@ -79,7 +79,7 @@ class IndexField(Derived):
         if self.wavelength is not None:
             object.__setattr__(self, "wavelength", check_wavelength(self.wavelength))
         uniform = isinstance(self.samples, UniformGrid)
-        values = np.asarray(self.samples.extremes if uniform else self.samples.values)  # type: ignore[union-attr]
+        values = np.asarray(self.samples.extremes if uniform else self.samples.values)
         least, greatest = values.min(), values.max()
         if least + self.ambient_index <= 0.0:
             raise ValueError(

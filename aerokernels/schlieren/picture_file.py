@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..checks import check_choice
+from ..checks import check_choice, check_path
 from ..room import NoRoomError, check_room
 from .picture import AnyPicture, Picture
 
@@ -40,7 +40,7 @@ def read_picture(
         ValueError: no such file, not a picture, one that is cut off, too small or of one brightness, or an argument
             that makes no sense.
     """
-    path = Path(path)
+    path = check_path(path, "path")
     if not (np.isfinite(pixel_size) and pixel_size > 0.0):
         raise ValueError(f"pixel_size = {pixel_size}: give the width of a pixel in metres")
     tip = np.asarray(nose, dtype=np.float64)
@@ -71,7 +71,7 @@ def write_picture(path: str | Path, picture: AnyPicture) -> None:
     from PIL import Image
 
     levels = np.rint(np.clip(picture.intensity, 0.0, 1.0) * 65535.0).astype(np.uint16)
-    Image.fromarray(np.ascontiguousarray(levels[::-1])).save(Path(path), format="PNG")
+    Image.fromarray(np.ascontiguousarray(levels[::-1])).save(check_path(path, "path"), format="PNG")
 
 
 def _read_grey(path: Path) -> np.ndarray:

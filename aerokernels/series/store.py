@@ -5,7 +5,9 @@ it is there, with the snapshot's numbers. After a break the maps that the journa
 what an unbroken run would have made, bit for bit.
 """
 
+import errno
 import json
+import os
 import shutil
 import warnings
 from collections.abc import Iterator, Mapping
@@ -15,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.drafts import FULL, OutputError
 from aerokernels.one_writer import only_writer
 from aerokernels.plain_text import cut
 
@@ -194,12 +197,18 @@ class ZarrStore:
         try:
             yield
         except Exception as fault:
+            if isinstance(fault, OSError) and fault.errno in FULL:
+                raise
             said = " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
             raise self._damaged(f"the store is damaged ({said})") from fault
 
     @contextmanager
     def writing(self) -> Iterator["ZarrStore"]:
-        """Write to the store; it is made with the first snapshot, so that what fails at once leaves nothing."""
+        """Write to the store; it is made with the first snapshot, so that what fails at once leaves nothing.
+
+        Raises:
+            OutputError: No room for what is written.
+        """
         with ExitStack() as self._open:
             yield self
 
@@ -209,7 +218,7 @@ class ZarrStore:
         self._open.enter_context(self._alone())
         if not (self.journal.is_file() and self.path.is_dir()):
             self._create()
-        self._file = self._open.enter_context(self.journal.open("ab"))
+        self._file = self._open.enter_context(self.journal.open("ab", buffering=0))
         self._file.truncate(self._whole)
         group = self._group()
         self._arrays = {name: group[name] for name in MAPS}
@@ -235,9 +244,17 @@ class ZarrStore:
 
         The store is made under another name and gets its own last: there is none without a journal.
         """
+        making = self.path.with_name(f".{self.path.name}.partial")
+        partial = self.journal.with_name(f"{self.journal.name}.partial")
+        try:
+            self._make(making, partial)
+        finally:  # where it was made it has its own name by now
+            shutil.rmtree(making, ignore_errors=True)
+            partial.unlink(missing_ok=True)
+
+    def _make(self, making: Path, partial: Path) -> None:
         import zarr
 
-        making = self.path.with_name(f".{self.path.name}.partial")
         shutil.rmtree(making, ignore_errors=True)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -258,7 +275,6 @@ class ZarrStore:
                 attributes={"units": units, "long_name": words},
             )
         _consolidate(making)
-        partial = self.journal.with_name(f"{self.journal.name}.partial")
         partial.write_text(json.dumps(self.definition) + "\n", encoding="utf-8")
         self._whole = partial.stat().st_size
         partial.replace(self.journal)
@@ -267,15 +283,30 @@ class ZarrStore:
         making.rename(self.path)
 
     def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:
-        """Keep a snapshot: its maps first, and then the line that says so."""
-        if not self._arrays:
-            self._begin()
-        for name, array in maps.items():
-            self._arrays[name][self.done.count] = array
-        line = json.dumps([float(numbers[name]) for name in NUMBERS]) + "\n"
-        self._file.write(line.encode())
-        self._file.flush()
+        """Keep a snapshot: its maps first, and then the line that says so.
+
+        Raises:
+            OutputError: There is no room for it; what was kept before stays, and a series goes on there.
+        """
+        with self._in_room():
+            if not self._arrays:
+                self._begin()
+            for name, array in maps.items():
+                self._arrays[name][self.done.count] = array
+            line = (json.dumps([float(numbers[name]) for name in NUMBERS]) + "\n").encode()
+            if self._file.write(line) != len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         self.done.add(numbers)
+
+    @contextmanager
+    def _in_room(self) -> Iterator[None]:
+        """A disk that is full is told with the store's name."""
+        try:
+            yield
+        except OSError as fault:
+            if fault.errno in FULL and not isinstance(fault, OutputError):
+                raise OutputError(self.path, fault, "out=") from fault
+            raise
 
     def finish(self) -> "xarray.Dataset":
         """Write the numbers, and open the whole lazily.
@@ -286,7 +317,7 @@ class ZarrStore:
         import xarray
 
         group = self._group()
-        with self._in_words():
+        with self._in_room(), self._in_words():
             for name in NUMBERS:
                 column = self.done.column(name)
                 if not np.array_equal(group[name][:], column, equal_nan=True):  # none yet, or lost since

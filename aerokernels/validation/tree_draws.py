@@ -60,9 +60,9 @@ def _zone(draw: random.Random, dimension: int) -> Node:
     size = np.array([counts, counts - 1, 0 * counts]) if even else np.array([[len(corners)], [2], [0]])
     ranges = np.array([[1, 1], [1, 2], [1, 2]][:dimension]).T
     kind, flat = (3, [1, 2, 3, 4]) if dimension == 2 else draw.choice(FACES)
-    flat, offsets = np.array(flat), None
+    offsets = None
     if kind == 22 and draw.random() < 0.5:
-        flat, offsets = np.array([1, 2, 4, 3, 1, 2, 5]), _node("ElementStartOffset", "DataArray_t", [0, 4, 7])
+        flat, offsets = [1, 2, 4, 3, 1, 2, 5], _node("ElementStartOffset", "DataArray_t", [0, 4, 7])
     parts = [_node("ElementRange", "IndexRange_t", [1, 2]), _node("ElementConnectivity", "DataArray_t", flat)]
     section = _node("Elements", "Elements_t", [kind, 0], *parts, *([] if offsets is None else [offsets]))
     named = _node("FamilyName", "FamilyName_t", "nose")
@@ -134,9 +134,9 @@ def cgns(draw: random.Random, folder: Path) -> bool:
         return told(fault, PATH)
     count = sum(own.data.size for _, own in _all(root) if own.data is not None)
     for patch in patches:
-        own = patch.edges if patch.polygons is None else patch.polygons.points
-        if own.shape[-1] != 3 or own.size > 300 * (count + 10):
-            raise AssertionError(f"corners of shape {own.shape}")
+        corners = patch.edges if patch.polygons is None else patch.polygons.points
+        if corners.shape[-1] != 3 or corners.size > 300 * (count + 10):
+            raise AssertionError(f"corners of shape {corners.shape}")
     if length is not None and not 0.0 < length < np.inf:
         raise AssertionError(f"a unit of length of {length} m")
     if not all(isinstance(text, str) for text in (*notes, *arrays.values())):

@@ -20,7 +20,9 @@ needs_pseudo_terminals = pytest.mark.skipif(sys.platform == "win32", reason="pse
 def started(*arguments: object, **options: object) -> Iterator[subprocess.Popen[str]]:
     """The command line running in a process of its own; ended at the end if it is still there, as a shell would."""
     command = [sys.executable, "-m", "aerokernels", *map(str, arguments)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options) as process:  # type: ignore[call-overload]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", **options
+    ) as process:  # type: ignore[call-overload]
         try:
             yield process
         finally:

@@ -136,7 +136,7 @@ def test_a_full_disk_leaves_nothing_half_written(tmp_path, root, name):
         "from aerokernels.hardware.store import EchoStore\n"
         f"export(EchoStore({str(path)!r}, read_only=True), {str(tmp_path / name)!r})\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, cwd=root)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", timeout=60, cwd=root)
     assert done.returncode == 1 and f"{name}: " in done.stderr and "make room" in done.stderr, done.stderr
     assert not [one.name for one in tmp_path.iterdir() if "e." in one.name and "sqlite" not in one.name]
 

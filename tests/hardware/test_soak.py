@@ -17,7 +17,7 @@ def test_the_soak_script_in_small(root: Path, tmp_path: Path):
         [sys.executable, str(root / "scripts" / "hardware_soak.py"), "--quick", "--out", str(tmp_path / "out")],
         stdin=subprocess.DEVNULL,
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=300.0,
     )
     assert done.returncode == 0, done.stdout + done.stderr

@@ -299,10 +299,10 @@ def test_a_full_disk_stops_with_a_message_and_leaves_the_store_whole(tmp_path, r
         "        store.commit()\n"
         "        print(k + 1, flush=True)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, cwd=root)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", timeout=60, cwd=root)
     assert done.returncode == 1 and "what was committed is safe" in done.stderr, done.stderr
     nothing = code.replace("300_000", "0").replace("s.sqlite", "t.sqlite")
-    empty = subprocess.run([sys.executable, "-c", nothing], capture_output=True, text=True, timeout=60, cwd=root)
+    empty = subprocess.run([sys.executable, "-c", nothing], capture_output=True, encoding="utf-8", timeout=60, cwd=root)
     assert empty.returncode == 1 and "make room first" in empty.stderr, empty.stderr
     assert not list(tmp_path.glob("t.sqlite*"))
     acknowledged = int(done.stdout.split()[-1])

@@ -24,7 +24,7 @@ ECHOES, NOISE = 60, 0.02
 def board(*arguments: object) -> Iterator[None]:
     """A simulated board in a process of its own, as a user starts it in a second terminal."""
     command = [sys.executable, "-m", "aerokernels", "board", *map(str, arguments)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8") as process:
         try:
             assert process.stdout is not None and "board on" in process.stdout.readline()
             yield

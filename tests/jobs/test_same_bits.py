@@ -30,7 +30,7 @@ def test_two_processes_write_the_same_bits(tmp_path: Path):
             cwd=tmp_path,
             env=environment,
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             timeout=300,
         )
         assert done.returncode == 0, done.stderr

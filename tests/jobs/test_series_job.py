@@ -44,7 +44,9 @@ def run(folder: Path, *arguments: str):
     import sys
 
     command = [sys.executable, "-m", "aerokernels", "series", *arguments]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, stdin=subprocess.DEVNULL)
+    return subprocess.run(
+        command, cwd=folder, capture_output=True, encoding="utf-8", timeout=300, stdin=subprocess.DEVNULL
+    )
 
 
 def test_a_series_gives_maps_statistics_and_a_report(folder: Path):

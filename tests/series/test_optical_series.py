@@ -259,7 +259,7 @@ def test_killed_at_any_moment_it_goes_on_bit_for_bit(root: Path, tmp_path: Path)
 
     def run(name: str, pause: float) -> subprocess.Popen:
         code = RUN.format(root=str(root), pause=pause, out=str(tmp_path / name))
-        return subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+        return subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, encoding="utf-8", cwd=tmp_path)
 
     whole = run("whole.zarr", 0.0)
     assert whole.wait(timeout=120) == 0, whole.communicate()

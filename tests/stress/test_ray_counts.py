@@ -107,7 +107,7 @@ def test_three_million_rays():
     and directions, 48 bytes a ray, the OPD and status twice (on the device and returned), 24, errors, 8; 22 spare.
     """
     done = subprocess.run(
-        [sys.executable, "-c", MILLIONS, str(RAY_COUNT)], capture_output=True, text=True, check=True, timeout=600
+        [sys.executable, "-c", MILLIONS, str(RAY_COUNT)], capture_output=True, encoding="utf-8", check=True, timeout=600
     )
     said = json.loads(done.stdout)
     assert said["length"] == RAY_COUNT and said["summary"] == {"LEFT_DISTURBED_AIR": RAY_COUNT}

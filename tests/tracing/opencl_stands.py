@@ -96,7 +96,7 @@ def run_python(code: str, folder: Path, **environment: str) -> subprocess.Comple
         env={**os.environ, **environment},
         stdin=subprocess.DEVNULL,
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=300,
     )
 

@@ -315,7 +315,7 @@ def test_without_opencl_the_list_of_backends_says_so(tmp_path, without):
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": without, "COLUMNS": "400"},
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=300,
     )
     assert done.returncode == 0, done.stderr
@@ -330,7 +330,7 @@ def test_without_opencl_these_tests_are_skipped_with_the_reason(tmp_path, withou
         cwd=root,
         env={**os.environ, "PYTHONPATH": without},
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=300,
     )
     assert done.returncode == 0, done.stdout + done.stderr

@@ -22,7 +22,7 @@ def run_script(root: Path, name: str, *arguments: object) -> subprocess.Complete
         [sys.executable, str(root / "scripts" / name), *map(str, arguments)],
         stdin=subprocess.DEVNULL,
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=300.0,
     )
 

@@ -72,8 +72,14 @@ def ambient_attribute(path, stated, factor: float, values: np.ndarray) -> float 
     """
     if stated is None:
         return None
+    if not isinstance(stated, str):
+        number = np.asarray(stated)
+        if number.size != 1 or number.dtype.kind not in "iuf":
+            what = f"its attribute ambient_density is {str(stated)[:40]!r}, which is no number"
+            raise ReadError(path, what, "write kg/m3, as in '1.2 kg/m3'")
+        stated = float(number.reshape(()))
     try:
-        ambient = quantity(stated if isinstance(stated, str) else float(stated), "density")
+        ambient = quantity(stated, "density")
     except (TypeError, ValueError) as fault:
         raise ReadError(path, f"its attribute ambient_density: {fault}", "write kg/m3, as in '1.2 kg/m3'") from None
     if isinstance(stated, str) or factor == 1.0 or not ambient > 0.0:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from aerokernels.checks import check_path
 from aerokernels.jobs.store import REPORT_FILE, check_output_folder, read_result, replace_result, write_text
 from aerokernels.jobs.sweeps.definition import Definition, checked_scenes, define
 from aerokernels.jobs.sweeps.records import (
@@ -81,7 +82,9 @@ def sweep(
     check_options(executor, workers, scheduler)
     definition = define(scene, vary, settings=settings, together=zip, sample=sample, seed=seed)
     with contextlib.ExitStack() as ending:
-        folder = Path(out) if out is not None else Path(ending.enter_context(tempfile.TemporaryDirectory()))
+        folder = (
+            check_path(out, "out") if out is not None else Path(ending.enter_context(tempfile.TemporaryDirectory()))
+        )
         if not is_finished(definition, folder, retry_failed):
             run_sweep(definition, folder, executor, workers, scheduler, retry_failed, progress)
         return read_result(folder / DATASET_FILE)

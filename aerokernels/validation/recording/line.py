@@ -35,7 +35,7 @@ class RecorderProcess:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            text=True,
+            encoding="utf-8",
             preexec_fn=prepare,
         )
         self.lines: list[str] = []
