@@ -1,7 +1,7 @@
 """What a mutant is: every change of one operator, comparison, number or condition of a module, and where it stands.
 
 Left out is what cannot change a result: texts, annotations, messages of exceptions and warnings, decorators of classes,
-`__repr__` and pictures, and lines marked `# speed only`, whose numbers say how much is computed at a time.
+`__repr__` and pictures, and lines whose comment ends with `speed only`: how much is computed at a time, or is kept.
 """
 
 import ast
@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 WITHOUT_EFFECT = tomllib.loads((ROOT / "scripts" / "mutants_without_effect.toml").read_text(encoding="utf-8"))
-SPEED_ONLY = "# speed only"
+SPEED_ONLY = "speed only"  # at the end of a comment
 OTHER: dict[type, type] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Div, ast.Mod: ast.Mult,
     ast.Pow: ast.Mult, ast.MatMult: ast.Mult, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd, ast.Lt: ast.LtE,
@@ -54,7 +54,8 @@ def changes(module: str, text: str) -> list[Mutant]:
     found = []
     for number, node in enumerate(ast.walk(tree)):
         line = getattr(node, "lineno", 0)
-        if id(node) in left_alone or any(SPEED_ONLY in one for one in lines[line - 1 : getattr(node, "end_lineno", 0)]):
+        last = getattr(node, "end_lineno", line)
+        if id(node) in left_alone or any(one.endswith(SPEED_ONLY) for one in lines[line - 1 : last]):
             continue
         for told, change in _of(node):
             function, names = inside.get(id(node), ("", frozenset()))

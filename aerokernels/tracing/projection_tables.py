@@ -36,9 +36,9 @@ from .projection_splines import at_places, integrals
 # Points in a cell at which the small terms are summed (midpoint rule).
 SUBCELLS = 2
 # Steps that are worked on at a time.
-CHUNK = 24
+CHUNK = 24  # speed only
 # Tables kept for a field.
-KEPT = 8
+KEPT = 8  # speed only
 # One of this many steps is looked at for the bound between the grid's lines along z.
 SEEN_STEPS = 6
 # The greatest shift of a ray, in cells, for which the field is expanded about the straight line.
