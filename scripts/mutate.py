@@ -25,7 +25,7 @@ import sys
 import time
 import tomllib
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -64,6 +64,7 @@ class _Fast:
     def __init__(self, waiting: list[tuple[Mutant, list[str], float]], end: float, tell: int):
         self.waiting, self.end, self.tell = waiting, end, tell
         self.called: set[tuple[str, str]] = set()
+        self.sound: dict[tuple[str, ...], bool] = {}
 
     def pytest_sessionstart(self) -> None:
         """Note what is called from now on."""
@@ -91,22 +92,31 @@ class _Fast:
             for place, (mutant, names, limit) in enumerate(self.waiting):
                 if time.monotonic() > self.end:
                     break
-                key = (str(ROOT / "aerokernels" / mutant.module), mutant.function)
                 if missing := [name for name in names if name not in items]:
                     raise SystemExit(f"no test {missing[0]}: run scripts/mutated_tests again")
-                tests = [items[name] for name in names]
-                answer: tuple[str, str] = ("slow", "")
-                if tests and key in places and mutant.function and not mutant.names:
-                    alive, failed = _forked(partial(_swapped, mutant, places[key], tests), limit)
-                    answer = ("slow" if alive and key in self.called else "alive" if alive else "caught", failed)
-                print(json.dumps([place, *answer]), file=out, flush=True)
+                tests = {name: items[name] for name in names}
+                functions = places.get((str(ROOT / "aerokernels" / mutant.module), mutant.function), [])
+                print(json.dumps([place, *self._answer(mutant, functions, tests, limit)]), file=out, flush=True)
         return True
+
+    def _answer(self, mutant: Mutant, functions: list, tests: dict, limit: float) -> tuple[str, str]:
+        """What becomes of a mutant, and the test that tells."""
+        if not tests or not functions or mutant.names:
+            return "slow", ""
+        outcome, failed = _forked(partial(_swapped, mutant, functions, list(tests.values())), limit)
+        if outcome == "passed":
+            code = functions[0].__code__
+            return "slow" if (code.co_filename, code.co_qualname) in self.called else "alive", ""
+        key = (failed,) if failed else tuple(tests)  # all, where they took too long
+        if key not in self.sound:
+            again = [one for name, one in tests.items() if name in key]
+            self.sound[key] = _forked(partial(_swapped, mutant, [], again), limit)[0] == "passed"
+        return "caught" if self.sound[key] else "fails without a mutant", failed
 
 
 def _swapped(mutant: Mutant, functions: list[types.FunctionType], tests: list, tell: int) -> int:
     """Run tests with another code in a function."""
-    code = compile(ast.fix_missing_locations(mutant.tree()), functions[0].__code__.co_filename, "exec")
-    codes = [code]
+    codes = [compile(ast.fix_missing_locations(mutant.tree()), str(ROOT / "aerokernels" / mutant.module), "exec")]
     for one in codes:
         codes += [inner for inner in one.co_consts if isinstance(inner, types.CodeType)]
     for function in functions:
@@ -152,8 +162,8 @@ def _dotted(module: str) -> str:
     return "aerokernels." + module.removesuffix(".py").replace("/", ".")
 
 
-def _forked(run: Callable[[int], int], seconds: float) -> tuple[bool, str]:
-    """Whether it returns 0 in a forked process within so many seconds of computing, and what it told."""
+def _forked(run: Callable[[int], int], seconds: float) -> tuple[str, str]:
+    """Whether it "passed" in a forked process, "failed", or was "killed" after so many seconds; and what it told."""
     told, tell = os.pipe()
     child = os.fork()
     if not child:
@@ -178,7 +188,7 @@ def _forked(run: Callable[[int], int], seconds: float) -> tuple[bool, str]:
     os.close(told)
     if os.WIFEXITED(status) and os.WEXITSTATUS(status) == BROKEN:
         raise SystemExit("tests could not be run")
-    return status == 0, failed
+    return "killed" if os.WIFSIGNALED(status) else "failed" if status else "passed", failed
 
 
 class Suite:
@@ -211,24 +221,27 @@ class Suite:
         """Seconds of computing that they may take."""
         return 3.0 * sum(self.cost[name] for name in self.tests(mutant)) + 10.0
 
-    def caught(self, mutants: list[Mutant], end: float) -> list[tuple[bool, str]]:
+    def caught(self, mutants: list[Mutant], end: float) -> Iterator[tuple[Mutant, bool, str]]:
         """Whether a test notices each mutant, and which; fewer than there are where the time is over."""
         waiting = [(mutant, self.tests(mutant), self.limit(mutant)) for mutant in mutants]
-        answers = [self._checked(*waiting[place], answer, failed) for place, answer, failed in _fast(waiting, end)]
-        return answers
+        for place, answer, failed in list(_fast(waiting, end)):
+            mutant, names, limit = waiting[place]
+            if answer == "slow" and names:
+                answer, failed = self._slow(mutant, names, limit)
+            why = failed if answer == "caught" else "" if answer == "alive" else answer if names else "no test runs it"
+            yield mutant, answer == "caught", why
 
-    def _checked(self, mutant: Mutant, names: list[str], limit: float, answer: str, failed: str) -> tuple[bool, str]:
-        if not names:
-            return False, "no test runs it"
-        alive = answer == "alive"
-        if answer == "slow":
-            alive, failed = _forked(partial(_imported, mutant, mutant.tree(), names), limit)
-        if alive:
-            return False, ""
-        key = (failed,) if failed else tuple(names)  # all, where it could not be imported, or took too long
+    def _slow(self, mutant: Mutant, names: list[str], limit: float) -> tuple[str, str]:
+        """The answer where the module is imported with the mutant in it."""
+        outcome, failed = _forked(partial(_imported, mutant, mutant.tree(), names), limit)
+        if outcome == "passed":
+            return "alive", ""
+        if outcome == "failed" and not failed:  # it could not be imported
+            return "caught", ""
+        key = (failed,) if failed else tuple(names)
         if key not in self.sound:
-            self.sound[key], _ = _forked(partial(_imported, mutant, None, list(key)), limit)
-        return self.sound[key], failed if self.sound[key] else f"{failed or names} fails without a mutant as well"
+            self.sound[key] = _forked(partial(_imported, mutant, None, list(key)), limit)[0] == "passed"
+        return "caught" if self.sound[key] else "fails without a mutant", failed
 
 
 def _fast(waiting: list[tuple[Mutant, list[str], float]], end: float) -> list[tuple[int, str, str]]:
@@ -295,12 +308,13 @@ def main() -> int:
     else:
         pool = [one for found in every.values() for one in found]
         waiting = draw.sample(pool, min(given.total, len(pool)))
-    answers = Suite(every).caught(waiting, end)
-    tried = [(mutant, caught) for mutant, (caught, _) in zip(waiting, answers, strict=False)]
-    for mutant, (caught, why) in zip(waiting, answers, strict=False):
+    tried = []
+    for mutant, caught, why in Suite(every).caught(waiting, end):
+        tried.append((mutant, caught))
         if not caught or given.verbose:
             told = "caught" if caught else "without effect" if mutant.without_effect else "survives"
-            print(f"  {told}: {mutant.module}:{mutant.line}: {mutant.told}: {mutant.code}{f' ({why})' if why else ''}")
+            why = f" ({why})" if why else ""
+            print(f"  {told}: {mutant.module}:{mutant.line}: {mutant.told}: {mutant.code}{why}", flush=True)
     for stage in sorted({mutant.module.split("/")[0] for mutant, _ in tried}):
         print(f"{stage}: {_shares([one for one in tried if one[0].module.split('/')[0] == stage])}")
     spent = resource.getrusage(resource.RUSAGE_CHILDREN)
