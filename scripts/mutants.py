@@ -1,6 +1,7 @@
 """What a mutant is: every change of one operator, comparison, number or condition of a module, and where it stands.
 
-Left out is what cannot change a result: texts, annotations, messages of exceptions and warnings, decorators of classes,
+Left out is what cannot change a result: texts, annotations, messages of exceptions and warnings, and what is computed
+for these in a block that ends in an exception, decorators of classes, whether arrays are read-only,
 `__repr__` and pictures, and lines whose comment ends with `speed only`: how much is computed at a time, or is kept.
 """
 
@@ -78,7 +79,20 @@ def _hidden(node: ast.AST) -> list[ast.AST | None]:
         return [node.annotation]
     if isinstance(node, ast.Call) and ast.unparse(node.func) in ("warnings.warn", "_warn"):
         return [node]
-    return [node] if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING" else []
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "setflags":
+        return [node]
+    if not isinstance(node, ast.If):
+        return []
+    if ast.unparse(node.test) == "TYPE_CHECKING":
+        return [node]
+    return [one for block in (node.body, node.orelse) if _only_refuses(block) for one in block]
+
+
+def _only_refuses(block: list[ast.stmt]) -> bool:
+    """Whether a block ends in an exception whatever is in it: all that it computes goes into the message."""
+    ways_out = (ast.Return, ast.Break, ast.Continue, ast.Yield)
+    inside = (inner for one in block for inner in ast.walk(one))
+    return bool(block) and isinstance(block[-1], ast.Raise) and not any(isinstance(one, ways_out) for one in inside)
 
 
 def places(node: ast.AST, prefix: str, inside: dict[int, tuple[str, frozenset[str]]]) -> None:

@@ -1,6 +1,6 @@
 """Mutants of the numerical core: one operator, comparison, number or condition changed, and tests that run it.
 
-The tests of a mutant are those that scripts/mutated_tests found to run its function, the quickest first, a dozen
+The tests of a mutant are those that scripts/mutated_tests found to run its function, the quickest first, some
 seconds of them at most; of a constant of a module or a class, those of the functions that name it. A mutant is caught
 where a test fails, an exception gets out, or the tests take three times as long; what caught it is run once without
 the mutant, and must pass. Drawn at random of all that a module has; scripts/mutants.py says what is not drawn.
@@ -33,7 +33,7 @@ from mutants import ROOT, Mutant, changes, places
 
 CORE: list[str] = tomllib.loads((ROOT / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))["modules"]
 MADE = ROOT / "scripts" / "mutated_tests.json"  # by scripts/mutated_tests
-SECONDS = 12.0  # of tests for one mutant
+SECONDS = 8.0  # of tests for one mutant
 BROKEN = 99  # status of a process in which no test could be run
 OPTIONS = ("-q", "-p", "no:cacheprovider", "--hypothesis-seed=0")
 

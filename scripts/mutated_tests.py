@@ -169,17 +169,25 @@ def chosen(tests: dict[str, dict], seconds: float, most: int) -> dict[str, list[
 
 
 def _covers(tests: list[tuple[float, str, set[int]]], seconds: float, most: int) -> list[str]:
-    """Cover upon cover of the lines, each the cheapest that a greedy choice finds, up to so many seconds and tests."""
-    waiting, picked, spent = sorted(tests, key=lambda one: one[:2]), [], 0.0
-    while waiting and len(picked) < most:
-        left = set().union(*(lines for _, _, lines in waiting))
-        while left and len(picked) < most:
-            best = max(waiting, key=lambda one: len(one[2] & left) / one[0])
-            waiting.remove(best)
-            left -= best[2]
-            if not picked or spent + best[0] <= seconds:
-                picked.append(best)
-                spent += best[0]
+    """Turn by turn the quickest case of each test, those first that run other lines than what is picked already."""
+    groups: dict[str, list[tuple[float, str, set[int]]]] = defaultdict(list)
+    for one in sorted(tests, key=lambda one: one[:2]):
+        groups[one[1].split("[")[0]].append(one)
+    picked: list[tuple[float, str, set[int]]] = []
+    seen: set[int] = set()
+    spent = 0.0
+    while groups and len(picked) < most:
+        for name in sorted(groups, key=lambda name: groups[name][0][0]):
+            waiting = groups[name]
+            one = max(waiting, key=lambda one: (len(one[2] - seen), -one[0]))
+            waiting.remove(one)
+            if len(picked) < most and (not picked or spent + one[0] <= seconds):
+                picked.append(one)
+                spent += one[0]
+                seen |= one[2]
+        groups = {name: waiting for name, waiting in groups.items() if waiting}
+        if spent > 0.5 * seconds:
+            break
     return [name for _, name, _ in sorted(picked, key=lambda one: one[:2])]
 
 
@@ -236,8 +244,8 @@ def main() -> int:
     parser.add_argument("files", nargs="*", type=Path, help="files of tests; all that concern the core")
     parser.add_argument("--longest", type=float, default=10.0, help="seconds of computing that a test may take")
     parser.add_argument("--file-seconds", type=float, default=60.0, help="of a file; the rest of it is left out")
-    parser.add_argument("--seconds", type=float, default=12.0, help="of tests for a function")
-    parser.add_argument("--most", type=int, default=16, help="tests for a function")
+    parser.add_argument("--seconds", type=float, default=8.0, help="of tests for a function")
+    parser.add_argument("--most", type=int, default=40, help="tests for a function")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no further file after this long")
     given = parser.parse_args()
     os.chdir(ROOT)

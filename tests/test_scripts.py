@@ -273,7 +273,8 @@ class Air:
 
     def index(self, x, n=3):
         if x > n:
-            raise ValueError(f"{x - 1} is above {n + 1}")
+            most = n - 2
+            raise ValueError(f"{x - 1} is above {most + 1}")
         warnings.warn("far", stacklevel=2)
         return x * 5
 
@@ -287,6 +288,6 @@ class Air:
         (8, "condition -> not", "Air.index"),
         (8, "Gt -> GtE", "Air.index"),
         (8, "Gt -> LtE", "Air.index"),
-        (11, "Mult -> Div", "Air.index"),
-        (11, "5 -> 6", "Air.index"),
+        (12, "Mult -> Div", "Air.index"),
+        (12, "5 -> 6", "Air.index"),
     }
