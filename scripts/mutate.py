@@ -33,7 +33,7 @@ from mutants import ROOT, Mutant, changes, places
 
 CORE: list[str] = tomllib.loads((ROOT / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))["modules"]
 MADE = ROOT / "scripts" / "mutated_tests.json"  # by scripts/mutated_tests
-SECONDS = 8.0  # of tests for one mutant
+SECONDS = 6.0  # of tests for one mutant
 BROKEN = 99  # status of a process in which no test could be run
 OPTIONS = ("-q", "-p", "no:cacheprovider", "--hypothesis-seed=0")
 
@@ -197,19 +197,26 @@ class Suite:
     def __init__(self, every: dict[str, list[Mutant]]):
         """Read the list."""
         listed = json.loads(MADE.read_text(encoding="utf-8"))
-        self.cost = {one["test"]: one["cost"] for one in listed["tests"]}
-        names = [one["test"] for one in listed["tests"]]
-        self.of = {function: [names[k] for k in numbers] for function, numbers in listed["functions"].items()}
+        self.cost = {f"{file}::{name}": cost for file, tests in listed["tests"].items() for name, cost in tests}
+        names = list(self.cost)
+        self.of = {
+            function: sorted((names[k] for k in numbers), key=lambda name: self.cost[name])
+            for function, numbers in listed["functions"].items()
+        }
         self.sound: dict[tuple[str, ...], bool] = {}
         self.named = {module: _named(ROOT / "aerokernels" / module) for module in every}
 
     def tests(self, mutant: Mutant) -> list[str]:
         """Names of tests, the quick ones first."""
-        if mutant.function:
-            return self.of.get(f"{mutant.module}::{mutant.function}", [])
+        if found := self.of.get(f"{mutant.module}::{mutant.function}"):
+            return found
         named = self.named[mutant.module]
-        using = [name for name, said in named.items() if said & mutant.names] or [*named]
-        turns = itertools.zip_longest(*(self.of.get(f"{mutant.module}::{name}", []) for name in using))
+        using = [name for name, said in named.items() if said & mutant.names]
+        return self._of_all(mutant.module, using) or self._of_all(mutant.module, [*named])
+
+    def _of_all(self, module: str, functions: list[str]) -> list[str]:
+        """Tests of some functions of a module in turn."""
+        turns = itertools.zip_longest(*(self.of.get(f"{module}::{name}", []) for name in functions))
         found, spent = [], 0.0
         for test in dict.fromkeys(one for turn in turns for one in turn if one is not None):
             if spent + self.cost[test] <= SECONDS:

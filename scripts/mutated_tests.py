@@ -197,14 +197,23 @@ def written(seconds: float, most: int) -> None:
     for place in sorted(MEASURED.glob("*.json")):
         tests |= json.loads(place.read_text(encoding="utf-8"))
     functions_tests = chosen(tests, seconds, most)
-    used = sorted({name for names in functions_tests.values() for name in names})
-    number = {name: place for place, name in enumerate(used)}
-    rows = [json.dumps({"test": name, "cost": tests[name]["cost"]}) for name in used]
-    lists = [f'"{name}": {json.dumps([number[one] for one in names])}' for name, names in functions_tests.items()]
-    text = '{"tests": [\n' + ",\n".join(rows) + '\n],\n"functions": {\n' + ",\n".join(lists) + "\n}}\n"
+    files: dict[str, list[str]] = defaultdict(list)
+    for name in sorted({name for names in functions_tests.values() for name in names}):
+        files[name.partition("::")[0]].append(name)
+    number = {name: place for place, name in enumerate(name for names in files.values() for name in names)}
+
+    def row(one: object) -> str:
+        return json.dumps(one, separators=(",", ":"))
+
+    rows = [
+        f"{row(file)}: {row([[name.partition('::')[2], tests[name]['cost']] for name in names])}"
+        for file, names in files.items()
+    ]
+    lists = [f"{row(name)}: {row(sorted(number[one] for one in names))}" for name, names in functions_tests.items()]
+    text = '{"tests": {\n' + ",\n".join(rows) + '\n},\n"functions": {\n' + ",\n".join(lists) + "\n}}\n"
     MADE.write_text(text, encoding="utf-8")
     bare = [name for name, names in functions_tests.items() if not names]
-    print(f"{len(functions_tests)} functions, {len(used)} tests; {len(bare)} functions that none of them runs")
+    print(f"{len(functions_tests)} functions, {len(number)} tests; {len(bare)} functions that none of them runs")
 
 
 def measured(files: list[Path], longest: float, file_seconds: float, seconds: float) -> None:
@@ -244,8 +253,8 @@ def main() -> int:
     parser.add_argument("files", nargs="*", type=Path, help="files of tests; all that concern the core")
     parser.add_argument("--longest", type=float, default=10.0, help="seconds of computing that a test may take")
     parser.add_argument("--file-seconds", type=float, default=60.0, help="of a file; the rest of it is left out")
-    parser.add_argument("--seconds", type=float, default=8.0, help="of tests for a function")
-    parser.add_argument("--most", type=int, default=40, help="tests for a function")
+    parser.add_argument("--seconds", type=float, default=6.0, help="of tests for a function")
+    parser.add_argument("--most", type=int, default=24, help="tests for a function")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no further file after this long")
     given = parser.parse_args()
     os.chdir(ROOT)
