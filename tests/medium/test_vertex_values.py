@@ -320,3 +320,13 @@ def test_means_over_the_cells_that_parts_belong_to():
     assert of_parents(cut, values) == pytest.approx([8.0, 5.0])
     rows = of_parents(cut, np.stack([values, 2.0 * values, -values], axis=1))
     assert rows == pytest.approx(np.outer([8.0, 5.0], [1.0, 2.0, -1.0]))
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e4])
+def test_vertex_values_do_not_depend_on_the_size_of_a_mesh(size):
+    """Of cells without an order, of micrometres or of kilometres: to rounding."""
+    z, y = np.meshgrid([0.0, 1.0, 2.5, 3.0], [0.0, 1.2, 2.0])
+    mesh = QuadMesh.structured(y, z, "planar")
+    average = np.array([1.0, 2.0, 4.0, 1.5, 2.0, 3.0])
+    one, other = (QuadMesh(scale * mesh.vertices, mesh.cells, "planar") for scale in (1.0, size))
+    assert vertex_values(other, average) == pytest.approx(vertex_values(one, average), rel=1e-9)

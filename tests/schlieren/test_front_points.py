@@ -107,3 +107,9 @@ def test_smoothing_is_a_gaussian_of_its_width():
     spot = smoothed(picture, 2.0)
     assert spot.sum() == pytest.approx(1.0, abs=1e-6)
     assert math.sqrt(spot.sum(axis=0) @ place**2) == pytest.approx(2.0, rel=1e-3)
+
+
+def test_a_twentieth_of_a_line_is_taken_to_be_undisturbed():
+    """A front at 4 % of the line: nine of its first ten samples are air, and the front is found there."""
+    line = ramp(8.5, 0.3, length=200)
+    np.testing.assert_allclose(outer_fronts(np.stack([line] * 3), 0.5), 11.0, atol=1e-12)
