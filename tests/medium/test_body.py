@@ -137,7 +137,8 @@ def test_edges_are_cut_where_others_cross_them_or_end_on_them():
         ((0.0, 4.0), (1.0, 4.0)),
     ]
     other_start, other_end = (np.array([one[k] for one in others]) for k in (0, 1))
-    (found,) = _cuts(start, end, other_start, other_end, 5.0)
-    np.testing.assert_allclose(found, [[0.0, 1.0], [0.0, 2.0], [0.0, 3.0]], atol=1e-12)
-    (none,) = _cuts(start, end, other_start[3:], other_end[3:], 5.0)
+    moved = np.array([2.0, -3.0])
+    (found,) = _cuts(start + moved, end + moved, other_start + moved, other_end + moved, 5.0)
+    np.testing.assert_allclose(found - moved, [[0.0, 1.0], [0.0, 2.0], [0.0, 3.0]], atol=1e-12)
+    (none,) = _cuts(start + moved, end + moved, other_start[3:] + moved, other_end[3:] + moved, 5.0)
     assert none.shape == (0, 2)
