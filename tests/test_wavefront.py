@@ -10,6 +10,7 @@ from aerokernels import point_spread_function
 from aerokernels.rays import unit_disc_samples
 from aerokernels.strehl import strehl
 from aerokernels.wavefront import check_terms, fit_tilt, remove_terms
+from aerokernels.wavefront.terms import map_points
 
 WAVELENGTH = 905e-9
 small = st.floats(-1e-5, 1e-5)
@@ -197,3 +198,11 @@ def test_what_is_no_pupil(change, message):
     good = {"opd": np.zeros((4, 4)), "mask": np.ones((4, 4)), "pixel": 1e-4, "wavelength": WAVELENGTH}
     with pytest.raises(ValueError, match=message):
         point_spread_function(**{**good, **change})
+
+
+def test_pixels_of_a_map_are_points_about_its_middle():
+    """Rows and columns counted from the middle; points that are given stay, and a list of samples has none."""
+    points = map_points(np.zeros((2, 3)), None)
+    assert points.tolist() == [[-0.5, -1.0], [-0.5, 0.0], [-0.5, 1.0], [0.5, -1.0], [0.5, 0.0], [0.5, 1.0]]
+    assert map_points(np.zeros((2, 3)), points) is points
+    assert map_points(np.zeros(6), None) is None

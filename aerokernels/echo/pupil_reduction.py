@@ -27,7 +27,7 @@ from .paths import trace_options
 # The stop stands this far ahead of the flow's box, clear of rounding at its face.
 CLEARANCE = 1e-6  # [m]
 # Rays of a chunk: enough for every core or a GPU, 100 MB at most with all that the tracer holds of them.
-CHUNK_RAYS = 1 << 18
+CHUNK_RAYS = 1 << 18  # speed only
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,7 +36,7 @@ AMPLITUDE_METHODS = ("leading-edge",)  # those whose reading hangs on the amplit
 
 Template = Shape | np.ndarray
 # Of a sampled template at the places of a record: how many records' are kept, and up to how many numbers of each.
-KEPT, MOST_KEPT = 4, 1 << 18
+KEPT, MOST_KEPT = 4, 1 << 18  # speed only
 
 
 @checked

@@ -16,7 +16,7 @@ SPEED_OF_LIGHT = 299_792_458.0  # in vacuum [m/s], exact
 # Points are left out of samples this many supports away: a record cut at the support has no step at its ends.
 _REACH = 1.5
 # Largest block of (time, point) pairs held at once: 16 MiB of float64.
-_BLOCK = 1 << 21
+_BLOCK = 1 << 21  # speed only
 # Pulses that may stand for many, and the error of that, over the sum of the peaks.
 MOST_PULSES, INTERPOLATED = 32, 1e-17
 

@@ -17,7 +17,7 @@ BELL = np.array([1.0, 6.0, 15.0, 20.0, 15.0, 6.0, 1.0]) / 64.0
 VARIANCE = 6.0 / 16.0 + 1.0 / 48.0
 # Cells within so many of the shock, and of the tip, are integrated with care; the latter in so many parts each way.
 SHOCK_BAND, TIP_REACH, TIP_PARTS = 2, 16, 8
-BLOCK = 20_000
+BLOCK = 20_000  # speed only
 
 
 def bell(half: np.ndarray, axis: int, sharpen: bool) -> np.ndarray:

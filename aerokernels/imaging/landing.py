@@ -20,7 +20,7 @@ from .known_view import scene_plane
 from .threads import in_threads
 
 # Rays of a block.
-BLOCK = 1 << 14
+BLOCK = 1 << 14  # speed only
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,9 +25,9 @@ from .threads import in_threads
 
 # Nodes whose point spread functions are made together; the side of a tile of the pupil's pixels, whose rays follow one
 # another: those that a processor moves in step then share the field's cells (tracing/coherence.py).
-NODES_AT_ONCE, TILE = 16, 4
+NODES_AT_ONCE, TILE = 16, 4  # speed only
 # Multiplications of a product of complex matrices up to which OpenBLAS takes one thread; of real ones eight times more.
-SHARED_OUT = 1 << 15
+SHARED_OUT = 1 << 15  # speed only
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from .grid import check_finite
 from .wall_tree import WallTree, wall_tree
 from .walls import bounding_walls
 
-TILE_POINTS = 512  # points that look for the nearest wall together
+TILE_POINTS = 512  # points that look for the nearest wall together; speed only
 
 
 # Points of an axisymmetric profile nearer to the axis than this share of the body's size count as on it.

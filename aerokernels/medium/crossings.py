@@ -21,7 +21,7 @@ import numpy as np
 # Lines whose direction is within 1e-12 rad of the axis are parallel to it: A is then below this.
 PARALLEL = 1e-24
 # Lines that are taken together: lines times segments.
-BLOCK = 1_000_000
+BLOCK = 1_000_000  # speed only
 
 
 def crossings(start: np.ndarray, end: np.ndarray, geometry: str, position, direction) -> np.ndarray:

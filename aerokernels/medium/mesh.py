@@ -17,7 +17,7 @@ from .grid import check_finite
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
 # Pairs of points and cells that are looked at together: as many as keep the arrays small.
-PAIR_LIMIT = 1_000_000
+PAIR_LIMIT = 1_000_000  # speed only
 # Gauss points of a unit stretch, right to the third power.
 GAUSS_2 = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)
 

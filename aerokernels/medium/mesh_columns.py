@@ -11,8 +11,8 @@ import numpy as np
 from .crossings import crossings
 from .mesh import QuadMesh
 
-LINES = 64  # that are cut together
-KEPT_LINES = 512  # whose pieces a mesh keeps, the last ones
+LINES = 64  # that are cut together; speed only
+KEPT_LINES = 512  # whose pieces a mesh keeps, the last ones; speed only
 
 
 def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=None) -> np.ndarray:

@@ -23,7 +23,7 @@ LINE_COUNT = 64
 # The factor by which halving a spacing divides the error: the greatest that is believed beforehand, and the least.
 GREATEST_GAIN, LEAST_GAIN = 64.0, 2.0
 # Nodes up to which a mesh keeps the geometry of the last grid that it was resampled to: 100 bytes each, and 10 MB.
-KEPT_NODES = 1 << 18
+KEPT_NODES = 1 << 18  # speed only
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy as np
 
 from .wall_tree import WallTree
 
-LINES = 4096  # that go through the tree together
+LINES = 4096  # that go through the tree together; speed only
 LEAST_SIDE = 1e-300  # of a line that meets an edge
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 # Pieces of a leaf at most.
-LEAF = 4
+LEAF = 4  # speed only
 # By how much boxes are larger than what they hold, as a share of the body's size: some million roundings.
 MARGIN = 1e-9
 

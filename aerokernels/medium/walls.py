@@ -14,7 +14,7 @@ import numpy as np
 BESIDE = 1e-12
 ON_EDGE = 1e-13
 # Edges that look for those that meet them together.
-BLOCK = 128
+BLOCK = 128  # speed only
 
 
 def bounding_walls(profile: np.ndarray, contains) -> tuple[np.ndarray, np.ndarray]:

@@ -30,11 +30,11 @@ from .warp_launch import launch
 LEAST = 12  # directions, below which they are traced one by one
 CHECKED = 3
 REPLICATES = 16
-AT_ONCE = 1 << 24  # rays of a launch
+AT_ONCE = 1 << 24  # rays of a launch; speed only
 KNOWN_RAYS = 256  # of a direction, whose ways out of the known air are looked at
 KNOWN_FIRST = 16  # of these, at which all directions are looked at first
-KNOWN_AT_ONCE = 1 << 18
-CURVE_BITS = 12  # of the places of points, along each axis
+KNOWN_AT_ONCE = 1 << 18  # speed only
+CURVE_BITS = 12  # of the places of points, along each axis; speed only
 Look = tuple[dict[str, float], np.ndarray, bool]
 
 

@@ -20,7 +20,7 @@ from .line_integrals import NotLinearError
 SAMPLES_A_CELL = 4.0
 LEAST_SAMPLES, MOST_SAMPLES = 64, 20_000  # of a ray
 MOST_LOOKED_UP = 4_000_000  # samples of all rays together
-CHUNK = 1 << 18  # of them at once
+CHUNK = 1 << 18  # of them at once; speed only
 
 
 class MeshIntegrals:

@@ -16,7 +16,7 @@ from ..medium import spline
 from ..medium.cell_averages import node_values
 
 REST = 1e-13
-SPARSEST = 4.0  # cells of a grid of places for each place on it, above which they are gathered one by one
+SPARSEST = 4.0  # cells of a grid of places for each place on it, above which they are gathered one by one; speed only
 DECIMALS = 9  # of a cell, to which places count as the same
 
 

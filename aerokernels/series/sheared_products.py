@@ -19,9 +19,9 @@ import numpy as np
 from ..machine import core_count
 
 BEYOND = 3  # cells beyond an edge up to which samples go on, as a cubic through the last four
-PARTS = (1, 2, 3, 4, 6, 8)  # of the planes
-SHIFT_COST = 50.0  # of a value of P beside its product, in multiplications of that
-AT_ONCE = 1_000_000  # samples at a time
+PARTS = (1, 2, 3, 4, 6, 8)  # of the planes; speed only
+SHIFT_COST = 50.0  # of a value of P beside its product, in multiplications of that; speed only
+AT_ONCE = 1_000_000  # samples at a time; speed only
 ON = np.array([[4.0, -6.0, 4.0, -1.0], [10.0, -20.0, 15.0, -4.0], [20.0, -45.0, 36.0, -10.0]])  # 1, 2, 3 cells on
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 
 # Values that are looked at together.
-SLAB = 1 << 16
+SLAB = 1 << 16  # speed only
 
 
 def block_maxima(values: np.ndarray, block: int, axes: Iterable[int] | None = None) -> np.ndarray:

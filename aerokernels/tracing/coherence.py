@@ -10,13 +10,13 @@ import numpy as np
 from ..medium import IndexField
 
 # Fewer rays are left as they are.
-LEAST_RAYS = 4096
+LEAST_RAYS = 4096  # speed only
 # A packet's rays, packets that are looked at, and the cells that they may spread over as they are.
-PACKET, PACKETS, SPREAD = 16, 64, 1.0
+PACKET, PACKETS, SPREAD = 16, 64, 1.0  # speed only
 # Rays run along an axis if this much of their directions does.
-LEAST_COMPONENT = 0.2
+LEAST_COMPONENT = 0.2  # speed only
 # Bits of a cell's number that tell cells of a wide cell apart, and those of the wide cell's number.
-FINE_BITS, WIDE_BITS = 3, 12
+FINE_BITS, WIDE_BITS = 3, 12  # speed only
 
 
 def coherent_order(field: IndexField, position: np.ndarray, direction: np.ndarray) -> np.ndarray | None:

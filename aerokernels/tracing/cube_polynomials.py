@@ -34,7 +34,7 @@ WHOLE = sum(sum(powers) < DEGREE for powers in POWERS)
 # Points of a Gauss rule in each cell, by which the projection is exact.
 GAUSS = 4
 # Windows of coefficients that are looked at together.
-SLAB = 1 << 14
+SLAB = 1 << 14  # speed only
 # The greatest deviation of the potential anywhere over that at the points which are looked at: nodes and the middles of
 # cells.
 BETWEEN_POINTS = 1.5

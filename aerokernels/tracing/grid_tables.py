@@ -17,8 +17,8 @@ from .engines.kernel_table import GRID_KERNELS
 from .step_bound import block_size
 
 # Grids of fewer nodes are as quick on the host: volumes, and those of two axes, of which a processor makes the spline.
-LEAST_NODES = 1 << 15
-LEAST_FLAT = 1 << 12
+LEAST_NODES = 1 << 15  # speed only
+LEAST_FLAT = 1 << 12  # speed only
 # Nodes along an axis at least: elimination takes four.
 LEAST_COUNT = 4
 

@@ -40,7 +40,7 @@ GREATEST_TOLERANCE = 1e-9
 # An end that lies outside the box by less than this share of the box's size counts as lying on its face.
 ON_FACE = 1e-6
 # Rays that are looked at together: their arrays stay in a core's cache.
-CHUNK = 1 << 13
+CHUNK = 1 << 13  # speed only
 # Places along a ray that passes beside the box, over twice the box's size; one that has so many of them at one distance
 # from the box runs along a face.
 PLACES_BESIDE, PLACES_ALONG = 16, 3

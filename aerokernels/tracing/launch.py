@@ -19,7 +19,7 @@ Numbers = np.ndarray | DeviceArray
 # Bytes for one ray when all is asked for, and its start.
 RAY_BYTES = 6 * 8 + sum(width * np.dtype(kind).itemsize for width, kind in OUTPUT_TYPES.values())
 # Rays in one chunk at most, and at least; and the share of the device's memory that a chunk may take.
-CHUNK, LEAST_CHUNK = 1 << 21, 64
+CHUNK, LEAST_CHUNK = 1 << 21, 64  # speed only
 MEMORY_SHARE = 0.25
 
 

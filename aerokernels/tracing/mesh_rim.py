@@ -16,7 +16,7 @@ from ..medium import IndexField
 from .lines import box_size, cylinder_span, slab_span
 
 # Pairs of rays and edges that are looked at together.
-PAIRS = 1_000_000
+PAIRS = 1_000_000  # speed only
 # An edge both of whose ends are this near to the wall, over its length, lies on the wall.
 ON_WALL = 0.2
 SAME_PLACE = 1e-8

@@ -25,7 +25,7 @@ REPLICATES = 16
 # The seed of the points by which a lattice is chosen.
 PILOT_SEED = 0x1A771CE
 # Plans of pupils, and what they lose where the air ends, that a field keeps: those of the last ones.
-KEPT = 4
+KEPT = 4  # speed only
 # A pupil's reach over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
 # A number of samples that is known is confirmed by one in so many of the rays by which it is sought.

@@ -22,7 +22,7 @@ GREATEST_ERROR = 10
 # A row of sums: the moments, then real and imaginary part of the phasor.
 SUM_COUNT = MOMENT_COUNT + 2
 # Rays that are on a device together, in whole replicates: this number times the bytes of a ray bounds the memory.
-BATCH_RAYS = 1 << 21
+BATCH_RAYS = 1 << 21  # speed only
 # Per-ray outputs of the tracer that the sums need, besides the status.
 PUPIL_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
 

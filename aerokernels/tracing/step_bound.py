@@ -37,7 +37,7 @@ TURN = 0.02
 CONE_SINES = (0.02, 0.2)
 
 # Tables kept for a grid: of two precisions, some tolerances, some cones.
-KEPT = 32
+KEPT = 32  # speed only
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ SUPPORT_SHARE = 0.05
 # Nodes to each side whose spline a coefficient is part of, and one to spare.
 MARGIN_NODES = 3
 # Boxes kept for a field.
-KEPT = 8
+KEPT = 8  # speed only
 
 
 def support_box(

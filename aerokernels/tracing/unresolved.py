@@ -64,7 +64,7 @@ DEFLECTED = 0.5
 ENDS_SHARE = 0.02
 
 # Tables kept for a grid.
-KEPT = 8
+KEPT = 8  # speed only
 
 
 @dataclass(frozen=True)

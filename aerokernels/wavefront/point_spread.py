@@ -17,8 +17,8 @@ from ..shown import shown
 from ..strehl_errors import strehl_errors
 from ..wavelength import check_wavelength
 
-COLUMNS_AT_ONCE = 64  # that are padded and transformed
-BLOCK = 32  # rows and columns of a product of matrices: so small a one is never shared out among threads
+COLUMNS_AT_ONCE = 64  # that are padded and transformed; speed only
+BLOCK = 32  # rows and columns of a product of matrices: so small a one is never shared out among threads; speed only
 
 
 @shown

@@ -191,3 +191,28 @@ def test_a_sampled_pulse_ends_with_its_samples():
     end = pulse.support[1]
     assert pulse(end - 1e-15) == pytest.approx(0.2, rel=0.1)
     assert pulse(end + 0.5e-9) == 0.0 and pulse(end + 1.5e-9) == 0.0
+
+
+def test_a_sampled_pulse_begins_with_its_samples():
+    """At its samples it has their share of the peak, between the first two what the curve has, and nothing before."""
+    samples, period = np.array([0.2, 0.6, 1.5, 3.0, 2.8, 1.0, 0.5, 0.3]), 1e-9
+    pulse, curve = SampledPulse(samples, period), PulseCurve(samples)
+    place = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 3.0, 6.5, 7.0])
+    first, last = pulse.support
+    assert last - first == pytest.approx(7e-9, rel=1e-12)
+    expected = np.maximum(curve.spline(place), 0.0) / curve.peak
+    np.testing.assert_allclose(pulse(first + 1e-9 * place), expected, rtol=1e-9)
+    assert not pulse(np.array([first - 1e-12, last + 1e-12])).any()
+
+
+def test_the_peak_is_the_greatest_place_beside_the_greatest_sample():
+    """Random records with a peak of one or several samples: the curve at 20,000 places about it, to their distance."""
+    random = np.random.default_rng(12)
+    for _ in range(60):
+        samples = np.exp(-((np.arange(12) - random.uniform(4.0, 7.0)) ** 2) / random.uniform(0.5, 8.0))
+        curve = PulseCurve(samples + 0.1 * random.random(12))
+        top = int(np.argmax(curve.samples))
+        place = np.linspace(max(top - 1, 0), min(top + 1, 11), 20_001)
+        values = curve.spline(place)
+        assert abs(curve.peak_place - place[np.argmax(values)]) < 2e-4
+        assert values.max() <= curve.peak * (1.0 + 1e-12)

@@ -49,6 +49,29 @@ def test_reference_densities(name, expected):
     assert abs(flow.SPECIES[name].reference_density / expected - 1.0) < 2e-4
 
 
+@pytest.mark.parametrize(("name", "expected"), [("Ne", 0.89990), ("Kr", 3.7493), ("Xe", 5.8980)])
+def test_reference_densities_of_the_heavier_noble_gases(name, expected):
+    """Densities at 0 degC and 101325 Pa [kg/m3], brought to 273 K and 1 bar as a perfect gas: to 3e-4."""
+    brought = expected * 100000.0 / 101325.0 * 273.15 / 273.0
+    assert abs(flow.SPECIES[name].reference_density / brought - 1.0) < 3e-4
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [
+        ("N2", 0.4679, 2.0587), ("O2", 0.4, 1.8), ("Ar", 0.4679, 2.0587), ("CO2", 0.480126, 1.817228),
+        ("He", 0.4801, 2.0586), ("H2", 0.168, 1.6945), ("Ne", 0.4, 1.0), ("Kr", 0.4, 1.0), ("Xe", 0.4, 1.0),
+    ],
+)  # fmt: skip
+def test_formulas_hold_in_the_range_they_were_made_for(name, low, high):
+    """Both ends are in it [um], a ten thousandth beyond is not."""
+    gas = flow.SPECIES[name]
+    assert gas.refractivity(low * 1e-6) > gas.refractivity(high * 1e-6) > 0.0
+    for beyond in (low * 0.9999e-6, high * 1.0001e-6):
+        with pytest.raises(ValueError, match=f"where the refractivity of {name} is known"):
+            gas.refractivity(beyond)
+
+
 def test_oxygen_at_20_degrees():
     """O2, at 293.15 K and 101325 Pa: 1.3311 kg/m3."""
     assert abs(flow.SPECIES["O2"].reference_density / 1.3311 - 1.0) < 2e-4

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels import Body, flow
+from aerokernels.medium.walls import _cuts
 
 
 def polygon(count: int = 720, radius: float = 1.0, center=(0.0, 0.0)) -> np.ndarray:
@@ -121,3 +122,23 @@ def test_the_shipped_model():
 def test_what_is_refused(profile, geometry, message):
     with pytest.raises(ValueError, match=message):
         Body(profile, geometry)
+
+
+def test_edges_are_cut_where_others_cross_them_or_end_on_them():
+    """An edge of 4 m: crossed at 1 m either way, ended on at 3 m; not where one ends before it, or passes its ends."""
+    start, end = np.array([[0.0, 0.0]]), np.array([[0.0, 4.0]])
+    others = [
+        ((-1.0, 1.0), (1.0, 1.0)),
+        ((2.0, 2.5), (-2.0, 1.5)),
+        ((0.0, 3.0), (1.0, 3.0)),
+        ((0.5, 3.5), (1.0, 3.5)),
+        ((-1.0, 5.0), (1.0, 5.0)),
+        ((-1.0, -0.5), (1.0, -0.5)),
+        ((0.0, 4.0), (1.0, 4.0)),
+    ]
+    other_start, other_end = (np.array([one[k] for one in others]) for k in (0, 1))
+    moved = np.array([2.0, -3.0])
+    (found,) = _cuts(start + moved, end + moved, other_start + moved, other_end + moved, 5.0)
+    np.testing.assert_allclose(found - moved, [[0.0, 1.0], [0.0, 2.0], [0.0, 3.0]], atol=1e-12)
+    (none,) = _cuts(start + moved, end + moved, other_start[3:] + moved, other_end[3:] + moved, 5.0)
+    assert none.shape == (0, 2)

@@ -242,3 +242,24 @@ def test_a_mesh_in_another_unit_is_refused():
     mesh = QuadMesh.structured(*np.meshgrid(line, line, indexing="ij"), "planar")
     with pytest.raises(ValueError, match="which is no flow's"):
         IndexField.from_mesh(mesh, np.zeros((5, 5)))
+
+
+def test_complex_numbers_and_texts_are_no_contrast():
+    """They are refused, and not cut to their real part."""
+    for array in (np.full((4, 4), 1e-4 + 1e-5j), np.full((4, 4), "1e-4")):
+        with pytest.raises(TypeError, match="real numbers"):
+            IndexField.from_samples(array, origin=(0.0, 0.0), spacing=(1e-3, 1e-3), geometry="planar")
+
+
+def test_a_linear_kink_on_the_axis_is_rounded_off_within_its_core():
+    """Contrast a r: the slope a outside 1e-4 of a cell from the axis, and in proportion to r within."""
+    r, z = np.meshgrid(np.arange(5.0), np.arange(4.0), indexing="ij")
+    made = {"origin": (0.0, 0.0), "spacing": (1.0, 1.0), "geometry": "axisymmetric", "interpolation": "linear"}
+    field = IndexField.from_samples(1e-4 * r + 0.0 * z, **made)
+    points = np.array([[0.6, 0.8, 1.3], [0.3e-4, 0.4e-4, 1.3], [0.0, 0.0, 1.3]])
+    slope = field.contrast_at(np.array([[1e-6, 0.0, 1.3]]))[0] / 1e-6
+    assert slope == pytest.approx(1e-4, rel=1e-3)
+    gradient = field.gradient_at(points)
+    assert gradient[0] == pytest.approx([0.6e-4, 0.8e-4, 0.0], rel=1e-3, abs=1e-12)
+    assert gradient[1] == pytest.approx([0.3e-4, 0.4e-4, 0.0], rel=1e-3, abs=1e-12)
+    assert not gradient[2].any()

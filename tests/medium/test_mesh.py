@@ -5,8 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerokernels import QuadMesh, flow
+from aerokernels import IndexField, QuadMesh, flow
 from aerokernels.medium.bilinear import bilinear_point, contains, invert_bilinear
+from aerokernels.medium.grid import eq5_step
+from aerokernels.medium.refined import refined
 
 
 def curvilinear(seed: int = 0, shape=(9, 13), geometry: str = "planar", turned: bool = False) -> QuadMesh:
@@ -207,3 +209,46 @@ def test_what_is_refused(vertices, cells, geometry, message):
 def test_structured_shapes_must_agree(shapes):
     with pytest.raises(ValueError, match="two coordinate arrays of one shape"):
         QuadMesh.structured(np.zeros(shapes[0]), np.zeros(shapes[1]))
+
+
+@pytest.mark.parametrize("size", [1e-5, 1.0, 1e3])
+def test_a_cell_of_any_size_holds_its_edges_and_nothing_beyond(size):
+    """Points on an edge, 1e-10 of it beyond (rounding), and 1e-3 of it beyond each edge."""
+    cell = size * np.array([[0.0, 0.0], [2.0, 0.0], [2.5, 1.5], [0.5, 1.0]])
+    middles, out = 0.5 * (cell + np.roll(cell, -1, axis=0)), np.roll(cell, -1, axis=0) - cell
+    normal = np.stack([out[:, 1], -out[:, 0]], axis=1)
+    corners = np.repeat(cell[None], 4, axis=0)
+    assert contains(corners, middles).all()
+    assert contains(corners, middles + 1e-10 * normal).all()
+    assert not contains(corners, middles + 1e-3 * normal).any()
+    assert contains(corners, middles - 1e-3 * normal).all()
+
+
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+def test_cells_cut_in_four_keep_a_parabolas_values(geometry):
+    """Values at vertices stay, those between follow from both gradients: exact where a rise is quadratic along an edge.
+
+    Cells of a grid of 3 by 2: 24 quarters; a value of x^2 + 3 x y at every new vertex.
+    """
+    z, y = np.meshgrid(np.linspace(1.0, 2.0, 3), np.linspace(0.0, 3.0, 4))
+    mesh = QuadMesh.structured(y, z, geometry)
+
+    def value(points):
+        return 1e-4 * (points[:, 0] ** 2 + 3.0 * points[:, 0] * points[:, 1])
+
+    field = IndexField.from_mesh(mesh, value(mesh.vertices).reshape(y.shape))
+    exact = 1e-4 * np.stack([2.0 * mesh.vertices[:, 0] + 3.0 * mesh.vertices[:, 1], 3.0 * mesh.vertices[:, 0]], axis=1)
+    field.samples.__dict__["gradients"] = exact
+    found = refined(field)
+    assert len(found.mesh.cells) == 24 and found.mesh.geometry == geometry
+    assert len(found.mesh.vertices) == 7 * 5
+    np.testing.assert_allclose(found.samples.values, value(found.mesh.vertices), atol=1e-18)
+
+
+def test_eq_5_of_a_mesh_takes_the_difference_over_the_corners_of_a_cell():
+    """As on grids: the greatest less the least corner, and the cell's size."""
+    z, y = np.meshgrid(np.linspace(0.0, 2.0, 3), np.linspace(0.0, 1.0, 2))
+    contrast = np.array([[1e-4, 3e-4, 9e-4], [2e-4, 5e-4, 4e-4]])
+    field = IndexField.from_mesh(QuadMesh.structured(y, z, "planar"), contrast)
+    expected = eq5_step(np.array([4e-4, 6e-4]), field.mesh.cell_size)
+    np.testing.assert_allclose(field.samples.paper_step, expected, rtol=1e-13)

@@ -234,3 +234,10 @@ def test_a_tolerance_out_of_reach_is_refused(monkeypatch):
     field = uniform(9, interpolation="linear", function=lambda y, z: 1e-3 * np.cos(9.0 * y * z))
     with pytest.raises(ValueError, match=r"more than the tolerance of 1e-15: give a greater tolerance"):
         field.resample(tolerance=1e-15, wavelength=1e-7)
+
+
+def test_how_often_a_spacing_is_halved():
+    """By 64 at first; by the square of what the last halving gained, between 2 and 64; once at least."""
+    halvings = import_module("aerokernels.medium.resample")._halvings
+    assert [halvings(excess, None) for excess in (1.0, 60.0, 64.0, 65.0, 4096.0, 4097.0)] == [1, 1, 1, 2, 2, 3]
+    assert [halvings(16.0, gained) for gained in (0.5, 1.5, 2.0, 4.0, 100.0)] == [4, 4, 2, 1, 1]

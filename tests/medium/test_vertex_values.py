@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from aerokernels import IndexField, QuadMesh, flow
 from aerokernels.medium.conserving import conserving_values, what_is_lacking
-from aerokernels.medium.vertex_values import vertex_gradients, vertex_values
+from aerokernels.medium.vertex_values import of_parents, vertex_gradients, vertex_values
 
 WAVELENGTH = 905e-9
 
@@ -308,3 +308,25 @@ def test_no_radial_gradient_on_the_axis():
     mesh = rectangular(np.linspace(0.0, 1.0, 6), np.linspace(0.0, 1.0, 6), "axisymmetric")
     gradient = vertex_gradients(mesh, wave(mesh.vertices))
     assert (gradient[mesh.vertices[:, 0] == 0.0, 0] == 0.0).all() and (gradient[:, 1] != 0.0).all()
+
+
+def test_means_over_the_cells_that_parts_belong_to():
+    """Cells cut in parts: means by their areas, of numbers and of rows; without parts nothing is changed."""
+    z, y = np.meshgrid([0.0, 1.0, 3.0, 4.0], [0.0, 2.0])
+    whole = QuadMesh.structured(y, z, "planar")
+    cut = QuadMesh(whole.vertices, whole.cells, "planar", parents=np.array([1, 1, 0]))
+    values = np.array([3.0, 6.0, 8.0])
+    assert of_parents(whole, values) is values
+    assert of_parents(cut, values) == pytest.approx([8.0, 5.0])
+    rows = of_parents(cut, np.stack([values, 2.0 * values, -values], axis=1))
+    assert rows == pytest.approx(np.outer([8.0, 5.0], [1.0, 2.0, -1.0]))
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e4])
+def test_vertex_values_do_not_depend_on_the_size_of_a_mesh(size):
+    """Of cells without an order, of micrometres or of kilometres: to rounding."""
+    z, y = np.meshgrid([0.0, 1.0, 2.5, 3.0], [0.0, 1.2, 2.0])
+    mesh = QuadMesh.structured(y, z, "planar")
+    average = np.array([1.0, 2.0, 4.0, 1.5, 2.0, 3.0])
+    one, other = (QuadMesh(scale * mesh.vertices, mesh.cells, "planar") for scale in (1.0, size))
+    assert vertex_values(other, average) == pytest.approx(vertex_values(one, average), rel=1e-9)

@@ -39,7 +39,7 @@ LEAST_SHARE = 0.5
 # tolerance.
 UNDISTURBED = 0.02
 # Tables kept for a field.
-KEPT = 4
+KEPT = 4  # speed only
 # (field, rays, plan, until, wavelength, outputs) -> per-ray arrays by name
 Run = Callable[[IndexField, RayBundle, TracePlan, Any, float, frozenset], dict[str, np.ndarray]]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from .medium import dot, plane_motion
 
-PAIRS = 200_000  # rays times segments that are looked at together
+PAIRS = 200_000  # rays times segments that are looked at together; speed only
 # Share of a segment's length by which a crossing may lie beyond its ends, so that no ray slips through a corner.
 BEYOND = 1e-10
 

@@ -1,0 +1,152 @@
+"""What a mutant is: every change of one operator, comparison, number or condition of a module, and where it stands.
+
+Left out is what cannot change a result: texts, annotations, messages of exceptions and warnings, and what is computed
+for these in a block that ends in an exception, decorators of classes, whether arrays are read-only,
+`__repr__` and pictures, and lines whose comment ends with `speed only`: how much is computed at a time, or is kept.
+"""
+
+import ast
+import copy
+import tomllib
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+WITHOUT_EFFECT = tomllib.loads((ROOT / "scripts" / "mutants_without_effect.toml").read_text(encoding="utf-8"))
+SPEED_ONLY = "speed only"  # at the end of a comment
+OTHER: dict[type, type] = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Div, ast.Mod: ast.Mult,
+    ast.Pow: ast.Mult, ast.MatMult: ast.Mult, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd, ast.Lt: ast.LtE,
+    ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq, ast.Is: ast.IsNot,
+    ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In, ast.And: ast.Or, ast.Or: ast.And, ast.UAdd: ast.USub,
+    ast.USub: ast.UAdd,
+}  # fmt: skip
+TURNED = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt}
+
+
+class Mutant(NamedTuple):
+    """One change of a module: where it stands, the function it belongs to or the names it sets, and its tree."""
+
+    module: str
+    line: int
+    code: str
+    told: str
+    function: str
+    names: frozenset[str]
+    tree: Callable[[], ast.Module]
+
+    @property
+    def without_effect(self) -> bool:
+        """Whether it was read, and cannot change a result."""
+        judged = WITHOUT_EFFECT.get(self.module, ())
+        return any(one["code"] == self.code and self.told in one["changes"] for one in judged)
+
+
+def changes(module: str, text: str) -> list[Mutant]:
+    """Every mutant of a module."""
+    tree, lines, left_alone = ast.parse(text), text.splitlines(), set()
+    for node in ast.walk(tree):
+        for one in _hidden(node):
+            left_alone |= {id(inner) for inner in ast.walk(one)} if one is not None else set()
+    inside: dict[int, tuple[str, frozenset[str]]] = {}
+    places(tree, "", inside)
+    found = []
+    for number, node in enumerate(ast.walk(tree)):
+        line = getattr(node, "lineno", 0)
+        last = getattr(node, "end_lineno", line)
+        if id(node) in left_alone or any(one.endswith(SPEED_ONLY) for one in lines[line - 1 : last]):
+            continue
+        for told, change in _of(node):
+            function, names = inside.get(id(node), ("", frozenset()))
+            code = lines[line - 1].strip()
+            found.append(Mutant(module, line, code, told, function, names, partial(_mutant, tree, number, change)))
+    return found
+
+
+def _hidden(node: ast.AST) -> list[ast.AST | None]:
+    """What of a node cannot change a result."""
+    if isinstance(node, (ast.Raise, ast.JoinedStr)):
+        return [node]
+    if isinstance(node, ast.FunctionDef):
+        arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+        shown = [node] if node.name in ("__repr__", "_repr_html_", "plot") else []
+        return [node.returns, *(one.annotation for one in arguments), *node.decorator_list, *shown]
+    if isinstance(node, ast.ClassDef):  # what a dataclass refuses is no answer
+        return [*node.decorator_list]
+    if isinstance(node, ast.AnnAssign):
+        return [node.annotation]
+    if isinstance(node, ast.Call) and ast.unparse(node.func) in ("warnings.warn", "_warn"):
+        return [node]
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "setflags":
+        return [node]
+    if not isinstance(node, ast.If):
+        return []
+    if ast.unparse(node.test) == "TYPE_CHECKING":
+        return [node]
+    return [one for block in (node.body, node.orelse) if _only_refuses(block) for one in block]
+
+
+def _only_refuses(block: list[ast.stmt]) -> bool:
+    """Whether a block ends in an exception whatever is in it: all that it computes goes into the message."""
+    ways_out = (ast.Return, ast.Break, ast.Continue, ast.Yield)
+    inside = (inner for one in block for inner in ast.walk(one))
+    return bool(block) and isinstance(block[-1], ast.Raise) and not any(isinstance(one, ways_out) for one in inside)
+
+
+def places(node: ast.AST, prefix: str, inside: dict[int, tuple[str, frozenset[str]]]) -> None:
+    """The function that a node stands in, inner ones as part of the outer, or the names that its statement sets."""
+    for inner in ast.iter_child_nodes(node):
+        early: dict[int, tuple[str, frozenset[str]]] = {}
+        if isinstance(inner, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            place = (prefix + inner.name, frozenset())
+            for default in filter(None, [*inner.args.defaults, *inner.args.kw_defaults]):
+                early |= {id(one): (place[0], frozenset([inner.name])) for one in ast.walk(default)}
+        elif isinstance(inner, ast.ClassDef):
+            places(inner, f"{prefix}{inner.name}.", inside)
+            continue
+        elif isinstance(inner, (ast.If, ast.With, ast.Try)):
+            places(inner, prefix, inside)
+            continue
+        else:
+            set_here = (one for one in ast.walk(inner) if isinstance(getattr(one, "ctx", None), ast.Store))
+            place = ("", frozenset(one.id for one in set_here if isinstance(one, ast.Name)))
+        inside |= {id(one): place for one in ast.walk(inner)} | early
+
+
+def _mutant(tree: ast.Module, number: int, change: Callable[[ast.AST], None]) -> ast.Module:
+    mutant = copy.deepcopy(tree)
+    change(next(inner for k, inner in enumerate(ast.walk(mutant)) if k == number))
+    return mutant
+
+
+def _of(node: ast.AST):
+    def swapped(field: str, kind: type, at: int | None = None):
+        def change(inner) -> None:
+            if at is None:
+                setattr(inner, field, kind())
+            else:
+                getattr(inner, field)[at] = kind()
+
+        return change
+
+    def number(value: float):
+        return lambda inner: setattr(inner, "value", value)
+
+    if isinstance(node, (ast.BinOp, ast.AugAssign, ast.BoolOp, ast.UnaryOp)) and type(node.op) in OTHER:
+        other = OTHER[type(node.op)]
+        yield f"{type(node.op).__name__} -> {other.__name__}", swapped("op", other)
+    elif isinstance(node, ast.Compare):
+        for at, one in enumerate(node.ops):
+            for table in (OTHER, TURNED):
+                if type(one) in table:
+                    other = table[type(one)]
+                    yield f"{type(one).__name__} -> {other.__name__}", swapped("ops", other, at)
+    elif isinstance(node, ast.Constant) and type(node.value) is bool:
+        yield f"{node.value} -> {not node.value}", number(not node.value)
+    elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
+        value = node.value + 1 if isinstance(node.value, int) else (2.0 * node.value or 1.0)
+        yield f"{node.value} -> {value}", number(value)
+    elif isinstance(node, (ast.If, ast.IfExp, ast.While)):
+        yield "condition -> not", lambda inner: setattr(inner, "test", ast.UnaryOp(ast.Not(), inner.test))
