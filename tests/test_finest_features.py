@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, Rectangle
+from aerokernels.waves.coarse_wave import _mean_squares, finest_feature, fresnel_number
 from aerokernels.waves.slabs import FINEST, LEFT_OUT, LookingAlong, slabs_of
-from aerokernels.waves.validity import Validity, _fresnel_number, _mean_squares, _same_light, finest_feature
+from aerokernels.waves.validity import Validity, _same_light
 
-PIXEL = 1e-4
+PIXEL, WAVE = 1e-4, 1e-6
 
 
 @pytest.mark.parametrize("along", ["x", "y"])
@@ -23,24 +24,24 @@ def test_the_finest_phase_is_where_second_differences_hold_it(amplitude, pixels,
     """
     place = np.arange(64)
     phase = np.broadcast_to(amplitude * np.cos(2.0 * np.pi * place / 16.0 + 0.3), (64, 64)) + 5.0 * place
-    phase = (phase if along == "x" else phase.T).copy()
-    assert finest_feature(phase, PIXEL) == pixels * PIXEL
-    phase[:, 40:] = np.nan
-    phase[50:] = np.nan
-    assert finest_feature(phase, PIXEL) == pixels * PIXEL
+    path = (phase if along == "x" else phase.T) * WAVE / (2.0 * np.pi)
+    assert finest_feature(path, PIXEL, WAVE) == pixels * PIXEL
+    path[:, 40:] = np.nan
+    path[50:] = np.nan
+    assert finest_feature(path, PIXEL, WAVE) == pixels * PIXEL
 
 
 def test_a_column_is_looked_at_along_itself():
     """A map of one column, as of a planar field: its own lines only."""
     phase = 0.13 * np.cos(2.0 * np.pi * np.arange(64) / 16.0)[:, None]
-    assert finest_feature(phase, PIXEL) == 4 * PIXEL
+    assert finest_feature(phase * WAVE / (2.0 * np.pi), PIXEL, WAVE) == 4 * PIXEL
     assert _mean_squares(np.array([[[0.0, 1.0, 4.0, 9.0, 16.0]], [[0.0, np.nan, 2.0, 0.0, 1.0]]]), 1) == 4.0 + 9.0
 
 
 def test_fresnel_numbers():
     """Feature squared over wavelength times distance; nothing disturbed, no diffraction."""
-    assert _fresnel_number(2e-3, 1e-6, 0.5) == pytest.approx(8.0)
-    assert _fresnel_number(2e-3, 1e-6, 0.0) == np.inf
+    assert fresnel_number(2e-3, 1e-6, 0.5) == pytest.approx(8.0)
+    assert fresnel_number(2e-3, 1e-6, 0.0) == np.inf
     told = Validity(-0.011, 1e-3, 0.5, 2.0, 0.0, 0.1)
     assert not told.good and dataclasses.replace(told, limit=0.011).good and not bool(told)
 
