@@ -10,8 +10,12 @@ STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP
 
 
 def heeded(number: int) -> bool:
-    """Whether a signal counts: `nohup`, and a shell's job in the background, have theirs ignored from the start."""
-    return signal.getsignal(number) is not signal.SIG_IGN
+    """Whether a signal counts: `nohup` has that of a terminal that closes ignored from the start.
+
+    An interrupt always counts. Scripts have it ignored in what they start in the background, which would leave `kill`
+    with SIGTERM alone to end a recording there.
+    """
+    return number in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(number) is not signal.SIG_IGN
 
 
 @contextmanager

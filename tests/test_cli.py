@@ -190,6 +190,7 @@ def test_a_terminal_that_interrupts_or_closes_leaves_nothing(tmp_path: Path, way
     process, terminal = pty.fork()
     if not process:
         os.chdir(tmp_path)
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)  # it is ignored under nohup
         os.execv(sys.executable, [sys.executable, "-m", "aerokernels", "run", "wind-tunnel-mach3", "--out", "out"])
     seen = b""
     while b"tracing" not in seen:

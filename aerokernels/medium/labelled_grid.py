@@ -6,6 +6,7 @@ from ..written_units import unit_of
 
 GEOMETRIES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
 EVEN = 1e-6  # share of the spacing by which nodes may be off an even grid
+GREATEST = 1e3  # contrasts above this are those of no medium, but of a file that is damaged
 
 
 def grid_arguments(array) -> dict:
@@ -13,7 +14,8 @@ def grid_arguments(array) -> dict:
 
     Raises:
         TypeError: No xarray array.
-        ValueError: Other dimensions, coordinates that are absent or not even, units that are no length.
+        ValueError: Other dimensions, coordinates that are absent or not even, units that are no length, contrasts that
+            no medium has.
     """
     if not hasattr(array, "dims") or not hasattr(array, "coords") or hasattr(array, "data_vars"):
         raise TypeError(f"from_xarray takes an xarray DataArray, got {type(array).__name__}: choose one of a Dataset")
@@ -54,4 +56,6 @@ def grid_arguments(array) -> dict:
     if "cell_averages" in given and np.isin(given["cell_averages"], (0, 1)).all():  # NetCDF has no true and false
         given["cell_averages"] = bool(np.all(given["cell_averages"]))
     samples = np.asarray(array.values)
+    if samples.dtype.kind in "iuf" and samples.size and samples.max() > GREATEST:
+        raise ValueError(f"no medium has a contrast of {samples.max():g}, the greatest: it is n - ambient_index")
     return {"contrast": samples, "origin": origin, "spacing": spacing, "geometry": GEOMETRIES[order], **given}
