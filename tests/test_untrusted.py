@@ -39,7 +39,8 @@ CORPUS = {"scene": (8380,), "override": (1018, 5030), "preamble": (1780,), "netc
           "foam-file": (60012063, 60018110), "foam-case": (70064536, 70768724), "tecplot-text": (4585,),
           "plot3d": (1130,), "npz": (6, 48, 70984352, 80265532), "names": (60265237,),
           "unit": (7465,), "index": (1697,),
-          "netcdf-result": (189, 301540), "netcdf-wavefront": (113, 365), "netcdf-index": (703, 871, 200030),
+          "netcdf-result": (189, 301540), "netcdf-wavefront": (113, 365, 150469590),
+          "netcdf-index": (703, 871, 200030, 150049255),
           "netcdf-series": (300225, 300401, 130000012), "cgns-nodes": (3688, 5164), "vtk-grids": (152, 1181, 2448),
           "journal": (5458,)}  # fmt: skip
 

@@ -14,8 +14,8 @@ def grid_arguments(array) -> dict:
 
     Raises:
         TypeError: No xarray array.
-        ValueError: Other dimensions, coordinates that are absent or not even, units that are no length, contrasts that
-            no medium has.
+        ValueError: Other dimensions, coordinates that are absent or not even, units that are no length, values that are
+            no real numbers, contrasts that no medium has.
     """
     if not hasattr(array, "dims") or not hasattr(array, "coords") or hasattr(array, "data_vars"):
         raise TypeError(f"from_xarray takes an xarray DataArray, got {type(array).__name__}: choose one of a Dataset")
@@ -56,6 +56,8 @@ def grid_arguments(array) -> dict:
     if "cell_averages" in given and np.isin(given["cell_averages"], (0, 1)).all():  # NetCDF has no true and false
         given["cell_averages"] = bool(np.all(given["cell_averages"]))
     samples = np.asarray(array.values)
-    if samples.dtype.kind in "iuf" and samples.size and samples.max() > GREATEST:
+    if samples.dtype.kind not in "iuf":
+        raise ValueError(f"the array holds {samples.dtype}, no real numbers: convert it")
+    if samples.size and samples.max() > GREATEST:
         raise ValueError(f"no medium has a contrast of {samples.max():g}, the greatest: it is n - ambient_index")
     return {"contrast": samples, "origin": origin, "spacing": spacing, "geometry": GEOMETRIES[order], **given}

@@ -120,7 +120,7 @@ def _map(dataset, name: str) -> np.ndarray:
     if set(own.dims) != {"y", "x"} or own.ndim != 2 or own.dtype.kind not in "iuf":
         axes = ", ".join(map(str, own.dims))
         raise ValueError(f"the dataset's {name} must be numbers over (y, x), got {own.dtype} over ({axes})")
-    return np.asarray(own.transpose("y", "x"))
+    return np.asarray(own.variable.transpose("y", "x"))  # without its coordinates, whose axes nobody asks for
 
 
 def _numbers(attributes, name: str, shape: tuple[int, ...]) -> np.ndarray:
