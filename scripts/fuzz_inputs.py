@@ -1,9 +1,8 @@
 """Drawn inputs of every parser: what was taken, what was refused in words, and every fault with its seed.
 
-The draws stand in aerokernels/validation/: input_draws.py, file_draws.py, record_draws.py, flow_draws.py (the package's
-own readers of flow files) and name_draws.py. They run in processes of their own, which may be ended by a signal, hang
-or ask for more than 4 GB: that is a fault of its seed, and another process goes on after it. Exit status 1 where there
-is a fault. Needs `fork`.
+The draws are those of aerokernels/validation/parser_draws.py. They run in processes of their own, which may be ended by
+a signal, hang or ask for more than 4 GB: that is a fault of its seed, and another process goes on after it. Exit status
+1 where there is a fault. Needs `fork`.
 """
 
 import argparse
@@ -19,20 +18,10 @@ from types import FrameType
 from typing import NoReturn
 
 from aerokernels import netcdf_reading  # noqa: F401  # so that readers that are forked have it
-from aerokernels.validation import (
-    file_draws,
-    flow_draws,
-    input_draws,
-    name_draws,
-    netcdf_draws,
-    record_draws,
-    tree_draws,
-)
 from aerokernels.validation.draws_in_processes import Report, share
 from aerokernels.validation.forked_readers import addresses, fork_readers
+from aerokernels.validation.parser_draws import DRAWS
 
-DRAWS = {**input_draws.DRAWS, **record_draws.DRAWS, **flow_draws.DRAWS, **name_draws.DRAWS, **netcdf_draws.DRAWS,
-         **tree_draws.DRAWS, **file_draws.DRAWS}  # fmt: skip
 MEMORY, LONGEST = 4_000_000_000, 5.0  # [bytes] of a process' addresses beside its parent's, [s] of computing a draw
 
 

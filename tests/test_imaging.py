@@ -11,8 +11,6 @@ from aerokernels import (
     Disc,
     DotPattern,
     IndexField,
-    Polygon,
-    Rectangle,
     Sensor,
     background_displacement,
     bos,
@@ -379,61 +377,3 @@ def test_spreads_are_integrals_over_square_pixels():
 def test_cosines_of_steep_rays():
     """A tangent t has the cosine t / sqrt(1 + |t|^2): 3/13 and 4/13 at 3/12 and 4/12."""
     assert np.allclose(_cosines(np.array([[0.25, 1.0 / 3.0]])), [[3.0 / 13.0, 4.0 / 13.0]], rtol=1e-15)
-
-
-@pytest.mark.parametrize("shape", [Disc, Rectangle, Polygon], ids=lambda shape: shape.__name__)
-def test_the_error_told_holds_the_points_of_the_aperture(shape):
-    """A blob of 4 mm close to an aperture of as much, out of focus: against a mean over 40 of its points."""
-    axis = np.linspace(-0.015, 0.015, 31)
-    x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
-    window = np.prod([np.cos(np.pi * one / 0.03) ** 2 for one in (x, y, z)], axis=0)
-    blob = 5e-5 * window * np.exp(-((x - 1e-3) ** 2 + (y + 5e-4) ** 2 + z**2) / (2.0 * (4e-3) ** 2))
-    field = IndexField.from_samples(blob, origin=[-0.015] * 3, spacing=[1e-3] * 3, geometry="volume")
-    numbers = {
-        Disc: (5e-3,),
-        Rectangle: (9e-3, 6e-3),
-        Polygon: (np.array([[-5e-3, -4e-3], [4e-3, -2e-3], [0.0, 5e-3]]),),
-    }[shape]
-    pupil = shape(*numbers, center=(0.0, 0.0, -0.2))
-    camera = Camera(pupil, focal_length=0.03, pixel=2e-5, pixel_count=(7, 9), distance=0.7, focus=0.5)
-    found = background_displacement(field, camera, tolerance=1e-4)
-    fine = background_displacement(field, camera, tolerance=1e-4, aperture_rays=40)
-    off = np.linalg.norm(found.displacement - fine.displacement, axis=-1)
-    assert off.max() > 1e-5 and (off <= found.error).all() and found.error.max() < 10.0 * off.max() + 1e-3
-    middle = background_displacement(field, camera, tolerance=1e-4, aperture_rays=1)
-    assert middle.error.max() < found.error.max()
-
-
-@pytest.mark.parametrize("finer", [4.0, 3.3, 1.6])
-def test_a_pixel_sees_the_mean_of_a_fine_pattern(finer: float):
-    """Squares of a random pattern, `finer` to a pixel: a pixel's brightness is their mean over its area, exactly.
-
-    The mean by areas of overlap along either axis; beyond its border the pattern goes on as there.
-    """
-    from aerokernels.imaging.dots import Background
-
-    squares = np.random.default_rng(5).integers(0, 2, (60, 70)).astype(float)
-    camera = Camera(Disc(1e-3), focal_length=0.05, pixel=1e-5, pixel_count=(10, 12), distance=1.0)
-    background = Background.of_scene(squares, camera.scene_pixel / finer, camera)
-    row, column = np.random.default_rng(6).uniform(-15.0, 15.0, (2, 40))
-    found = background.seen(background.prepared(), row, column)
-    wide = np.pad(squares, 60, mode="edge")
-    for index in range(40):
-        shares = []
-        for place, count in ((row[index], 60), (column[index], 70)):
-            middle, edges = place * finer + 0.5 * count + 60.0, np.arange(count + 121)
-            low, high = middle - 0.5 * finer, middle + 0.5 * finer
-            shares.append(np.clip(np.minimum(edges[1:], high) - np.maximum(edges[:-1], low), 0.0, None) / finer)
-        assert found[index] == pytest.approx(shares[0] @ wide @ shares[1], abs=1e-9)
-
-
-def test_hard_edges_do_not_overshoot():
-    """A checkerboard of the camera's own pixels, displaced by parts of them, stays within black and white."""
-    from aerokernels.imaging.dots import Background
-
-    board = np.indices((20, 20)).sum(axis=0) % 2.0
-    camera = Camera(Disc(1e-3), focal_length=0.05, pixel=1e-5, pixel_count=20, distance=1.0)
-    background = Background.of_scene(board, camera.scene_pixel, camera)
-    place = np.linspace(-12.0, 12.0, 301)
-    found = background.seen(background.prepared(), place, place + 0.3)
-    assert found.min() >= 0.0 and found.max() <= 1.0 and np.ptp(found) > 0.5

@@ -21,19 +21,10 @@ from aerokernels.jobs.recorded import load_netcdf, recorded_labels
 from aerokernels.jobs.store import read_result
 from aerokernels.scene import Scene, SceneError
 from aerokernels.schlieren.picture_file import read_picture
-from aerokernels.validation import (
-    file_draws,
-    flow_draws,
-    input_draws,
-    name_draws,
-    netcdf_draws,
-    record_draws,
-    tree_draws,
-)
+from aerokernels.validation import file_draws
+from aerokernels.validation.parser_draws import DRAWS
 from aerokernels.written_units import in_brackets, written_unit
 
-DRAWS = {**input_draws.DRAWS, **record_draws.DRAWS, **flow_draws.DRAWS, **name_draws.DRAWS, **netcdf_draws.DRAWS,
-         **tree_draws.DRAWS, **file_draws.DRAWS}  # fmt: skip
 CORPUS = {"scene": (8380,), "override": (1018, 5030), "preamble": (1780,), "netcdf": (50,),
           "store": (9, 13, 18, 21, 30, 41, 61, 40010600, 50170604), "sweep": (41,), "row": (109, 149),
           "foam-file": (60012063, 60018110), "foam-case": (70064536, 70768724), "tecplot-text": (4585,),

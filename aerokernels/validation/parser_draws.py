@@ -1,0 +1,9 @@
+"""Every kind of drawn input of a parser, by name: a draw takes a random generator and a folder of its own.
+
+It says whether the input was read; one that is refused in words was not. Any other outcome is an exception.
+"""
+
+from . import file_draws, flow_draws, input_draws, name_draws, netcdf_draws, record_draws, tree_draws
+
+PARTS = (input_draws, record_draws, flow_draws, name_draws, netcdf_draws, tree_draws, file_draws)
+DRAWS = {name: draw for part in PARTS for name, draw in part.DRAWS.items()}
