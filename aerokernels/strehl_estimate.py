@@ -12,13 +12,13 @@ import numpy as np
 
 from .arguments import Numbers, checked
 from .clock import clocked, stage
-from .in_turn import in_turn
 from .medium import IndexField
 from .rays import Pupil, as_unit_vector
 from .strehl import StrehlEstimate
 from .strehl_budget import StrehlBudget
 from .strehl_errors import estimate_quantities
 from .strehl_sums import combined, met_nothing
+from .threads import in_turn
 from .tracing.engines import engine_of
 from .tracing.plan import TracePlan
 from .tracing.pupil_fit import fit_moments
