@@ -1,8 +1,12 @@
-"""What this process may use of the machine: cores and memory, as its container, batch job or shell grants them."""
+"""What this process may use of the machine: cores and memory, as its container, batch job or shell grants them.
+
+And what a process that it starts is given.
+"""
 
 import math
 import os
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from .opened import OPENED
@@ -32,6 +36,12 @@ def free_memory() -> float:
     limit, used = _address_space()
     free = [limit - used, *(limit - used for limit, used in _group_memory())]
     return max(0.0, min(_available(), *free))
+
+
+def child_environment(own: Mapping[str, str] | None = None) -> dict[str, str]:
+    """The environment of a Python process started here: this one's and `own`, with modules found as they are here."""
+    paths = [str(Path(__file__).resolve().parents[1]), *filter(None, sys.path)]
+    return {**os.environ, **(own or {}), "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths))}
 
 
 def _available() -> float:
