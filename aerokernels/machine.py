@@ -5,7 +5,6 @@ And what a process that it starts is given.
 
 import math
 import os
-import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -39,9 +38,9 @@ def free_memory() -> float:
 
 
 def child_environment(own: Mapping[str, str] | None = None) -> dict[str, str]:
-    """The environment of a Python process started here: this one's and `own`, with modules found as they are here."""
-    paths = [str(Path(__file__).resolve().parents[1]), *filter(None, sys.path)]
-    return {**os.environ, **(own or {}), "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths))}
+    """The environment of a Python process started here: this one's and `own`, with this very package to be found."""
+    paths = filter(None, [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH")])
+    return {**os.environ, **(own or {}), "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def _available() -> float:

@@ -125,10 +125,6 @@ def prepare_strehl(field: IndexField, pupil: Pupil, **options) -> "PreparedStreh
     return prepared
 
 
-def _prepared_again(field: IndexField, pupil: Pupil, options: dict[str, Any]) -> "PreparedStrehl":
-    return prepare_strehl(field, pupil, **options)
-
-
 def plan_strehl(field: IndexField, pupil: Pupil, **options) -> tuple[TracePlan, int]:
     """The plan that `estimate_strehl` would follow with these options, and how many rays it would start with.
 
@@ -211,7 +207,7 @@ class PreparedStrehl:
             "remove": self.remove,
         }
         options |= {"direction": self.look, "allow_truncation": self.allow_truncation, **self.choices}
-        return _prepared_again, (self.field, self.pupil, options)
+        return partial(prepare_strehl, **options), (self.field, self.pupil)
 
     def __repr__(self) -> str:
         """What it is ready for."""

@@ -91,7 +91,7 @@ def _strehl_key(scene: Scene, group: str) -> str:
 
 
 class Stages:
-    """The stages that a process keeps.
+    """The stages that a worker process keeps, for as long as it lives.
 
     Attributes:
         made: How often each was computed: "flow", "index", "strehl", "echo".
