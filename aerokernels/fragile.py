@@ -18,7 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
-from .machine import host_memory
+from .machine import child_environment, host_memory
 from .opened import OPENED
 
 # A damaged file may announce more than it holds: what the child may take goes by the size of the file, compressed data
@@ -58,13 +58,12 @@ class _Child:
     """One child process and the pipes to it."""
 
     def __init__(self):
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
         self.process = subprocess.Popen(
             [sys.executable, "-m", __name__],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env=environment,
+            env=child_environment(),
         )
 
     def ask(self, request: Any, time_limit: float) -> Any:

@@ -1,8 +1,11 @@
-"""What this process may use of the machine: cores and memory, as its container, batch job or shell grants them."""
+"""What this process may use of the machine: cores and memory, as its container, batch job or shell grants them.
+
+And what a process that it starts is given.
+"""
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from .opened import OPENED
@@ -32,6 +35,12 @@ def free_memory() -> float:
     limit, used = _address_space()
     free = [limit - used, *(limit - used for limit, used in _group_memory())]
     return max(0.0, min(_available(), *free))
+
+
+def child_environment(own: Mapping[str, str] | None = None) -> dict[str, str]:
+    """The environment of a Python process started here: this one's and `own`, with this very package to be found."""
+    paths = filter(None, [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH")])
+    return {**os.environ, **(own or {}), "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def _available() -> float:

@@ -1,7 +1,8 @@
-"""Reading NetCDF-4 that somebody gives: by HDF5 in a child process (fragile.py), as a data set of xarray's in this one.
+"""Reading NetCDF that somebody gives: by HDF5 in a child process (fragile.py), as a data set of xarray's in this one.
 
 HDF5 computes for ever on some damaged files and ends the process on others. The child needs no xarray, which takes
-longer to start than everything else; it sends what the file holds, and large arrays as they are asked for.
+longer to start than everything else; it sends what the file holds, and large arrays as they are asked for. The classic
+form of NetCDF is no HDF5: SciPy reads it here.
 """
 
 import pickle
@@ -22,6 +23,12 @@ SMALL = 2.0**16  # [bytes]: arrays up to this size come with the description of 
 TEXT = "text"  # in place of the type of texts of any length, whose own does not travel
 
 
+def is_classic(path: Path) -> bool:
+    """Whether a file is NetCDF in its classic form."""
+    with path.open("rb") as stream:
+        return stream.read(3) == b"CDF"
+
+
 class FarVariable(NamedTuple):
     """A variable of a file: the names of its dimensions, shape, type, attributes, chunks, and its values if small."""
 
@@ -36,7 +43,7 @@ class FarVariable(NamedTuple):
 def open_netcdf(
     path: Path, what: str, *, most_axes: float = float("inf"), decode_times: bool = True, whole: bool = False
 ) -> "xarray.Dataset":
-    """A NetCDF-4 file as a data set whose large arrays are read, in the child, when they are asked for.
+    """A NetCDF file as a data set whose large arrays are read, in the child, when they are asked for.
 
     Args:
         path: The file.
@@ -52,6 +59,11 @@ def open_netcdf(
             are read.
     """
     with told_of(path):
+        if is_classic(path):
+            import xarray
+
+            data = xarray.open_dataset(path, engine="scipy", decode_times=decode_times)
+            return data.load() if whole else data
         found = in_child(path, f"{__name__}:describe", path, what, most_axes, float("inf") if whole else SMALL)
         data = dataset_of(path, found[0], found[1], decode_times)
         return data.load() if whole else data

@@ -12,13 +12,13 @@ import numpy as np
 
 from .arguments import Numbers, checked
 from .clock import clocked, stage
-from .in_turn import in_turn
 from .medium import IndexField
 from .rays import Pupil, as_unit_vector
 from .strehl import StrehlEstimate
 from .strehl_budget import StrehlBudget
 from .strehl_errors import estimate_quantities
 from .strehl_sums import combined, met_nothing
+from .threads import in_turn
 from .tracing.engines import engine_of
 from .tracing.plan import TracePlan
 from .tracing.pupil_fit import fit_moments
@@ -125,10 +125,6 @@ def prepare_strehl(field: IndexField, pupil: Pupil, **options) -> "PreparedStreh
     return prepared
 
 
-def _prepared_again(field: IndexField, pupil: Pupil, options: dict[str, Any]) -> "PreparedStrehl":
-    return prepare_strehl(field, pupil, **options)
-
-
 def plan_strehl(field: IndexField, pupil: Pupil, **options) -> tuple[TracePlan, int]:
     """The plan that `estimate_strehl` would follow with these options, and how many rays it would start with.
 
@@ -211,7 +207,7 @@ class PreparedStrehl:
             "remove": self.remove,
         }
         options |= {"direction": self.look, "allow_truncation": self.allow_truncation, **self.choices}
-        return _prepared_again, (self.field, self.pupil, options)
+        return partial(prepare_strehl, **options), (self.field, self.pupil)
 
     def __repr__(self) -> str:
         """What it is ready for."""

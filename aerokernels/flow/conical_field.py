@@ -17,7 +17,7 @@ from ..shown import shown
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .conical_averages import bell, cell_averages
 from .conical_profile import ConeShock
-from .density_field import DensityField
+from .density_field import DensityField, in_plane
 from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density
 from .models import one_constant, refractivity_model
 from .taylor_maccoll import cone_shock
@@ -86,10 +86,7 @@ class ConicalFlow(DensityField):
 
     def density_at(self, points) -> np.ndarray:
         """Exact density [kg/m3] at points (x, y, z) [m], shape (n, 3): shape (n,), NaN inside the body."""
-        points = np.atleast_2d(np.asarray(points, dtype=np.float64))
-        if points.ndim != 2 or points.shape[1] != 3:
-            raise ValueError(f"points must have shape (n, 3), got {points.shape}")
-        radius, z = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
+        radius, z = in_plane(points, "axisymmetric").T
         angle = np.arctan2(radius, -z)
         ratio = np.where(angle < self.half_angle, np.nan, self.shock.density_ratio_at(angle))
         return self.ambient_density * np.where((z >= -self.length) & (radius <= self.radius), ratio, 1.0)

@@ -12,10 +12,9 @@ from ..netcdf_reading import open_netcdf
 from ..room import check_file, check_room
 from ..written_units import unit_of
 from .reading.array_units import ambient_attribute
+from .reading.density import DENSITY_NAMES, plain_name
 from .series import GridMesh, Series
 
-# Names under which density goes, in the order in which they are looked for.
-DENSITY_NAMES = ("density", "rho", "Density", "Rho", "RHO", "rhoMean")
 TIME_NAMES = ("time", "t", "Time")
 _AXES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
 # The share of a spacing by which nodes may lie off an even grid: what single precision makes of coordinates.
@@ -36,25 +35,10 @@ def series_of_file(
         raise ValueError(
             f"{path}: a folder, but no Zarr store; numbered files are opened by a pattern, 'dir/flow_*.vtu'"
         )
-    opened = _zarr if path.is_dir() else _classic if _is_classic(path) else open_netcdf
+    opened = _zarr if path.is_dir() else open_netcdf
     dataset = opened(path, f"{path}: its list of coordinates", most_axes=1)
     identity = {"file": path.name, "size": path.stat().st_size if path.is_file() else None}
     return series_of_dataset(dataset, density, ambient, averages, species, own, str(path), identity)
-
-
-def _is_classic(path: Path) -> bool:
-    with path.open("rb") as stream:
-        return stream.read(3) == b"CDF"
-
-
-def _classic(path: Path, what: str, most_axes: float) -> Any:
-    """A NetCDF file of the classic form, by SciPy; arguments as of `open_netcdf`, SciPy looks at sizes itself."""
-    import xarray
-
-    try:
-        return xarray.open_dataset(path, engine="scipy")
-    except Exception as fault:
-        raise ValueError(f"{path}: cannot be read as NetCDF ({type(fault).__name__}: {str(fault)[:200]})") from None
 
 
 def _zarr(path: Path, what: str, most_axes: float) -> Any:
@@ -79,12 +63,13 @@ def series_of_dataset(
 ) -> Series:
     """A series of an xarray object, of which one time is read at once."""
     if hasattr(data, "data_vars"):
-        names = [density] if density is not None else [one for one in DENSITY_NAMES if one in data.data_vars]
-        if not names or names[0] not in data.data_vars:
+        plain = {plain_name(str(own)): own for own in reversed([*data.data_vars])}
+        found = density if density is not None else next((plain[one] for one in DENSITY_NAMES if one in plain), None)
+        if found is None or found not in data.data_vars:
             wanted = density or "density, rho or the like"
             held = ", ".join(map(str, data.data_vars)) or "nothing"
             raise ValueError(f"{name}: no variable {wanted}; it holds {held}: give density=NAME")
-        array, attributes = data[names[0]], {**data.attrs, **data[names[0]].attrs}
+        array, attributes = data[found], {**data.attrs, **data[found].attrs}
     else:
         array, attributes = data, dict(data.attrs)
     clock = next((one for one in TIME_NAMES if one in array.dims), None)

@@ -12,12 +12,12 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import RayBundle
+from ..threads import in_threads
 from ..tracing import trace
 from ..tracing.result import TraceResult
 from ..tracing.status import reached
 from .camera import Camera, along
 from .known_view import scene_plane
-from .threads import in_threads
 
 # Rays of a block.
 BLOCK = 1 << 14  # speed only

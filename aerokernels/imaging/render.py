@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..threads import in_threads
 from .spreads import SpreadGrid
-from .threads import in_threads
 
 # Changes of the shift over the picture that count as none, and the greatest followed from node to pixel [pixels].
 SAME_SHIFT, GREATEST_CHANGE = 1e-6, 64.0

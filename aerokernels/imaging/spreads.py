@@ -16,12 +16,12 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import RayBundle
+from ..threads import in_threads
 from ..tracing import Plane, trace
 from ..tracing.lines import box_size
 from ..tracing.status import reached
 from ..wavefront.grid import pupil_grid
 from .camera import Camera, along
-from .threads import in_threads
 
 # Nodes whose point spread functions are made together; the side of a tile of the pupil's pixels, whose rays follow one
 # another: those that a processor moves in step then share the field's cells (tracing/coherence.py).

@@ -113,23 +113,11 @@ def _predicted_ratio(plan: TracePlan, left_by_grid: float, wavelength: float) ->
     error = greatest_strehl_error(phase)
     left_out = ", without that of the flow's own mesh"
     rows = [("predicted, Strehl ratio", f"error +- {error:.2g}{left_out}")]
-    if error > 1.0:
-        rows.append(
-            (
-                "warning",
-                f"an error of {error:.2g} answers nothing: {main_cause(_shares(plan, left_by_grid, wavelength))}",
-            )
-        )
-    elif error > GREAT_ERROR:
-        rows.append(
-            ("warning", f"an error of {error:.2g} is great: {main_cause(_shares(plan, left_by_grid, wavelength))}")
-        )
+    if error > GREAT_ERROR:
+        shares = {"step": plan.predicted_error, "resampling": left_by_grid / wavelength}  # [waves]
+        size = "answers nothing" if error > 1.0 else "is great"
+        rows.append(("warning", f"an error of {error:.2g} {size}: {main_cause(shares)}"))
     return rows
-
-
-def _shares(plan: TracePlan, left_by_grid: float, wavelength: float) -> dict[str, float]:
-    """Errors known before, in waves, by the causes of a budget."""
-    return {"step": plan.predicted_error or 0.0, "resampling": left_by_grid / wavelength}
 
 
 def _predicted_echo(scene: Scene, field: IndexField) -> list[tuple[str, str]]:

@@ -1,9 +1,9 @@
 """Launches of Warp's kernels: one on a GPU; on the processor chunks, over host threads, since a launch takes one."""
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from ..machine import core_count
+from ..threads import in_threads
 
 CHUNKS = 4  # for each thread
 
@@ -15,16 +15,10 @@ def launch(kernel: Any, count: int, before: list, after: list, device: str) -> N
     if device != "cpu":
         wp.launch(kernel, dim=count, inputs=[*before, 0, *after], device=device)
         return
-    threads = core_count()
-    chunk = max(1, -(-count // (CHUNKS * threads)))
+    chunk = max(1, -(-count // (CHUNKS * core_count())))
 
     def run(first: int) -> None:
         wp.launch(kernel, dim=min(chunk, count - first), inputs=[*before, first, *after], device="cpu")
 
-    starts = range(0, count, chunk)
-    if len(starts) == 1:
-        run(0)
-        return
     wp.load_module(kernel.module, device="cpu", block_dim=1)  # once, and not by every thread
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, starts))
+    in_threads(run, range(0, count, chunk))

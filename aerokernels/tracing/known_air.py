@@ -17,15 +17,14 @@ Of a resampled field, its source decides whether the air at a face is disturbed:
 undisturbed air beside a shock layer is an error of resampling, and counts as such.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..machine import core_count
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
+from ..threads import in_threads
 from .lever_arms import lever_arms_of, obliquity
 from .lines import FACES, SIDE, box_size, box_span
 from .mesh_rim import mesh_crossings, mesh_rim
@@ -130,13 +129,7 @@ def may_be_lost(
         here = None if ends is None else (ends[0][rows], ends[1][rows])
         lost[rows], face[rows] = _lost_by(field, rays.position[rows], rays.direction[rows], until, here, weakest)
 
-    starts = range(0, rays.ray_count, CHUNK)
-    if len(starts) < 2 * core_count():
-        for first in starts:
-            look_at(first)
-    else:
-        with ThreadPoolExecutor(core_count()) as pool:
-            list(pool.map(look_at, starts))
+    in_threads(look_at, range(0, rays.ray_count, CHUNK))
     return lost, face
 
 

@@ -130,23 +130,17 @@ def crossing_of_box(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndar
     As `box_span`, but of any box, given by its corners along the field's own axes: r and z, y and z, or x, y and z.
     """
     enter, leave, cosine = np.zeros(len(p)), np.full(len(p), np.inf), np.ones(len(p))
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        for axis in range(geometry == "axisymmetric", len(low)):
-            across = axis + 3 - len(low)
-            ends = np.sort([(end - p[:, across]) / d[:, across] for end in (low[axis], high[axis])], axis=0)
-            within = (p[:, across] >= low[axis]) & (p[:, across] <= high[axis])
-            along = d[:, across] == 0.0
-            enter = np.maximum(enter, np.where(along, np.where(within, -np.inf, np.inf), ends[0]))
-            last = np.where(along, np.where(within, np.inf, -np.inf), ends[1])
-            cosine = np.where(last < leave, np.abs(d[:, across]), cosine)
-            leave = np.minimum(leave, last)
-        if geometry == "axisymmetric":
-            square = (d[:, :2] ** 2).sum(axis=1)
-            middle = np.where(square > 0.0, -(p[:, :2] * d[:, :2]).sum(axis=1) / square, 0.0)
-            rest = high[0] ** 2 - ((p[:, :2] + middle[:, None] * d[:, :2]) ** 2).sum(axis=1)
-            half = np.where(square > 0.0, np.sqrt(np.maximum(rest, 0.0) / square), np.inf)
-            enter = np.maximum(enter, middle - half)
-            last = np.where(rest < 0.0, -np.inf, middle + half)
-            cosine = np.where(last < leave, np.sqrt(np.maximum(rest, 0.0) * square) / high[0], cosine)
-            leave = np.minimum(leave, last)
+    is_round = geometry == "axisymmetric"
+    for k in range(len(low)):
+        axis = k + 3 - len(low)
+        if is_round and k == 0:
+            first, last = cylinder_span(p, d, float(high[0]), 0.0)
+            with np.errstate(invalid="ignore", over="ignore"):  # where a line never leaves it
+                out = p[:, :2] + last[:, None] * d[:, :2]
+                slope = np.abs((out * d[:, :2]).sum(axis=1)) / high[0]
+        else:
+            first, last = slab_span(p[:, axis], d[:, axis], low[k], high[k])
+            slope = np.abs(d[:, axis])
+        enter, cosine = np.maximum(enter, first), np.where(last < leave, slope, cosine)
+        leave = np.minimum(leave, last)
     return enter, leave, cosine

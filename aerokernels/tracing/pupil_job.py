@@ -174,7 +174,7 @@ def make_job(
         KEPT,
     )
     until = plane_beyond(field, pupil, look)
-    per_replicate = _per_replicate(ray_count)
+    per_replicate = -(-int(ray_count) // REPLICATES)  # rounded up
     sizes = lattice_sizes(field, pupil, per_replicate, REPLICATES, bundle)
     most = RADIAL_RAYS if like is None else fewer_rays(field, pupil, REPLICATES)
     radial_rays, why = choose_radial(field, pupil, look, per_replicate, REPLICATES, symmetry, most)
@@ -265,8 +265,3 @@ def plane_beyond(field: IndexField, pupil: Pupil, look: np.ndarray) -> Plane:
     reach = float((corner - pupil.center) @ look)
     # A little beyond, so that the last face and the plane are never the same surface.
     return Plane(pupil.center + (max(reach, 0.0) + pupil.reach + 1e-3 * box_size(field)) * look, look)
-
-
-def _per_replicate(ray_count: int) -> int:
-    """Rays of a replicate, so that all of them are at least as many as asked for."""
-    return -(-int(ray_count) // REPLICATES)

@@ -4,7 +4,6 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from aerokernels.medium import IndexField, QuadMesh
-from aerokernels.rays import RayBundle
 
 AMBIENT = 1.0001
 CELL = 1e-4
@@ -16,7 +15,7 @@ def noise(shape, amplitude, seed=3, width=3.0):
     return amplitude * array / np.abs(array).max()
 
 
-def _on_grid(samples: np.ndarray, geometry: str, interpolation: str, ambient: float) -> IndexField:
+def on_grid(samples: np.ndarray, geometry: str, interpolation: str, ambient: float) -> IndexField:
     """Samples on a grid about the z axis, from z = 0 on."""
     across = 0.0 if geometry == "axisymmetric" else -0.5 * CELL * (np.array(samples.shape[:-1]) - 1)
     return IndexField.from_samples(
@@ -32,7 +31,7 @@ def _on_grid(samples: np.ndarray, geometry: str, interpolation: str, ambient: fl
 def uniform_field(geometry: str, interpolation: str = "cubic", amplitude: float = 3e-4, ambient: float = AMBIENT):
     """A field of about 3 x 3 x 4 mm."""
     shape = (31, 29, 41) if geometry == "volume" else (29, 41)
-    return _on_grid(noise(shape, amplitude), geometry, interpolation, ambient)
+    return on_grid(noise(shape, amplitude), geometry, interpolation, ambient)
 
 
 def mesh_field(interpolation: str = "bilinear", geometry: str = "planar"):
@@ -42,29 +41,3 @@ def mesh_field(interpolation: str = "bilinear", geometry: str = "planar"):
     wave = 4e-5 * np.sin(z / 3e-4) * np.sin(np.pi * (y - low) / (14e-4 - low))
     mesh = QuadMesh.structured(y + wave, z, geometry)
     return IndexField.from_mesh(mesh, noise((29, 41), 3e-4), ambient_index=AMBIENT, interpolation=interpolation)
-
-
-def random_field(geometry: str, interpolation: str, seed: int, width: float = 3.0, amplitude: float = 3e-4):
-    """A small field on grid or mesh, 10 cells across and 13 along z: little work for the reference.
-
-    Its samples are random, smooth over `width` cells; so are the mesh's inner vertices, by up to 0.2 cells.
-    """
-    across, along = 11, 14
-    if interpolation in ("cubic", "linear", "monotone"):
-        shape = (across, across, along) if geometry == "volume" else (across, along)
-        return _on_grid(noise(shape, amplitude, seed, width), geometry, interpolation, AMBIENT)
-    low = -5e-4 if geometry == "planar" else 0.0
-    y, z = np.meshgrid(low + CELL * np.arange(across), CELL * np.arange(along), indexing="ij")
-    shift = np.random.default_rng(seed + 1000).uniform(-0.2 * CELL, 0.2 * CELL, (2, across - 2, along - 2))
-    y[1:-1, 1:-1] += shift[0]
-    z[1:-1, 1:-1] += shift[1]
-    mesh = QuadMesh.structured(y, z, geometry)
-    contrast = noise((across, along), amplitude, seed, width)
-    return IndexField.from_mesh(mesh, contrast, ambient_index=AMBIENT, interpolation=interpolation)
-
-
-def oblique_rays(count: int, seed: int = 5) -> RayBundle:
-    """Rays from 1 mm ahead of the box into it, within 0.1 rad of the axis."""
-    rng = np.random.default_rng(seed)
-    position = np.c_[rng.uniform(-0.8e-3, 0.8e-3, (count, 2)), np.full(count, -1e-3)]
-    return RayBundle(position, np.c_[rng.normal(0.0, 0.05, (count, 2)), np.ones(count)])

@@ -68,18 +68,6 @@ def potential_of(contrast: Formula, ambient: float) -> Formula:
     return potential
 
 
-def complex_slopes(value: Callable[..., np.ndarray]) -> Formula:
-    """An analytic function of (x, y, z) with its derivatives by x and y, by complex steps: exact to rounding."""
-    step = 1e-20
-
-    def formula(x, y, z):
-        # Both slopes by one call: for few rays it is calls that cost.
-        ahead = value(np.stack([x + 1j * step, x + 0j]), np.stack([y + 0j, y + 1j * step]), z)
-        return ahead[0].real, ahead.imag / step
-
-    return formula
-
-
 def integrate(
     potential: Formula, ambient: float, z_end: float, longest: float, rays: RayBundle, tolerance: float = TIGHT
 ) -> Truth:

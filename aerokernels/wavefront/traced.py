@@ -10,7 +10,6 @@ from ..pupils import Pupil, as_unit_vector
 from ..rays import RayBundle
 from ..tracing.pupil_air import pupil_air
 from ..tracing.pupil_job import plane_beyond
-from ..tracing.result import TraceResult
 from ..tracing.trace import trace
 from .grid import pupil_grid
 from .result import Wavefront
@@ -111,9 +110,5 @@ def wavefront(
         blocked=float(1.0 - arrived.sum() / weight.sum()),
         plan=traced.plan,
         seconds=dict(traced.seconds),
-        budget=partial(_error_of, traced),
+        budget=partial(getattr, traced, "error"),
     )
-
-
-def _error_of(traced: TraceResult) -> dict[str, float]:
-    return traced.error

@@ -7,7 +7,8 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.validation.random_fields import oblique_rays, uniform_field
+from aerokernels.validation.random_fields import uniform_field
+from tests.small_fields import oblique_rays
 
 from .backends import (
     DIRECTION_LIMIT,

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels.tracing import trace
-from aerokernels.validation.random_fields import random_field
+from tests.small_fields import random_field
 
 from .backends import (
     ENGINES,

@@ -11,13 +11,11 @@ What the ends and a shock leave of the integral along a row goes to its faces, i
 towards the averages beside it, so that the integral along every row is the row's sum, to rounding.
 """
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 
-from ...machine import core_count
 from ...medium import spline
 from ...medium.vertex_values import SHOCK_SHARE
+from ...threads import in_threads
 from .point_values import LEAST_SHARE
 
 # The c_k of one and of three slopes on either side: M F = 1 + O(w^4) and O(w^8) for a wave exp(i w x / h), with M the
@@ -73,8 +71,7 @@ def _along(average: np.ndarray, smooth: np.ndarray, axis: int) -> np.ndarray:
         own, flags, faces = (np.moveaxis(each[part], axis, 0) for each in (average, smooth, found))
         faces[:] = _at_faces(np.ascontiguousarray(own), flags, weight)
 
-    with ThreadPoolExecutor(core_count()) as pool:
-        list(pool.map(work, range(0, average.shape[across], size)))
+    in_threads(work, range(0, average.shape[across], size))
     return found
 
 

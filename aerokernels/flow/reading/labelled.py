@@ -5,13 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from ...arguments import seconds
+from ...netcdf_reading import is_classic
 from ...room import NoRoomError, check_file
 from .coordinates import COLUMNS
 from .dataset import Dataset, ReadError
 from .density import plain_name
 from .named_arrays import DAMAGED, axes_of, dataset_of
-
-CLASSIC = b"CDF"
 
 
 def read(path: Path, time=None, options: dict | None = None) -> Dataset:
@@ -22,8 +21,7 @@ def read(path: Path, time=None, options: dict | None = None) -> Dataset:
     """
     import xarray
 
-    with path.open("rb") as stream:
-        engine = "scipy" if stream.read(3) == CLASSIC else "h5netcdf"
+    engine = "scipy" if is_classic(path) else "h5netcdf"
     try:
         if engine == "h5netcdf":
             check_file(path, "what it holds")

@@ -3,13 +3,12 @@
 They run over host threads in chunks: Warp's CPU device runs a launch in one thread, and lets go of the interpreter.
 """
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import warp as wp
 
 from ...machine import core_count
 from ...quiet_warp import start_warp
+from ...threads import in_threads
 
 CHUNK = 1 << 18  # of what a kernel goes through, at a time
 LEAST_CHUNK = 1 << 10
@@ -179,18 +178,12 @@ def launch(kernel, count: int, *arguments) -> None:
     start_warp()
     given = [_shared(argument) for argument in arguments]
     kernel.module.load("cpu", 1)  # once, before threads ask for it
-    threads = core_count()
-    size = max(LEAST_CHUNK, min(CHUNK, -(-count // (4 * threads))))
+    size = max(LEAST_CHUNK, min(CHUNK, -(-count // (4 * core_count()))))
 
     def run(first: int) -> None:
         wp.launch(kernel, dim=min(size, count - first), inputs=[first, *given], device="cpu")
 
-    if count <= size:
-        if count:
-            run(0)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, range(0, count, size)))
+    in_threads(run, range(0, count, size))
 
 
 TYPES = {np.dtype(np.float64): wp.float64, np.dtype(np.int64): wp.int64, np.dtype(np.int32): wp.int32}

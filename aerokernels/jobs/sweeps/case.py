@@ -19,6 +19,7 @@ from aerokernels.flow import DensityField
 from aerokernels.flow.shared_geometry import on_known_geometry
 from aerokernels.jobs.run import RunResult, echo_with_errors, scene_strehl
 from aerokernels.jobs.store import to_json
+from aerokernels.opened import OPENED
 from aerokernels.prepare import Prepared, prepare_field, view_extent, view_radius
 from aerokernels.scene import Scene
 from aerokernels.strehl import StrehlEstimate
@@ -90,7 +91,7 @@ def _strehl_key(scene: Scene, group: str) -> str:
 
 
 class Stages:
-    """The stages that a process keeps.
+    """The stages that a worker process keeps, for as long as it lives.
 
     Attributes:
         made: How often each was computed: "flow", "index", "strehl", "echo".
@@ -162,15 +163,12 @@ class Stages:
         return self._held("strehl", key, lambda: scene_strehl(prepared.field, case.scene))
 
 
-_stages = Stages()
-
-
 def compute(case: Case) -> dict[str, Any]:
     """What a case gives, as plain JSON types: {"summary": ...}, or {"error": ...} where it cannot be computed."""
     begin = time.process_time()
     try:
         with processor_clocked() as tracing:
-            summary = dict(_stages.run(case).summary)
+            summary = dict(OPENED.once("stages of cases", Stages).run(case).summary)
         summary["tracing_processor_seconds"] = tracing[0]
         summary["processor_seconds"] = time.process_time() - begin
         return to_json({"summary": summary, "version": __version__})

@@ -11,11 +11,11 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aerokernels import __version__
 from aerokernels.jobs.sweeps.case import Case
+from aerokernels.machine import child_environment
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 ANSWER_WITHIN = 10.0  # [s] for a scheduler to answer
 START_WITHIN = 120.0  # [s] for the first worker started here to be there
 RESTARTS = 3  # of each worker's nanny
-_PACKAGE_PARENT = str(Path(__file__).resolve().parents[3])
 _one_at_a_time = threading.Lock()
 
 
@@ -105,7 +104,6 @@ def _check_versions(client: "Client", scheduler: str) -> None:
 @contextlib.contextmanager
 def _workers(address: str, environments: Sequence[dict[str, str]]) -> Iterator[None]:
     """Worker processes of this machine for a scheduler; a nanny that is killed is started again."""
-    paths = os.pathsep.join(filter(None, [_PACKAGE_PARENT, os.environ.get("PYTHONPATH")]))
 
     def start(number: int) -> subprocess.Popen:
         options = ["--nthreads", "1", "--no-dashboard", "--memory-limit", "0", "--death-timeout", "60"]
@@ -115,7 +113,7 @@ def _workers(address: str, environments: Sequence[dict[str, str]]) -> Iterator[N
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C is for the sweep, which ends them
-            env={**os.environ, **environments[number], "PYTHONPATH": paths},
+            env=child_environment(environments[number]),
         )
 
     processes = [start(number) for number in range(len(environments))]

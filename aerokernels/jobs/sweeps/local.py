@@ -5,7 +5,6 @@ again; a case at which two workers died has failed.
 """
 
 import contextlib
-import os
 import socket
 import subprocess
 import sys
@@ -13,13 +12,12 @@ import tempfile
 from collections import deque
 from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection, wait
-from pathlib import Path
 from typing import IO, Any
 
 from aerokernels.jobs.sweeps.case import Case
+from aerokernels.machine import child_environment
 
 ATTEMPTS = 2  # workers that may die at a case, or one after another before any is ready
-_PACKAGE_PARENT = str(Path(__file__).resolve().parents[3])
 
 
 class Worker:
@@ -37,14 +35,13 @@ class Worker:
         self.environment, self.ready, self.case = environment, False, None
         self._errors: IO[bytes] = tempfile.TemporaryFile()
         near, far = socket.socketpair()
-        paths = filter(None, [_PACKAGE_PARENT, os.environ.get("PYTHONPATH")])
         self.process = subprocess.Popen(
             [sys.executable, "-m", "aerokernels.jobs.sweeps.worker", str(far.fileno())],
             pass_fds=[far.fileno()],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=self._errors,
-            env={**os.environ, **environment, "PYTHONPATH": os.pathsep.join(paths)},
+            env=child_environment(environment),
         )
         far.close()
         self.pipe = Connection(near.detach())

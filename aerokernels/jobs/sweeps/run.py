@@ -138,47 +138,35 @@ def run_sweep(
         ValueError: As for `sweep`; nothing is written then.
     """
     with only_writer(folder):
-        _run_alone(definition, folder, executor, workers, scheduler, retry_failed, progress)
+        described = definition.described()
+        scenes, faults = checked_scenes(definition)
+        devices = _check_devices(scenes)
+        from aerokernels.jobs.sweeps.case import make_cases
 
-
-def _run_alone(
-    definition: Definition,
-    folder: Path,
-    executor: str,
-    workers: int | None,
-    scheduler: Any,
-    retry_failed: bool,
-    progress: Progress | None,
-) -> None:
-    described = definition.described()
-    scenes, faults = checked_scenes(definition)
-    devices = _check_devices(scenes)
-    from aerokernels.jobs.sweeps.case import make_cases
-
-    cases = make_cases(scenes)
-    found = read_definition(folder)
-    if found is not None:
-        check_same(folder, found, described)
-    records = Records(folder)
-    finished = set(records.done)
-    if retry_failed:
-        finished = {number for number, record in records.done.items() if "error" not in record}
-    waiting = [case for case in cases if case.number not in finished]
-    outcomes = _started(waiting, executor, workers, scheduler, devices)
-    with contextlib.closing(outcomes):
-        next(outcomes)  # whatever is wrong with the executor shows here, before anything is written
-        folder.mkdir(parents=True, exist_ok=True)
-        if found is None:
-            write_definition(folder, described)
+        cases = make_cases(scenes)
+        found = read_definition(folder)
+        if found is not None:
+            check_same(folder, found, described)
+        records = Records(folder)
+        finished = set(records.done)
         if retry_failed:
-            records.forget_failed()
-        with records.writing():
-            for number, text in faults.items():
-                records.add(number, {"error": text})
-            _collect(outcomes, records, definition.case_count, progress)
-        if progress is not None:
-            progress("writing the dataset", 1.0)
-        _write(definition, described, scenes, records, folder, executor)
+            finished = {number for number, record in records.done.items() if "error" not in record}
+        waiting = [case for case in cases if case.number not in finished]
+        outcomes = _started(waiting, executor, workers, scheduler, devices)
+        with contextlib.closing(outcomes):
+            next(outcomes)  # whatever is wrong with the executor shows here, before anything is written
+            folder.mkdir(parents=True, exist_ok=True)
+            if found is None:
+                write_definition(folder, described)
+            if retry_failed:
+                records.forget_failed()
+            with records.writing():
+                for number, text in faults.items():
+                    records.add(number, {"error": text})
+                _collect(outcomes, records, definition.case_count, progress)
+            if progress is not None:
+                progress("writing the dataset", 1.0)
+            _write(definition, described, scenes, records, folder, executor)
 
 
 def _collect(outcomes: Iterator, records: Records, total: int, progress: Progress | None) -> None:

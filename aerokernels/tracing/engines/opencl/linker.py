@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 
+from ....machine import child_environment
 from .pocl_cache import LEAST_SPACE
 
 _TRIAL = """
@@ -67,9 +68,7 @@ def _links(folder: str) -> bool:
 
 def _compiles(folder: str, options: tuple[str, ...]) -> bool:
     """Whether PoCL, in a process of its own, compiles and launches a kernel."""
-    packages = os.path.abspath(__file__).rsplit(f"{os.sep}aerokernels{os.sep}", 1)[0]
-    path = os.pathsep.join([packages, *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = {**os.environ, "POCL_CACHE_DIR": folder, "PYTHONPATH": path}
+    environment = child_environment({"POCL_CACHE_DIR": folder})
     return _succeeds([sys.executable, "-c", _TRIAL, *options], seconds=60.0, environment=environment)
 
 

@@ -1,7 +1,6 @@
 """The Warp engine: fields uploaded once, launches over all cores of a CPU or on a GPU."""
 
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from operator import is_
 from typing import Any
 
@@ -16,6 +15,7 @@ from ....machine import core_count, host_memory
 from ....medium import IndexField
 from ....opened import OPENED
 from ....quiet_warp import start_warp
+from ....threads import in_threads
 from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
@@ -223,15 +223,8 @@ class Engine:
             some = min(chunk, count - first)
             wp.launch(kernel, dim=some, inputs=[*before, first, *after], device=self.device)
 
-        threads = core_count()
-        chunk = max(1, min(CHUNK, -(-count // threads)))
-        starts = range(0, count, chunk)
-        if len(starts) == 1 or threads == 1:
-            for first in starts:
-                run(first)
-            return
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(run, starts))
+        chunk = max(1, min(CHUNK, -(-count // core_count())))
+        in_threads(run, range(0, count, chunk))
 
     def wait(self) -> None:
         """Wait for what was launched; on the CPU a launch has ended when it returns."""
