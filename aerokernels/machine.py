@@ -5,6 +5,7 @@ And what a process that it starts is given.
 
 import math
 import os
+import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -38,8 +39,11 @@ def free_memory() -> float:
 
 
 def child_environment(own: Mapping[str, str] | None = None) -> dict[str, str]:
-    """The environment of a Python process started here: this one's and `own`, with this very package to be found."""
-    paths = filter(None, [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH")])
+    """The environment of a Python process started here: this one's and `own`, with all to be found that this one finds.
+
+    Packages may have been added to `sys.path` while this process ran; this package itself may be one of them.
+    """
+    paths = dict.fromkeys([*filter(None, sys.path), str(Path(__file__).resolve().parents[1])])
     return {**os.environ, **(own or {}), "PYTHONPATH": os.pathsep.join(paths)}
 
 
