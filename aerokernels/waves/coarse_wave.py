@@ -11,30 +11,44 @@ from ..medium import IndexField
 from ..pupils import Pupil
 from .diffraction import Ways, window_of
 from .layers import span_of
-from .screens import WINDOW, crossings_of, fast_size, spread_along
+from .screens import crossings_of, fast_size, spread_along
 from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
-from .slabs import FINEST, LookingAlong, Slabs, slabs_of
+from .slabs import FINEST, LookingAlong, Slabs, disturbed_until, slabs_of
 from .verdict import Validity
 
 # Phase [rad rms] that may be left out of what counts as the finest, and lines either way on which that is looked for.
 UNSEEN, FEATURE_LINES = 0.03, 16
-# The window of one column, where nothing varies along x, over the pupil; pixels to the finest half period, and in all
-# at least; of one column, at least and at most; lines across that tell where along the way light is disturbed.
-COLUMN_WINDOW, PER_FEATURE, LEAST_PIXELS, COLUMN_PIXELS, SLAB_LINES = 2.0, 4.0, 48, (256, 512), 16
-# Rays are straight where they come near their foci (screens.py) over more than this share of the pupil.
-GREATEST_SHARE = 0.1
+# The window over the pupil: at least, at most, and how far beside it in widths sqrt(wavelength distance). What comes
+# back from beyond its sides is then less than 1e-3 of the Strehl ratio: at 1.5 pupils it was up to 0.007.
+LEAST_WINDOW, MOST_WINDOW, BESIDE = 1.15, 4.0, 2.0
+# Pixels to the finest half period, and in all at least; of one column, where nothing varies along x, at least and at
+# most; lines across that tell where along the way light is disturbed.
+PER_FEATURE, LEAST_PIXELS, COLUMN_PIXELS, SLAB_LINES = 4.0, 48, (256, 512), 8
 
 
-def by_waves(field: IndexField, pupil: Pupil, wavelength: float, feature: float | None, limit: float) -> Validity:
-    """The verdict of a wave through slabs of the field, see diffraction.py; a finest phase of None is looked for."""
+def by_waves(
+    field: IndexField,
+    pupil: Pupil,
+    wavelength: float,
+    feature: float | None,
+    limit: float,
+    traced: float | None = None,
+) -> Validity:
+    """The verdict of a wave through slabs of the field, see diffraction.py; a finest phase of None is looked for.
+
+    `traced` is the Strehl ratio of traced rays, where there is one: rays near their foci are those.
+    """
     reach = max(pupil.half_extent)
     # In a planar field seen across its axis nothing varies along the first axis.
     flat = field.geometry == "planar" and abs(float(pupil.normal[0])) < 1e-15
-    clear, half = is_clear(field, pupil, pupil.normal, wavelength), (COLUMN_WINDOW if flat else WINDOW) * reach
+    clear = is_clear(field, pupil, pupil.normal, wavelength)
+    look = LookingAlong(pupil.center, pupil.normal, pupil.axes, reach)
+    begin, end = span_of(field, look.center, look.normal, look.axes, *(2 * [(-look.half, look.half)]))
+    last = disturbed_until(field, look, begin, end, wavelength)
+    half = min(LEAST_WINDOW * reach + BESIDE * math.sqrt(wavelength * last), MOST_WINDOW * reach)
     if not clear:
         half = max(half, reach + fringes(field, wavelength))
     look = LookingAlong(pupil.center, pupil.normal, pupil.axes, half)
-    begin, end = span_of(field, look.center, look.normal, look.axes, *(2 * [(-look.half, look.half)]))
     slabs: Slabs = (
         slabs_of(field, look, begin, end, wavelength) if clear else SlabsPastBody(field, look, begin, end, wavelength)
     )
@@ -59,10 +73,12 @@ def by_waves(field: IndexField, pupil: Pupil, wavelength: float, feature: float 
         after=end - slabs.last,
         wavelength=wavelength,
         ambient_index=field.ambient_index,
-        straight=crossings.near > GREATEST_SHARE,
+        near_foci=crossings.near,
+        traced=traced if clear else None,
     )
+    change, error = ways.change(limit)
     return Validity(
-        strehl_change=ways.change(limit),
+        strehl_change=change,
         feature=feature,
         distance=distance,
         fresnel_number=fresnel_number(feature, wavelength, distance),
@@ -71,6 +87,7 @@ def by_waves(field: IndexField, pupil: Pupil, wavelength: float, feature: float 
         limit=limit,
         blocked=shadow.blocked,
         rim_fresnel_number=shadow.fresnel_number,
+        error=error,
     )
 
 

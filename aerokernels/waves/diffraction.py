@@ -4,12 +4,14 @@ Both go through the same thin screens, the slabs' phases at their middles with f
 Fresnel's angular spectrum in single precision, whose error is far below what is asked. The Strehl ratio is the square
 of the amplitude's sum, which free space leaves alone, so the way after the last screen is not gone. The number of slabs
 is doubled until the change is known well enough to say on which side of its limit it lies: the splitting's error is of
-second order in the thickness, and the same screens of both take most of it away.
+second order in the thickness, and the same screens of both take most of it away. Near their foci no order tells where
+rays go: there it is the traced rays' Strehl ratio that is compared, and straight ones' where there is none.
 
 In a planar field seen across its axis the waves along x do not mix, and the sum keeps only the one that does not vary:
 one line of pixels is the whole problem.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,7 +23,9 @@ from .slabs import FINEST, Slabs
 
 # Slabs to begin with. The change is known where doubling them moves it by less than a share of its limit, or by less
 # than a share of what it lies off the limit.
-FEWEST, SAME, DECIDED = 2, 0.05, 0.5
+FEWEST, SAME, DECIDED = 1, 0.05, 0.5
+# The share of the pupil from which on rays are near foci: of traced ones, and of those for which straight ones stand.
+SOME, MANY = 0.01, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +75,8 @@ class Ways:
         after: Free way from the slabs to where the rays' paths end [m].
         wavelength: In vacuum [m].
         ambient_index: Index of the air at rest.
-        straight: Whether the rays are straight ones.
+        near_foci: Share of the pupil whose rays come near their foci (screens.py).
+        traced: Strehl ratio of traced rays; None: there are none.
     """
 
     window: Window
@@ -81,23 +86,29 @@ class Ways:
     after: float
     wavelength: float
     ambient_index: float
-    straight: bool
+    near_foci: float
+    traced: float | None = None
 
-    def change(self, limit: float) -> float:
-        """Strehl ratio of the wave less that of the rays, known well enough for a limit.
+    @property
+    def straight(self) -> bool:
+        """Whether the rays are straight ones."""
+        return self.near_foci > MANY
 
-        An opaque wall is no smooth function of its depth: where there is one, as many slabs as there are are taken.
+    def change(self, limit: float) -> tuple[float, float]:
+        """Strehl ratio of the wave less that of the rays, known well enough for a limit, and what it may be off by.
+
+        That is by half as many slabs, infinite where straight rays stand for bent ones. An opaque wall is no smooth function of its depth: where there is one, as many slabs as there are are taken.
         """
         opaque = self.slabs.opaque(self.window.x, self.window.y, 1)
         if opaque is not None and opaque.any():
-            return self._change(FINEST)
-        count, found = FEWEST, self._change(FEWEST)
+            return self._change(FINEST), float("nan")
+        count, found, doubt = FEWEST, self._change(FEWEST), math.inf
         while count < FINEST:
             count, last, found = 2 * count, found, self._change(2 * count)
             doubt = abs(found - last)
             if doubt <= max(SAME * limit, DECIDED * abs(abs(found) - limit)):
                 break
-        return found
+        return found, math.inf if self.straight and self.traced is None else doubt
 
     def _change(self, count: int) -> float:
         window = self.window
@@ -107,14 +118,17 @@ class Ways:
         paths -= paths[:, passes].mean(axis=1)[:, None, None]  # what delays all alike is of no account
         paths = paths.astype(np.float32)
         whole = float(window.amplitude[passes].sum())
-        return (abs(self._wave(paths, opaque)) ** 2 - abs(self._rays(paths)) ** 2) / whole**2
+        by_wave = (abs(self._wave(paths, opaque)) / whole) ** 2
+        if self.near_foci > SOME and self.traced is not None:
+            return by_wave - self.traced
+        return by_wave - (abs(self._rays(paths)) / whole) ** 2
 
     def _wave(self, paths: np.ndarray, opaque: np.ndarray | None) -> complex:
         """The wave's sum behind all screens, some of them opaque in places."""
         from scipy.fft import fft2, ifft2
 
         step = (self.slabs.last - self.slabs.first) / len(paths)
-        wave = fft2(self.window.amplitude.astype(np.complex64), overwrite_x=True)
+        wave = self._spectrum.copy()
         way = self._free(self.before + 0.5 * step)
         for number, path in enumerate(paths):
             for factor in way:
@@ -128,6 +142,13 @@ class Ways:
             if number < len(paths) - 1:
                 wave = fft2(wave, overwrite_x=True)
         return complex(wave.sum())
+
+    @cached_property
+    def _spectrum(self) -> np.ndarray:
+        """Of the pupil's light."""
+        from scipy.fft import fft2
+
+        return np.asarray(fft2(self.window.amplitude.astype(np.complex64), overwrite_x=True))
 
     def _free(self, way: float) -> list[np.ndarray]:
         """What a way [m] of free space does to the components along y and along x."""

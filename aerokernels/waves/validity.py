@@ -106,8 +106,9 @@ def validity(
                 answer = by_rays(field, pupil, look, wavefront, wavelength, feature, limit)
                 if answer is not None:
                     return answer
-    # What a wave says is kept with the field: it is one of the field and the light, not of how rays were traced.
-    key = ("verdict of a wave", weakref.ref(pupil), look.tobytes(), wavelength, feature, limit)
+    # What a wave says is kept with the field: it is one of the field and the light, and rays of it are alike.
+    traced = wavefront is not None and _is_whole(wavefront, wavelength)
+    key = ("verdict of a wave", weakref.ref(pupil), look.tobytes(), wavelength, feature, limit, traced)
     if wavefront is not None and field.held(key) is None:
         if waves is None:
             waves = affordable(field, look, wavefront)
@@ -118,10 +119,18 @@ def validity(
 
     def ask() -> Validity:
         seen = pupil if look is pupil.normal else replace(pupil, normal=look)  # type: ignore[type-var]
-        return by_waves(field, seen, wavelength, feature, limit)
+        by_rays = wavefront.strehl() if wavefront is not None and traced else None
+        return by_waves(field, seen, wavelength, feature, limit, by_rays)
 
     told: Validity = field.derive(key, ask, KEPT)
     return told
+
+
+def _is_whole(wavefront: Wavefront, wavelength: float) -> bool:
+    """Whether a wavefront's Strehl ratio is that of all the pupil's light, with nothing but piston taken out."""
+    is_fine = len(wavefront.opd) >= FEWEST_MAPPED
+    removed = set(wavefront.removed) <= {"piston"}
+    return is_fine and removed and wavefront.wavelength == wavelength and wavefront.blocked <= 1e-3
 
 
 def affordable(field: IndexField, look: np.ndarray, wavefront: Wavefront) -> bool:

@@ -29,6 +29,8 @@ class Validity:
             knife edge's fringes fill it; infinite where no body is near.
         bound: What the change may be at most, where bounds were looked at; infinite elsewhere. Where they answer the
             change itself is 0 give or take this, and nothing is known of a finest phase.
+        error: What the change that a wave found may be off by, by half as many slabs; infinite where rays come near
+            foci and no traced ones are at hand; NaN where not known.
     """
 
     strehl_change: float
@@ -42,6 +44,7 @@ class Validity:
     blocked: float = 0.0
     rim_fresnel_number: float = float("inf")
     bound: float = float("inf")
+    error: float = float("nan")
 
     @property
     def good(self) -> bool:
