@@ -9,9 +9,10 @@ import numpy as np
 
 from ..medium import IndexField
 from ..pupils import Pupil
+from ..wavefront import Wavefront
 from .diffraction import Ways, window_of
 from .layers import span_of
-from .screens import crossings_of, fast_size, spread_along
+from .screens import Crossings, crossings_of, fast_size, spread_along
 from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
 from .slabs import FINEST, LookingAlong, Slabs, disturbed_until, slabs_of
 from .verdict import Validity
@@ -23,7 +24,11 @@ UNSEEN, FEATURE_LINES = 0.03, 16
 LEAST_WINDOW, MOST_WINDOW, BESIDE = 1.15, 4.0, 2.0
 # Pixels to the finest half period, and in all at least; of one column, where nothing varies along x, at least and at
 # most; lines across that tell where along the way light is disturbed.
-PER_FEATURE, LEAST_PIXELS, COLUMN_PIXELS, SLAB_LINES = 4.0, 48, (256, 512), 8
+PER_FEATURE, LEAST_PIXELS, COLUMN_PIXELS, SLAB_LINES = 4.0, 48, (256, 512), 16
+# The share of the pupil from which on rays are near foci (screens.py): of traced ones, which a map has to resolve by so
+# many pixels to the finest half period, and of those for which straight ones stand.
+SOME, MANY, RESOLVED = 0.01, 0.1, 4.0
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
 def by_waves(
@@ -32,15 +37,14 @@ def by_waves(
     wavelength: float,
     feature: float | None,
     limit: float,
-    traced: float | None = None,
+    traced: Wavefront | None = None,
 ) -> Validity:
     """The verdict of a wave through slabs of the field, see diffraction.py; a finest phase of None is looked for.
 
-    `traced` is the Strehl ratio of traced rays, where there is one: rays near their foci are those.
+    `traced` is the wavefront of traced rays, where there is one: rays near their foci are those.
     """
     reach = max(pupil.half_extent)
-    # In a planar field seen across its axis nothing varies along the first axis.
-    flat = field.geometry == "planar" and abs(float(pupil.normal[0])) < 1e-15
+    flat = is_one_column(field, pupil.normal)
     clear = is_clear(field, pupil, pupil.normal, wavelength)
     look = LookingAlong(pupil.center, pupil.normal, pupil.axes, reach)
     begin, end = span_of(field, look.center, look.normal, look.axes, *(2 * [(-look.half, look.half)]))
@@ -73,8 +77,9 @@ def by_waves(
         after=end - slabs.last,
         wavelength=wavelength,
         ambient_index=field.ambient_index,
-        near_foci=crossings.near,
-        traced=traced if clear else None,
+        straight=crossings.near > MANY,
+        traced=strehl_of(traced) if traced is not None and clear else None,
+        by_traced=traced is not None and clear and _by_traced(crossings, feature, traced.pixel),
     )
     change, error = ways.change(limit)
     return Validity(
@@ -91,9 +96,33 @@ def by_waves(
     )
 
 
+def _by_traced(crossings: Crossings, feature: float, pixel: float) -> bool:
+    """Whether rays are known by a traced map alone: near their foci, of a map that holds the finest phase.
+
+    Where they have crossed no other is left, and what a map of strong phases misses is different from pixel to pixel; a
+    grating's phase before that may hide between pixels.
+    """
+    return crossings.crossed > 0.0 or (crossings.near > SOME and feature >= RESOLVED * pixel)
+
+
+def strehl_of(wavefront: Wavefront) -> float:
+    """A map's Strehl ratio as it stands, in a fraction of the time of `Wavefront.strehl`."""
+    lit = wavefront.weight > 0.0
+    weight = wavefront.weight[lit]
+    phase = wavefront.opd[lit] * (2.0 * math.pi / wavefront.wavelength)
+    parts = np.einsum("i,i->", weight, np.cos(phase)), np.einsum("i,i->", weight, np.sin(phase))
+    return float((parts[0] ** 2 + parts[1] ** 2) / np.einsum("i->", weight) ** 2)
+
+
+def is_one_column(field: IndexField, normal: np.ndarray) -> bool:
+    """Whether nothing varies along a window's first axis: in a planar field seen across its axis."""
+    return field.geometry == "planar" and abs(float(normal[0])) < 1e-15
+
+
 def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
     """The disturbed length [m], by lines through the slabs; of a flat one, which are alike along x, by one row."""
-    place = max(pupil.half_extent) * (2.0 * (np.arange(SLAB_LINES) + 0.5) / SLAB_LINES - 1.0)
+    # At places that no grating has in common with them.
+    place = max(pupil.half_extent) * (2.0 * ((np.arange(SLAB_LINES) + 0.5) * GOLDEN % 1.0) - 1.0)
     lit = pupil.transmission(*np.meshgrid(place, place)) > 0.0
     across = np.zeros(1) if flat else place
     if flat:

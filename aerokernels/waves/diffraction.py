@@ -24,8 +24,6 @@ from .slabs import FINEST, Slabs
 # Slabs to begin with. The change is known where doubling them moves it by less than a share of its limit, or by less
 # than a share of what it lies off the limit.
 FEWEST, SAME, DECIDED = 1, 0.05, 0.5
-# The share of the pupil from which on rays are near foci: of traced ones, and of those for which straight ones stand.
-SOME, MANY = 0.01, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +73,9 @@ class Ways:
         after: Free way from the slabs to where the rays' paths end [m].
         wavelength: In vacuum [m].
         ambient_index: Index of the air at rest.
-        near_foci: Share of the pupil whose rays come near their foci (screens.py).
+        straight: Whether the rays are straight ones.
         traced: Strehl ratio of traced rays; None: there are none.
+        by_traced: Whether it is those that the wave is compared with.
     """
 
     window: Window
@@ -86,31 +85,29 @@ class Ways:
     after: float
     wavelength: float
     ambient_index: float
-    near_foci: float
+    straight: bool
     traced: float | None = None
-
-    @property
-    def straight(self) -> bool:
-        """Whether the rays are straight ones."""
-        return self.near_foci > MANY
+    by_traced: bool = False
 
     def change(self, limit: float) -> tuple[float, float]:
         """Strehl ratio of the wave less that of the rays, known well enough for a limit, and what it may be off by.
 
-        That is by half as many slabs, infinite where straight rays stand for bent ones. An opaque wall is no smooth function of its depth: where there is one, as many slabs as there are are taken.
+        That is by half as many slabs, infinite where straight rays stand for bent ones. An opaque wall is no smooth
+        function of its depth: where there is one, as many slabs as there are are taken.
         """
         opaque = self.slabs.opaque(self.window.x, self.window.y, 1)
         if opaque is not None and opaque.any():
-            return self._change(FINEST), float("nan")
-        count, found, doubt = FEWEST, self._change(FEWEST), math.inf
+            return self._change(FINEST)[0], float("nan")
+        count, (found, apart), doubt = FEWEST, self._change(FEWEST), math.inf
         while count < FINEST:
-            count, last, found = 2 * count, found, self._change(2 * count)
-            doubt = abs(found - last)
+            count, last, (found, apart) = 2 * count, found, self._change(2 * count)
+            doubt = max(abs(found - last), apart)
             if doubt <= max(SAME * limit, DECIDED * abs(abs(found) - limit)):
                 break
-        return found, math.inf if self.straight and self.traced is None else doubt
+        return found, math.inf if self.straight and not self.by_traced else doubt
 
-    def _change(self, count: int) -> float:
+    def _change(self, count: int) -> tuple[float, float]:
+        """The change by so many slabs, and how far their rays' Strehl ratio is from that of traced ones."""
         window = self.window
         paths = self.slabs.taken(window.x, window.y, count)
         opaque = self.slabs.opaque(window.x, window.y, count)
@@ -119,9 +116,10 @@ class Ways:
         paths = paths.astype(np.float32)
         whole = float(window.amplitude[passes].sum())
         by_wave = (abs(self._wave(paths, opaque)) / whole) ** 2
-        if self.near_foci > SOME and self.traced is not None:
-            return by_wave - self.traced
-        return by_wave - (abs(self._rays(paths)) / whole) ** 2
+        if self.by_traced and self.traced is not None:
+            return by_wave - self.traced, 0.0
+        by_rays = (abs(self._rays(paths)) / whole) ** 2
+        return by_wave - by_rays, 0.0 if self.traced is None else abs(by_rays - self.traced)
 
     def _wave(self, paths: np.ndarray, opaque: np.ndarray | None) -> complex:
         """The wave's sum behind all screens, some of them opaque in places."""

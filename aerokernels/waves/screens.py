@@ -65,8 +65,7 @@ def screens_answer(
     field: IndexField, pupil: Pupil, look: np.ndarray, wavefront: Wavefront, wavelength: float, feature: float
 ) -> ScreensAnswer | None:
     """What a wavefront says whose finest phase has a half period of `feature` [m]; None where rays come near foci."""
-    key = ("disturbed length", weakref.ref(pupil), look.tobytes())
-    length: float = field.derive(key, lambda: _length_on_lines(field, pupil, look), KEPT)
+    length = disturbed_length(field, pupil, look)
     stride = stride_of(len(wavefront.opd), wavefront.pixel, feature)
     pixel = stride * wavefront.pixel
     opd, weight = (array[stride // 2 :: stride, stride // 2 :: stride] for array in (wavefront.opd, wavefront.weight))
@@ -75,6 +74,13 @@ def screens_answer(
         return None
     change = _two_screens(opd, weight, pixel, wavelength, field.ambient_index, length)
     return ScreensAnswer(change, length, crossings)
+
+
+def disturbed_length(field: IndexField, pupil: Pupil, look: np.ndarray) -> float:
+    """The length over which a pupil's light is disturbed [m], kept with the field."""
+    key = ("disturbed length", weakref.ref(pupil), look.tobytes())
+    length: float = field.derive(key, lambda: _length_on_lines(field, pupil, look), KEPT)
+    return length
 
 
 def stride_of(count: int, pixel: float, feature: float) -> int:
@@ -127,12 +133,15 @@ def _length_by_nodes(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: f
 
 def spread_along(layers: np.ndarray, length: float) -> float:
     """Length of an even spread with the standard deviation of the disturbance of lines (layers, lines) [m]."""
-    weight = np.mean((layers - layers.mean(axis=1, keepdims=True)) ** 2, axis=1)
-    if not weight.any():
+    layers = layers - (np.einsum("ij->i", layers) / layers.shape[1])[:, None]
+    weight = np.einsum("ij,ij->i", layers, layers)
+    total = float(np.einsum("i->", weight))
+    if not total > 0.0:
         return 0.0
-    place = (np.arange(len(layers)) + 0.5) * length / len(layers)
-    middle = np.average(place, weights=weight)
-    return float(np.sqrt(12.0 * np.average((place - middle) ** 2, weights=weight) + (length / len(layers)) ** 2))
+    step = length / len(layers)
+    place = (np.arange(len(layers)) + 0.5) * step
+    place -= float(np.einsum("i,i->", place, weight)) / total
+    return math.sqrt(12.0 * float(np.einsum("i,i,i->", place, place, weight)) / total + step**2)
 
 
 def _two_screens(

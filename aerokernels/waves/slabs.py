@@ -224,6 +224,9 @@ class SlabsAlongZ(Slabs):
         if key not in self._matrices:
             self._matrices[key] = self._matrix(points, len(values), axis)
         matrix, inside = self._matrices[key]
+        if isinstance(matrix, tuple):
+            column, weight = matrix
+            return sum(each[:, None] * values[place] for place, each in zip(column, weight, strict=True)), inside
         product = matrix @ np.ascontiguousarray(values).reshape(len(values), -1)
         return product.reshape(len(points), *values.shape[1:]), inside
 
@@ -239,6 +242,8 @@ class SlabsAlongZ(Slabs):
         cell = np.clip(np.floor(place).astype(np.int64), self._across[axis][2], last - 1)
         weight, _ = spline.weights(grid.interpolation, np.where(inside, place - cell, 0.0))
         column = np.minimum((cell - self._across[axis][2]) * stride + np.arange(support)[:, None], held - 1)
+        if self._field.geometry != "volume":  # few numbers: a matrix of SciPy's takes longer to make than to use
+            return (column, weight), inside
         start = np.arange(0, support * len(points) + 1, support)
         return csr_array((weight.T.ravel(), column.T.ravel(), start), shape=(len(points), held)), inside
 

@@ -39,8 +39,8 @@ from ..pupils import Pupil
 from ..tracing.lines import box_size
 from ..wavefront import Wavefront
 from .bounds import GREATEST_BOUND, change_bound
-from .coarse_wave import by_waves, finest_feature, fresnel_number
-from .screens import screens_answer, stride_of
+from .coarse_wave import RESOLVED, by_waves, finest_feature, fresnel_number, is_one_column
+from .screens import disturbed_length, screens_answer, stride_of
 from .shadows import is_clear
 from .slabs import is_summed
 from .verdict import FEWEST_MAPPED, GOOD, Validity
@@ -52,8 +52,10 @@ FEWEST_FRESNEL = 4.0
 # Cells times rays beside which a wave through sampled layers is cheap: it takes 0.05 to 0.2 s, and a ray through a mesh
 # 4 us a cell.
 LAYERS_WORTH = 8e5
-# The finest phase in pixels of a map that resolves it; pixels by which pupils are compared; verdicts kept with a field.
-RESOLVED, SAME_PIXELS, KEPT = 4.0, 32, 8
+# Seconds that a wavefront took of which a wave of one column, 1.5 to 2 ms, is a twentieth.
+COLUMN_WORTH = 0.04
+# Pixels by which pupils are compared; verdicts kept with a field.
+SAME_PIXELS, KEPT = 32, 8
 
 
 @checked
@@ -103,12 +105,16 @@ def validity(
             found = finest_feature(wavefront.opd, wavefront.pixel, wavelength)
             if found >= RESOLVED * wavefront.pixel:
                 feature = found
-                answer = by_rays(field, pupil, look, wavefront, wavelength, feature, limit)
-                if answer is not None:
-                    return answer
-    # What a wave says is kept with the field: it is one of the field and the light, and rays of it are alike.
+                # A wave says more than two screens, and is asked at once where it costs next to nothing.
+                cheap = is_one_column(field, look) and wavefront.seconds.get("total", 0.0) >= COLUMN_WORTH
+                if waves is False or not cheap or not affordable(field, look, wavefront):
+                    answer = by_rays(field, pupil, look, wavefront, wavelength, feature, limit)
+                    if answer is not None:
+                        return answer
+    # What a wave says is kept with the field: it is one of the field and the light, and of how finely rays are known.
     traced = wavefront is not None and _is_whole(wavefront, wavelength)
-    key = ("verdict of a wave", weakref.ref(pupil), look.tobytes(), wavelength, feature, limit, traced)
+    pixels = len(wavefront.opd) if wavefront is not None and traced else 0
+    key = ("verdict of a wave", weakref.ref(pupil), look.tobytes(), wavelength, feature, limit, pixels)
     if wavefront is not None and field.held(key) is None:
         if waves is None:
             waves = affordable(field, look, wavefront)
@@ -119,8 +125,7 @@ def validity(
 
     def ask() -> Validity:
         seen = pupil if look is pupil.normal else replace(pupil, normal=look)  # type: ignore[type-var]
-        by_rays = wavefront.strehl() if wavefront is not None and traced else None
-        return by_waves(field, seen, wavelength, feature, limit, by_rays)
+        return by_waves(field, seen, wavelength, feature, limit, wavefront if traced else None)
 
     told: Validity = field.derive(key, ask, KEPT)
     return told
@@ -198,11 +203,11 @@ def by_rays(
         return None
     if not is_clear(field, pupil, look, wavelength):
         return None
+    # Two screens stand for what lies between them only where a feature keeps its shape on the way.
+    if fresnel_number(feature, wavelength, disturbed_length(field, pupil, look)) < FEWEST_FRESNEL:
+        return None
     found = screens_answer(field, pupil, look, wavefront, wavelength, feature)
     if found is None or not abs(found.change) <= CLEAR * limit:
-        return None
-    # Two screens stand for what lies between them only where a feature keeps its shape on the way.
-    if fresnel_number(feature, wavelength, found.length) < FEWEST_FRESNEL:
         return None
     crossings = found.crossings
     return Validity(
