@@ -12,7 +12,7 @@ from ..pupils import Pupil
 from ..wavefront import Wavefront
 from .diffraction import Ways, window_of
 from .layers import span_of
-from .screens import Crossings, crossings_of, fast_size, spread_along
+from .screens import Crossings, crossings_of, disturbed_length, fast_size, places_across, spread_along
 from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
 from .slabs import FINEST, LookingAlong, Slabs, disturbed_until, slabs_of
 from .verdict import Validity
@@ -22,13 +22,12 @@ UNSEEN, FEATURE_LINES = 0.03, 16
 # The window over the pupil: at least, at most, and how far beside it in widths sqrt(wavelength distance). What comes
 # back from beyond its sides is then less than 1e-3 of the Strehl ratio: at 1.5 pupils it was up to 0.007.
 LEAST_WINDOW, MOST_WINDOW, BESIDE = 1.15, 4.0, 2.0
-# Pixels to the finest half period, and in all at least; of one column, where nothing varies along x, at least and at
-# most; lines across that tell where along the way light is disturbed.
-PER_FEATURE, LEAST_PIXELS, COLUMN_PIXELS, SLAB_LINES = 4.0, 48, (256, 512), 16
+# Pixels to the finest half period; in all, and to the pupil's width, at least; of one column, where nothing varies
+# along x, at least and at most; lines across that tell where along the way light is disturbed.
+PER_FEATURE, LEAST_PIXELS, PER_REACH, COLUMN_PIXELS, SLAB_LINES = 4.0, 48, 32.0, (256, 512), 16
 # The share of the pupil from which on rays are near foci (screens.py): of traced ones, which a map has to resolve by so
 # many pixels to the finest half period, and of those for which straight ones stand.
 SOME, MANY, RESOLVED = 0.01, 0.1, 4.0
-GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
 def by_waves(
@@ -61,11 +60,14 @@ def by_waves(
         path = slabs.taken(window.x, window.y, 1)[0]
         _, passes = shadow_of(slabs, window, wavelength, end)
         feature = finest_feature(np.where(passes, path, np.nan), window.pixel, wavelength)
-    least, most = COLUMN_PIXELS if flat else (LEAST_PIXELS, slabs.most_pixels)
+    least, most = COLUMN_PIXELS if flat else (max(LEAST_PIXELS, PER_REACH * half / reach), slabs.most_pixels)
     # Fringes of a rim are as fine as the pixels allow.
     pixels = fast_size(math.ceil(np.clip(2.0 * look.half * PER_FEATURE / feature, least, most))) if clear else most
     window = window_of(pupil, look.half, pixels, flat)
-    distance = _slabs_length(slabs, pupil, flat)
+    if clear:
+        distance = disturbed_length(field, pupil, pupil.normal)
+    else:
+        distance = _slabs_length(slabs, pupil, flat)
     shadow, passes = shadow_of(slabs, window, wavelength, end)
     path = slabs.taken(window.x, window.y, 1)[0]
     crossings = crossings_of(path, window.pixel, window.amplitude * passes, distance)
@@ -121,8 +123,7 @@ def is_one_column(field: IndexField, normal: np.ndarray) -> bool:
 
 def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
     """The disturbed length [m], by lines through the slabs; of a flat one, which are alike along x, by one row."""
-    # At places that no grating has in common with them.
-    place = max(pupil.half_extent) * (2.0 * ((np.arange(SLAB_LINES) + 0.5) * GOLDEN % 1.0) - 1.0)
+    place = places_across(pupil, SLAB_LINES)
     lit = pupil.transmission(*np.meshgrid(place, place)) > 0.0
     across = np.zeros(1) if flat else place
     if flat:

@@ -24,6 +24,9 @@ from .slabs import FINEST, Slabs
 # Slabs to begin with. The change is known where doubling them moves it by less than a share of its limit, or by less
 # than a share of what it lies off the limit.
 FEWEST, SAME, DECIDED = 1, 0.05, 0.5
+# Fewer slabs than these are believed only where the change is below a share of its limit: one and two may be alike by
+# chance.
+FEW, CLEAR = 4, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +62,30 @@ def window_of(pupil: Pupil, half: float, pixel_count: int, one_column: bool = Fa
     amplitude[amplitude < LEAST_COVER * amplitude.max()] = 0.0
     middle = 0.5 * (edges[1:] + edges[:-1])
     return Window(amplitude, np.zeros(1) if one_column else middle, middle, pixel, float(np.diff(columns)[0]))
+
+
+@dataclass(frozen=True)
+class Through:
+    """What a number of slabs say.
+
+    Attributes:
+        wave: The wave's sum over that of the light that it began as.
+        change: Strehl ratio of the wave less that of the rays.
+        apart: How far the rays' Strehl ratio is from that of traced ones.
+    """
+
+    wave: complex
+    change: float
+    apart: float
+
+    def doubt(self, fewer: "Through", alone: bool) -> float:
+        """How far half as many slabs are from it; of a wave that stands alone, by its phase, too.
+
+        So two Strehl ratios that happen to be alike are not taken for one.
+        """
+        if alone:
+            return abs(self.wave - fewer.wave) * (abs(self.wave) + abs(fewer.wave))
+        return max(abs(self.change - fewer.change), self.apart)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,17 +124,19 @@ class Ways:
         """
         opaque = self.slabs.opaque(self.window.x, self.window.y, 1)
         if opaque is not None and opaque.any():
-            return self._change(FINEST)[0], float("nan")
-        count, (found, apart), doubt = FEWEST, self._change(FEWEST), math.inf
+            return self._through(FINEST).change, float("nan")
+        count, found, doubt = FEWEST, self._through(FEWEST), math.inf
         while count < FINEST:
-            count, last, (found, apart) = 2 * count, found, self._change(2 * count)
-            doubt = max(abs(found - last), apart)
-            if doubt <= max(SAME * limit, DECIDED * abs(abs(found) - limit)):
+            count, last, found = 2 * count, found, self._through(2 * count)
+            doubt = found.doubt(last, self.by_traced)
+            if count < FEW and abs(found.change) > CLEAR * limit:
+                continue
+            if doubt <= max(SAME * limit, DECIDED * abs(abs(found.change) - limit)):
                 break
-        return found, math.inf if self.straight and not self.by_traced else doubt
+        return found.change, math.inf if self.straight and not self.by_traced else doubt
 
-    def _change(self, count: int) -> tuple[float, float]:
-        """The change by so many slabs, and how far their rays' Strehl ratio is from that of traced ones."""
+    def _through(self, count: int) -> "Through":
+        """What so many slabs say."""
         window = self.window
         paths = self.slabs.taken(window.x, window.y, count)
         opaque = self.slabs.opaque(window.x, window.y, count)
@@ -115,11 +144,11 @@ class Ways:
         paths -= paths[:, passes].mean(axis=1)[:, None, None]  # what delays all alike is of no account
         paths = paths.astype(np.float32)
         whole = float(window.amplitude[passes].sum())
-        by_wave = (abs(self._wave(paths, opaque)) / whole) ** 2
+        wave = self._wave(paths, opaque) / whole
         if self.by_traced and self.traced is not None:
-            return by_wave - self.traced, 0.0
+            return Through(wave, abs(wave) ** 2 - self.traced, 0.0)
         by_rays = (abs(self._rays(paths)) / whole) ** 2
-        return by_wave - by_rays, 0.0 if self.traced is None else abs(by_rays - self.traced)
+        return Through(wave, abs(wave) ** 2 - by_rays, 0.0 if self.traced is None else abs(by_rays - self.traced))
 
     def _wave(self, paths: np.ndarray, opaque: np.ndarray | None) -> complex:
         """The wave's sum behind all screens, some of them opaque in places."""

@@ -29,6 +29,7 @@ NEAR_FOCUS = 0.5
 FLAT = 0.3
 # Lines of sight across the pupil and layers along them by which the disturbed length is found, and lengths kept.
 LINES, LINE_LAYERS, NODE_LAYERS, KEPT = 4, 32, 64, 8
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
 @dataclass(frozen=True)
@@ -91,10 +92,14 @@ def stride_of(count: int, pixel: float, feature: float) -> int:
     return stride
 
 
+def places_across(pupil: Pupil, count: int) -> np.ndarray:
+    """Places across a pupil [m] that no grating has in common with them."""
+    return max(pupil.half_extent) * (2.0 * ((np.arange(count) + 0.5) * GOLDEN % 1.0) - 1.0)
+
+
 def _length_on_lines(field: IndexField, pupil: Pupil, look: np.ndarray) -> float:
     """The disturbed length [m], by a few lines through the pupil."""
-    place = max(pupil.half_extent) * (2.0 * (np.arange(LINES) + 0.5) / LINES - 1.0)
-    x, y = (axis.ravel() for axis in np.meshgrid(place, place))
+    x, y = (axis.ravel() for axis in np.meshgrid(*(2 * [places_across(pupil, LINES)])))
     lit = pupil.transmission(x, y) > 0.0
     if lit.any():
         x, y = x[lit], y[lit]
