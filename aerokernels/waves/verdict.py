@@ -72,7 +72,9 @@ class Validity:
                 "allowed, say bounds of the field's derivatives"
             )
         who = "the traced wavefront" if self.answered_by == "rays" else "a wave through the field"
-        change = f"waves change the Strehl ratio by {self.strehl_change:+.2g}, {self.limit:g} being allowed, says {who}"
+        error = f" give or take {self.error:.1g}" if np.isfinite(self.error) else ""
+        change = f"waves change the Strehl ratio by {self.strehl_change:+.2g}{error}, {self.limit:g} being allowed"
+        change += f", says {who}"
         if np.isfinite(self.rim_fresnel_number):
             change += (
                 f"; {100.0 * self.blocked:.2g} % of the light ends on the body, past whose rim the rest diffracts with "
