@@ -4,12 +4,14 @@ Both go through the same thin screens, the slabs' phases at their middles with f
 Fresnel's angular spectrum in single precision, whose error is far below what is asked. The Strehl ratio is the square
 of the amplitude's sum, which free space leaves alone, so the way after the last screen is not gone. The number of slabs
 is doubled until the change is known well enough to say on which side of its limit it lies: the splitting's error is of
-second order in the thickness, and the same screens of both take most of it away.
+second order in the thickness, and the same screens of both take most of it away. Near their foci no order tells where
+rays go: there it is the traced rays' Strehl ratio that is compared, and straight ones' where there is none.
 
 In a planar field seen across its axis the waves along x do not mix, and the sum keeps only the one that does not vary:
 one line of pixels is the whole problem.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,7 +23,10 @@ from .slabs import FINEST, Slabs
 
 # Slabs to begin with. The change is known where doubling them moves it by less than a share of its limit, or by less
 # than a share of what it lies off the limit.
-FEWEST, SAME, DECIDED = 2, 0.05, 0.5
+FEWEST, SAME, DECIDED = 1, 0.05, 0.5
+# Fewer slabs than these are believed only where the change is below a share of its limit: one and two may be alike by
+# chance.
+FEW, CLEAR = 4, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +64,30 @@ def window_of(pupil: Pupil, half: float, pixel_count: int, one_column: bool = Fa
     return Window(amplitude, np.zeros(1) if one_column else middle, middle, pixel, float(np.diff(columns)[0]))
 
 
+@dataclass(frozen=True)
+class Through:
+    """What a number of slabs say.
+
+    Attributes:
+        wave: The wave's sum over that of the light that it began as.
+        change: Strehl ratio of the wave less that of the rays.
+        apart: How far the rays' Strehl ratio is from that of traced ones.
+    """
+
+    wave: complex
+    change: float
+    apart: float
+
+    def doubt(self, fewer: "Through", alone: bool) -> float:
+        """How far half as many slabs are from it; of a wave that stands alone, by its phase, too.
+
+        So two Strehl ratios that happen to be alike are not taken for one.
+        """
+        if alone:
+            return abs(self.wave - fewer.wave) * (abs(self.wave) + abs(fewer.wave))
+        return max(abs(self.change - fewer.change), self.apart)
+
+
 @dataclass(frozen=True, eq=False)
 class Ways:
     """What does not change with the number of slabs.
@@ -72,6 +101,8 @@ class Ways:
         wavelength: In vacuum [m].
         ambient_index: Index of the air at rest.
         straight: Whether the rays are straight ones.
+        traced: Strehl ratio of traced rays; None: there are none.
+        by_traced: Whether it is those that the wave is compared with.
     """
 
     window: Window
@@ -82,24 +113,30 @@ class Ways:
     wavelength: float
     ambient_index: float
     straight: bool
+    traced: float | None = None
+    by_traced: bool = False
 
-    def change(self, limit: float) -> float:
-        """Strehl ratio of the wave less that of the rays, known well enough for a limit.
+    def change(self, limit: float) -> tuple[float, float]:
+        """Strehl ratio of the wave less that of the rays, known well enough for a limit, and what it may be off by.
 
-        An opaque wall is no smooth function of its depth: where there is one, as many slabs as there are are taken.
+        That is by half as many slabs, infinite where straight rays stand for bent ones. An opaque wall is no smooth
+        function of its depth: where there is one, as many slabs as there are are taken.
         """
         opaque = self.slabs.opaque(self.window.x, self.window.y, 1)
         if opaque is not None and opaque.any():
-            return self._change(FINEST)
-        count, found = FEWEST, self._change(FEWEST)
+            return self._through(FINEST).change, float("nan")
+        count, found, doubt = FEWEST, self._through(FEWEST), math.inf
         while count < FINEST:
-            count, last, found = 2 * count, found, self._change(2 * count)
-            doubt = abs(found - last)
-            if doubt <= max(SAME * limit, DECIDED * abs(abs(found) - limit)):
+            count, last, found = 2 * count, found, self._through(2 * count)
+            doubt = found.doubt(last, self.by_traced)
+            if count < FEW and abs(found.change) > CLEAR * limit:
+                continue
+            if doubt <= max(SAME * limit, DECIDED * abs(abs(found.change) - limit)):
                 break
-        return found
+        return found.change, math.inf if self.straight and not self.by_traced else doubt
 
-    def _change(self, count: int) -> float:
+    def _through(self, count: int) -> "Through":
+        """What so many slabs say."""
         window = self.window
         paths = self.slabs.taken(window.x, window.y, count)
         opaque = self.slabs.opaque(window.x, window.y, count)
@@ -107,14 +144,18 @@ class Ways:
         paths -= paths[:, passes].mean(axis=1)[:, None, None]  # what delays all alike is of no account
         paths = paths.astype(np.float32)
         whole = float(window.amplitude[passes].sum())
-        return (abs(self._wave(paths, opaque)) ** 2 - abs(self._rays(paths)) ** 2) / whole**2
+        wave = self._wave(paths, opaque) / whole
+        if self.by_traced and self.traced is not None:
+            return Through(wave, abs(wave) ** 2 - self.traced, 0.0)
+        by_rays = (abs(self._rays(paths)) / whole) ** 2
+        return Through(wave, abs(wave) ** 2 - by_rays, 0.0 if self.traced is None else abs(by_rays - self.traced))
 
     def _wave(self, paths: np.ndarray, opaque: np.ndarray | None) -> complex:
         """The wave's sum behind all screens, some of them opaque in places."""
         from scipy.fft import fft2, ifft2
 
         step = (self.slabs.last - self.slabs.first) / len(paths)
-        wave = fft2(self.window.amplitude.astype(np.complex64), overwrite_x=True)
+        wave = self._spectrum.copy()
         way = self._free(self.before + 0.5 * step)
         for number, path in enumerate(paths):
             for factor in way:
@@ -128,6 +169,13 @@ class Ways:
             if number < len(paths) - 1:
                 wave = fft2(wave, overwrite_x=True)
         return complex(wave.sum())
+
+    @cached_property
+    def _spectrum(self) -> np.ndarray:
+        """Of the pupil's light."""
+        from scipy.fft import fft2
+
+        return np.asarray(fft2(self.window.amplitude.astype(np.complex64), overwrite_x=True))
 
     def _free(self, way: float) -> list[np.ndarray]:
         """What a way [m] of free space does to the components along y and along x."""

@@ -29,6 +29,7 @@ NEAR_FOCUS = 0.5
 FLAT = 0.3
 # Lines of sight across the pupil and layers along them by which the disturbed length is found, and lengths kept.
 LINES, LINE_LAYERS, NODE_LAYERS, KEPT = 4, 32, 64, 8
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,7 @@ def screens_answer(
     field: IndexField, pupil: Pupil, look: np.ndarray, wavefront: Wavefront, wavelength: float, feature: float
 ) -> ScreensAnswer | None:
     """What a wavefront says whose finest phase has a half period of `feature` [m]; None where rays come near foci."""
-    key = ("disturbed length", weakref.ref(pupil), look.tobytes())
-    length: float = field.derive(key, lambda: _length_on_lines(field, pupil, look), KEPT)
+    length = disturbed_length(field, pupil, look)
     stride = stride_of(len(wavefront.opd), wavefront.pixel, feature)
     pixel = stride * wavefront.pixel
     opd, weight = (array[stride // 2 :: stride, stride // 2 :: stride] for array in (wavefront.opd, wavefront.weight))
@@ -77,6 +77,13 @@ def screens_answer(
     return ScreensAnswer(change, length, crossings)
 
 
+def disturbed_length(field: IndexField, pupil: Pupil, look: np.ndarray) -> float:
+    """The length over which a pupil's light is disturbed [m], kept with the field."""
+    key = ("disturbed length", weakref.ref(pupil), look.tobytes())
+    length: float = field.derive(key, lambda: _length_on_lines(field, pupil, look), KEPT)
+    return length
+
+
 def stride_of(count: int, pixel: float, feature: float) -> int:
     """Every so many pixels of a map are looked at."""
     stride = -(-count // MOST_PIXELS)
@@ -85,10 +92,14 @@ def stride_of(count: int, pixel: float, feature: float) -> int:
     return stride
 
 
+def places_across(pupil: Pupil, count: int) -> np.ndarray:
+    """Places across a pupil [m] that no grating has in common with them."""
+    return max(pupil.half_extent) * (2.0 * ((np.arange(count) + 0.5) * GOLDEN % 1.0) - 1.0)
+
+
 def _length_on_lines(field: IndexField, pupil: Pupil, look: np.ndarray) -> float:
     """The disturbed length [m], by a few lines through the pupil."""
-    place = max(pupil.half_extent) * (2.0 * (np.arange(LINES) + 0.5) / LINES - 1.0)
-    x, y = (axis.ravel() for axis in np.meshgrid(place, place))
+    x, y = (axis.ravel() for axis in np.meshgrid(*(2 * [places_across(pupil, LINES)])))
     lit = pupil.transmission(x, y) > 0.0
     if lit.any():
         x, y = x[lit], y[lit]
@@ -127,12 +138,15 @@ def _length_by_nodes(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: f
 
 def spread_along(layers: np.ndarray, length: float) -> float:
     """Length of an even spread with the standard deviation of the disturbance of lines (layers, lines) [m]."""
-    weight = np.mean((layers - layers.mean(axis=1, keepdims=True)) ** 2, axis=1)
-    if not weight.any():
+    layers = layers - (np.einsum("ij->i", layers) / layers.shape[1])[:, None]
+    weight = np.einsum("ij,ij->i", layers, layers)
+    total = float(np.einsum("i->", weight))
+    if not total > 0.0:
         return 0.0
-    place = (np.arange(len(layers)) + 0.5) * length / len(layers)
-    middle = np.average(place, weights=weight)
-    return float(np.sqrt(12.0 * np.average((place - middle) ** 2, weights=weight) + (length / len(layers)) ** 2))
+    step = length / len(layers)
+    place = (np.arange(len(layers)) + 0.5) * step
+    place -= float(np.einsum("i,i->", place, weight)) / total
+    return math.sqrt(12.0 * float(np.einsum("i,i,i->", place, place, weight)) / total + step**2)
 
 
 def _two_screens(

@@ -4,7 +4,7 @@ Along z of a uniform grid the interpolant is a product, so that the integral ove
 
     \int c(x, y, z) dz = sum_ijk a_ijk B_i(x) B_j(y) \int B_k(z) dz,
 
-exact (two Gauss points to a piece of a cubic), and taken once for FINEST slabs: fewer are sums of them. Elsewhere (a
+exact (two Gauss points to a piece of a cubic), and taken once for HELD slabs: fewer are sums of them. Elsewhere (a
 slanted line of sight, a mesh) it is the mean of layers. Either way a thin shock between two samples is not missed.
 """
 
@@ -20,8 +20,9 @@ from ..medium.grid import UniformGrid
 from ..medium.tensor_points import contrast_without_gradient
 
 # Slabs that the disturbed air is divided into at first; layers of the box where no sum over coefficients can be had: so
-# many up to a few slabs, more for more. So many slabs are integrated together at least.
-FINEST, LAYERS, FEW, TOGETHER = 64, 32, 8, 4
+# many up to a few slabs, more for more. So many slabs are integrated together at least, and so many are held until
+# more of them are asked for.
+FINEST, LAYERS, FEW, TOGETHER, HELD = 64, 32, 8, 2, 16
 # Phase [rad] that the air left out at either end may hold.
 LEFT_OUT = 0.01
 
@@ -67,7 +68,7 @@ class Slabs(ABC):
         """
 
     def spread(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """What lines about places of a window hold in each of FINEST slabs, to a common factor, (slabs, y, x)."""
+        """What lines about places of a window hold in each of some slabs, to a common factor, (slabs, y, x)."""
         return self.taken(x, y, FINEST)
 
     def opaque(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray | None:
@@ -87,21 +88,29 @@ def is_summed(field: IndexField, normal: np.ndarray) -> bool:
     return field.is_uniform and abs(abs(float(normal[2])) - 1.0) < 1e-15
 
 
+def disturbed_until(field: IndexField, look: LookingAlong, begin: float, end: float, wavelength: float) -> float:
+    """Where the air that disturbs a window ends, between two distances along its line of sight [m]."""
+    if not is_summed(field, look.normal):
+        return end
+    return SlabsAlongZ(field, look, begin, end, wavelength, held=0).last
+
+
 class SlabsAlongZ(Slabs):
     """Slabs of a uniform grid along its z axis, by its coefficients."""
 
     most_pixels = 192
 
-    def __init__(self, field: IndexField, look: LookingAlong, begin: float, end: float, wavelength: float):
-        """Find what is disturbed, and integrate over FINEST slabs of it."""
+    def __init__(
+        self, field: IndexField, look: LookingAlong, begin: float, end: float, wavelength: float, held: int = HELD
+    ):
+        """Find what is disturbed, and integrate over so many slabs of it."""
         assert isinstance(field.samples, UniformGrid)
         self._field, self._grid, self._look = field, field.samples, look
         grid = self._grid
         self._across = tuple(self._window(axis) for axis in range(grid.samples.ndim - 1))
-        held = grid.coefficients[tuple(slice(low, high) for low, high, _ in self._across)]
-        self.first, self.last = self._disturbed(held, begin, end, wavelength)
-        edges = float(look.center[2]) + float(look.normal[2]) * np.linspace(self.first, self.last, FINEST + 1)
-        self._means = _slab_means(held, grid, edges)
+        self._held = grid.coefficients[tuple(slice(low, high) for low, high, _ in self._across)]
+        self.first, self.last = self._disturbed(self._held, begin, end, wavelength)
+        self._means = self._slab_means(held) if held else np.empty(0)
         self._latest: tuple[tuple[bytes, bytes, int], np.ndarray] | None = None
         self._matrices: dict[tuple[int, bytes], tuple[Any, np.ndarray]] = {}
 
@@ -139,6 +148,12 @@ class SlabsAlongZ(Slabs):
         first, last = max(float(depths[0]), begin), min(float(depths[1]), end)
         return (first, last) if last > first else (begin, end)
 
+    def _slab_means(self, count: int) -> np.ndarray:
+        """Means of the coefficients over so many slabs."""
+        look = self._look
+        edges = float(look.center[2]) + float(look.normal[2]) * np.linspace(self.first, self.last, count + 1)
+        return _slab_means(self._held, self._grid, edges)
+
     def _sees_past(self) -> bool:
         """Whether the window is wider than the box."""
         low, high = self._field.box
@@ -159,6 +174,8 @@ class SlabsAlongZ(Slabs):
 
     def _integrals(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
         look, geometry = self._look, self._field.geometry
+        if count > self._means.shape[-1]:
+            self._means = self._slab_means(FINEST)
         values = self._means.reshape(*self._means.shape[:-1], count, -1).mean(axis=-1)
         across = look.center[0] + np.asarray(x) * look.axes[0][0]
         up = look.center[1] + np.asarray(y) * look.axes[1][1]
@@ -207,6 +224,9 @@ class SlabsAlongZ(Slabs):
         if key not in self._matrices:
             self._matrices[key] = self._matrix(points, len(values), axis)
         matrix, inside = self._matrices[key]
+        if isinstance(matrix, tuple):
+            column, weight = matrix
+            return sum(each[:, None] * values[place] for place, each in zip(column, weight, strict=True)), inside
         product = matrix @ np.ascontiguousarray(values).reshape(len(values), -1)
         return product.reshape(len(points), *values.shape[1:]), inside
 
@@ -222,6 +242,8 @@ class SlabsAlongZ(Slabs):
         cell = np.clip(np.floor(place).astype(np.int64), self._across[axis][2], last - 1)
         weight, _ = spline.weights(grid.interpolation, np.where(inside, place - cell, 0.0))
         column = np.minimum((cell - self._across[axis][2]) * stride + np.arange(support)[:, None], held - 1)
+        if self._field.geometry != "volume":  # few numbers: a matrix of SciPy's takes longer to make than to use
+            return (column, weight), inside
         start = np.arange(0, support * len(points) + 1, support)
         return csr_array((weight.T.ravel(), column.T.ravel(), start), shape=(len(points), held)), inside
 

@@ -11,17 +11,19 @@ and one says how much: the Strehl ratio of a wave through the same air, less tha
 on a window coarse enough to cost little and fine enough for that finest phase (diffraction.py). What the slabs lack is
 lacking in both, so the difference stands for diffraction alone. The rays bend, to second order in how far they go
 aside: a wave holds what that does to their paths, as traced rays do, and it is no diffraction. Near foci no order tells
-where they go; straight ones stand for them there.
+where they go: there the wave is compared with the traced rays of the wavefront, and with straight ones where none are
+at hand (`Validity.error` is infinite then).
 
-Beside a traced wavefront the verdict must cost little, at most a twentieth of what the wavefront itself did on the same
-new field: its plan, the field's way to the engine, the rays and their map. So it is asked in this order:
+Beside a traced wavefront the verdict should cost little, a twentieth of what the wavefront itself did on the same new
+field: its plan, the field's way to the engine, the rays and their map. So it is asked in this order:
 
     the rays     of a map that holds the finest phase: half of it on either side of free space of the length over which
                  the light is disturbed (screens.py). Where that changes the Strehl ratio by far less than is allowed,
                  no rays cross and nothing is near a focus, the rays have answered for themselves.
     the bounds   of the field's derivatives (bounds.py), beside a map too coarse to hold the finest phase: they prove
                  that rays are good, or say nothing.
-    a wave       where it costs little beside the wavefront (`affordable`), or where the caller asks for it.
+    a wave       where it costs little beside the wavefront (`affordable`), or where the caller asks for it; of one
+                 column before the rays, beside a map so fine that it costs next to nothing.
 
 What none of them answers is not decided, and `reason` says so: a fan of 16 rays costs as much processor time as a few
 hundred calls of NumPy, and no wave goes through a field in a twentieth of that. Nobody but a wave is asked where there
@@ -39,8 +41,8 @@ from ..pupils import Pupil
 from ..tracing.lines import box_size
 from ..wavefront import Wavefront
 from .bounds import GREATEST_BOUND, change_bound
-from .coarse_wave import by_waves, finest_feature, fresnel_number
-from .screens import screens_answer, stride_of
+from .coarse_wave import RESOLVED, by_waves, finest_feature, fresnel_number, is_one_column
+from .screens import disturbed_length, screens_answer, stride_of
 from .shadows import is_clear
 from .slabs import is_summed
 from .verdict import FEWEST_MAPPED, GOOD, Validity
@@ -52,8 +54,10 @@ FEWEST_FRESNEL = 4.0
 # Cells times rays beside which a wave through sampled layers is cheap: it takes 0.05 to 0.2 s, and a ray through a mesh
 # 4 us a cell.
 LAYERS_WORTH = 8e5
-# The finest phase in pixels of a map that resolves it; pixels by which pupils are compared; verdicts kept with a field.
-RESOLVED, SAME_PIXELS, KEPT = 4.0, 32, 8
+# Pixels across a map of whose rays a wave of one column, 1.5 to 2.5 ms, is a twentieth.
+COLUMN_WORTH = 128
+# Pixels by which pupils are compared; verdicts kept with a field.
+SAME_PIXELS, KEPT = 32, 8
 
 
 @checked
@@ -68,8 +72,9 @@ def validity(
 ) -> Validity:
     """Whether rays through a field give the Strehl ratio of a pupil, and what they leave out.
 
-    Beside a `wavefront` it costs at most about 5 % of the processor time which that took on a new field (preparation,
-    rays and map; docs/conventions.md has how much), and says "not decided" where nothing so cheap decides.
+    Beside a `wavefront` traced on a processor it costs a few hundredths of the processor time which that took on a new
+    field (preparation, rays and map; docs/conventions.md has how much, and what it costs beside a GPU's), and says "not
+    decided" where nothing so cheap decides.
 
     Args:
         field: The refractive index.
@@ -103,11 +108,16 @@ def validity(
             found = finest_feature(wavefront.opd, wavefront.pixel, wavelength)
             if found >= RESOLVED * wavefront.pixel:
                 feature = found
-                answer = by_rays(field, pupil, look, wavefront, wavelength, feature, limit)
-                if answer is not None:
-                    return answer
-    # What a wave says is kept with the field: it is one of the field and the light, not of how rays were traced.
-    key = ("verdict of a wave", weakref.ref(pupil), look.tobytes(), wavelength, feature, limit)
+                # A wave says more than two screens, and is asked at once where it costs next to nothing.
+                cheap = is_one_column(field, look) and len(wavefront.opd) >= COLUMN_WORTH
+                if waves is False or not cheap or not affordable(field, look, wavefront):
+                    answer = by_rays(field, pupil, look, wavefront, wavelength, feature, limit)
+                    if answer is not None:
+                        return answer
+    # What a wave says is kept with the field: it is one of the field and the light, and of how finely rays are known.
+    traced = wavefront is not None and _is_whole(wavefront, wavelength)
+    pixels = len(wavefront.opd) if wavefront is not None and traced else 0
+    key = ("verdict of a wave", weakref.ref(pupil), look.tobytes(), wavelength, feature, limit, pixels)
     if wavefront is not None and field.held(key) is None:
         if waves is None:
             waves = affordable(field, look, wavefront)
@@ -118,10 +128,17 @@ def validity(
 
     def ask() -> Validity:
         seen = pupil if look is pupil.normal else replace(pupil, normal=look)  # type: ignore[type-var]
-        return by_waves(field, seen, wavelength, feature, limit)
+        return by_waves(field, seen, wavelength, feature, limit, wavefront if traced else None)
 
     told: Validity = field.derive(key, ask, KEPT)
     return told
+
+
+def _is_whole(wavefront: Wavefront, wavelength: float) -> bool:
+    """Whether a wavefront's Strehl ratio is that of all the pupil's light, with nothing but piston taken out."""
+    is_fine = len(wavefront.opd) >= FEWEST_MAPPED
+    removed = set(wavefront.removed) <= {"piston"}
+    return is_fine and removed and wavefront.wavelength == wavelength and wavefront.blocked <= 1e-3
 
 
 def affordable(field: IndexField, look: np.ndarray, wavefront: Wavefront) -> bool:
@@ -189,11 +206,11 @@ def by_rays(
         return None
     if not is_clear(field, pupil, look, wavelength):
         return None
+    # Two screens stand for what lies between them only where a feature keeps its shape on the way.
+    if fresnel_number(feature, wavelength, disturbed_length(field, pupil, look)) < FEWEST_FRESNEL:
+        return None
     found = screens_answer(field, pupil, look, wavefront, wavelength, feature)
     if found is None or not abs(found.change) <= CLEAR * limit:
-        return None
-    # Two screens stand for what lies between them only where a feature keeps its shape on the way.
-    if fresnel_number(feature, wavelength, found.length) < FEWEST_FRESNEL:
         return None
     crossings = found.crossings
     return Validity(

@@ -29,6 +29,8 @@ class Validity:
             knife edge's fringes fill it; infinite where no body is near.
         bound: What the change may be at most, where bounds were looked at; infinite elsewhere. Where they answer the
             change itself is 0 give or take this, and nothing is known of a finest phase.
+        error: What the change that a wave found may be off by, by half as many slabs; infinite where rays come near
+            foci and no traced ones are at hand; NaN where not known.
     """
 
     strehl_change: float
@@ -42,6 +44,7 @@ class Validity:
     blocked: float = 0.0
     rim_fresnel_number: float = float("inf")
     bound: float = float("inf")
+    error: float = float("nan")
 
     @property
     def good(self) -> bool:
@@ -69,7 +72,9 @@ class Validity:
                 "allowed, say bounds of the field's derivatives"
             )
         who = "the traced wavefront" if self.answered_by == "rays" else "a wave through the field"
-        change = f"waves change the Strehl ratio by {self.strehl_change:+.2g}, {self.limit:g} being allowed, says {who}"
+        error = f" give or take {self.error:.1g}" if np.isfinite(self.error) else ""
+        change = f"waves change the Strehl ratio by {self.strehl_change:+.2g}{error}, {self.limit:g} being allowed"
+        change += f", says {who}"
         if np.isfinite(self.rim_fresnel_number):
             change += (
                 f"; {100.0 * self.blocked:.2g} % of the light ends on the body, past whose rim the rest diffracts with "
