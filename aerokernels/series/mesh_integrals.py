@@ -14,7 +14,7 @@ from scipy import sparse
 
 from ..device_arrays import host_array
 from ..medium import QuadMesh
-from ..medium.conserving import conserving_values
+from ..medium.kept_averages import conserving_values
 from .line_integrals import NotLinearError
 
 SAMPLES_A_CELL = 4.0
