@@ -29,7 +29,7 @@ import numpy as np
 
 from .cell_shares import CellShares, cell_shares
 from .mesh import QuadMesh
-from .refined import cut_in_four
+from .refined import cut_in_four, has_seam
 from .row_sums import keep_row_sums
 from .vertex_values import linear_values_and_smooth, of_parents, values_and_smooth, vertex_gradients
 
@@ -91,6 +91,11 @@ def cut_and_kept(
     Raises:
         ValueError: A mesh that cannot be cut: it has two vertices in one place.
     """
+    if has_seam(mesh):
+        raise ValueError(
+            "interpolation 'conserving' cuts cells, and this mesh closes on itself in a seam, with two vertices in one "
+            "place: take 'bilinear', or merge them"
+        )
     shape = None if mesh.shape is None else (mesh.shape[0] - 1, mesh.shape[1] - 1)
     values, smooth = linear_values_and_smooth(mesh, average)
     if mesh.parents is None:
