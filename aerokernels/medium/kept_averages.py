@@ -54,10 +54,12 @@ def conserving_values(mesh: QuadMesh, average: np.ndarray, vacuum: float = -np.i
     values, smooth = values_and_smooth(mesh, average)
     if mesh.parents is not None:
         return keep_averages(mesh, values, average, smooth, vacuum)
-    cells = cell_shares(mesh)
+    weights, vertex = mesh.corner_weights, mesh.cells.ravel()
+    share = np.bincount(vertex, weights.ravel(), len(mesh.vertices))
+    share = np.where(share > 0.0, share, 1.0)
     for _ in range(PASSES):
-        lacks = np.where(smooth, cells.lacks(average, values), 0.0)
-        values = values + (cells.turned @ lacks) / np.where(cells.whole > 0.0, cells.whole, 1.0)
+        lacks = np.where(smooth, what_is_lacking(mesh, average, values), 0.0)
+        values = values + np.bincount(vertex, (weights * lacks[:, None]).ravel(), len(mesh.vertices)) / share
     return np.asarray(values)
 
 
