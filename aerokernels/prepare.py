@@ -178,7 +178,9 @@ def _index_of(scene: Scene, density: DensityField | None) -> IndexField:
     flow, grid = scene.flow, scene.grid
     constant = flow.gladstone_dale
     if isinstance(density, (CellDensity, VertexDensity)):
-        interpolation = "bilinear" if grid.route == "uniform" else grid.interpolation
+        interpolation: str = "bilinear" if grid.route == "uniform" else grid.interpolation
+        if interpolation == "bilinear" and isinstance(density, CellDensity):
+            interpolation = flow.interpolation
         return density.index_field(flow.wavelength, flow.relation, constant=constant, interpolation=interpolation)
     if grid.route == "mesh":
         raise ValueError("grid.route = 'mesh' needs a flow on a mesh, and this one has none: take 'uniform'")

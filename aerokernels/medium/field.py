@@ -18,9 +18,8 @@ from ..shown import shown
 from ..wavelength import check_wavelength, field_wavelength
 from .body import Body
 from .cell_averages import node_values
-from .conserving import conserving_values
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite
-from .kept_averages import cut_and_kept
+from .kept_averages import conserving_values, cut_and_kept
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
 from .solid_body import SolidBody

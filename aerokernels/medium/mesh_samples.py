@@ -19,8 +19,8 @@ import numpy as np
 
 from ..derived import Derived
 from ..shown import shown
-from .conserving import what_is_lacking
 from .grid import eq5_step
+from .kept_averages import what_is_lacking
 from .mesh import Places, QuadMesh
 from .vertex_values import values_and_smooth, vertex_gradients
 

@@ -38,21 +38,47 @@ def cut_in_four(mesh: QuadMesh, values: np.ndarray, gradient: np.ndarray) -> tup
     Raises:
         ValueError: The mesh has two vertices in one place, at a seam.
     """
+    finer, a, b, of_edge = mesh.derive("cells cut in four", lambda: _cut(mesh))
+    rise = np.sum((gradient[a] - gradient[b]) * (mesh.vertices[b] - mesh.vertices[a]), axis=1)
+    edge_value = 0.5 * (values[a] + values[b]) + 0.125 * rise
+    cell_value = 0.5 * edge_value[of_edge].sum(axis=1) - values[mesh.cells].mean(axis=1)
+    return finer, np.concatenate([values, edge_value, cell_value])
+
+
+def cells_of_four(mesh: QuadMesh) -> QuadMesh:
+    """The mesh with every cell cut in four parts, one after the other; `cut_in_four` has the values at its vertices."""
+    return mesh.derive("cells cut in four", lambda: _cut(mesh))[0]
+
+
+def quarters(xi: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """In which of the four parts places in a cell lie, and their bilinear coordinates in that part."""
+    right, upper = xi > 0.5, eta > 0.5
+    part = np.where(upper, np.where(right, 2, 3), np.where(right, 1, 0))
+    # Each part begins at its corner of the cell, and goes round as the cell does.
+    u, v = 2.0 * np.where(right, 1.0 - xi, xi), 2.0 * np.where(upper, 1.0 - eta, eta)
+    turned = right != upper
+    return part, np.where(turned, v, u), np.where(turned, u, v)
+
+
+def has_seam(mesh: QuadMesh) -> bool:
+    """Whether the mesh has two vertices in one place, where a structured one closes on itself: it cannot be cut."""
+    if mesh.shape is None:
+        return False
+    return mesh.derive("has seam", lambda: len(np.unique(mesh.vertices, axis=0)) < len(mesh.vertices))
+
+
+def _cut(mesh: QuadMesh) -> tuple[QuadMesh, np.ndarray, np.ndarray, np.ndarray]:
+    """The finer mesh, both ends of each edge, and the edges of each cell, shape (cell_count, 4)."""
     vertex, cells = mesh.vertices, mesh.cells
     ends = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2).astype(np.int64), axis=1)
     _, first, of_edge = np.unique(ends[:, 0] * len(vertex) + ends[:, 1], return_index=True, return_inverse=True)
     a, b = ends[first].T
-    edge_middle = 0.5 * (vertex[a] + vertex[b])
-    rise = np.sum((gradient[a] - gradient[b]) * (vertex[b] - vertex[a]), axis=1)
-    edge_value = 0.5 * (values[a] + values[b]) + 0.125 * rise
     of_edge = of_edge.reshape(-1, 4)
-    cell_middle = vertex[cells].mean(axis=1)
-    cell_value = 0.5 * edge_value[of_edge].sum(axis=1) - values[cells].mean(axis=1)
     edge = len(vertex) + of_edge
-    middle = len(vertex) + len(edge_middle) + np.arange(len(cells))[:, None]
+    middle = len(vertex) + len(a) + np.arange(len(cells))[:, None]
     # Corner k, the middle of the edge after it, the middle of the cell, the middle of the edge before it.
     quarters = [np.concatenate([cells[:, [k]], edge[:, [k]], middle, edge[:, [k - 1]]], axis=1) for k in range(4)]
-    points = np.concatenate([vertex, edge_middle, cell_middle])
+    points = np.concatenate([vertex, 0.5 * (vertex[a] + vertex[b]), vertex[cells].mean(axis=1)])
     parents = np.repeat(np.arange(len(cells)) if mesh.parents is None else mesh.parents, 4)
     finer = QuadMesh(points, np.stack(quarters, axis=1).reshape(-1, 4), mesh.geometry, parents=parents)
-    return finer, np.concatenate([values, edge_value, cell_value])
+    return finer, a, b, of_edge

@@ -92,6 +92,14 @@ class FlowTable(Table):
         None, "Gladstone-Dale constant to use in place of the paper's K(wavelength), '2.24e-4 m3/kg' say."
     )
 
+    interpolation: Literal["bilinear", "conserving"] = key(
+        "bilinear",
+        'What rays see between the averages over the cells of a mesh: "bilinear" joins values at the cells\' corners; '
+        '"conserving" does so on cells cut in four, such that cells keep their averages and, across a captured shock, '
+        "rows and columns of cells theirs, at two to five times the time to prepare. Values at points are joined as "
+        'they are. Where grid.route is "mesh" it counts beside grid.interpolation "bilinear".',
+    )
+
     @property
     def is_mixture(self) -> bool:
         """Whether the gas is a mixture by what its file says."""
@@ -133,7 +141,8 @@ class GridTable(Table):
     interpolation: Literal["cubic", "linear", "monotone", "bilinear", "bilinear-barron", "idw"] = key(
         "cubic",
         "On the uniform grid: cubic (default, smooth), linear, monotone (no overshoot at a shock). On the "
-        "mesh: bilinear (default there), bilinear-barron, idw (the paper's eq 6 and 7).",
+        "mesh: bilinear (default there; see flow.interpolation), bilinear-barron, idw (the paper's eq 6 and 7, on the "
+        "flow's own cells).",
     )
 
     @model_validator(mode="before")

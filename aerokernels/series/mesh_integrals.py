@@ -1,4 +1,4 @@
-r"""Integrals along parallel straight rays through values on a quadrilateral mesh, as a linear map of the vertex values.
+r"""Integrals along parallel straight rays through values on a quadrilateral mesh, a linear map of values at vertices.
 
     I = \int f ds = sum over the samples of a ray, by the midpoint rule, of  ds sum_k w_k f_k
 
@@ -14,7 +14,8 @@ from scipy import sparse
 
 from ..device_arrays import host_array
 from ..medium import QuadMesh
-from ..medium.conserving import conserving_values
+from ..medium.kept_averages import conserving_values, cut_and_kept
+from ..medium.refined import cells_of_four, quarters
 from .line_integrals import NotLinearError
 
 SAMPLES_A_CELL = 4.0
@@ -31,30 +32,23 @@ class MeshIntegrals:
         length: Length of each ray in the mesh [m], shape (n,).
     """
 
-    def __init__(self, mesh: QuadMesh, start: np.ndarray, direction: np.ndarray):
+    def __init__(self, mesh: QuadMesh, start: np.ndarray, direction: np.ndarray, interpolation: str | None = None):
         """Look up the cells.
 
         Args:
             mesh: The mesh.
             start: Where the rays start [m], shape (n, 3).
             direction: Their direction, a unit vector, shape (3,).
+            interpolation: Of averages over cells: "conserving" on cells cut in four; None or "bilinear" on these cells.
 
         Raises:
             NotLinearError: More samples than are worth a matrix.
         """
-        self.mesh = mesh
-        reach = self._reach(start, direction)
-        longest = float(reach.max(initial=0.0))
-        count = int(np.clip(np.ceil(longest * SAMPLES_A_CELL / np.median(mesh.cell_size)), LEAST_SAMPLES, MOST_SAMPLES))
-        if count * len(start) > MOST_LOOKED_UP:
-            raise NotLinearError(f"{count * len(start):.1e} samples of a mesh are more than are worth a matrix")
-        rows = max(1, CHUNK // count)
-        parts = [
-            self._rows(start[first : first + rows], direction, reach[first : first + rows], count)
-            for first in range(0, len(start), rows)
-        ]
-        self._matrix = sparse.csr_matrix(sparse.vstack(parts))
-        self.length = np.asarray(self._matrix.sum(axis=1)).ravel()
+        self.mesh, self._start, self._direction = mesh, start, direction
+        self._reaches = self._reach(start, direction)
+        self._cuts = interpolation == "conserving" and mesh.parents is None
+        self._matrices: dict[bool, sparse.csr_matrix] = {}
+        self.length = np.asarray(self._matrix(self._cuts).sum(axis=1)).ravel()
         self.inside = self.length > 0.0
 
     def __call__(self, samples: Any, ambient: float = 0.0, device: str | None = None) -> np.ndarray:
@@ -63,9 +57,28 @@ class MeshIntegrals:
         They are summed on the processor, whatever the device.
         """
         values = np.asarray(host_array(samples), dtype=np.float64).ravel()
-        if values.size == len(self.mesh.cells):
+        cuts = self._cuts and values.size == len(self.mesh.cells)
+        if cuts:
+            values = cut_and_kept(self.mesh, values, 0.0 if values.min() > 0.0 else -np.inf)[1]
+        elif values.size == len(self.mesh.cells):
             values = conserving_values(self.mesh, values)
-        return np.asarray(self._matrix @ values - ambient * self.length)
+        return np.asarray(self._matrix(cuts) @ values - ambient * self.length)
+
+    def _matrix(self, cuts: bool) -> sparse.csr_matrix:
+        """The map of values at the mesh's vertices, or at those of the cells cut in four; made when it is asked for."""
+        if cuts not in self._matrices:
+            reach, start = self._reaches, self._start
+            cells = float(reach.max(initial=0.0)) / np.median(self.mesh.cell_size)
+            count = int(np.clip(np.ceil(cells * SAMPLES_A_CELL), LEAST_SAMPLES, MOST_SAMPLES))
+            if count * len(start) > MOST_LOOKED_UP:
+                raise NotLinearError(f"{count * len(start):.1e} samples of a mesh are more than are worth a matrix")
+            rows = max(1, CHUNK // count)
+            parts = [
+                self._rows(start[first : first + rows], reach[first : first + rows], count, cuts)
+                for first in range(0, len(start), rows)
+            ]
+            self._matrices[cuts] = sparse.csr_matrix(sparse.vstack(parts))
+        return self._matrices[cuts]
 
     def _reach(self, start: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """Length of each ray beyond which there is no mesh [m], shape (n,)."""
@@ -84,19 +97,23 @@ class MeshIntegrals:
             raise NotLinearError("rays along a planar mesh never leave it")
         return np.maximum(np.min(ends, axis=0), 0.0)
 
-    def _rows(self, start: np.ndarray, direction: np.ndarray, reach: np.ndarray, count: int) -> sparse.csr_matrix:
+    def _rows(self, start: np.ndarray, reach: np.ndarray, count: int, cuts: bool) -> sparse.csr_matrix:
         """The rows of the matrix of some rays."""
         way = (np.arange(count) + 0.5) / count * reach[:, None]
-        points = (start[:, None, :] + way[..., None] * direction).reshape(-1, 3)
+        points = (start[:, None, :] + way[..., None] * self._direction).reshape(-1, 3)
         axisymmetric = self.mesh.geometry == "axisymmetric"
         first = np.hypot(points[:, 0], points[:, 1]) if axisymmetric else points[:, 1]
         local = np.stack([first, points[:, 2]], axis=1)
         cell = self.mesh.locate(local)
         held = np.flatnonzero(cell >= 0)
         xi, eta = self.mesh.local_coordinates(cell[held], local[held])
+        mesh, part = self.mesh, cell[held]
+        if cuts:
+            mesh, quarter, xi, eta = cells_of_four(mesh), *quarters(xi, eta)
+            part = 4 * part + quarter
         weight = np.stack([(1 - xi) * (1 - eta), xi * (1 - eta), xi * eta, (1 - xi) * eta], axis=1)
         ray = held // count
         weight *= (reach / count)[ray][:, None]
-        columns = self.mesh.cells[cell[held]]
-        shape = (len(start), len(self.mesh.vertices))
+        columns = mesh.cells[part]
+        shape = (len(start), len(mesh.vertices))
         return sparse.csr_matrix((weight.ravel(), (np.repeat(ray, 4), columns.ravel())), shape=shape)

@@ -16,6 +16,7 @@ from ..device_arrays import host_array
 from ..flow import DensityField, Series, refractivity_model
 from ..flow.gas import GREATEST_DENSITY
 from ..medium import IndexField, QuadMesh
+from ..medium.refined import has_seam
 from ..rays import Pupil, RayBundle
 from ..tracing import Plane
 from ..tracing.engines.choice import choose_backend
@@ -149,9 +150,11 @@ class Snapshots:
         if self.model.composition is not None:
             raise NotLinearError("a composition of species is traced")
         if isinstance(mesh, QuadMesh):
-            if self.way.interpolation not in (None, "bilinear"):
+            if self.way.interpolation not in (None, "conserving", "bilinear"):
                 raise NotLinearError(f"interpolation {self.way.interpolation!r} of a mesh is traced")
-            return MeshIntegrals(mesh, self.grid.points, self.way.direction)
+            if self.way.interpolation == "conserving" and has_seam(mesh):
+                raise NotLinearError("a mesh that closes on itself in a seam is not cut")
+            return MeshIntegrals(mesh, self.grid.points, self.way.direction, self.way.interpolation)
         interpolation = self.way.interpolation or "cubic"
         return LineIntegrals(mesh, self.grid.points, self.way.direction, interpolation)
 

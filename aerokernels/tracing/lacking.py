@@ -1,6 +1,6 @@
 """What the interpolant of a flow given by averages over cells lacks of those averages, along undisturbed rays.
 
-A continuous interpolant keeps the average of a cell but for what medium/conserving.py leaves: much beside a captured
+A continuous interpolant keeps the average of a cell but for what medium/kept_averages.py leaves: much beside a captured
 shock, next to nothing elsewhere. Each cell's lack over the ray's way in it is what the interpolant misses of the line
 integral, as far as averages define one: where in a cell the gas is, they do not say.
 """

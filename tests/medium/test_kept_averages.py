@@ -157,3 +157,11 @@ def test_layers_at_walls(share):
         off.append(error)
     assert error < np.hypot(result.error["interpolation"], result.error["resampling"]) / scale
     assert off[1] < (0.5 if share > 0.2 else 1.0) * off[0]
+
+
+def test_a_mesh_that_closes_on_itself_is_not_cut():
+    angle, r = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 9), [1.0, 2.0], indexing="ij")
+    y, z = r * np.cos(angle), r * np.sin(angle)
+    y[-1], z[-1] = y[0], z[0]
+    with pytest.raises(ValueError, match=r"closes on itself in a seam.*take 'bilinear'"):
+        IndexField.from_mesh(QuadMesh.structured(y, z), np.zeros(8), interpolation="conserving")

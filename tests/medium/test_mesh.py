@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from aerokernels import IndexField, QuadMesh, flow
 from aerokernels.medium.bilinear import bilinear_point, contains, invert_bilinear
 from aerokernels.medium.grid import eq5_step
-from aerokernels.medium.refined import refined
+from aerokernels.medium.refined import cells_of_four, has_seam, quarters, refined
 
 
 def curvilinear(seed: int = 0, shape=(9, 13), geometry: str = "planar", turned: bool = False) -> QuadMesh:
@@ -252,3 +252,21 @@ def test_eq_5_of_a_mesh_takes_the_difference_over_the_corners_of_a_cell():
     field = IndexField.from_mesh(QuadMesh.structured(y, z, "planar"), contrast)
     expected = eq5_step(np.array([4e-4, 6e-4]), field.mesh.cell_size)
     np.testing.assert_allclose(field.samples.paper_step, expected, rtol=1e-13)
+
+
+def test_places_in_a_cell_are_found_in_its_parts():
+    """Set-up: 500 places in skewed cells. Expected: the part's bilinear map leads there too, 1e-14; no seam."""
+    y, z = np.meshgrid([0.0, 1.0, 2.2], [0.0, 1.3, 2.0], indexing="ij")
+    mesh = QuadMesh.structured(y + 0.2 * z, z + 0.1 * y * z)
+    places = mesh.places(np.random.default_rng(1).uniform(0.0, 2.0, (500, 2)))
+    part, u, v = quarters(*places.local)
+    a, b, c, d = cells_of_four(mesh).corners[4 * places.cell + part].swapaxes(0, 1)
+    u, v = u[:, None], v[:, None]
+    found = (1 - u) * (1 - v) * a + u * (1 - v) * b + u * v * c + (1 - u) * v * d
+    assert len(places.rows) > 100 and np.abs(found - places.points[places.rows]).max() < 1e-14
+    assert 0.0 <= min(u.min(), v.min()) and max(u.max(), v.max()) <= 1.0
+    angle, r = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 9), [1.0, 2.0], indexing="ij")
+    ring = r * np.cos(angle), r * np.sin(angle)
+    for values in ring:
+        values[-1] = values[0]
+    assert has_seam(QuadMesh.structured(*ring)) and not has_seam(mesh)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels import IndexField, QuadMesh, flow
-from aerokernels.medium.conserving import conserving_values, what_is_lacking
+from aerokernels.medium.kept_averages import conserving_values, what_is_lacking
 from aerokernels.medium.vertex_values import of_parents, vertex_gradients, vertex_values
 
 WAVELENGTH = 905e-9

@@ -14,7 +14,7 @@ from aerokernels import flow, fragile
 from aerokernels.flow.reading.polygon_cells import Polygons
 from aerokernels.flow.reading.polygons import quad_mesh
 from aerokernels.medium import QuadMesh
-from aerokernels.medium.conserving import conserving_values
+from aerokernels.medium.kept_averages import conserving_values
 from aerokernels.validation.damaged_files import DamagedCopies
 
 

@@ -1,0 +1,70 @@
+"""What each vertex of a mesh of parts stands for in each of the flow's cells, as sparse matrices."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..derived import Derived
+from .mesh import QuadMesh
+
+
+@dataclass(frozen=True, eq=False)
+class CellShares(Derived):
+    """Weights of vertices in the averages over the flow's cells.
+
+    Attributes:
+        share: Weights [m2, if axisymmetric m3 a radian], sparse, shape (flow's cells, vertices).
+        turned: Its transpose, by rows.
+        area: Area of each of the flow's cells [m2], shape (flow's cells,).
+        center: Mean of the centroids of its parts [m], shape (flow's cells, 2).
+    """
+
+    share: Any
+    turned: Any
+    area: np.ndarray
+    center: np.ndarray
+
+    @cached_property
+    def size(self) -> np.ndarray:
+        """What each cell is given in all, shape (flow's cells,)."""
+        return np.asarray(self.share.sum(axis=1))
+
+    @cached_property
+    def whole(self) -> np.ndarray:
+        """What each vertex stands for in all, shape (vertices,)."""
+        return np.asarray(self.share.sum(axis=0))
+
+    @cached_property
+    def alone(self) -> np.ndarray:
+        """Which vertices one cell has for itself, shape (vertices,)."""
+        return np.diff(self.turned.indptr) == 1
+
+    @cached_property
+    def across(self) -> Any:
+        """Which cells lie side by side, behind an edge: sparse, shape (flow's cells, flow's cells), itself included."""
+        edge = self.turned[np.flatnonzero(np.diff(self.turned.indptr) == 2)].astype(bool).astype(np.int32)
+        return (edge.T @ edge).tocsr()
+
+    def lacks(self, average: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """The averages less the means of values, shape (flow's cells,)."""
+        return np.asarray(average - (self.share @ values) / self.size)
+
+
+def cell_shares(mesh: QuadMesh) -> CellShares:
+    """The shares of a mesh; made once."""
+    return mesh.derive("cell shares", lambda: _made(mesh))
+
+
+def _made(mesh: QuadMesh) -> CellShares:
+    from scipy.sparse import csr_array
+
+    parents = np.arange(len(mesh.cells)) if mesh.parents is None else mesh.parents
+    count = int(parents.max()) + 1
+    rows, columns = np.repeat(parents, 4), mesh.cells.ravel()
+    share = csr_array((mesh.corner_weights.ravel(), (rows, columns)), shape=(count, len(mesh.vertices)))
+    share.sum_duplicates()
+    area = np.bincount(parents, mesh.cell_area)
+    middle = np.stack([np.bincount(parents, mesh.cell_area * c) for c in mesh.cell_centroid.T], axis=1)
+    return CellShares(share, share.T.tocsr(), area, middle / area[:, None])
