@@ -21,12 +21,13 @@ import resource
 import sys
 import time
 import tomllib
+from collections import Counter
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 from mutant_forks import Waiting, fast, forked, imported, in_turn
-from mutants import ROOT, Mutant, changes, places
+from mutants import ROOT, RULES, Mutant, changes, places
 
 CORE: list[str] = tomllib.loads((ROOT / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))["modules"]
 MADE = ROOT / "scripts" / "mutated_tests.json"  # by scripts/mutated_tests
@@ -132,12 +133,19 @@ def main() -> int:
     parser.add_argument("--processes", type=int, default=1, help="mutants at a time")
     parser.add_argument("--out", type=Path, help="write every answer to this file, a JSON object a line")
     parser.add_argument("--verbose", action="store_true", help="tell which test catches which mutant")
+    parser.add_argument("--rules", action="store_true", help="count what each rule leaves out, and try nothing")
     given = parser.parse_args()
     if unknown := set(given.modules) - set(CORE):
         parser.error(f"no module {', '.join(sorted(unknown))}: choose of {', '.join(CORE)}")
-    _prepare()
     chosen = given.modules or CORE
-    every = {module: changes(module, (ROOT / "aerokernels" / module).read_text("utf-8")) for module in chosen}
+    left_out: Counter[str] = Counter()
+    texts = {module: (ROOT / "aerokernels" / module).read_text("utf-8") for module in chosen}
+    every = {module: changes(module, text, left_out) for module, text in texts.items()}
+    if given.rules:
+        print("\n".join(f"{left_out[rule]} {rule}: {said}" for rule, said in RULES.items()))
+        print(f"{sum(map(len, every.values()))} mutants are left")
+        return 0
+    _prepare()
     draw, end = random.Random(given.seed), time.monotonic() + 60.0 * given.minutes
     if given.total is None:
         parts = [draw.sample(found, min(given.count, len(found))) for found in every.values()]
