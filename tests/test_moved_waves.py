@@ -70,7 +70,7 @@ def test_x_and_y_may_be_exchanged(kind: type):
 
 
 def test_both_kinds_of_slabs_hold_the_same_path():
-    """Sums over coefficients and sampled layers, over all the way: they may differ by what sums leave out at each end."""
+    """Sums over coefficients and sampled layers, over all the way, to what sums leave out at each end."""
     x, y = PITCH * np.linspace(-3.0, 2.0, 6), PITCH * np.linspace(-2.0, 3.0, 6)
     center = np.array([2.0 * PITCH, -PITCH, lumps().box[0][2]])
     whole = [slabs(kind, lumps(), center).taken(x, y, 8).sum(axis=0) for kind in KINDS]
