@@ -8,28 +8,11 @@ from aerokernels.medium import Body
 from aerokernels.waves.layers import layer_count, span_of
 from aerokernels.waves.shadows import SlabsPastBody
 from aerokernels.waves.slabs import FINEST, LEFT_OUT, LookingAlong, SlabsAlongZ, SlabsOfLayers, is_summed
+from tests.moved_air import PITCH, lumps
 from tests.phase_plates import WAVELENGTH
 
-PITCH = 2.0**-10  # [m]; a power of two: moving by whole cells rounds nothing
 AXES = (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
 UP = np.array([0.0, 0.0, 1.0])
-
-
-def lumps(move=(0.0, 0.0, 0.0), turned: bool = False, interpolation: str = "cubic") -> IndexField:
-    """Two unlike lumps in a box of 16 x 20 x 24 cells; turned: x and y exchanged."""
-    shape = (17, 21, 25)
-    place = [PITCH * (np.arange(count) - count // 2) for count in shape]
-    x, y, z = np.meshgrid(*place, indexing="ij")
-    contrast = 2e-6 * np.exp(-((x - 2e-3) ** 2 + (y - 4e-3) ** 2 + z**2) / 4e-3**2)
-    contrast += 1e-6 * np.exp(-((x + 3e-3) ** 2 + (y + 1e-3) ** 2 + (z - 5e-3) ** 2) / 3e-3**2)
-    origin = [float(axis[0]) for axis in place]
-    if turned:
-        contrast, origin = np.ascontiguousarray(contrast.swapaxes(0, 1)), [origin[1], origin[0], origin[2]]
-    origin = [start + step for start, step in zip(origin, move, strict=True)]
-    spacing = (PITCH,) * 3
-    return IndexField.from_samples(
-        contrast, origin=origin, spacing=spacing, geometry="volume", interpolation=interpolation
-    )
 
 
 def slabs(kind: type, field: IndexField, center: np.ndarray):
