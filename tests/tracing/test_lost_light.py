@@ -28,7 +28,7 @@ WITHIN = np.exp(2.0 * CELL / SCALE)  # the greatest of the two cells behind a fa
 @pytest.mark.parametrize("beside", [1e-4, 3e-4, 6e-4])
 @pytest.mark.parametrize("ahead", [1e-3, 5e-3])
 def test_a_ray_beside_the_box_passes_what_the_air_has_fallen_to(beside: float, ahead: float):
-    """Contrast at the face times exp(-d / s) times the length of the box; up to a cell farther away, and up to two deeper.
+    """Contrast at the face times exp(-d / s) times the box's length; up to a cell farther away, up to two deeper.
 
     A plane across the ray loses the same, and so does a longer way behind the box.
     """
