@@ -1,13 +1,13 @@
 """What a mutant is: every change of one operator, comparison, number or condition of a module, and where it stands.
 
-Left out is what cannot change a result: texts, annotations, messages of exceptions and warnings, and what is computed
-for these in a block that ends in an exception, decorators of classes, whether arrays are read-only,
-`__repr__` and pictures, and lines whose comment ends with `speed only`: how much is computed at a time, or is kept.
+Left out is what cannot change a result, by the rules of RULES and by no other: that no test notices a change is none.
+`scripts/mutate --rules` counts what each of them leaves out. Two changes that give the same program are one mutant.
 """
 
 import ast
 import copy
 import tomllib
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -16,6 +16,22 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[1]
 WITHOUT_EFFECT = tomllib.loads((ROOT / "scripts" / "mutants_without_effect.toml").read_text(encoding="utf-8"))
 SPEED_ONLY = "speed only"  # at the end of a comment
+SMALLEST = 1e-100  # a number below it is there against 0 / 0: twice as much is as far below all that occurs
+WITHOUT_ANSWER = {  # what of a call is a promise of the caller's, or a matter of speed: its numbers and truths
+    "zip": {"strict"}, "einsum": {"optimize"}, "setdiff1d": {"assume_unique"}, "solve_banded": {"check_finite"},
+    "field": {"repr"},
+}  # fmt: skip
+RULES = {
+    "texts": "messages of exceptions and warnings, and what is computed for them in a block that ends in an exception",
+    "types": "annotations, decorators, and blocks for type checkers",
+    "shown": "`__repr__`, `_repr_html_`, `plot`, and what a command tells of its progress",
+    "read-only": "whether arrays can be written to",
+    "keywords": "`strict` of zip, which nothing meets, `optimize` of einsum, `overwrite_..`, `assume_unique`, "
+    "`check_finite`, and `repr` of a field",
+    "speed": "lines whose comment ends with `speed only`: how much is computed at a time, or is kept",
+    "guards": "numbers below 1e-100, which keep 0 / 0 away, whether added or subtracted",
+    "reshape": "by which negative number reshape is told to find a side itself",
+}
 OTHER: dict[type, type] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Div, ast.Mod: ast.Mult,
     ast.Pow: ast.Mult, ast.MatMult: ast.Mult, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd, ast.Lt: ast.LtE,
@@ -44,48 +60,82 @@ class Mutant(NamedTuple):
         return any(one["code"] == self.code and self.told in one["changes"] for one in judged)
 
 
-def changes(module: str, text: str) -> list[Mutant]:
-    """Every mutant of a module."""
-    tree, lines, left_alone = ast.parse(text), text.splitlines(), set()
+def changes(module: str, text: str, left_out: Counter[str] | None = None) -> list[Mutant]:
+    """Every mutant of a module; `left_out` counts what each rule leaves out."""
+    tree, lines = ast.parse(text), text.splitlines()
+    hidden: dict[int, str] = {}
     for node in ast.walk(tree):
-        for one in _hidden(node):
-            left_alone |= {id(inner) for inner in ast.walk(one)} if one is not None else set()
+        for rule, one in _hidden(node):
+            hidden |= {id(inner): rule for inner in ast.walk(one)}
     inside: dict[int, tuple[str, frozenset[str]]] = {}
     places(tree, "", inside)
     found = []
     for number, node in enumerate(ast.walk(tree)):
         line = getattr(node, "lineno", 0)
         last = getattr(node, "end_lineno", line)
-        if id(node) in left_alone or any(one.endswith(SPEED_ONLY) for one in lines[line - 1 : last]):
-            continue
+        rule = hidden.get(id(node)) or _without_effect(node)
+        if rule is None and any(one.endswith(SPEED_ONLY) for one in lines[line - 1 : last]):
+            rule = "speed"
         for told, change in _of(node):
+            if rule is not None:
+                if left_out is not None:
+                    left_out[rule] += 1
+                continue
             function, names = inside.get(id(node), ("", frozenset()))
             code = lines[line - 1].strip()
             found.append(Mutant(module, line, code, told, function, names, partial(_mutant, tree, number, change)))
     return found
 
 
-def _hidden(node: ast.AST) -> list[ast.AST | None]:
-    """What of a node cannot change a result."""
+def _hidden(node: ast.AST) -> list[tuple[str, ast.AST]]:
+    """What of a node cannot change a result, with all that is in it, and the rule that says so."""
     if isinstance(node, (ast.Raise, ast.JoinedStr)):
-        return [node]
+        return [("texts", node)]
     if isinstance(node, ast.FunctionDef):
         arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
-        shown = [node] if node.name in ("__repr__", "_repr_html_", "plot") else []
-        return [node.returns, *(one.annotation for one in arguments), *node.decorator_list, *shown]
+        types = [node.returns, *(one.annotation for one in arguments), *node.decorator_list]
+        shown = [("shown", node)] if node.name in ("__repr__", "_repr_html_", "plot") else []
+        return [*(("types", one) for one in types if one is not None), *shown]
     if isinstance(node, ast.ClassDef):  # what a dataclass refuses is no answer
-        return [*node.decorator_list]
+        return [("types", one) for one in node.decorator_list]
     if isinstance(node, ast.AnnAssign):
-        return [node.annotation]
-    if isinstance(node, ast.Call) and ast.unparse(node.func) in ("warnings.warn", "_warn"):
-        return [node]
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "setflags":
-        return [node]
+        return [("types", node.annotation)]
+    if isinstance(node, ast.Call):
+        return _hidden_of_call(node)
     if not isinstance(node, ast.If):
         return []
     if ast.unparse(node.test) == "TYPE_CHECKING":
-        return [node]
-    return [one for block in (node.body, node.orelse) if _only_refuses(block) for one in block]
+        return [("types", node)]
+    return [("texts", one) for block in (node.body, node.orelse) if _only_refuses(block) for one in block]
+
+
+def _hidden_of_call(node: ast.Call) -> list[tuple[str, ast.AST]]:
+    name = ast.unparse(node.func).rpartition(".")[2]
+    if ast.unparse(node.func) in ("warnings.warn", "_warn"):
+        return [("texts", node)]
+    if name == "progress":
+        return [("shown", node)]
+    if isinstance(node.func, ast.Attribute) and name == "setflags":
+        return [("read-only", node)]
+    if isinstance(node.func, ast.Attribute) and name == "reshape":
+        negative = [one for one in node.args if isinstance(one, ast.UnaryOp) and isinstance(one.op, ast.USub)]
+        return [("reshape", one.operand) for one in negative]
+    told = WITHOUT_ANSWER.get(name, set())
+    return [
+        ("keywords", one.value)
+        for one in node.keywords
+        if isinstance(one.value, ast.Constant) and one.arg and (one.arg in told or one.arg.startswith("overwrite_"))
+    ]
+
+
+def _without_effect(node: ast.AST) -> str | None:
+    """The rule by which a node itself is left alone, not what is in it."""
+
+    def is_guard(one: ast.AST) -> bool:
+        return isinstance(one, ast.Constant) and isinstance(one.value, float) and 0.0 < one.value < SMALLEST
+
+    added = isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub)) and is_guard(node.right)
+    return "guards" if is_guard(node) or added else None
 
 
 def _only_refuses(block: list[ast.stmt]) -> bool:
@@ -148,5 +198,10 @@ def _of(node: ast.AST):
     elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
         value = node.value + 1 if isinstance(node.value, int) else (2.0 * node.value or 1.0)
         yield f"{node.value} -> {value}", number(value)
-    elif isinstance(node, (ast.If, ast.IfExp, ast.While)):
+    elif isinstance(node, (ast.If, ast.IfExp, ast.While)) and not _is_turned_already(node.test):
         yield "condition -> not", lambda inner: setattr(inner, "test", ast.UnaryOp(ast.Not(), inner.test))
+
+
+def _is_turned_already(test: ast.expr) -> bool:
+    """Whether a condition is one comparison, which a mutant of its own turns into the opposite."""
+    return isinstance(test, ast.Compare) and len(test.ops) == 1

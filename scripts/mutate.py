@@ -13,9 +13,6 @@ touched: each mutant lives in a forked process. Needs `fork`.
 import argparse
 import ast
 import contextlib
-import gc
-import importlib.abc
-import importlib.util
 import itertools
 import json
 import os
@@ -24,178 +21,17 @@ import resource
 import sys
 import time
 import tomllib
-import types
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-from mutants import ROOT, Mutant, changes, places
+from mutant_forks import Waiting, fast, forked, imported, in_turn
+from mutants import ROOT, RULES, Mutant, changes, places
 
 CORE: list[str] = tomllib.loads((ROOT / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))["modules"]
 MADE = ROOT / "scripts" / "mutated_tests.json"  # by scripts/mutated_tests
-SECONDS = 6.0  # of tests for one mutant
-BROKEN = 99  # status of a process in which no test could be run
-OPTIONS = ("-q", "-p", "no:cacheprovider", "--hypothesis-seed=0")
-
-
-class _Mutated(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Gives the mutant in place of its module."""
-
-    def __init__(self, name: str, path: Path, tree: ast.Module | None):
-        self.name, self.path, self.tree = name, path, tree
-
-    def find_spec(self, name, path=None, target=None):
-        """Only the one module."""
-        return importlib.util.spec_from_loader(name, self, origin=str(self.path)) if name == self.name else None
-
-    def exec_module(self, module) -> None:
-        """Run the mutant."""
-        module.__file__ = str(self.path)
-        tree = self.tree if self.tree is not None else ast.parse(self.path.read_text(encoding="utf-8"))
-        exec(compile(ast.fix_missing_locations(tree), str(self.path), "exec"), module.__dict__)
-
-
-class _Fast:
-    """Plugin of pytest: each mutant of a function in a fork of the process that has collected the tests.
-
-    Only its code is changed: what was called when modules were imported may stand in a constant.
-    """
-
-    def __init__(self, waiting: list[tuple[Mutant, list[str], float]], end: float, tell: int):
-        self.waiting, self.end, self.tell = waiting, end, tell
-        self.called: set[tuple[str, str]] = set()
-        self.sound: dict[tuple[str, ...], bool] = {}
-
-    def pytest_sessionstart(self) -> None:
-        """Note what is called from now on."""
-        core = str(ROOT / "aerokernels")
-
-        def note(frame, event, _) -> None:
-            if event == "call" and frame.f_code.co_filename.startswith(core):
-                self.called.add((frame.f_code.co_filename, frame.f_code.co_qualname.split(".<locals>")[0]))
-
-        sys.setprofile(note)
-        for module in CORE:
-            importlib.import_module(_dotted(module))
-        sys.setprofile(None)
-
-    def pytest_runtestloop(self, session) -> bool:
-        """All mutants in turn."""
-        items = {item.nodeid: item for item in session.items}
-        gc.unfreeze()
-        places = {}
-        for one in gc.get_objects():
-            if type(one) is types.FunctionType:
-                places.setdefault((one.__code__.co_filename, one.__code__.co_qualname), []).append(one)
-        gc.freeze()
-        with os.fdopen(self.tell, "w", encoding="utf-8") as out:
-            for place, (mutant, names, limit) in enumerate(self.waiting):
-                if time.monotonic() > self.end:
-                    break
-                tests = {name: items[name] for name in names if name in items}  # one may be gone since
-                functions = places.get((str(ROOT / "aerokernels" / mutant.module), mutant.function), [])
-                print(json.dumps([place, *self._answer(mutant, functions, tests, limit)]), file=out, flush=True)
-        return True
-
-    def _answer(self, mutant: Mutant, functions: list, tests: dict, limit: float) -> tuple[str, str]:
-        """What becomes of a mutant, and the test that tells."""
-        if not tests or not functions or mutant.names:
-            return "slow", ""
-        outcome, failed = _forked(partial(_swapped, mutant, functions, list(tests.values())), limit)
-        if outcome == "passed":
-            code = functions[0].__code__
-            return "slow" if (code.co_filename, code.co_qualname) in self.called else "alive", ""
-        key = (failed,) if failed else tuple(tests)  # all, where they took too long
-        if key not in self.sound:
-            again = [one for name, one in tests.items() if name in key]
-            self.sound[key] = _forked(partial(_swapped, mutant, [], again), limit)[0] == "passed"
-        return "caught" if self.sound[key] else "fails without a mutant", failed
-
-
-def _swapped(mutant: Mutant, functions: list[types.FunctionType], tests: list, tell: int) -> int:
-    """Run tests with another code in a function."""
-    codes = [compile(ast.fix_missing_locations(mutant.tree()), str(ROOT / "aerokernels" / mutant.module), "exec")]
-    for one in codes:
-        codes += [inner for inner in one.co_consts if isinstance(inner, types.CodeType)]
-    for function in functions:
-        old = function.__code__
-        function.__code__ = next(
-            one for one in codes if (one.co_qualname, one.co_firstlineno) == (old.co_qualname, old.co_firstlineno)
-        )
-    watch = _Watch([], tell)
-    tests[0].config.pluginmanager.register(watch)
-    for item, following in zip(tests, [*tests[1:], None], strict=True):
-        item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-        if watch.failed:
-            return 1
-    return 0
-
-
-class _Watch:
-    """Plugin of pytest: tests in the order of their cost, and the name of the one that fails."""
-
-    def __init__(self, names: list[str], tell: int):
-        self.rank = {_test_of(name): place for place, name in reversed([*enumerate(names)])}
-        self.tell, self.failed = tell, False
-
-    def pytest_collection_finish(self, session) -> None:
-        """Those asked for alone, all their cases, the quick ones first."""
-        session.items[:] = sorted(
-            (item for item in session.items if _test_of(item.nodeid) in self.rank),
-            key=lambda item: self.rank[_test_of(item.nodeid)],
-        )
-
-    def pytest_runtest_logreport(self, report) -> None:
-        """Tell what fails."""
-        if report.failed:
-            self.failed = True
-            os.write(self.tell, report.nodeid.encode())
-
-
-def _imported(mutant: Mutant, tree: ast.Module | None, names: list[str], tell: int) -> int:
-    """Run tests with a tree in place of the mutant's module, in a process that has not imported the package."""
-    import pytest
-
-    sys.meta_path.insert(0, _Mutated(_dotted(mutant.module), ROOT / "aerokernels" / mutant.module, tree))
-    files = dict.fromkeys(name.partition("::")[0] for name in names)
-    return int(pytest.main(["-x", *OPTIONS, *files], plugins=[_Watch(names, tell)]))
-
-
-def _test_of(name: str) -> str:
-    return name.partition("[")[0]
-
-
-def _dotted(module: str) -> str:
-    return "aerokernels." + module.removesuffix(".py").replace("/", ".")
-
-
-def _forked(run: Callable[[int], int], seconds: float) -> tuple[str, str]:
-    """Whether it "passed" in a forked process, "failed", or was "killed" after so many seconds; and what it told."""
-    told, tell = os.pipe()
-    child = os.fork()
-    if not child:
-        status = 1
-        with contextlib.suppress(BaseException):
-            hush = os.open(os.devnull, os.O_RDWR)
-            for stream in (0, 1, 2):
-                os.dup2(hush, stream)
-            resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 2))
-            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-            status = BROKEN
-            status = run(tell)
-        os._exit(min(status, 100))
-    os.close(tell)
-    end = time.monotonic() + 10.0 * seconds + 60.0
-    while not os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT):
-        if time.monotonic() > end:
-            os.kill(child, 9)
-        time.sleep(0.01)
-    _, status = os.waitpid(child, 0)
-    failed = os.read(told, 10_000).decode()
-    os.close(told)
-    if os.WIFEXITED(status) and os.WEXITSTATUS(status) == BROKEN:
-        raise SystemExit("tests could not be run")
-    return "killed" if os.WIFSIGNALED(status) else "failed" if status else "passed", failed
+SECONDS = 20.0  # of tests for one mutant
 
 
 class Suite:
@@ -235,51 +71,37 @@ class Suite:
         """Seconds of computing that they may take."""
         return 3.0 * sum(self.cost[name] for name in self.tests(mutant)) + 10.0
 
-    def caught(self, mutants: list[Mutant], end: float) -> Iterator[tuple[Mutant, bool, str]]:
-        """Whether a test notices each mutant, and which; fewer than there are where the time is over."""
-        waiting = [(mutant, self.tests(mutant), self.limit(mutant)) for mutant in mutants]
-        for place, answer, failed in list(_fast(waiting, end)):
-            mutant, names, limit = waiting[place]
-            if answer == "slow" and names:
-                answer, failed = self._slow(mutant, names, limit)
-            why = failed if answer == "caught" else "" if answer == "alive" else answer if names else "no test runs it"
-            yield mutant, answer == "caught", why
+    def caught(
+        self, mutants: list[Mutant], end: float, processes: int
+    ) -> Iterator[tuple[Mutant, bool, str, list[str]]]:
+        """Whether a test notices each mutant, which, and its tests; fewer than there are where the time is over."""
+        waiting = [Waiting(mutant, self.tests(mutant), self.limit(mutant)) for mutant in mutants]
+        slow = []
+        for place, answer, failed in fast(waiting, processes, end):
+            if answer == "slow" and waiting[place].names:
+                slow.append(place)
+            else:
+                yield self._told(waiting[place], answer, failed)
+        for place, answer, failed in in_turn(slow, lambda place: self._slow(*waiting[place], end), processes, end):
+            yield self._told(waiting[place], answer, failed)
 
-    def _slow(self, mutant: Mutant, names: list[str], limit: float) -> tuple[str, str]:
+    def _told(self, one: Waiting, answer: str, failed: str) -> tuple[Mutant, bool, str, list[str]]:
+        why = failed if answer == "caught" else "" if answer == "alive" else answer if one.names else "no test runs it"
+        return one.mutant, answer == "caught", why, one.names
+
+    def _slow(self, mutant: Mutant, names: list[str], limit: float, end: float) -> tuple[str, str]:
         """The answer where the module is imported with the mutant in it."""
-        outcome, failed = _forked(partial(_imported, mutant, mutant.tree(), names), limit)
+        outcome, failed = forked(partial(imported, mutant, mutant.tree(), names), limit, end)
         if outcome == "passed":
             return "alive", ""
+        if outcome not in ("failed", "killed"):
+            return outcome, ""
         if outcome == "failed" and not failed:  # it could not be imported
             return "caught", ""
         key = (failed,) if failed else tuple(names)
         if key not in self.sound:
-            self.sound[key] = _forked(partial(_imported, mutant, None, list(key)), limit)[0] == "passed"
+            self.sound[key] = forked(partial(imported, mutant, None, list(key)), limit, end)[0] == "passed"
         return "caught" if self.sound[key] else "fails without a mutant", failed
-
-
-def _fast(waiting: list[tuple[Mutant, list[str], float]], end: float) -> list[tuple[int, str, str]]:
-    """What the forks of one process find."""
-    told, tell = os.pipe()
-    child = os.fork()
-    if not child:
-        status = 1
-        with contextlib.suppress(BaseException):
-            os.close(told)
-            hush = os.open(os.devnull, os.O_RDWR)
-            for stream in (0, 1):
-                os.dup2(hush, stream)
-            import pytest
-
-            files = sorted({name.split("::")[0] for _, names, _ in waiting for name in names})
-            status = int(pytest.main([*OPTIONS, "-s", *files], plugins=[_Fast(waiting, end, tell)]))
-        os._exit(min(status, 100))
-    os.close(tell)
-    with os.fdopen(told, encoding="utf-8") as lines:
-        found = [tuple(json.loads(line)) for line in lines]
-    if os.waitpid(child, 0)[1]:
-        raise SystemExit("the tests could not be collected: run them without mutants")
-    return found
 
 
 def _named(path: Path) -> dict[str, set[str]]:
@@ -308,13 +130,22 @@ def main() -> int:
     parser.add_argument("--total", type=int, help="instead: so many of all their mutants, each as likely as another")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no further mutant after this long")
+    parser.add_argument("--processes", type=int, default=1, help="mutants at a time")
+    parser.add_argument("--out", type=Path, help="write every answer to this file, a JSON object a line")
     parser.add_argument("--verbose", action="store_true", help="tell which test catches which mutant")
+    parser.add_argument("--rules", action="store_true", help="count what each rule leaves out, and try nothing")
     given = parser.parse_args()
     if unknown := set(given.modules) - set(CORE):
         parser.error(f"no module {', '.join(sorted(unknown))}: choose of {', '.join(CORE)}")
-    _prepare()
     chosen = given.modules or CORE
-    every = {module: changes(module, (ROOT / "aerokernels" / module).read_text("utf-8")) for module in chosen}
+    left_out: Counter[str] = Counter()
+    texts = {module: (ROOT / "aerokernels" / module).read_text("utf-8") for module in chosen}
+    every = {module: changes(module, text, left_out) for module, text in texts.items()}
+    if given.rules:
+        print("\n".join(f"{left_out[rule]} {rule}: {said}" for rule, said in RULES.items()))
+        print(f"{sum(map(len, every.values()))} mutants are left")
+        return 0
+    _prepare()
     draw, end = random.Random(given.seed), time.monotonic() + 60.0 * given.minutes
     if given.total is None:
         parts = [draw.sample(found, min(given.count, len(found))) for found in every.values()]
@@ -323,8 +154,13 @@ def main() -> int:
         pool = [one for found in every.values() for one in found]
         waiting = draw.sample(pool, min(given.total, len(pool)))
     tried = []
-    for mutant, caught, why in Suite(every).caught(waiting, end):
+    for mutant, caught, why, names in Suite(every).caught(waiting, end, given.processes):
         tried.append((mutant, caught))
+        if given.out:
+            told = {"module": mutant.module, "line": mutant.line, "change": mutant.told, "code": mutant.code}
+            told |= {"function": mutant.function, "caught": caught, "why": why, "tests": len(names)}
+            with given.out.open("a", encoding="utf-8") as out:
+                print(json.dumps(told), file=out)
         if not caught or given.verbose:
             told = "caught" if caught else "without effect" if mutant.without_effect else "survives"
             why = f" ({why})" if why else ""

@@ -15,7 +15,6 @@ import functools
 import importlib
 import json
 import os
-import resource
 import signal
 import sys
 import time
@@ -31,7 +30,7 @@ MADE = ROOT / "scripts" / "mutated_tests.json"
 MEASURED = ROOT / "build" / "mutated_tests"
 MODULES = list(tomllib.loads((ROOT / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))["modules"])
 # Tests of whole commands, boards and documents run the core too, in minutes, or in other processes.
-FOLDERS = ("echo", "flow", "medium", "physics", "schlieren", "series", "tracing", ".")
+FOLDERS = ("echo", "flow", "flow/reading", "jobs", "medium", "physics", "schlieren", "series", "stress", "tracing", ".")
 
 
 class TooLong(BaseException):
@@ -216,17 +215,19 @@ def written(seconds: float, most: int) -> None:
     print(f"{len(functions_tests)} functions, {len(number)} tests; {len(bare)} functions that none of them runs")
 
 
-def measured(files: list[Path], longest: float, file_seconds: float, seconds: float) -> None:
-    """Measure files of tests, one after the other, until the time is over."""
+def measured(files: list[Path], longest: float, file_seconds: float, seconds: float, processes: int) -> None:
+    """Measure files of tests, some at a time and the largest first, until the time is over."""
     end = time.monotonic() + seconds
-    for file in files:
+    MEASURED.mkdir(parents=True, exist_ok=True)
+    running: dict[int, tuple[Path, float]] = {}
+    for file in sorted(files, key=lambda file: -file.stat().st_size):
         place = MEASURED / (str(file.relative_to(ROOT)).replace("/", "+") + ".json")
-        if time.monotonic() > end:
-            break
         if place.exists() and place.stat().st_mtime > file.stat().st_mtime:
             continue
-        began = time.monotonic()
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        if len(running) == processes:
+            _wait(running)
+        if time.monotonic() > end:
+            break
         child = os.fork()
         if not child:
             status = 1
@@ -235,16 +236,23 @@ def measured(files: list[Path], longest: float, file_seconds: float, seconds: fl
                 for stream in (0, 1):
                     os.dup2(hush, stream)
                 tests = measure(file, longest, file_seconds)
-                place.parent.mkdir(parents=True, exist_ok=True)
-                place.write_text(json.dumps(tests), encoding="utf-8")
+                written = place.with_suffix(".part")
+                written.write_text(json.dumps(tests), encoding="utf-8")
+                written.replace(place)
                 status = 0
             finally:
                 os._exit(status)
-        _, status = os.waitpid(child, 0)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        took = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-        told = f"{took:.0f} s of computing in {time.monotonic() - began:.0f} s, status {status}"
-        print(f"{file.relative_to(ROOT)}: {told}", flush=True)
+        running[child] = (file, time.monotonic())
+    while running:
+        _wait(running)
+
+
+def _wait(running: dict[int, tuple[Path, float]]) -> None:
+    """Wait until one of the processes ends, and tell what it took."""
+    child, status, used = os.wait4(-1, 0)
+    file, began = running.pop(child)
+    told = f"{used.ru_utime + used.ru_stime:.0f} s of computing in {time.monotonic() - began:.0f} s, status {status}"
+    print(f"{file.relative_to(ROOT)}: {told}", flush=True)
 
 
 def main() -> int:
@@ -253,8 +261,9 @@ def main() -> int:
     parser.add_argument("files", nargs="*", type=Path, help="files of tests; all that concern the core")
     parser.add_argument("--longest", type=float, default=10.0, help="seconds of computing that a test may take")
     parser.add_argument("--file-seconds", type=float, default=60.0, help="of a file; the rest of it is left out")
-    parser.add_argument("--seconds", type=float, default=6.0, help="of tests for a function")
-    parser.add_argument("--most", type=int, default=24, help="tests for a function")
+    parser.add_argument("--seconds", type=float, default=20.0, help="of tests for a function")
+    parser.add_argument("--most", type=int, default=48, help="tests for a function")
+    parser.add_argument("--processes", type=int, default=1, help="files at a time")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no further file after this long")
     given = parser.parse_args()
     os.chdir(ROOT)
@@ -271,7 +280,8 @@ def main() -> int:
     import xarray  # noqa: F401
 
     every = [file for folder in FOLDERS for file in sorted((ROOT / "tests" / folder).resolve().glob("test_*.py"))]
-    measured([file.resolve() for file in given.files] or every, given.longest, given.file_seconds, 60.0 * given.minutes)
+    files = [file.resolve() for file in given.files] or every
+    measured(files, given.longest, given.file_seconds, 60.0 * given.minutes, given.processes)
     written(given.seconds, given.most)
     return 0
 

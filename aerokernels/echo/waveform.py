@@ -88,7 +88,7 @@ def sum_of_pulses(time, delay, peak, pulse: PulseShape | float) -> np.ndarray:
         if isinstance(shape, GaussianPulse):
             delays, peaks = fewer_gaussians(delays, peaks, shape.tau)
         near = np.flatnonzero((flat > first + _REACH * before) & (flat < last + _REACH * after))
-        rows = max(1, _BLOCK // delays.size)
+        rows = max(1, _BLOCK // delays.size)  # speed only
         for start in range(0, near.size, rows):
             block = near[start : start + rows]
             power[block] = shape(flat[block, None] - delays) @ peaks

@@ -122,7 +122,7 @@ def gathered(
     edges = np.linspace(*ends, count + 1)
     thickness = length / count
     path, passes = np.zeros((2, len(places))), np.ones((2, len(places)), dtype=bool)
-    block = max(1, BLOCK // len(places))
+    block = max(1, BLOCK // len(places))  # speed only
     for begin in range(0, count, block):
         part = edges[begin : begin + block + 1]
         for beam, side in enumerate((0.5, -0.5)):

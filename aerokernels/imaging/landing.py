@@ -98,7 +98,7 @@ def pixel_rays(camera: Camera, shape: tuple[int, int], point: np.ndarray) -> Ray
 
 def by_rows(work: Callable[[slice], None], shape: tuple[int, int]) -> None:
     """Do the work of each block of rows of a picture, in threads."""
-    step = max(1, BLOCK // shape[1])
+    step = max(1, BLOCK // shape[1])  # speed only
     in_threads(work, [slice(first, min(first + step, shape[0])) for first in range(0, shape[0], step)])
 
 

@@ -115,7 +115,7 @@ class _View:
             guard = int(np.ceil(np.abs(moved).max())) + NEIGHBOURS
         size = self.kernel.shape[2:]
         counts = [n + 2 * guard + k - 1 for n, k in zip((len(pixels), width), size, strict=True)]
-        stride = max(1, TOGETHER // (counts[0] * counts[1]))
+        stride = max(1, TOGETHER // (counts[0] * counts[1]))  # speed only
         for begin in range(0, len(across), stride):
             part = slice(begin, begin + stride)
             offset = self.grid.offset[row, part]

@@ -301,7 +301,7 @@ def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     Those would wait for one another in ours, and round as many as there are in another order.
     """
     rows, inner, columns = left.shape[-2], left.shape[-1], right.shape[-1]
-    step = max(1, SHARED_OUT // (inner * columns))
+    step = max(1, SHARED_OUT // (inner * columns))  # speed only
     if rows <= step:
         return np.asarray(left @ right)
     return np.concatenate([left[..., first : first + step, :] @ right for first in range(0, rows, step)], axis=-2)

@@ -146,7 +146,7 @@ class Body(Derived):
         high = np.maximum.reduceat(points[order], first)
         middle, radius = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
         start, end = self.walls
-        block = max(1, 1_000_000 // len(start))
+        block = max(1, 1_000_000 // len(start))  # speed only
         for tile in range(0, len(first), block):
             part = slice(tile, tile + block)
             distance = np.sqrt(_squared_distances(middle[part], start, end))

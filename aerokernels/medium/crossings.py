@@ -40,7 +40,7 @@ def crossings(start: np.ndarray, end: np.ndarray, geometry: str, position, direc
     direction = np.atleast_2d(np.asarray(direction, dtype=np.float64))
     position, direction = np.broadcast_arrays(position, direction)
     function = _planar if geometry == "planar" else _axisymmetric
-    block = max(1, BLOCK // max(1, len(start)))
+    block = max(1, BLOCK // max(1, len(start)))  # speed only
     parts = []
     for first in range(0, len(position), block):
         rows = slice(first, first + block)

@@ -69,7 +69,7 @@ def batch_looks(
     points = np.concatenate([side_by_side(one @ np.stack(ahead.axes, axis=1)) for one in samples])
     device = gpu_of(options.get("backend"), options.get("device")) or "cpu"
     traced = _Traced(field, pupil, points, per_replicate, wavelength, options["remove"], device)
-    each = max(1, AT_ONCE // len(points))
+    each = max(1, AT_ONCE // len(points))  # speed only
     parts = [traced(looks[k : k + each], axes[k : k + each]) for k in range(0, len(looks), each)]
     found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     met = found.pop("met")
@@ -126,7 +126,7 @@ def _known(field: IndexField, center: np.ndarray, points: np.ndarray, looks, axe
     # A few of the points settle most of the directions in which it does not; all points are looked at in the others.
     for some in (points[:: -(-len(points) // KNOWN_FIRST)], points):
         left = np.flatnonzero(found)
-        each = max(1, KNOWN_AT_ONCE // len(some))
+        each = max(1, KNOWN_AT_ONCE // len(some))  # speed only
         for rows in (left[first : first + each] for first in range(0, len(left), each)):
             position = (center + np.einsum("pa,nak->npk", some, axes[rows])).reshape(-1, 3)
             direction = np.repeat(looks[rows], len(some), axis=0)

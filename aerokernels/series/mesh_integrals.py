@@ -72,7 +72,7 @@ class MeshIntegrals:
             count = int(np.clip(np.ceil(cells * SAMPLES_A_CELL), LEAST_SAMPLES, MOST_SAMPLES))
             if count * len(start) > MOST_LOOKED_UP:
                 raise NotLinearError(f"{count * len(start):.1e} samples of a mesh are more than are worth a matrix")
-            rows = max(1, CHUNK // count)
+            rows = max(1, CHUNK // count)  # speed only
             parts = [
                 self._rows(start[first : first + rows], reach[first : first + rows], count, cuts)
                 for first in range(0, len(start), rows)

@@ -84,7 +84,7 @@ def over_lines(values: np.ndarray, reduce: np.ufunc) -> list[np.ndarray]:
     """
     shape = values.shape
     found = [np.zeros(shape[:axis] + shape[axis + 1 :]) for axis in range(values.ndim)]
-    slab = max(1, SLAB * len(values) // max(values.size, 1))
+    slab = max(1, SLAB * len(values) // max(values.size, 1))  # speed only
     for first in range(0, len(values), slab):
         size = np.abs(values[first : first + slab])
         reduce(found[0], reduce.reduce(size, axis=0), out=found[0])

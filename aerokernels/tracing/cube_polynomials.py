@@ -137,7 +137,7 @@ def _parts(cells: int) -> list[tuple[slice, int]]:
 
 def _slabs(cubes: slice, count: int) -> Iterator[slice]:
     """Some layers of cubes at a time."""
-    layers = max(1, (cubes.stop - cubes.start) * SLAB // max(count, 1))
+    layers = max(1, (cubes.stop - cubes.start) * SLAB // max(count, 1))  # speed only
     for first in range(cubes.start, cubes.stop, layers):
         yield slice(first, min(first + layers, cubes.stop))
 

@@ -132,7 +132,7 @@ def mesh_crossings(
     margin = SAME_PLACE * box_size(field)
     rays, edges, paths = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
     near = np.flatnonzero(_may_cross(field, rim, position, direction, margin)) if len(rim.start) else np.zeros(0, int)
-    chunk = max(1, PAIRS // max(len(rim.start), 1))
+    chunk = max(1, PAIRS // max(len(rim.start), 1))  # speed only
     solve = _round if field.geometry == "axisymmetric" else _flat
     for first in range(0, len(near), chunk):
         part = near[first : first + chunk]

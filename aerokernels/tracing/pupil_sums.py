@@ -192,5 +192,5 @@ def joined_counts(per_replicate: int) -> list[int]:
 
 def batches_of(replicates: int, per_replicate: int) -> list[slice]:
     """Replicates that are traced together."""
-    size = max(1, BATCH_RAYS // per_replicate)
+    size = max(1, BATCH_RAYS // per_replicate)  # speed only
     return [slice(first, min(first + size, replicates)) for first in range(0, replicates, size)]

@@ -91,7 +91,7 @@ class Segments:
         Crossings nearer than `least` do not count; inf and 0 where there is none.
         """
         distance, which = np.full(len(place), np.inf), np.zeros(len(place), dtype=np.int64)
-        block = max(1, PAIRS // max(len(self), 1))
+        block = max(1, PAIRS // max(len(self), 1))  # speed only
         for first in range(0, len(place), block):
             rows = slice(first, first + block)
             root, rate = self.crossings(place[rows], heading[rows])

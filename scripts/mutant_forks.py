@@ -1,0 +1,264 @@
+"""Tests of mutants: each mutant lives in a forked process, and several of them at a time. Needs `fork`."""
+
+import ast
+import contextlib
+import gc
+import importlib.abc
+import importlib.util
+import json
+import os
+import resource
+import sys
+import time
+import types
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from mutants import ROOT, Mutant
+
+BROKEN = 99  # status of a process in which no test could be run
+LATE = "late"  # it was ended because all the time was over: no answer
+OPTIONS = ("-q", "-p", "no:cacheprovider", "--hypothesis-seed=0")
+
+
+class Waiting(NamedTuple):
+    """A mutant, its tests, and the seconds of computing that they may take."""
+
+    mutant: Mutant
+    names: list[str]
+    limit: float
+
+
+class _Mutated(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Gives the mutant in place of its module."""
+
+    def __init__(self, name: str, path: Path, tree: ast.Module | None):
+        self.name, self.path, self.tree = name, path, tree
+
+    def find_spec(self, name, path=None, target=None):
+        """Only the one module."""
+        return importlib.util.spec_from_loader(name, self, origin=str(self.path)) if name == self.name else None
+
+    def exec_module(self, module) -> None:
+        """Run the mutant."""
+        module.__file__ = str(self.path)
+        tree = self.tree if self.tree is not None else ast.parse(self.path.read_text(encoding="utf-8"))
+        exec(compile(ast.fix_missing_locations(tree), str(self.path), "exec"), module.__dict__)
+
+
+class _Fast:
+    """Plugin of pytest: each mutant of a function in a fork of the process that has collected the tests.
+
+    Only its code is changed: what was called when modules were imported may stand in a constant.
+    """
+
+    def __init__(self, waiting: list[Waiting], processes: int, end: float, tell: int):
+        self.waiting, self.processes, self.end, self.tell = waiting, processes, end, tell
+        self.called: set[tuple[str, str]] = set()
+        self.sound: dict[tuple[str, ...], bool] = {}
+
+    def pytest_sessionstart(self) -> None:
+        """Note what is called from now on."""
+        core = str(ROOT / "aerokernels")
+
+        def note(frame, event, _) -> None:
+            if event == "call" and frame.f_code.co_filename.startswith(core):
+                self.called.add((frame.f_code.co_filename, frame.f_code.co_qualname.split(".<locals>")[0]))
+
+        sys.setprofile(note)
+        for module in sorted({mutant.module for mutant, _, _ in self.waiting}):
+            importlib.import_module(dotted(module))
+        sys.setprofile(None)
+
+    def pytest_runtestloop(self, session) -> bool:
+        """All mutants in turn, some of them at a time."""
+        items = {item.nodeid: item for item in session.items}
+        gc.unfreeze()
+        places = {}
+        for one in gc.get_objects():
+            if type(one) is types.FunctionType:
+                places.setdefault((one.__code__.co_filename, one.__code__.co_qualname), []).append(one)
+        gc.freeze()
+
+        def work(place: int) -> tuple[str, str]:
+            mutant, names, limit = self.waiting[place]
+            tests = {name: items[name] for name in names if name in items}  # one may be gone since
+            functions = places.get((str(ROOT / "aerokernels" / mutant.module), mutant.function), [])
+            return self._answer(mutant, functions, tests, limit)
+
+        for answer in in_turn(range(len(self.waiting)), work, self.processes, self.end):
+            os.write(self.tell, (json.dumps(answer) + "\n").encode())
+        return True
+
+    def _answer(self, mutant: Mutant, functions: list, tests: dict, limit: float) -> tuple[str, str]:
+        """What becomes of a mutant, and the test that tells."""
+        if not tests or not functions or mutant.names:
+            return "slow", ""
+        outcome, failed = forked(partial(_swapped, mutant, functions, list(tests.values())), limit, self.end)
+        if outcome == LATE:
+            return LATE, ""
+        if outcome == "passed":
+            code = functions[0].__code__
+            return "slow" if (code.co_filename, code.co_qualname) in self.called else "alive", ""
+        if outcome not in ("failed", "killed"):
+            return outcome, ""
+        key = (failed,) if failed else tuple(tests)  # all, where they took too long
+        if key not in self.sound:
+            again = [one for name, one in tests.items() if name in key]
+            self.sound[key] = forked(partial(_swapped, mutant, [], again), limit, self.end)[0] == "passed"
+        return "caught" if self.sound[key] else "fails without a mutant", failed
+
+
+def _swapped(mutant: Mutant, functions: list[types.FunctionType], tests: list, tell: int) -> int:
+    """Run tests with another code in a function."""
+    codes = [compile(ast.fix_missing_locations(mutant.tree()), str(ROOT / "aerokernels" / mutant.module), "exec")]
+    for one in codes:
+        codes += [inner for inner in one.co_consts if isinstance(inner, types.CodeType)]
+    for function in functions:
+        old = function.__code__
+        function.__code__ = next(
+            one for one in codes if (one.co_qualname, one.co_firstlineno) == (old.co_qualname, old.co_firstlineno)
+        )
+    watch = _Watch([], tell)
+    tests[0].config.pluginmanager.register(watch)
+    for item, following in zip(tests, [*tests[1:], None], strict=True):
+        item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+        if watch.failed:
+            return 1
+    return 0
+
+
+class _Watch:
+    """Plugin of pytest: tests in the order of their cost, and the name of the one that fails."""
+
+    def __init__(self, names: list[str], tell: int):
+        self.rank = {_test_of(name): place for place, name in reversed([*enumerate(names)])}
+        self.tell, self.failed = tell, False
+
+    def pytest_collection_finish(self, session) -> None:
+        """Those asked for alone, all their cases, the quick ones first."""
+        session.items[:] = sorted(
+            (item for item in session.items if _test_of(item.nodeid) in self.rank),
+            key=lambda item: self.rank[_test_of(item.nodeid)],
+        )
+
+    def pytest_runtest_logreport(self, report) -> None:
+        """Tell what fails."""
+        if report.failed:
+            self.failed = True
+            os.write(self.tell, report.nodeid.encode())
+
+
+def imported(mutant: Mutant, tree: ast.Module | None, names: list[str], tell: int) -> int:
+    """Run tests with a tree in place of the mutant's module, in a process that has not imported the package."""
+    import pytest
+
+    sys.meta_path.insert(0, _Mutated(dotted(mutant.module), ROOT / "aerokernels" / mutant.module, tree))
+    files = dict.fromkeys(name.partition("::")[0] for name in names)
+    return int(pytest.main(["-x", *OPTIONS, *files], plugins=[_Watch(names, tell)]))
+
+
+def _test_of(name: str) -> str:
+    return name.partition("[")[0]
+
+
+def dotted(module: str) -> str:
+    """The name that a file of the package is imported by."""
+    return "aerokernels." + module.removesuffix(".py").replace("/", ".")
+
+
+def forked(run: Callable[[int], int], seconds: float, end: float) -> tuple[str, str]:
+    """Whether it "passed" in a fork, "failed", was "killed" after so many seconds, or "late"; and what it said."""
+    told, tell = os.pipe()
+    child = os.fork()
+    if not child:
+        status = 1
+        with contextlib.suppress(BaseException):
+            os.setsid()  # what its tests start ends with it
+            hush = os.open(os.devnull, os.O_RDWR)
+            for stream in (0, 1, 2):
+                os.dup2(hush, stream)
+            resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 2))
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            status = BROKEN
+            status = run(tell)
+        os._exit(min(status, 100))
+    os.close(tell)
+    latest = time.monotonic() + 10.0 * seconds + 60.0
+    while not os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT):
+        if time.monotonic() > min(latest, end):
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(child, 9)
+            os.kill(child, 9)
+            break
+        time.sleep(0.01)
+    _, status = os.waitpid(child, 0)
+    failed = os.read(told, 10_000).decode()
+    os.close(told)
+    if os.WIFEXITED(status) and os.WEXITSTATUS(status) == BROKEN:
+        return "its tests could not be run", ""
+    if os.WIFSIGNALED(status) and end < min(latest, time.monotonic()):
+        return LATE, ""
+    return "killed" if os.WIFSIGNALED(status) else "failed" if status else "passed", failed
+
+
+def in_turn(
+    places: Iterable[int], work: Callable[[int], tuple[str, str]], processes: int, end: float
+) -> Iterator[tuple[int, str, str]]:
+    """The answer for each place, as they come, of several forked processes that each take the next place."""
+    queue, give = os.pipe()
+    told, tell = os.pipe()
+    give_all = b"".join(place.to_bytes(2, "little") for place in places)
+    assert len(give_all) <= 65_536, "more than a pipe holds"
+    os.write(give, give_all)
+    os.close(give)
+    children = []
+    for _ in range(processes):
+        if child := os.fork():
+            children.append(child)
+            continue
+        status = 1
+        with contextlib.suppress(BaseException):
+            while time.monotonic() < end and (taken := os.read(queue, 2)):
+                place = int.from_bytes(taken, "little")
+                answer = work(place)
+                if answer[0] != LATE:
+                    os.write(tell, (json.dumps([place, *answer]) + "\n").encode())
+            status = 0
+        os._exit(status)
+    os.close(queue)
+    os.close(tell)
+    with os.fdopen(told, encoding="utf-8") as lines:
+        for line in lines:
+            place, outcome, failed = json.loads(line)
+            yield place, outcome, failed
+    if sum(os.waitpid(child, 0)[1] for child in children):
+        raise SystemExit("the tests could not be run: run them without mutants")
+
+
+def fast(waiting: list[Waiting], processes: int, end: float) -> Iterator[tuple[int, str, str]]:
+    """What the forks of one process find that has collected the tests."""
+    told, tell = os.pipe()
+    child = os.fork()
+    if not child:
+        status = 1
+        with contextlib.suppress(BaseException):
+            os.close(told)
+            hush = os.open(os.devnull, os.O_RDWR)
+            for stream in (0, 1):
+                os.dup2(hush, stream)
+            import pytest
+
+            files = sorted({name.split("::")[0] for _, names, _ in waiting for name in names})
+            plugins = [_Fast(waiting, processes, end, tell)]
+            status = int(pytest.main([*OPTIONS, "-s", *files], plugins=plugins))
+        os._exit(min(status, 100))
+    os.close(tell)
+    with os.fdopen(told, encoding="utf-8") as lines:
+        for line in lines:
+            place, outcome, failed = json.loads(line)
+            yield place, outcome, failed
+    if os.waitpid(child, 0)[1]:
+        raise SystemExit("the tests could not be collected: run them without mutants")

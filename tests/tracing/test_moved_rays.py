@@ -1,0 +1,223 @@
+"""Air and rays that are moved, mirrored or turned together: what is told of them before any is traced stays the same.
+
+Numbers that depend on an order of sums are compared to 1e-9 of the greatest.
+"""
+
+import numpy as np
+import pytest
+
+from aerokernels import IndexField, RayBundle
+from aerokernels.tracing import ArcLength, Plane
+from aerokernels.tracing.budget_rays import roughness
+from aerokernels.tracing.bundle.family import find_family
+from aerokernels.tracing.bundle.nodes import Ways, undisturbed_length
+from aerokernels.tracing.known_air import may_be_lost
+from aerokernels.tracing.lever_arms import lever_arms_of, obliquity
+from aerokernels.tracing.lines import FACES, SIDE, box_span, cell_along, crossing_of_box
+from aerokernels.tracing.tails import _linear, _slope_in, contrast_tail
+from tests.moved_air import BOX, CHANGES, PITCH, PLAIN, Moved, beams, same, some_rays
+
+WAVE = 905e-9
+
+
+@pytest.fixture(params=list(CHANGES))
+def changed(request: pytest.FixtureRequest) -> Moved:
+    return CHANGES[request.param]
+
+
+def test_boxes_are_crossed_where_they_were(changed: Moved):
+    """Entries, exits and faces; by `crossing_of_box` the same, and the cosine with the normal of the face of exit."""
+    position, direction = some_rays()
+    before = box_span(PLAIN.field(), position, direction)
+    p, d = changed.place(position), changed.way(direction)
+    after = box_span(changed.field(), p, d)
+    same(after.meets, before.meets)
+    meets = before.meets & (before.leave > 0.0)
+    assert 40 < meets.sum() < 195
+    same(after.enter[meets], before.enter[meets])
+    same(after.leave[meets], before.leave[meets])
+    normal = np.eye(3)[[0, 0, 1, 1, 2, 2]] * np.array([-1.0, 1.0] * 3)[:, None]
+    same(normal[after.exit_face[meets]], changed.way(normal[before.exit_face[meets]]))
+    outside = meets & (before.entry_face >= 0)
+    same(after.entry_face[meets] >= 0, before.entry_face[meets] >= 0)
+    same(normal[after.entry_face[outside]], changed.way(normal[before.entry_face[outside]]))
+    low, high = changed.field().box
+    enter, leave, cosine = crossing_of_box(p[meets], d[meets], low, high, "volume")
+    same(np.maximum(enter, 0.0), before.enter[meets])
+    same(leave, before.leave[meets])
+    same(np.abs(cosine), np.abs((d[meets] * normal[after.exit_face[meets]]).sum(axis=1)))
+
+
+def test_lines_in_a_cylinder_leave_it_on_its_circle():
+    """Where the side is left: r = R there, and the cosine is that with the radius; where an end is: z of that end."""
+    radius, half = 8.0 * PITCH, 12.0 * PITCH
+    position, direction = some_rays()
+    low, high = np.array([0.0, -half]), np.array([radius, half])
+    field = IndexField.from_samples(
+        np.full((9, 25), 1e-6), origin=(0.0, -half), spacing=(PITCH, PITCH), geometry="axisymmetric"
+    )
+    span = box_span(field, position, direction)
+    rows = np.flatnonzero(span.meets & (span.leave > 0.0))
+    enter, leave, cosine = crossing_of_box(position[rows], direction[rows], low, high, "axisymmetric")
+    same(leave, span.leave[rows])
+    same(np.maximum(enter, 0.0), span.enter[rows])
+    place = position[rows] + leave[:, None] * direction[rows]
+    side = span.exit_face[rows] == SIDE
+    assert 20 < side.sum() < len(rows) - 20
+    np.testing.assert_allclose(np.hypot(*place[side, :2].T), radius, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(place[~side, 2]), half, rtol=1e-12)
+    along = np.where(side, (place[:, :2] * direction[rows, :2]).sum(axis=1) / radius, direction[rows, 2])
+    np.testing.assert_allclose(np.abs(cosine), np.abs(along), atol=1e-9)
+
+
+@pytest.mark.parametrize("interpolation", ["cubic", "linear"])
+def test_how_sharp_samples_are_along_rays(changed: Moved, interpolation: str):
+    position, direction = some_rays()
+    before = roughness(PLAIN.field(interpolation), position, direction)
+    assert (before > 0.0).sum() > 40
+    after = roughness(changed.field(interpolation), changed.place(position), changed.way(direction))
+    same(after, before)
+
+
+@pytest.mark.parametrize("stop", ["none", "plane", "slanted", "arc"])
+def test_what_light_may_lose(changed: Moved, stop: str):
+    """At the faces, beside the box and along it: [m] and by how much [rad]."""
+    position, direction = some_rays()
+    normal = np.array([0.2, -0.3, 0.9]) if stop == "slanted" else np.array([0.0, 0.0, 1.0])
+
+    def until(by: Moved):
+        if stop == "none":
+            return None
+        return ArcLength(30.0 * PITCH) if stop == "arc" else Plane(by.place([0.0, 0.0, 16.0 * PITCH]), by.way(normal))
+
+    found = [
+        may_be_lost(by.field(), RayBundle(by.place(position), by.way(direction)), until(by), 1e-6 * WAVE)[0]
+        for by in (PLAIN, changed)
+    ]
+    assert (found[0] > 0.0).sum() > 20
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-6, atol=1e-9 * found[0].max())
+
+
+def test_tails_of_what_ends_at_a_face(changed: Moved):
+    position, direction = some_rays()
+    span = box_span(PLAIN.field(), position, direction)
+    rows = np.flatnonzero(span.meets & (span.leave > 0.0))
+    point = position[rows] + span.leave[rows, None] * direction[rows]
+    inward, chord = -direction[rows], span.leave[rows] - span.enter[rows]
+    before = contrast_tail(PLAIN.field(), point, inward, chord)
+    after = contrast_tail(changed.field(), changed.place(point), changed.way(inward), chord)
+    for one, other in zip(after, before, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9 * np.nanmax(np.where(np.isfinite(other), other, 0)))
+
+
+@pytest.mark.parametrize("geometry", ["volume", "planar", "axisymmetric"])
+def test_a_linear_index_is_met_exactly(geometry: str):
+    """Values and slopes along directions of c (1 + a . x) between the nodes, in each geometry; about the axis by r."""
+    rate = {"volume": [30.0, -20.0, 10.0], "planar": [-20.0, 10.0], "axisymmetric": [30.0, 10.0]}[geometry]
+    shape = (9, 11, 13)[3 - len(rate) :]
+    low = np.array([2.0, 3.0, 4.0])[3 - len(rate) :] * PITCH * (0.0 if geometry == "axisymmetric" else 1.0)
+    nodes = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), axis=-1) * PITCH + low
+    field = IndexField.from_samples(
+        1e-6 * (1.0 + nodes @ rate), origin=low, spacing=(PITCH,) * len(rate), geometry=geometry
+    )
+    rng = np.random.default_rng(1)
+    share = rng.uniform(0.1, 0.9, (50, len(rate)))
+    local = low + share * PITCH * (np.array(shape) - 1)
+    assert _linear(field.samples, local) == pytest.approx(1e-6 * (1.0 + local @ rate), rel=1e-12)
+    beyond = local.copy()
+    beyond[:, -1] = low[-1] + PITCH * (shape[-1] + 3)
+    face = beyond.copy()
+    face[:, -1] = low[-1] + PITCH * (shape[-1] - 1)
+    assert _linear(field.samples, beyond) == pytest.approx(1e-6 * (1.0 + face @ rate), rel=1e-12)
+    way = rng.normal(size=(50, 3))
+    if geometry == "axisymmetric":
+        angle = rng.uniform(0.0, 2.0 * np.pi, 50)
+        points = np.c_[local[:, 0] * np.cos(angle), local[:, 0] * np.sin(angle), local[:, 1]]
+        along = rate[0] * (way[:, 0] * np.cos(angle) + way[:, 1] * np.sin(angle)) + rate[1] * way[:, 2]
+    else:
+        points = np.c_[np.zeros((50, 3 - len(rate))), local]
+        along = way[:, 3 - len(rate) :] @ rate
+    np.testing.assert_allclose(_slope_in(field, points, way), 1e-6 * along, atol=1e-6 * 1e-9 * 40.0)
+
+
+def test_lever_arms_and_obliquities(changed: Moved):
+    """For a slanted plane: a displacement across a ray changes its path as the law of the plane says."""
+    position, direction = beams()
+    normal = np.array([0.2, -0.3, 0.9]) / np.linalg.norm([0.2, -0.3, 0.9])
+    stops = [Plane(by.place([0.0, 0.0, 20.0 * PITCH]), by.way(normal)) for by in (PLAIN, changed)]
+    arms = [
+        lever_arms_of(by.field(), RayBundle(by.place(position), by.way(direction)), stop)
+        for by, stop in zip((PLAIN, changed), stops, strict=True)
+    ]
+    for name in ("path_length", "reach", "lever_arm"):
+        assert getattr(arms[1], name) == pytest.approx(getattr(arms[0], name), rel=1e-9)
+    shift = np.cross(direction, np.array([0.3, 0.5, 0.1])) * 1e-4
+    reached = ((stops[0].point - position) @ stops[0].normal) / (direction @ stops[0].normal)
+    beside = ((stops[0].point - position - shift) @ stops[0].normal) / (direction @ stops[0].normal)
+    np.testing.assert_allclose((shift * obliquity(direction, stops[0])).sum(axis=1), beside - reached, atol=1e-15)
+    assert (obliquity(direction, ArcLength(1.0)) == 0.0).all()
+
+
+def test_cells_along_a_direction():
+    """The way through a cell is that to the first of its faces."""
+    field = IndexField.from_samples(
+        np.full((4, 4, 4), 1e-6), origin=(0.0,) * 3, spacing=(1e-3, 2e-3, 3e-3), geometry="volume"
+    )
+    slanted = np.array([0.6, 0.0, 0.8])
+    found = cell_along(field, np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], slanted]))
+    np.testing.assert_allclose(found, [1e-3, 2e-3, 3e-3, 1e-3 / 0.6], rtol=1e-12)
+
+
+def test_lines_that_leave_near_an_edge_are_of_no_class():
+    """Along z, within the margin of a side or not; a stop within the box hides the edge."""
+    low, high = PLAIN.field().box
+    matters = np.ones(len(FACES), dtype=bool)
+    x = np.array([high[0] - 0.5 * PITCH, high[0] - 2.0 * PITCH, 0.0, low[0] + 0.5 * PITCH, low[0] + 2.0 * PITCH, 0, 0])
+    y = np.array([0.0, 0.0, high[1] - 0.5 * PITCH, 0.0, 0.0, low[1] + 0.5 * PITCH, low[1] + 2.0 * PITCH])
+    position = np.stack([x, y, np.full(7, -14.0 * PITCH)], axis=1)
+    up = np.tile([0.0, 0.0, 1.0], (7, 1))
+    found = Ways(PLAIN.field(), None, matters, PITCH).numbers(position, up)
+    assert (found < 0).tolist() == [True, False, True, True, False, True, False]
+    assert len(set(found[[1, 4, 6]].tolist())) == 1
+    stopped = Ways(PLAIN.field(), Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), matters, PITCH).numbers(position, up)
+    assert (stopped >= 0).all() and len(set(stopped.tolist())) == 1
+    aside = Ways(PLAIN.field(), None, matters, PITCH).numbers(position + 5.0 * BOX, up)
+    assert (aside < 0).all()
+
+
+def test_undisturbed_lengths():
+    position, direction = beams(20)
+    _, high = PLAIN.field().box
+    to_face = (high[2] - position[:, 2]) / direction[:, 2]
+    np.testing.assert_allclose(undisturbed_length(PLAIN.field(), position, direction, None), to_face, rtol=1e-12)
+    plane = Plane((0.0, 0.0, 3.0 * PITCH), (0.0, 0.0, -1.0))
+    found = undisturbed_length(PLAIN.field(), position, direction, plane)
+    np.testing.assert_allclose(found, 18.0 * PITCH / direction[:, 2], rtol=1e-12)
+    assert (undisturbed_length(PLAIN.field(), position, direction, ArcLength(0.02)) == 0.02).all()
+
+
+@pytest.mark.parametrize("converges", [True, False])
+def test_a_family_gives_its_rays_back(converges: bool, changed: Moved):
+    """Off the axis: parallel rays from a plane, and rays from one point; the rays of their parameters are they."""
+    rng = np.random.default_rng(6)
+    middle = PITCH * np.array([2.0, -3.0, -20.0])
+    across = PITCH * rng.uniform(-4.0, 4.0, (300, 2))
+    if converges:
+        position = np.tile(middle, (300, 1))
+        direction = np.c_[across / (40.0 * PITCH), np.ones(300)]
+    else:
+        position, direction = middle + np.c_[across, np.zeros(300)], np.tile([0.02, -0.01, 1.0], (300, 1))
+        position[:, 2] -= position[:, :2] @ [0.02, -0.01]
+    direction = direction / np.linalg.norm(direction, axis=1)[:, None]
+    p, d = changed.place(position), changed.way(direction)
+    family = find_family(changed.field(), RayBundle(p, d), None)
+    assert not isinstance(family, str), family
+    assert family.converges == converges and family.holds_for(p, d).all()
+    if converges:
+        np.testing.assert_allclose(family.origin, changed.place(middle), atol=2.0 * family.close)
+    found = family.parameters(p, d)
+    assert ((found >= family.low) & (found <= family.high)).all()
+    start, way = family.rays(found)
+    np.testing.assert_allclose(start, p, atol=2.0 * family.close)
+    np.testing.assert_allclose(way, d, atol=1e-6)
+    assert not family.holds_for(p + 0.1 * BOX[0] * np.array([0.3, 0.5, 4.0]), d + 0.1).any()
