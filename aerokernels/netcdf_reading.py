@@ -5,7 +5,7 @@ longer to start than everything else; it sends what the file holds, and large ar
 """
 
 import pickle
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -52,9 +52,44 @@ def open_netcdf(
             are read.
     """
     with told_of(path):
+        state = state_of(path)
         found = in_child(path, f"{__name__}:describe", path, what, most_axes, float("inf") if whole else SMALL)
-        data = dataset_of(path, found[0], found[1], decode_times)
+
+        def read(name: str, key: tuple) -> np.ndarray:
+            with held_still(path, state):
+                return np.asarray(in_child(path, f"{__name__}:values", path, name, key))
+
+        data = dataset_of(path, found[0], found[1], decode_times, read)
         return data.load() if whole else data
+
+
+def state_of(path: Path) -> tuple[int, int]:
+    """What tells that a file is still the one that was opened: its size, and when it was written."""
+    found = path.stat()
+    return found.st_size, found.st_mtime_ns
+
+
+@contextmanager
+def held_still(path: Path, state: tuple[int, int]) -> Iterator[None]:
+    """Hold what is read of a file against what it was when it was opened: values of two files would be mixed.
+
+    Raises:
+        ValueError: It is gone, or another one; instead of what reading it raised.
+    """
+    _check_state(path, state)
+    try:
+        yield
+    finally:
+        _check_state(path, state)
+
+
+def _check_state(path: Path, state: tuple[int, int]) -> None:
+    try:
+        now = state_of(path)
+    except OSError as fault:
+        raise ValueError(f"{path}: it was there when it was opened, and is not now ({fault.strerror})") from None
+    if now != state:
+        raise ValueError(f"{path}: it has changed since it was opened: open it again, once it is written")
 
 
 @contextmanager
@@ -75,9 +110,13 @@ def _in_words(fault: Exception) -> str:
 
 
 def dataset_of(
-    path: Path, variables: dict[str, FarVariable], attributes: dict[str, Any], decode_times: bool
+    path: Path,
+    variables: dict[str, FarVariable],
+    attributes: dict[str, Any],
+    decode_times: bool,
+    read: Callable[[str, tuple], np.ndarray] | None = None,
 ) -> "xarray.Dataset":
-    """The data set of what `describe` found."""
+    """The data set of what `describe` found; `read` gives values of a variable that did not come with it, by a key."""
     import xarray
     from xarray.backends import AbstractDataStore, BackendArray
     from xarray.core.indexing import IndexingSupport, LazilyIndexedArray, explicit_indexing_adapter
@@ -91,11 +130,12 @@ def dataset_of(
             return explicit_indexing_adapter(key, self.shape, IndexingSupport.OUTER_1VECTOR, self.read)
 
         def read(self, key: tuple) -> np.ndarray:
+            assert read is not None
             try:
-                return np.asarray(in_child(path, f"{__name__}:values", path, self.name, key))
-            except LibraryEndedError:
-                raise
+                return read(self.name, key)
             except Exception as fault:
+                if isinstance(fault, ValueError) and str(fault).startswith(str(path)):
+                    raise
                 raise ValueError(f"{path}: {self.name} cannot be read ({_in_words(fault)}): {DAMAGED}") from fault
 
     class FarFile(AbstractDataStore):

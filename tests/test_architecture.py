@@ -36,7 +36,7 @@ RANK = {
             ),
             ("arguments", "checks", "fragile", "one_writer"),
             ("shown", "netcdf_reading", "in_turn"),
-            ("quiet_warp", "sensor"),
+            ("quiet_warp", "sensor", "netcdf_classic"),
             ("pupils",),
             ("device_arrays",),
             ("rays",),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import seconds
+from ..netcdf_classic import open_classic
 from ..netcdf_reading import open_netcdf
 from ..room import check_file, check_room
 from ..written_units import unit_of
@@ -48,13 +49,8 @@ def _is_classic(path: Path) -> bool:
 
 
 def _classic(path: Path, what: str, most_axes: float) -> Any:
-    """A NetCDF file of the classic form, by SciPy; arguments as of `open_netcdf`, SciPy looks at sizes itself."""
-    import xarray
-
-    try:
-        return xarray.open_dataset(path, engine="scipy")
-    except Exception as fault:
-        raise ValueError(f"{path}: cannot be read as NetCDF ({type(fault).__name__}: {str(fault)[:200]})") from None
+    """A NetCDF file of the classic form; arguments as of `open_netcdf`, sizes are looked at when it is opened."""
+    return open_classic(path)
 
 
 def _zarr(path: Path, what: str, most_axes: float) -> Any:
