@@ -33,6 +33,7 @@ RANK = {
                 "netcdf_file",
                 "room",
                 "spare_cache",
+                "warp_cache",
             ),
             ("arguments", "checks", "fragile", "one_writer"),
             ("shown", "netcdf_reading", "in_turn"),
