@@ -2,42 +2,25 @@
 
 HDF5 computes for ever on some damaged files and ends the process on others. The child needs no xarray, which takes
 longer to start than everything else; it sends what the file holds, and large arrays as they are asked for. The classic
-form of NetCDF is no HDF5: SciPy reads it here.
+form of NetCDF is no HDF5: it is read here (netcdf_classic.py).
 """
 
 import pickle
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .fragile import DAMAGED, LibraryEndedError, in_child
-from .room import NoRoomError, check_file
+from .fragile import in_child
+from .netcdf_classic import is_classic, open_classic
+from .netcdf_lazy import FarVariable, dataset_of, held_still, state_of, told_of
+from .room import check_file
 
 if TYPE_CHECKING:
     import xarray
 
 SMALL = 2.0**16  # [bytes]: arrays up to this size come with the description of the file
 TEXT = "text"  # in place of the type of texts of any length, whose own does not travel
-
-
-def is_classic(path: Path) -> bool:
-    """Whether a file is NetCDF in its classic form."""
-    with path.open("rb") as stream:
-        return stream.read(3) == b"CDF"
-
-
-class FarVariable(NamedTuple):
-    """A variable of a file: the names of its dimensions, shape, type, attributes, chunks, and its values if small."""
-
-    dims: tuple[str, ...]
-    shape: tuple[int, ...]
-    dtype: Any
-    attributes: dict[str, Any]
-    chunks: tuple[int, ...] | None
-    values: np.ndarray | None
 
 
 def open_netcdf(
@@ -60,72 +43,17 @@ def open_netcdf(
     """
     with told_of(path):
         if is_classic(path):
-            import xarray
-
-            data = xarray.open_dataset(path, engine="scipy", decode_times=decode_times)
+            data = open_classic(path, decode_times)
             return data.load() if whole else data
+        state = state_of(path)
         found = in_child(path, f"{__name__}:describe", path, what, most_axes, float("inf") if whole else SMALL)
-        data = dataset_of(path, found[0], found[1], decode_times)
+
+        def read(name: str, key: tuple) -> np.ndarray:
+            with held_still(path, state):
+                return np.asarray(in_child(path, f"{__name__}:values", path, name, key))
+
+        data = dataset_of(path, found[0], found[1], decode_times, read)
         return data.load() if whole else data
-
-
-@contextmanager
-def told_of(path: Path) -> Iterator[None]:
-    """What the libraries say of a damaged file becomes a ValueError that names it; they meet one with any error."""
-    try:
-        yield
-    except (LibraryEndedError, NoRoomError):
-        raise
-    except Exception as fault:
-        if isinstance(fault, ValueError) and str(path) in str(fault):
-            raise
-        raise ValueError(f"{path}: cannot be read as NetCDF ({_in_words(fault)}): {DAMAGED}") from fault
-
-
-def _in_words(fault: Exception) -> str:
-    return " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
-
-
-def dataset_of(
-    path: Path, variables: dict[str, FarVariable], attributes: dict[str, Any], decode_times: bool
-) -> "xarray.Dataset":
-    """The data set of what `describe` found."""
-    import xarray
-    from xarray.backends import AbstractDataStore, BackendArray
-    from xarray.core.indexing import IndexingSupport, LazilyIndexedArray, explicit_indexing_adapter
-
-    class FarArray(BackendArray):
-        def __init__(self, name: str, own: FarVariable):
-            self.name, self.shape = name, own.shape
-            self.dtype = np.dtype(object) if isinstance(own.dtype, str) else own.dtype
-
-        def __getitem__(self, key: Any) -> Any:
-            return explicit_indexing_adapter(key, self.shape, IndexingSupport.OUTER_1VECTOR, self.read)
-
-        def read(self, key: tuple) -> np.ndarray:
-            try:
-                return np.asarray(in_child(path, f"{__name__}:values", path, self.name, key))
-            except LibraryEndedError:
-                raise
-            except Exception as fault:
-                raise ValueError(f"{path}: {self.name} cannot be read ({_in_words(fault)}): {DAMAGED}") from fault
-
-    class FarFile(AbstractDataStore):
-        def get_variables(self) -> dict[str, Any]:
-            return {name: self.variable(name, own) for name, own in variables.items()}
-
-        def variable(self, name: str, own: FarVariable) -> Any:
-            data: Any = LazilyIndexedArray(FarArray(name, own)) if own.values is None else own.values
-            encoding = {"dtype": str if isinstance(own.dtype, str) else own.dtype, "chunksizes": own.chunks}
-            return xarray.Variable(own.dims, data, own.attributes, encoding)
-
-        def get_attrs(self) -> dict[str, Any]:
-            return dict(attributes)
-
-        def get_encoding(self) -> dict[str, Any]:
-            return {}
-
-    return xarray.decode_cf(FarFile(), decode_times=decode_times)
 
 
 def describe(path: Path, what: str, most_axes: float, greatest: float) -> tuple[dict[str, FarVariable], dict[str, Any]]:

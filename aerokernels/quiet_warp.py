@@ -7,11 +7,13 @@ kernels compile in two thirds of the time, give the same bits, and run 15 to 45 
 import os
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import warp as wp
 
 from .opened import OPENED
 from .spare_cache import spare_cache
+from .warp_cache import remove_damaged
 
 FLAGS = "AEROKERNELS_WARP_FLAGS"
 
@@ -31,6 +33,7 @@ def _start() -> None:
     except OSError as error:  # the folder that Warp keeps kernels in cannot be made
         wp.config.kernel_cache_dir = spare_cache("warp", f"Warp's kernel cache cannot be made ({error})")
         _silently(wp.init)
+    remove_damaged(Path(wp.config.kernel_cache_dir))
 
 
 def _silently(call: Callable[[], None]) -> None:

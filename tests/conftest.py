@@ -10,12 +10,16 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).resolve().parents[1]
 # Processes that tests start, in other folders, take this checkout too where it is not installed.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
 # Most of the tests' time goes into compiling kernels: see quiet_warp.py. The bits are those of the usual flags.
 os.environ.setdefault("AEROKERNELS_WARP_FLAGS", "-march=native")
+# On a machine that other work shares, an example of half a millisecond took 277: time says nothing about the answer.
+settings.register_profile("at any load", settings(), deadline=None)
+settings.load_profile("at any load")
 
 # Files that take longest, first: with two processes none of them is left to one alone at the end (see scripts/test).
 LONGEST = (

@@ -63,6 +63,38 @@ def test_without_room_a_result_is_refused_in_words_and_leaves_nothing(tmp_path: 
 
 
 @unix
+def test_a_sweep_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
+    """Set-up: files that may hold one case and a half, and then any number of them.
+
+    Expected: told with the file's name; the case that is there stays, no half of one does, and the rest is added.
+    """
+    code = (
+        "import resource, sys; from pathlib import Path\n"
+        "from aerokernels.drafts import OutputError; from aerokernels.jobs.sweeps.records import CASES_FILE, Records\n"
+        "folder = Path(sys.argv[1])\n"
+        "hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]\n"
+        "for size in (1_500, resource.RLIM_INFINITY):\n"
+        "    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))\n"
+        "    records = Records(folder)\n"
+        "    print(sorted(records.done))\n"
+        "    try:\n"
+        "        with records.writing():\n"
+        "            for case in range(3):\n"
+        "                records.add(case, {'error': 'x' * 1000})\n"
+        "    except OutputError as fault:\n"
+        "        print(fault)\n"
+        "    print((folder / CASES_FILE).read_bytes().count(b'\\n'), (folder / CASES_FILE).read_bytes()[-1:])\n"
+    )
+    done = in_python(code, tmp_path)
+    assert done.returncode == 0, done.stderr[-2000:]
+    none, told, first, one, all_ = done.stdout.splitlines()
+    assert (none, first, one, all_) == ("[]", "1 b'\\n'", "[0]", "3 b'\\n'")
+    assert told.startswith(f"--out {tmp_path / 'cases.jsonl'}: ") and told.endswith(
+        "make room, or choose another place"
+    )
+
+
+@unix
 def test_what_a_kill_leaves_goes_with_the_next_run(tmp_path: Path):
     """A process killed in the middle of its draft; drafts of processes that live, and of other machines, stay."""
     code = (

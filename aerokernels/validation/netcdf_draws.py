@@ -20,7 +20,7 @@ from ..flow.series_files import series_of_dataset
 from ..jobs.recorded import waveforms
 from ..jobs.run_folder import RunFolder, RunWithoutEcho, match_runs, run_of
 from ..medium import IndexField
-from ..netcdf_reading import FarVariable, dataset_of, told_of
+from ..netcdf_lazy import FarVariable, dataset_of, told_of
 from ..wavefront import Wavefront
 from ..wavefront.data import SIGN_CONVENTION
 from .flow_draws import looked_at

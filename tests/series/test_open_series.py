@@ -1,12 +1,13 @@
 """Opening series: files with a time axis, numbered files, arrays and iterators; and what is refused."""
 
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
 
-from aerokernels import DensityField, QuadMesh, flow
+from aerokernels import DensityField, QuadMesh, flow, netcdf_reading
 
 TIME = [0.0, 1e-5, 2e-5]
 GRID = {"geometry": "volume", "origin": [0.0, 0.0, 0.0], "spacing": [1e-3] * 3, "ambient_density": 0.5}
@@ -183,6 +184,57 @@ def test_files_with_falling_axes_and_of_the_classic_form(tmp_path: Path):
     for series in (flow.open_series(turned), flow.open_series(tmp_path / "a.nc")):
         assert np.array_equal(series.mesh.origin, expected.mesh.origin)
         assert np.array_equal(series.density(1), expected.density(1))
+
+
+@pytest.mark.parametrize("form", ["NETCDF3_CLASSIC", "NETCDF3_64BIT"])
+def test_the_classic_form_is_read_as_scipy_reads_it(tmp_path: Path, form: str):
+    """Set-up: records of several variables, their values apart; texts, numbers, small integers, no value.
+
+    Expected: what xarray makes of it with SciPy, all at once, by times, and by numbers in any order.
+    """
+    from aerokernels.netcdf_classic import open_classic
+
+    draw = np.random.default_rng(0)
+    plain = dataset().assign(
+        u=(("time", "y"), draw.random((3, 5), np.float32), {"units": "m/s", "_FillValue": np.float32(0.5)}),
+        count=("time", np.arange(3, dtype="i2")), note=((), 2.5), name=("time", [b"one", b"two", b"six"]),
+    )  # fmt: skip
+    plain.to_netcdf(tmp_path / "a.nc", engine="scipy", format=form, unlimited_dims=["time"])
+    with xarray.open_dataset(tmp_path / "a.nc", engine="scipy") as data:
+        expected = data.load()
+    found = open_classic(tmp_path / "a.nc")
+    for key in (
+        {"time": 1},
+        {"time": slice(None, None, -1), "y": slice(1, 3)},
+        {"time": [2, 0]},
+        {"time": slice(0)},
+        {"time": slice(0, 3, 2), "y": [3, 0, 3]},
+    ):
+        xarray.testing.assert_identical(found.isel(key).load(), expected.isel(key))
+    xarray.testing.assert_identical(open_classic(tmp_path / "a.nc").load(), expected)
+
+
+@pytest.mark.parametrize("engine", ["scipy", "h5netcdf"])
+@pytest.mark.parametrize("lost", ["short", "gone", "other", "a folder"])
+def test_a_file_that_changes_while_a_series_is_read_is_refused(
+    tmp_path: Path, engine: str, lost: str, monkeypatch: pytest.MonkeyPatch
+):
+    """A file of the classic form that was cut short ended the process; values of two files came into one series."""
+    monkeypatch.setattr(netcdf_reading, "SMALL", 0.0)  # what is larger is read when it is asked for
+    path = tmp_path / "a.nc"
+    dataset().to_netcdf(path, engine=engine)
+    series = flow.open_series(path)
+    series.density(0)
+    if lost == "short":
+        os.truncate(path, 100)
+    else:
+        path.unlink()
+    if lost == "other":
+        (2.0 * dataset()).assign_attrs(dataset().attrs).to_netcdf(path, engine=engine)
+    if lost == "a folder":
+        path.mkdir()
+    with pytest.raises(ValueError, match=r"a\.nc: it (has changed since|was there when) it was opened"):
+        series.density(1)
 
 
 def test_a_path_with_brackets_is_no_pattern(tmp_path: Path):

@@ -6,6 +6,7 @@ PoCL ends the process by a signal for the first kinds and for the last, so that 
 import io
 import shutil
 import sqlite3
+import subprocess
 import sys
 import threading
 import warnings
@@ -220,3 +221,28 @@ def test_what_warp_keeps_is_built_anew_where_it_does_not_load():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         loading.load_module(module, "cpu", 1)
+
+
+def test_what_a_crash_left_of_warps_kernels_is_compiled_again(tmp_path: Path):
+    """Set-up: a whole module, one being made, and four that are not whole. Expected: those four go, and no other."""
+    from aerokernels.warp_cache import remove_damaged
+
+    contents = {"wp_whole": b"{}", "wp_made_p12_t34": b"", "wp_empty": b"", "wp_list": b"[]", "wp_bytes": b"\xff",
+                "wp_deep": b"[" * 100_000}  # fmt: skip
+    for name, described in contents.items():
+        (tmp_path / name).mkdir()
+        (tmp_path / name / f"{name}.meta").write_bytes(described)
+        (tmp_path / name / f"{name}.o").write_bytes(b"code")
+    removed = {path.name for path in remove_damaged(tmp_path)}
+    assert removed == {"wp_empty", "wp_list", "wp_bytes", "wp_deep"}
+    assert {path.name for path in tmp_path.iterdir()} == {"wp_whole", "wp_made_p12_t34"}
+    assert remove_damaged(tmp_path / "none") == []
+    # And where Warp itself keeps its kernels: a module without a byte is gone once it has started.
+    code = (
+        "import sys, warp as wp; from pathlib import Path; wp.config.kernel_cache_dir = sys.argv[1]\n"
+        "from aerokernels.quiet_warp import start_warp; start_warp()\n"
+        "print(sorted(path.name for path in Path(wp.config.kernel_cache_dir).iterdir()))\n"
+    )
+    (tmp_path / "wp_whole" / "wp_whole.o").write_bytes(b"")
+    done = subprocess.run([sys.executable, "-c", code, tmp_path], capture_output=True, encoding="utf-8", timeout=120)
+    assert done.returncode == 0 and "wp_whole" not in done.stdout, done.stderr

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ...arguments import seconds
-from ...netcdf_reading import is_classic
+from ...netcdf_classic import is_classic
 from ...room import NoRoomError, check_file
 from .coordinates import COLUMNS
 from .dataset import Dataset, ReadError

@@ -1,20 +1,18 @@
-"""Cases on Dask workers: of a scheduler that runs somewhere, or started here for the time of a sweep.
+"""Dask workers: of a scheduler that runs somewhere, or started here for the time of a sweep.
 
 Workers started here are processes of one thread, each with its GPU where there are any, under a nanny that replaces a
-worker that dies. Dask gives the cases of a dead worker to another; a case at which several workers died has failed.
+worker that dies.
 """
 
 import contextlib
-import os
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from aerokernels import __version__
-from aerokernels.jobs.sweeps.case import Case
 from aerokernels.machine import child_environment
 
 if TYPE_CHECKING:
@@ -23,15 +21,6 @@ if TYPE_CHECKING:
 ANSWER_WITHIN = 10.0  # [s] for a scheduler to answer
 START_WITHIN = 120.0  # [s] for the first worker started here to be there
 RESTARTS = 3  # of each worker's nanny
-_one_at_a_time = threading.Lock()
-
-
-def compute_alone(case: Case) -> dict[str, Any]:
-    """Compute a case; a worker of many threads takes one at a time, since a case uses all the cores by itself."""
-    from aerokernels.jobs.sweeps.case import compute
-
-    with _one_at_a_time:
-        return compute(case)
 
 
 def worker_version() -> str:
@@ -41,9 +30,15 @@ def worker_version() -> str:
     return __version__
 
 
+def _never() -> bool:
+    return False
+
+
 @contextlib.contextmanager
-def connected(scheduler: Any, environments: Sequence[dict[str, str]]) -> Iterator["Client"]:
+def connected(scheduler: Any, environments: Sequence[dict[str, str]]) -> Iterator[tuple["Client", Callable[[], bool]]]:
     """A client of a scheduler, or of one started here with a worker for each environment.
+
+    Beside it, what tells whether its workers are lost for good: those that were not started here may always come back.
 
     Args:
         scheduler: The address of a running scheduler, a client or a cluster; None: one is started.
@@ -59,12 +54,13 @@ def connected(scheduler: Any, environments: Sequence[dict[str, str]]) -> Iterato
         raise ImportError(
             "executor 'dask' needs Dask: pip install 'aerokernels[dask]', or take executor 'local'"
         ) from None
+    given_up: Callable[[], bool] = _never
     with contextlib.ExitStack() as ending:
         if scheduler is None:
             cluster = ending.enter_context(
                 distributed.LocalCluster(n_workers=0, processes=True, host="127.0.0.1", dashboard_address=None)
             )
-            ending.enter_context(_workers(cluster.scheduler_address, environments))
+            given_up = ending.enter_context(_workers(cluster.scheduler_address, environments))
             client = ending.enter_context(distributed.Client(cluster))
             try:
                 client.wait_for_workers(1, timeout=START_WITHIN)
@@ -82,7 +78,7 @@ def connected(scheduler: Any, environments: Sequence[dict[str, str]]) -> Iterato
                     "start one with `dask scheduler`, workers with `dask worker ADDRESS`, and give its address"
                 ) from None
             _check_versions(client, scheduler)
-        yield client
+        yield client, given_up
 
 
 def _check_versions(client: "Client", scheduler: str) -> None:
@@ -102,8 +98,11 @@ def _check_versions(client: "Client", scheduler: str) -> None:
 
 
 @contextlib.contextmanager
-def _workers(address: str, environments: Sequence[dict[str, str]]) -> Iterator[None]:
-    """Worker processes of this machine for a scheduler; a nanny that is killed is started again."""
+def _workers(address: str, environments: Sequence[dict[str, str]]) -> Iterator[Callable[[], bool]]:
+    """Worker processes of this machine for a scheduler; a nanny that dies is started again, `RESTARTS` times.
+
+    Gives what tells whether all of them have died more often than that.
+    """
 
     def start(number: int) -> subprocess.Popen:
         options = ["--nthreads", "1", "--no-dashboard", "--memory-limit", "0", "--death-timeout", "60"]
@@ -117,10 +116,13 @@ def _workers(address: str, environments: Sequence[dict[str, str]]) -> Iterator[N
         )
 
     processes = [start(number) for number in range(len(environments))]
+    restarts = [0] * len(processes)
     over = threading.Event()
 
+    def given_up() -> bool:
+        return min(restarts) >= RESTARTS and all(process.poll() is not None for process in processes)
+
     def watch() -> None:
-        restarts = [0] * len(processes)
         while not over.wait(1.0):
             for number, process in enumerate(processes):
                 if process.poll() is not None and restarts[number] < RESTARTS and not over.is_set():
@@ -130,7 +132,7 @@ def _workers(address: str, environments: Sequence[dict[str, str]]) -> Iterator[N
     watcher = threading.Thread(target=watch, daemon=True)
     watcher.start()
     try:
-        yield
+        yield given_up
     finally:
         over.set()
         watcher.join()
@@ -143,25 +145,3 @@ def _workers(address: str, environments: Sequence[dict[str, str]]) -> Iterator[N
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-
-
-def run_dask(client: "Client", cases: Sequence[Case]) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Compute cases on a client's workers; yields the number and the outcome of each as it is done."""
-    from distributed import as_completed
-
-    futures = {
-        client.submit(compute_alone, case, pure=False, key=f"aerokernels-case-{os.getpid()}-{case.number}"): case.number
-        for case in cases
-    }
-    try:
-        for future in as_completed(list(futures)):
-            if future.status == "finished":
-                outcome = future.result()
-            else:
-                fault = future.exception()
-                text = " ".join(str(fault).split()) if fault is not None else future.status
-                outcome = {"error": f"its Dask worker failed: {type(fault).__name__}: {text}"}
-            yield futures.pop(future), outcome
-            future.release()
-    finally:
-        client.cancel(list(futures), force=True) if futures else None

@@ -5,12 +5,14 @@ once all are done. A kill at any moment leaves at most half a line at the end, w
 """
 
 import contextlib
+import errno
 import json
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from aerokernels.drafts import FULL, OutputError
 from aerokernels.jobs.store import to_json, write_text
 from aerokernels.plain_text import cut, plain_json
 
@@ -108,7 +110,7 @@ class Records:
     @contextlib.contextmanager
     def writing(self) -> Iterator["Records"]:
         """Open the file to add to it; half a line at its end is cut off."""
-        with self.path.open("ab") as self._file:
+        with self.path.open("ab", buffering=0) as self._file:
             self._file.truncate(self._whole)
             yield self
 
@@ -117,13 +119,22 @@ class Records:
 
         Returns:
             Whether it was new.
+
+        Raises:
+            OutputError: There is no room for it; what was kept before stays, and a sweep goes on there.
         """
         if case in self.done:
             return False
         record = {"case": case, **to_json(outcome)}
-        self._file.write(json.dumps(record, ensure_ascii=False, allow_nan=False).encode() + b"\n")
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        line = json.dumps(record, ensure_ascii=False, allow_nan=False).encode() + b"\n"
+        try:
+            if self._file.write(line) != len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            os.fsync(self._file.fileno())
+        except OSError as fault:
+            self._file.truncate(self._whole)
+            raise (OutputError(self.path, fault) if fault.errno in FULL else fault) from fault
+        self._whole += len(line)
         self.done[case] = record
         return True
 

@@ -99,7 +99,10 @@ def _given(executor: Any, scheduler: Any) -> Any:
     """
     if scheduler is not None:
         raise ValueError("executor is a client or a cluster already: leave scheduler out")
-    if not (hasattr(executor, "submit") or hasattr(executor, "scheduler_address")):
+    # Other pools of workers have `submit` as well, and know no scheduler.
+    if not (hasattr(executor, "submit") and hasattr(executor, "nthreads")) and not hasattr(
+        executor, "scheduler_address"
+    ):
         raise TypeError(
             f"executor must be 'local', 'dask', a distributed.Client or a cluster, got {type(executor).__name__}"
         )
@@ -211,11 +214,12 @@ def _started(
         yield None
         yield from run_local(cases, environments)
     else:
-        from aerokernels.jobs.sweeps.dask_workers import connected, run_dask
+        from aerokernels.jobs.sweeps.dask_cases import run_dask
+        from aerokernels.jobs.sweeps.dask_workers import connected
 
-        with connected(scheduler, environments) as client:
+        with connected(scheduler, environments) as (client, given_up):
             yield None
-            yield from run_dask(client, cases)
+            yield from run_dask(client, cases, given_up)
 
 
 def check_options(executor: str, workers: int | None, scheduler: Any) -> None:

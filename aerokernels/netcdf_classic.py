@@ -1,0 +1,106 @@
+"""Reading NetCDF of the classic form: what it holds by SciPy, and its values from the file when they are asked for.
+
+SciPy maps the file into memory, and a file that is cut short then ends the process that looks at what is gone. Here
+the map only says where the values lie; they are read.
+"""
+
+import math
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from .netcdf_lazy import FarVariable, dataset_of, held_still, state_of, told_of
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def is_classic(path: Path) -> bool:
+    """Whether a file is NetCDF in its classic form."""
+    with path.open("rb") as stream:
+        return stream.read(3) == b"CDF"
+
+
+class Place(NamedTuple):
+    """Where the values of a variable lie in a file: their first byte, the bytes from row to row, shape and type."""
+
+    begin: int
+    step: int
+    shape: tuple[int, ...]
+    dtype: np.dtype
+
+    def rows(self, path: Path, first: int, count: int) -> np.ndarray:
+        """Some rows along the first axis; a number is one row.
+
+        Raises:
+            EOFError: The file ends before them.
+        """
+        inner = self.shape[1:]
+        length = math.prod(inner) * self.dtype.itemsize
+        together = count if self.step == length else 1  # in records, other variables lie between the rows
+        found = np.empty((count, *inner), self.dtype)
+        with path.open("rb") as file:
+            for row in range(0, count, together):
+                file.seek(self.begin + (first + row) * self.step)
+                read = file.read(together * length)
+                if len(read) != together * length:
+                    raise EOFError("the file ends before it")
+                found[row : row + together] = np.frombuffer(read, self.dtype).reshape(together, *inner)
+        return found.astype(self.dtype.newbyteorder("="))
+
+    def values(self, path: Path, key: tuple) -> np.ndarray:
+        """What an outer index takes: whole numbers, slices, and no more than one array of numbers."""
+        if not self.shape:
+            return self.rows(path, 0, 1)[0][key]
+        wanted = np.arange(self.shape[0])[key[0]]
+        if not wanted.size:
+            return np.empty(self.shape, self.dtype.newbyteorder("="))[key]
+        first, last = int(wanted.min()), int(wanted.max())
+        taken = self.rows(path, first, last - first + 1)[wanted - first]
+        return taken[(*[slice(None)] * wanted.ndim, *key[1:])]
+
+
+def open_classic(path: Path, decode_times: bool = True) -> "xarray.Dataset":
+    """A file of the classic form as a data set whose values are read when they are asked for.
+
+    Raises:
+        ValueError: A damaged file, or one that changes while it is read: names it; so do its arrays.
+    """
+    with told_of(path):
+        state = state_of(path)
+        variables, places, attributes = _described(path)
+
+        def read(name: str, key: tuple) -> np.ndarray:
+            with held_still(path, state):
+                return places[name].values(path, key)
+
+        return dataset_of(path, variables, attributes, decode_times, read)
+
+
+def _described(path: Path) -> tuple[dict[str, FarVariable], dict[str, Place], dict[str, Any]]:
+    from scipy.io import netcdf_file
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # that arrays refer to the map still: nobody looks at them
+        with netcdf_file(path, "r", mmap=True) as file:
+            start = _address(file._mm_buf) if file.variables else 0
+            variables, places = {}, {}
+            for name, own in file.variables.items():
+                data = own.data
+                step = data.strides[0] if data.ndim else data.itemsize
+                places[name] = Place(_address(data) - start, step, data.shape, data.dtype)
+                kind = data.dtype.newbyteorder("=")
+                variables[name] = FarVariable(own.dimensions, data.shape, kind, _decoded(own._attributes), None, None)
+            return variables, places, _decoded(file._attributes)
+
+
+def _address(array: np.ndarray) -> int:
+    return int(array.__array_interface__["data"][0])
+
+
+def _decoded(attributes: dict[str, Any]) -> dict[str, Any]:
+    """Attributes as xarray has them: bytes as texts, where they do not stand for no value."""
+    return {key: value.decode("utf-8", "replace") if isinstance(value, bytes) and key != "_FillValue" else value
+            for key, value in attributes.items()}  # fmt: skip

@@ -1,0 +1,118 @@
+"""A NetCDF file that stays still as a data set of xarray's, whose large arrays are read when they are asked for."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from .fragile import DAMAGED, LibraryEndedError
+from .room import NoRoomError
+
+if TYPE_CHECKING:
+    import xarray
+
+
+class FarVariable(NamedTuple):
+    """A variable of a file: the names of its dimensions, shape, type, attributes, chunks, and its values if small."""
+
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    dtype: Any
+    attributes: dict[str, Any]
+    chunks: tuple[int, ...] | None
+    values: np.ndarray | None
+
+
+def state_of(path: Path) -> tuple[int, int]:
+    """What tells that a file is still the one that was opened: its size, and when it was written."""
+    found = path.stat()
+    return found.st_size, found.st_mtime_ns
+
+
+@contextmanager
+def held_still(path: Path, state: tuple[int, int]) -> Iterator[None]:
+    """Hold what is read of a file against what it was when it was opened: values of two files would be mixed.
+
+    Raises:
+        ValueError: It is gone, or another one; instead of what reading it raised.
+    """
+    _check_state(path, state)
+    try:
+        yield
+    finally:
+        _check_state(path, state)
+
+
+def _check_state(path: Path, state: tuple[int, int]) -> None:
+    try:
+        now = state_of(path)
+    except OSError as fault:
+        raise ValueError(f"{path}: it was there when it was opened, and is not now ({fault.strerror})") from None
+    if now != state:
+        raise ValueError(f"{path}: it has changed since it was opened: open it again, once it is written")
+
+
+@contextmanager
+def told_of(path: Path) -> Iterator[None]:
+    """What the libraries say of a damaged file becomes a ValueError that names it; they meet one with any error."""
+    try:
+        yield
+    except (LibraryEndedError, NoRoomError):
+        raise
+    except Exception as fault:
+        if isinstance(fault, ValueError) and str(path) in str(fault):
+            raise
+        raise ValueError(f"{path}: cannot be read as NetCDF ({_in_words(fault)}): {DAMAGED}") from fault
+
+
+def _in_words(fault: Exception) -> str:
+    return " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
+
+
+def dataset_of(
+    path: Path,
+    variables: dict[str, FarVariable],
+    attributes: dict[str, Any],
+    decode_times: bool,
+    read: Callable[[str, tuple], np.ndarray] | None = None,
+) -> "xarray.Dataset":
+    """The data set of what `describe` found; `read` gives values of a variable that did not come with it, by a key."""
+    import xarray
+    from xarray.backends import AbstractDataStore, BackendArray
+    from xarray.core.indexing import IndexingSupport, LazilyIndexedArray, explicit_indexing_adapter
+
+    class FarArray(BackendArray):
+        def __init__(self, name: str, own: FarVariable):
+            self.name, self.shape = name, own.shape
+            self.dtype = np.dtype(object) if isinstance(own.dtype, str) else own.dtype
+
+        def __getitem__(self, key: Any) -> Any:
+            return explicit_indexing_adapter(key, self.shape, IndexingSupport.OUTER_1VECTOR, self.read)
+
+        def read(self, key: tuple) -> np.ndarray:
+            assert read is not None
+            try:
+                return read(self.name, key)
+            except Exception as fault:
+                if isinstance(fault, ValueError) and str(fault).startswith(str(path)):
+                    raise
+                raise ValueError(f"{path}: {self.name} cannot be read ({_in_words(fault)}): {DAMAGED}") from fault
+
+    class FarFile(AbstractDataStore):
+        def get_variables(self) -> dict[str, Any]:
+            return {name: self.variable(name, own) for name, own in variables.items()}
+
+        def variable(self, name: str, own: FarVariable) -> Any:
+            data: Any = LazilyIndexedArray(FarArray(name, own)) if own.values is None else own.values
+            encoding = {"dtype": str if isinstance(own.dtype, str) else own.dtype, "chunksizes": own.chunks}
+            return xarray.Variable(own.dims, data, own.attributes, encoding)
+
+        def get_attrs(self) -> dict[str, Any]:
+            return dict(attributes)
+
+        def get_encoding(self) -> dict[str, Any]:
+            return {}
+
+    return xarray.decode_cf(FarFile(), decode_times=decode_times)
