@@ -19,6 +19,7 @@ from ..arguments import Numbers, checked
 from ..flow import DensityField, Series
 from ..medium import IndexField
 from ..shown import drawn_on
+from .grid_error import grid_error
 from .instrument import FLDI
 from .known_beams import truncated_share, warn_of_truncation
 from .rays import BEYOND_REACH, REACH, beam_grid, crossed, gathered
@@ -35,8 +36,9 @@ class FLDIResponse:
             back, takes from it.
         mean_phase: Mean phase difference by light [rad], linear in the field.
         error: What the phase may be off by through the number of rays and of layers along them [rad]: the difference to
-            half as many rays either way, the greater one to a half and a third of the layers, and what the light beyond
-            the outermost rays may change.
+            half as many rays either way, the greater one to a half and a third of the layers, what the light beyond
+            the outermost rays may change, and what the field's own samples leave (grid_error.py). NaN where the phase
+            is, and of a field whose samples can't be judged.
         truncated: Share of the light that goes through disturbed air that ends with the field's box, of which the phase
             holds the known part only.
         time: Times [s], shape (time_count,), or None for one field.
@@ -232,6 +234,7 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
                 (first, second), _ = gathered(field, instrument, places[few], focus, ends, coarser=coarser)
                 changes.append(coarse[few] @ (per_metre * (first - second) - difference[few]))
             error += float(np.abs(changes).max()) / float(coarse[few].sum())
+            error += grid_error(field, instrument, places[few], coarse[few] / coarse[few].sum(), focus, ends)
         rows.append((phase, abs(whole), mean, error, beyond))
     if not met:
         raise ValueError("the beams do not meet the field: check the focus, the axis and the units (metres)")
