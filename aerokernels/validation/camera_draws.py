@@ -73,7 +73,9 @@ def check_camera(drawn: DrawnCamera, **options) -> ViewCheck:
         drawn.air.field, drawn.camera, aperture_rays=drawn.aperture_rays, allow_truncation=True, **options
     )
     points, weights = aperture(drawn.camera, TRUE_POINTS)
-    shifts = true_shifts(drawn.air.contrast, drawn.camera, SHAPE, points)
+    normal = drawn.camera.pupil.normal
+    slant = float(np.hypot(normal[1], normal[2])) if drawn.air.field.geometry == "planar" else 1.0
+    shifts = true_shifts(drawn.air.contrast, drawn.camera, SHAPE, points, slant)
     mean = np.einsum("p,pyxc->yxc", weights, shifts)
     blur = np.sqrt(np.einsum("p,pyxc->yxc", weights, (shifts - mean) ** 2))
     return ViewCheck(
@@ -86,9 +88,16 @@ def check_camera(drawn: DrawnCamera, **options) -> ViewCheck:
 
 
 def true_shifts(
-    contrast: Callable[[np.ndarray], np.ndarray], camera: Camera, shape: tuple[int, int], points: np.ndarray
+    contrast: Callable[[np.ndarray], np.ndarray],
+    camera: Camera,
+    shape: tuple[int, int],
+    points: np.ndarray,
+    slant: float = 1.0,
 ) -> np.ndarray:
-    """Shifts [pixels] of rays from points of the aperture (n, 2) [m], shape (n, rows, columns, 2); vacuum elsewhere."""
+    """Shifts [pixels] of rays from points of the aperture (n, 2) [m], shape (n, rows, columns, 2); vacuum elsewhere.
+
+    `slant` is the part of the camera's direction that leads out of the air, less than 1 in one endless along x.
+    """
     pupil = camera.pupil
     first, second = pupil.axes
     x, y = np.meshgrid(*camera.tangents(shape))
@@ -97,7 +106,8 @@ def true_shifts(
     tangent = tangent.reshape(-1, 2)
     frame = np.stack([first, second, pupil.normal])
     middle = -float(pupil.center @ pupil.normal)
-    ends = max(middle - 2.2 * HALF, 0.0), middle + 2.2 * HALF
+    reach = 2.2 * HALF / slant
+    ends = max(middle - reach, 0.0), middle + reach
     if np.isfinite(camera.distance):
         ends = ends[0], min(ends[1], camera.distance)
     place = np.concatenate([start + tangent * ends[0], np.full((len(start), 1), ends[0])], axis=1)
