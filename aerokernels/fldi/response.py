@@ -24,6 +24,9 @@ from .instrument import FLDI
 from .known_beams import truncated_share, warn_of_truncation
 from .rays import BEYOND_REACH, REACH, beam_grid, crossed, gathered
 
+# Rays across a beam that a caller may ask for.
+MOST = 2048
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FLDIResponse:
@@ -56,6 +59,8 @@ class FLDIResponse:
     @checked
     def signal(self, bias: float = 0.5 * np.pi) -> np.ndarray:
         """Light on a detector over its greatest, (1 + visibility cos(phase - bias)) / 2; pi / 2 is quadrature."""
+        if not np.isfinite(bias):
+            raise ValueError(f"bias must be a finite phase [rad], got {bias!r}")
         return 0.5 * (1.0 + self.visibility * np.cos(self.phase - bias))
 
     @checked
@@ -70,6 +75,8 @@ class FLDIResponse:
         step = np.diff(self.time)
         if np.ptp(step) > 1e-6 * step.mean():
             raise ValueError("a spectrum needs snapshots at even times")
+        if segment is not None and not 4 <= segment <= len(self.time):
+            raise ValueError(f"segment must be from 4 to the {len(self.time)} snapshots, got {segment!r}")
         from scipy.signal import welch
 
         length = min(256, len(self.time)) if segment is None else segment
@@ -151,8 +158,10 @@ def fldi_response(
     """
     if not isinstance(instrument, FLDI):
         raise TypeError(f"instrument must be an FLDI, got {type(instrument).__name__}")
-    if rays is not None and (isinstance(rays, bool) or not isinstance(rays, (int, np.integer)) or rays < 3):
-        raise ValueError(f"rays must be a whole number of at least 3, got {rays!r}")
+    if rays is not None and (
+        isinstance(rays, bool) or not isinstance(rays, (int, np.integer)) or not 3 <= rays <= MOST
+    ):
+        raise ValueError(f"rays must be a whole number from 3 to {MOST}, got {rays!r}")
     moved = np.zeros((1, 3)) if offsets is None else np.atleast_2d(np.asarray(offsets, dtype=np.float64))
     if moved.ndim != 2 or moved.shape[1] != 3 or not np.isfinite(moved).all():
         raise ValueError(f"offsets must be finite, shape (n, 3), got shape {np.asarray(offsets).shape}")

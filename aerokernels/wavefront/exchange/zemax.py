@@ -11,13 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ...arguments import checked
 from ...checks import check_choice
 from ..data import WavefrontMap
 
 KINDS = ("phase", "sag")
 
 
-def to_zemax(wavefront: WavefrontMap, path, kind: str = "phase") -> None:
+@checked
+def to_zemax(wavefront: WavefrontMap, path: str | Path, kind: str = "phase") -> None:
     """Write a grid file.
 
     Raises:
@@ -33,7 +35,8 @@ def to_zemax(wavefront: WavefrontMap, path, kind: str = "phase") -> None:
     Path(path).write_text("\n".join(lines) + "\n", encoding="ascii")
 
 
-def read_zemax(path) -> tuple[np.ndarray, np.ndarray, float]:
+@checked
+def read_zemax(path: str | Path) -> tuple[np.ndarray, np.ndarray, float]:
     """Values of a grid file in our order of rows, shape (n, n), which of them are data, and the pixel [m].
 
     Raises:
