@@ -377,3 +377,14 @@ def test_spreads_are_integrals_over_square_pixels():
 def test_cosines_of_steep_rays():
     """A tangent t has the cosine t / sqrt(1 + |t|^2): 3/13 and 4/13 at 3/12 and 4/12."""
     assert np.allclose(_cosines(np.array([[0.25, 1.0 / 3.0]])), [[3.0 / 13.0, 4.0 / 13.0]], rtol=1e-15)
+
+
+@pytest.mark.parametrize("seed", [0, 9, 11])
+def test_the_errors_told_hold_displacement_and_blur(seed: int):
+    """Drawn cameras before air of closed form, whose rays are followed by Runge-Kutta steps of their own."""
+    from aerokernels.validation.camera_draws import check_camera, draw_camera
+
+    found = check_camera(draw_camera(seed))
+    assert (found.blur_missed <= found.blur_error + 1e-5).all(), found
+    assert (found.displacement_missed <= found.displacement_error + 1e-5).all(), found
+    assert np.median(found.blur_error) < 10.0 * np.median(found.blur) + 1e-4

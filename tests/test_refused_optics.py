@@ -122,3 +122,28 @@ def test_what_an_interferometer_looks_through():
         fldi_response([FIELD], instrument, time=[0.0, 1.0])
     with pytest.raises(ValueError, match="rays must be a whole number of at least 3, got 1"):
         fldi_response(FIELD, instrument, rays=1)
+
+
+def test_what_would_take_hours_or_end_in_pythons_words_is_refused(tmp_path):
+    """A million Zernike polynomials, a thousand million rays, no path, no dataset; told at once and in words."""
+    from aerokernels.echo import detect
+
+    place = Disc(0.01).flat_sample(300, "sobol", 0)[0] * 0.01
+    wave = Wavefront.from_samples(place, 1e-5 * place[:, 0], Disc(0.01), 1e-6, pixel_count=12)
+    with pytest.raises(ValueError, match="1000000 Zernike polynomials are more"):
+        wave.zernike(10**6)
+    assert np.isinf(wave.zernike_errors(10**6)).all()
+    with pytest.raises(TypeError, match="count must be a whole number"):
+        wave.zernike_errors("a")
+    for write in (wave.to_fits, wave.to_zemax):
+        with pytest.raises(TypeError, match="path"):
+            write(None)
+    with pytest.raises(TypeError, match=r"must be an xarray.Dataset"):
+        Wavefront.from_xarray({})
+    field = IndexField.from_samples(np.zeros((9, 9)), origin=(0, 0), spacing=(1e-3, 1e-3), geometry="planar")
+    with pytest.raises(ValueError, match=r"a low-pass of 1 Hz remembers 5\.\d+e\+09 of the record's sample periods"):
+        detect(np.arange(9) * 1e-9, np.ones(9), volts_per_watt=1.0, bandwidth=1.0)
+    with pytest.raises(ValueError, match="must be finite"):
+        FLDI(1e-4, 1e-5).transfer(np.nan)
+    with pytest.raises(ValueError, match="rays must be a whole number from 3 to 2048"):
+        fldi_response(field, FLDI(1e-4, 1e-5), rays=10**9)

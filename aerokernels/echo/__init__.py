@@ -13,6 +13,7 @@ from .ranging import RANGING_METHODS, estimate_range
 from .reflectors import Reflector
 from .result import EchoResult
 from .sampling_error import CoarseSamplingWarning
+from .saturation import SaturatedRecordWarning
 from .simulate import echo
 from .waveform import fwhm_from_pulse_tau, gaussian_pulse, pulse_energy, pulse_tau_from_fwhm
 
@@ -29,6 +30,7 @@ __all__ = [
     "RangeWalk",
     "Reflector",
     "SampledPulse",
+    "SaturatedRecordWarning",
     "chain_range_statistics",
     "cramer_rao_range",
     "detect",

@@ -21,6 +21,8 @@ from ..opened import OPENED
 
 RESPONSES = ("first-order", "gaussian", "bessel", "butterworth")
 GREATEST_ORDER = 10
+# Samples of padding at most: a gigabyte.
+GREATEST_PADDING = 1 << 27
 # What is left of the slowest pole's memory at the end of the padding.
 _FORGOTTEN = 1e-16
 
@@ -117,7 +119,13 @@ def detect(
     gain = check_positive(volts_per_watt, "volts_per_watt", "V/W")
     if bandwidth is None:
         return gain * watts
-    padding = math.ceil(memory_time(bandwidth, response, order) / period)
+    memory = memory_time(bandwidth, response, order) / period
+    if not memory <= GREATEST_PADDING:
+        raise ValueError(
+            f"a low-pass of {bandwidth:g} Hz remembers {memory:.3g} of the record's sample periods of {period:g} s: "
+            "check the bandwidth (Hz) and the times (s)"
+        )
+    padding = math.ceil(memory)
     padded = np.concatenate([gain * watts, np.zeros(padding)])
     return low_pass(padded, period, bandwidth, response, order)[: watts.size]
 

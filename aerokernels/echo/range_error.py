@@ -105,7 +105,7 @@ def range_statistics(
         confidence: Probability of the confidence intervals, between 0 and 1.
 
     Warns:
-        CoarseSamplingWarning: As for `estimate_range`.
+        CoarseSamplingWarning, SaturatedRecordWarning: As for `estimate_range`.
 
     Returns:
         The errors. Standard error and interval of the random error assume normally distributed ranges.

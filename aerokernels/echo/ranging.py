@@ -5,7 +5,7 @@ t = 0 is the moment at which the pulse's peak leaves, and range = c t / 2.
 | method              | arrival time                                                       | depends on the amplitude |
 |---------------------|--------------------------------------------------------------------|--------------------------|
 | "leading-edge"      | first rise through a fixed threshold                               | yes: range walk          |
-| "constant-fraction" | last rise, before the peak, through `fraction` of the peak         | no                       |
+| "constant-fraction" | last rise, before the peak, through `fraction` of the peak         | where it is cut off      |
 | "centroid"          | centroid of the part above a tenth of the peak                     | no                       |
 | "matched-filter"    | greatest correlation with a template: least variance in white noise | no                       |
 
@@ -27,6 +27,7 @@ from ..checks import as_finite_array, as_waveform, check_choice, check_positive
 from ..derived import Derived
 from .pulse_curve import CENTROID_FLOOR, PulseCurve
 from .sampling_error import sampling_error, warn_of_sampling
+from .saturation import warn_of_saturation
 from .shaped_curve import Shape, best_place, shaped_curve, shifted_samples, template_transform
 from .waveform import SPEED_OF_LIGHT
 
@@ -70,6 +71,7 @@ def estimate_range(
 
     Warns:
         CoarseSamplingWarning: Too few samples across the pulse for the method, with the error that this makes.
+        SaturatedRecordWarning: A peak that is cut off, of which "constant-fraction" takes its share, with the error.
 
     Raises:
         ValueError: The signal never crosses the threshold (the message says its peak), the record cuts the pulse, an
@@ -143,8 +145,12 @@ class Reading:
         return sampling_error(volts, period, read, template, self.method != "leading-edge")
 
     def warn(self, volts: np.ndarray, period: float) -> float:
-        """Warn where the sampling error [m] is more than is tolerated, and return it."""
+        """Warn where the sampling error [m] is more than is tolerated, and return it; and of a peak that is cut off."""
         error = self.sampling_error(volts, period)
+        if self.method == "constant-fraction":
+            shape = self.shape or (self.template if callable(self.template) else None)
+            if warn_of_saturation(volts, period, self.fraction, shape):
+                return error
         warn_of_sampling(volts, period, self.method, error, self.template is not None)
         return error
 

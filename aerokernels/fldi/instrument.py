@@ -98,6 +98,8 @@ class FLDI:
             angle: Of the direction in which the wave runs, from that of the separation [rad].
         """
         wave_number, distance = (np.asarray(each, dtype=np.float64) for each in (wave_number, distance))
+        if not (np.isfinite(wave_number).all() and np.isfinite(distance).all() and np.isfinite(angle)):
+            raise ValueError("wave_number, distance and angle must be finite")
         try:
             np.broadcast_shapes(wave_number.shape, distance.shape)
         except ValueError:

@@ -91,6 +91,13 @@ def beam_grid(field: IndexField, instrument: FLDI, ends: tuple[float, float], ra
     return np.stack([u, v], axis=1), light / light.sum(), half / half.sum()
 
 
+def layer_count(field: IndexField, instrument: FLDI, ends: tuple[float, float]) -> int:
+    """Layers along the beams that a field asks for between its ends [m]."""
+    cell = float(cell_along(field, instrument.axis[None])[0])
+    wanted = LAYERS_PER_CELL[field.interpolation == "cubic"] * (ends[1] - ends[0]) / cell
+    return math.ceil(min(max(wanted, LEAST_LAYERS), MOST_LAYERS))
+
+
 def gathered(
     field: IndexField,
     instrument: FLDI,
@@ -99,6 +106,7 @@ def gathered(
     ends: tuple[float, float],
     *,
     coarser: int = 1,
+    layers: int | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Optical path [m] that the rays of both beams gather, shape (2, n): first the beam toward `direction`.
 
@@ -111,26 +119,26 @@ def gathered(
         focus: Its focus [m], shape (3,).
         ends: Distances from the focus between which light is in the box [m].
         coarser: How many times as thick the layers are as the field asks for.
+        layers: How many there are; None: as many as the field asks for.
 
     Returns:
         The paths, and which rays get past the field's body, of the same shape.
     """
-    length = ends[1] - ends[0]
-    cell = float(cell_along(field, instrument.axis[None])[0])
-    wanted = LAYERS_PER_CELL[field.interpolation == "cubic"] * length / cell
-    count = math.ceil(min(max(wanted, LEAST_LAYERS), MOST_LAYERS) / coarser)
+    count = math.ceil((layer_count(field, instrument, ends) if layers is None else layers) / coarser)
     edges = np.linspace(*ends, count + 1)
-    thickness = length / count
+    thickness = (ends[1] - ends[0]) / count
     path, passes = np.zeros((2, len(places))), np.ones((2, len(places)), dtype=bool)
     block = max(1, BLOCK // len(places))  # speed only
     for begin in range(0, count, block):
         part = edges[begin : begin + block + 1]
         for beam, side in enumerate((0.5, -0.5)):
-            spots = _points(instrument, places, focus, side, np.broadcast_to(part[:, None], (len(part), len(places))))
+            spots = ray_points(
+                instrument, places, focus, side, np.broadcast_to(part[:, None], (len(part), len(places)))
+            )
             low, high = _in_box(field, field.local_coordinates(spots.reshape(-1, 3)).reshape(*spots.shape[:2], -1))
             for node in GAUSS:
                 distance = part[:-1, None] + thickness * (low + node * (high - low))
-                points = _points(instrument, places, focus, side, distance).reshape(-1, 3)
+                points = ray_points(instrument, places, focus, side, distance).reshape(-1, 3)
                 contrast = contrast_without_gradient(field, points).reshape(distance.shape)
                 path[beam] += 0.5 * thickness * np.einsum("ij,ij->j", high - low, contrast)
                 if field.body is not None:
@@ -138,7 +146,9 @@ def gathered(
     return path, passes
 
 
-def _points(instrument: FLDI, places: np.ndarray, focus: np.ndarray, side: float, distance: np.ndarray) -> np.ndarray:
+def ray_points(
+    instrument: FLDI, places: np.ndarray, focus: np.ndarray, side: float, distance: np.ndarray
+) -> np.ndarray:
     """Where the rays of one beam are at distances (m, n) from the focus [m], shape (m, n, 3)."""
     first, second = instrument.direction, instrument.normal
     assert first is not None

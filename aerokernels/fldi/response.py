@@ -19,9 +19,13 @@ from ..arguments import Numbers, checked
 from ..flow import DensityField, Series
 from ..medium import IndexField
 from ..shown import drawn_on
+from .grid_error import grid_error
 from .instrument import FLDI
 from .known_beams import truncated_share, warn_of_truncation
 from .rays import BEYOND_REACH, REACH, beam_grid, crossed, gathered
+
+# Rays across a beam that a caller may ask for.
+MOST = 2048
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,8 +39,9 @@ class FLDIResponse:
             back, takes from it.
         mean_phase: Mean phase difference by light [rad], linear in the field.
         error: What the phase may be off by through the number of rays and of layers along them [rad]: the difference to
-            half as many rays either way, the greater one to a half and a third of the layers, and what the light beyond
-            the outermost rays may change.
+            half as many rays either way, the greater one to a half and a third of the layers, what the light beyond
+            the outermost rays may change, and what the field's own samples leave (grid_error.py). NaN where the phase
+            is, and of a field whose samples can't be judged.
         truncated: Share of the light that goes through disturbed air that ends with the field's box, of which the phase
             holds the known part only.
         time: Times [s], shape (time_count,), or None for one field.
@@ -54,6 +59,8 @@ class FLDIResponse:
     @checked
     def signal(self, bias: float = 0.5 * np.pi) -> np.ndarray:
         """Light on a detector over its greatest, (1 + visibility cos(phase - bias)) / 2; pi / 2 is quadrature."""
+        if not np.isfinite(bias):
+            raise ValueError(f"bias must be a finite phase [rad], got {bias!r}")
         return 0.5 * (1.0 + self.visibility * np.cos(self.phase - bias))
 
     @checked
@@ -68,6 +75,8 @@ class FLDIResponse:
         step = np.diff(self.time)
         if np.ptp(step) > 1e-6 * step.mean():
             raise ValueError("a spectrum needs snapshots at even times")
+        if segment is not None and not 4 <= segment <= len(self.time):
+            raise ValueError(f"segment must be from 4 to the {len(self.time)} snapshots, got {segment!r}")
         from scipy.signal import welch
 
         length = min(256, len(self.time)) if segment is None else segment
@@ -149,8 +158,10 @@ def fldi_response(
     """
     if not isinstance(instrument, FLDI):
         raise TypeError(f"instrument must be an FLDI, got {type(instrument).__name__}")
-    if rays is not None and (isinstance(rays, bool) or not isinstance(rays, (int, np.integer)) or rays < 3):
-        raise ValueError(f"rays must be a whole number of at least 3, got {rays!r}")
+    if rays is not None and (
+        isinstance(rays, bool) or not isinstance(rays, (int, np.integer)) or not 3 <= rays <= MOST
+    ):
+        raise ValueError(f"rays must be a whole number from 3 to {MOST}, got {rays!r}")
     moved = np.zeros((1, 3)) if offsets is None else np.atleast_2d(np.asarray(offsets, dtype=np.float64))
     if moved.ndim != 2 or moved.shape[1] != 3 or not np.isfinite(moved).all():
         raise ValueError(f"offsets must be finite, shape (n, 3), got shape {np.asarray(offsets).shape}")
@@ -232,6 +243,7 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
                 (first, second), _ = gathered(field, instrument, places[few], focus, ends, coarser=coarser)
                 changes.append(coarse[few] @ (per_metre * (first - second) - difference[few]))
             error += float(np.abs(changes).max()) / float(coarse[few].sum())
+            error += grid_error(field, instrument, places[few], coarse[few] / coarse[few].sum(), focus, ends)
         rows.append((phase, abs(whole), mean, error, beyond))
     if not met:
         raise ValueError("the beams do not meet the field: check the focus, the axis and the units (metres)")

@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 
 from ..medium import IndexField
-from ..medium.levels import LOWEST_ORDER, ORDER, refinement
+from ..medium.levels import LOWEST_ORDER, ORDER
 from ..tracing.lines import box_size
 from .camera import Camera
 
 # Cells of the field about a pixel over which the greatest error counts.
 CELLS_AROUND = 4.0
+# What the change by another number of points of the aperture counts.
+SAFETY = 1.5
 
 
 def displacement_error(
@@ -31,19 +33,73 @@ def displacement_error(
         shape: Rows and columns.
         landing: Traces a field: shifts [pixels], shape (2, rows, columns), and 1 where rays arrived.
     """
-    from scipy.ndimage import maximum_filter
-
-    levels = refinement(field)
+    levels = field.refinement
     if levels is None:
         return np.full(shape, np.nan)
     fields = [one for one in (levels.fine, levels.coarse, levels.coarser) if one is not None]
     moved = [landing(one) for one in fields]
     arrived = np.prod([one[1] for one in moved], axis=0) > 0.0
     changes = [np.hypot(*(after[0] - before[0])) for before, after in pairwise(moved)]
-    around = _pixels_around(field, camera, shape)
-    last, *before = (maximum_filter(np.where(arrived, one, 0.0), size=around, mode="nearest") for one in changes)
+    return _left(field, camera, [np.where(arrived, one, 0.0) for one in changes], levels.share)
+
+
+def by_points(change: np.ndarray) -> np.ndarray:
+    """The error of a mean over points of the aperture [pixels], from its change by another number of them.
+
+    In one pixel it may vanish by chance: the greatest of its neighbours counts.
+
+    Args:
+        change: Along x and y [pixels], shape (rows, columns, 2).
+    """
+    from scipy.ndimage import maximum_filter
+
+    size = np.linalg.norm(change, axis=-1)
+    around = maximum_filter(np.nan_to_num(size), size=3, mode="nearest")
+    return np.where(np.isfinite(size), SAFETY * around, np.nan)
+
+
+def blur_error(
+    field: IndexField,
+    camera: Camera,
+    blur: np.ndarray,
+    count: int,
+    other: int,
+    seen: Callable[..., np.ndarray],
+) -> np.ndarray:
+    """The error of a blur [pixels], shape (rows, columns, 2); NaN on a mesh that can't be judged.
+
+    Its change by another number of points of the aperture, and by rays of a tenth of the tolerance in double precision;
+    and what is left of its change between the field's coarser versions, traced so, by the order seen about each pixel.
+
+    Args:
+        field: The refractive index.
+        camera: The camera.
+        blur: The blur [pixels].
+        count: Points of the aperture that it was taken over.
+        other: Another number of them.
+        seen: Blurs through a field by a number of points of the aperture; `tight` where the rays are to be traced so.
+    """
+    levels = field.refinement
+    if levels is None:
+        return np.full(blur.shape, np.nan)
+    total = by_points(seen(field, other) - blur)[..., None]
+    fine, *rest = (
+        seen(one, count, tight=True) for one in (levels.fine, levels.coarse, levels.coarser) if one is not None
+    )
+    exact = fine if levels.fine is field else seen(field, count, tight=True)
+    left = _left(field, camera, [np.abs(after - before) for before, after in pairwise([fine, *rest])], levels.share)
+    return np.asarray(total + np.abs(exact - blur) + left)
+
+
+def _left(field: IndexField, camera: Camera, changes: list[np.ndarray], share: float) -> np.ndarray:
+    """What is left of changes between versions of a field, the finest first, each of shape (rows, columns, ...)."""
+    from scipy.ndimage import maximum_filter
+
+    around = _pixels_around(field, camera, changes[0].shape[:2])
+    size = (around, around, *([1] * (changes[0].ndim - 2)))
+    last, *before = (maximum_filter(np.nan_to_num(one), size=size, mode="nearest") for one in changes)
     if not before:
-        return np.asarray(levels.share * last)
+        return np.asarray(share * last)
     # The order seen about each pixel, where the error is: far from a shock it is the spline's, near it there is none.
     ratio = before[0] / np.maximum(last, 1e-300)
     order = np.clip(np.log2(np.maximum(ratio, 1e-300)), LOWEST_ORDER, ORDER[field.interpolation])

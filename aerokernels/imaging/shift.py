@@ -21,7 +21,7 @@ from ..clock import clocked, stage
 from ..medium import IndexField
 from ..tracing.pupil_air import GREATEST_SHARE
 from .camera import Camera, rows_and_columns
-from .displacement_error import displacement_error
+from .displacement_error import blur_error, by_points, displacement_error
 from .known_view import KnownView
 from .landing import by_rows, land, landing_shift
 
@@ -30,10 +30,12 @@ if TYPE_CHECKING:
 
 # Points of the aperture: a ring of four has the exact mean of what changes by up to the third power across it.
 APERTURE_RAYS = 4
-# Points by which the error of a mean over fewer is told; of more, a quarter of them tell it. What the change counts.
-OTHER_RAYS, SAFETY = 16, 1.5
+# Points by which the error of a mean over fewer is told; of more, a quarter of them tell it.
+OTHER_RAYS, BLUR_RAYS = 16, 36
 # Of `trace` [waves].
 DEFAULT_TOLERANCE = 1e-3
+# The tolerance of rays that judge others, of theirs.
+TIGHTER = 0.1
 # Called by threads, each with rows of the picture of its own: (rows, point of the aperture [m], its share of the light,
 # shifts [pixels] of shape (rows, columns, 2), and where rays arrived).
 Visit = Callable[[slice, np.ndarray, float, np.ndarray, np.ndarray], None]
@@ -74,8 +76,8 @@ class BackgroundDisplacement:
         """What the size of the displacement may be off by [pixels], shape (rows, columns); NaN where it is not known.
 
         Through the field's grid (displacement_error.py), and where it is the mean over several points of the aperture,
-        through their number: by its change for OTHER_RAYS of them. Three more bundles and those of the other points are
-        traced when it is first read.
+        through their number: by its change for OTHER_RAYS of them, in the neighbouring pixels too. Three more bundles
+        and those of the other points are traced when it is first read.
         """
         if self.view is None:
             return np.full(self.through.shape, np.nan)
@@ -86,9 +88,29 @@ class BackgroundDisplacement:
         count = len(self.view.points)
         if count == 1:
             return grid
-        other = OTHER_RAYS if count < OTHER_RAYS else max(count // 4, 2)
-        changed = gather(self.view.field, camera, shape, other, options, allow_truncation=True)
-        return grid + SAFETY * np.linalg.norm(changed.displacement - self.displacement, axis=-1)
+        changed = gather(self.view.field, camera, shape, _others(count, OTHER_RAYS), options, allow_truncation=True)
+        return grid + by_points(changed.displacement - self.displacement)
+
+    @cached_property
+    def blur_error(self) -> np.ndarray:
+        """What the blur may be off by, along x and y [pixels], shape (rows, columns, 2); NaN where it is not known.
+
+        Through the field's grid, the rays' tolerance and the number of points of the aperture: see blur_error in
+        displacement_error.py. Pictures of three fields and of 36 points are traced when it is first read.
+        """
+        if self.view is None:
+            return np.full(self.blur.shape, np.nan)
+        camera, shape, count = self.camera, self.through.shape, len(self.view.points)
+
+        def seen(field: IndexField, points: int, tight: bool = False) -> np.ndarray:
+            options = dict(self.options)
+            if tight:
+                tolerance = TIGHTER * float(options.get("tolerance", DEFAULT_TOLERANCE))
+                options |= {"tolerance": tolerance, "precision": "float64"}
+            return gather(field, camera, shape, points, options, allow_truncation=True).blur
+
+        other = _others(count, BLUR_RAYS)
+        return blur_error(self.view.field, camera, self.blur, count, other, seen)
 
     @cached_property
     def truncated(self) -> np.ndarray:
@@ -274,6 +296,11 @@ def check_view(field: IndexField, camera: Camera, options: dict[str, Any]) -> No
     tolerance = options.get("tolerance", DEFAULT_TOLERANCE)
     if isinstance(tolerance, bool) or not isinstance(tolerance, Real):
         raise TypeError(f"tolerance must be a number of waves, got {tolerance!r}")
+
+
+def _others(count: int, many: int) -> int:
+    """Points of the aperture by which the error of a mean over some is told: many, or a quarter of more than that."""
+    return many if count < many else max(count // 4, 2)
 
 
 def aperture(camera: Camera, count: int) -> tuple[np.ndarray, np.ndarray]:

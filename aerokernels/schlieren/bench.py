@@ -6,10 +6,10 @@ stands where the source is imaged again: of the source's light it lets through w
     t_cut + e_cut > edge,      the edge being where a share `cut_off` of the undisturbed light is held back
 
 e_cut the deflection across the edge. Of a slit that is the straight line of slope f / h that `schlieren` draws; of a
-disc it bends at both ends. Taken as one point (`source_points` = 1) the source lights the flow along the axis alone;
-more points are each traced on their own, through the place of a pixel in the plane in focus, so that what lies out of
-focus is blurred. A ray is drawn where it comes from in the plane in focus, with the light of the square about it:
-schlieren out of focus is partly a shadowgraph.
+disc it bends at both ends, of an annulus also at the rims of its hole. Taken as one point (`source_points` = 1) the
+source lights the flow along the axis alone; more points are each traced on their own, through the place of a pixel in
+the plane in focus, so that what lies out of focus is blurred. A ray is drawn where it comes from in the plane in focus,
+with the light of the square about it: schlieren out of focus is partly a shadowgraph.
 
 Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3, 3.2 and 3.4.
 """
@@ -19,11 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import checked
-from ..checks import check_choice
-from ..pupils import Disc, area_below
+from ..pupils import Pupil
 from ..sensor import Sensor
+from .source_shape import check_source, light_below, light_in, shape_of
 
-SOURCES = ("slit", "disc", "square")
+# Halvings that find an edge.
+HALVINGS = 60
 
 
 @checked
@@ -32,10 +33,13 @@ class Bench:
     """The optics of a bench.
 
     Attributes:
-        source_size: Width of the source across the knife edge, or a disc's diameter [m].
+        source_size: Width of the source across the knife edge, or a disc's diameter [m]; None: that of a `source` that
+            is a pupil, of which it is twice the greatest distance from its centre across the edge.
         focal_length: Focal length of the lens or mirror that makes the source's light parallel [m].
-        source: "slit" (of no width along the edge), "disc" or "square".
-        source_points: Points of the source along its width that are traced, each on its own.
+        source: "slit" (of no width along the edge), "disc", "square", or any pupil, as an `Annulus` or a `Mask`, of
+            which the shape counts, made as wide as `source_size`: its first axis lies across the edge, and a mask's
+            weights are amplitudes.
+        source_points: Points of the source along its width that are traced, each on its own; as many along the edge.
         focus: The plane in focus, along the light from the middle of the field [m].
         sensor: Makes grey levels and noise; None: brightness as it is.
         seed: Draws the noise.
@@ -45,9 +49,9 @@ class Bench:
         ValueError: A number that makes no sense, or an unknown source.
     """
 
-    source_size: float
+    source_size: float | None
     focal_length: float
-    source: str = "slit"
+    source: str | Pupil = "slit"
     source_points: int = 1
     focus: float = 0.0
     sensor: Sensor | None = None
@@ -55,13 +59,15 @@ class Bench:
 
     def __post_init__(self):
         """Check."""
+        check_source(self.source)
+        if self.source_size is None and isinstance(self.source, Pupil):
+            object.__setattr__(self, "source_size", 2.0 * self.source.half_extent[0])
         for name in ("source_size", "focal_length"):
             value = getattr(self, name)
-            if not (np.ndim(value) == 0 and np.isfinite(value) and value > 0.0):
+            if value is None or not (np.ndim(value) == 0 and np.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} = {value!r}: give a positive length in metres")
         if self.angle > 0.5:
             raise ValueError(f"a source of {self.angle:.3g} rad is too large: check source_size and focal_length")
-        check_choice(self.source, "source", SOURCES)
         count = self.source_points
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= 64:
             raise ValueError(f"source_points {count!r}: give a whole number from 1 to 64")
@@ -73,6 +79,7 @@ class Bench:
     @property
     def angle(self) -> float:
         """Full angle of the source seen from the flow [rad]."""
+        assert self.source_size is not None
         return self.source_size / self.focal_length
 
     @property
@@ -82,14 +89,14 @@ class Bench:
 
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Points of the source: angles across the edge and along it [rad], shape (n, 2), and shares, shape (n,)."""
-        edges = self.angle * (np.arange(self.source_points + 1) / self.source_points - 0.5)
-        middle = 0.5 * (edges[1:] + edges[:-1])
-        if self.source == "slit":
+        if self._shape is None:
+            middle = self._middles(self.angle)
             return np.stack([middle, np.zeros(len(middle))], axis=1), np.full(len(middle), 1.0 / len(middle))
-        share = np.ones((len(middle), len(middle)))
-        if self.source == "disc":
-            share = Disc(0.5 * self.angle).coverage(edges, edges)
-        across, along = np.meshgrid(middle, middle)
+        shape, unit = self._shape, self._unit
+        sides = [unit * 2.0 * half for half in shape.half_extent]
+        edges = [side / unit * (np.arange(self.source_points + 1) / self.source_points - 0.5) for side in sides]
+        share = light_in(shape, *edges)
+        across, along = np.meshgrid(*(self._middles(side) for side in sides))
         lit = share > 0.0
         return np.stack([across[lit], along[lit]], axis=1), share[lit] / share[lit].sum()
 
@@ -102,32 +109,49 @@ class Bench:
             cut_off: Share of the undisturbed light that is held back.
         """
         half = 0.5 * self.angle / self.source_points
-        place = np.clip(self.edge(cut_off) - np.asarray(deflection), point[0] - half, point[0] + half)
-        first, whole = (self._below(point[0] + side * half, point[1], half) for side in (-1.0, 1.0))
-        return np.asarray(1.0 - (self._below(place, point[1], half) - first) / (whole - first))
-
-    def _below(self, place, along: float, half: float) -> np.ndarray:
-        """Light from angles below a place across the edge, of the strip of this half width at an angle along it."""
-        if self.source != "disc":
-            return np.asarray(place)
-        radius = 0.5 * self.angle
-        low, high = (np.clip((along + side * half) / radius, -1.0, 1.0) for side in (-1.0, 1.0))
-        x = np.clip(np.asarray(place) / radius, -1.0, 1.0)
-        return np.asarray(area_below(x, high) - area_below(x, low))
+        ends = np.array([point[0] - half, point[0] + half])
+        place = np.clip(self.edge(cut_off) - np.asarray(deflection), *ends)
+        strip = None
+        if self._shape is not None:
+            high = self._unit * self._shape.half_extent[1] / self.source_points
+            strip = point[1] - high, point[1] + high
+        first, whole = self._below(ends, strip)
+        return np.asarray(1.0 - (self._below(place, strip) - first) / (whole - first))
 
     def held_back(self, place: np.ndarray) -> np.ndarray:
         """Share of the source's light from angles below a place across the edge [rad]."""
-        part = np.clip(2.0 * np.asarray(place) / self.angle, -1.0, 1.0)
-        if self.source == "disc":
-            return np.asarray(0.5 + (np.arcsin(part) + part * np.sqrt(1.0 - part**2)) / np.pi)
-        return np.asarray(0.5 * (1.0 + part))
+        half = 0.5 * self.angle
+        first, whole = self._below(np.array([-half, half]), None)
+        return np.asarray((self._below(np.clip(place, -half, half), None) - first) / (whole - first))
 
     def edge(self, cut_off: float) -> float:
         """Where the edge stands, as an angle from the source's middle [rad]."""
-        if self.source != "disc":
+        if self._shape is None:
             return (cut_off - 0.5) * self.angle
         low, high = -0.5 * self.angle, 0.5 * self.angle
-        for _ in range(60):
+        for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if float(self.held_back(np.asarray(middle))) < cut_off else (low, middle)
         return 0.5 * (low + high)
+
+    def _below(self, place: np.ndarray, strip: tuple[float, float] | None) -> np.ndarray:
+        """Light from angles below places across the edge, of a strip between two angles along it, None for all."""
+        if self._shape is None:
+            return np.asarray(place)
+        reach = self._unit * self._shape.half_extent[1]
+        low, high = (-reach, reach) if strip is None else strip
+        return light_below(self._shape, np.asarray(place) / self._unit, low / self._unit, high / self._unit)
+
+    @property
+    def _shape(self) -> Pupil | None:
+        return shape_of(self.source)
+
+    @property
+    def _unit(self) -> float:
+        """Angle to a length of the shape [rad / m]."""
+        assert self._shape is not None
+        return 0.5 * self.angle / self._shape.half_extent[0]
+
+    def _middles(self, side: float) -> np.ndarray:
+        edges = side * (np.arange(self.source_points + 1) / self.source_points - 0.5)
+        return np.asarray(0.5 * (edges[1:] + edges[:-1]))

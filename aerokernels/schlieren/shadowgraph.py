@@ -24,12 +24,13 @@ import numpy as np
 from aerokernels.medium import IndexField
 
 from ..arguments import checked
-from ..checks import check_choice
+from ..pupils import Pupil
 from ..shown import shown
-from .bench import SOURCES, Bench
+from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
 from .source_blur import blurred
+from .source_shape import check_source
 from .view import PictureView
 from .window import Window, ray_lines
 
@@ -69,7 +70,7 @@ class Shadowgraph(PictureView):
     distance: float
     source_angle: float
     exposure: float
-    source: str = "disc"
+    source: str | Pupil = "disc"
 
     def to_xarray(self) -> "xarray.Dataset":
         """The picture as a dataset with units."""
@@ -82,7 +83,7 @@ class Shadowgraph(PictureView):
                 "kind": "shadowgraph",
                 "distance_m": self.distance,
                 "source_angle_rad": self.source_angle,
-                "source": self.source,
+                "source": str(self.source),
             },
         )
 
@@ -134,14 +135,14 @@ def shadow_picture(
     distance: float,
     source_angle: float = 0.0,
     exposure: float = 0.5,
-    source: str = "disc",
+    source: str | Pupil = "disc",
 ) -> Shadowgraph:
     """The shadowgraph of light that was traced already; arguments and errors as in `shadowgraph`.
 
     `source` is the source's shape, as of a `Bench`.
     """
     check_screen(distance, source_angle, exposure)
-    check_choice(source, "source", SOURCES)
+    check_source(source)
     window = traced.window
     if min(traced.through.shape) < 2:
         raise ValueError(f"a shadowgraph needs at least 2 x 2 rays, got {traced.through.shape}: raise pixel_count")
@@ -151,7 +152,7 @@ def shadow_picture(
     onward = distance - (traced.focus - window.middle)
     irradiance = spread(traced, traced.displacement + onward * tangent)
     if source_angle > 0.0:
-        irradiance = blurred(irradiance, source, abs(distance) * source_angle, window.pitch)
+        irradiance = blurred(irradiance, source, distance * source_angle, window.pitch)
     return Shadowgraph(
         intensity=np.clip(exposure * irradiance, 0.0, 1.0),
         horizontal=window.horizontal,

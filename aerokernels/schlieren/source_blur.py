@@ -8,53 +8,76 @@ is then exact to fourth order in the pixel's size, also where the source's image
 
 import numpy as np
 
-from ..pupils import Disc, Rectangle
+from ..pupils import Pupil, Rectangle
+from .source_shape import light_in, shape_of
 
-# Halvings of a pixel in the search for the size whose weights have the right variance.
-HALVINGS = 50
+# Halvings of a pixel in the search for the size whose weights have the right variance, and the cells across a shape
+# that its variance is found by.
+HALVINGS, CELLS = 50, 1024
 
 
-def blurred(irradiance: np.ndarray, source: str, size: float, pitch: tuple[float, float]) -> np.ndarray:
+def blurred(irradiance: np.ndarray, source: str | Pupil, size: float, pitch: tuple[float, float]) -> np.ndarray:
     """A picture folded with the image of a source.
 
     Args:
         irradiance: The picture, shape (ny, nx).
-        source: "disc", "square", or "slit", which has a width along the picture's horizontal and none along its
-            vertical.
-        size: Width of the source's image, or a disc's diameter [m].
+        source: A shape of source_shape.py, its first axis along the picture's horizontal; a slit has no width along
+            the vertical.
+        size: Width of the source's image along the horizontal [m]; negative where it is upside down.
         pitch: Distance of the pixels along the horizontal and the vertical [m].
     """
     from scipy.ndimage import convolve, convolve1d
 
-    lines = [_fitted(source, 0.5 * size, step) for step in pitch]
-    if source != "disc":
-        across = convolve1d(irradiance, _weights("square", *lines[0]), axis=1, mode="nearest")
-        if source == "slit":
-            return np.asarray(across)
-        return np.asarray(convolve1d(across, _weights("square", *lines[1]), axis=0, mode="nearest"))
-    edges = [_edges(half) / half for half, _ in ((half / step, step) for half, step in lines)]
-    disc = Disc(1.0).coverage(edges[0], edges[1]) * np.multiply.outer(np.diff(edges[1]), np.diff(edges[0]))
-    return np.asarray(convolve(irradiance, disc / disc.sum(), mode="nearest"))
+    shape = shape_of(source)
+    if shape is None:
+        slit = Rectangle(2.0, 2.0)
+        edges, _ = _fitted(slit, 0, 0.5 * abs(size), pitch[0])
+        weights = light_in(slit, edges, np.array([-1.0, 1.0]))[0]
+        return np.asarray(convolve1d(irradiance, weights / weights.sum(), axis=1, mode="nearest"))
+    scale = abs(size) / (2.0 * shape.half_extent[0])
+    drawn = [_fitted(shape, axis, scale * shape.half_extent[axis], pitch[axis]) for axis in (0, 1)]
+    if isinstance(shape, Rectangle):  # which is a product
+        across, along = (light / light.sum() for _, light in drawn)
+        picture = convolve1d(irradiance, across, axis=1, mode="nearest")
+        return np.asarray(convolve1d(picture, along, axis=0, mode="nearest"))
+    weights = light_in(shape, drawn[0][0], drawn[1][0])
+    if size < 0.0:
+        weights = weights[::-1, ::-1]
+    return np.asarray(convolve(irradiance, weights / weights.sum(), mode="nearest"))
 
 
-def _fitted(source: str, half: float, step: float) -> tuple[float, float]:
-    """Half the size that the source's image is drawn with along an axis of pixels [m], and their distance [m]."""
-    wanted = half**2 / (4.0 if source == "disc" else 3.0)
+def _fitted(shape: Pupil, axis: int, half: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Edges of pixels along an axis of a shape, in its own lengths, and the light between them.
+
+    Drawn in such a size that this light has the shape's mean square distance from its centre.
+
+    Args:
+        shape: The shape.
+        axis: 0 for its first axis, 1 for its second.
+        half: Half the size of its image [m].
+        step: Distance of the pixels [m].
+    """
+    reach = shape.half_extent[axis]
+    fine = np.linspace(-reach, reach, CELLS + 1)
+    light = _along(shape, axis, fine)
+    cell = fine[1] - fine[0]
+    square = float(light @ ((0.5 * (fine[1:] + fine[:-1])) ** 2 + cell**2 / 12.0) / light.sum())
+    wanted = square * (half / reach) ** 2
     low, high = max(half - step, 1e-6 * step), half + step
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        weights = _weights(source, middle, step)
-        place = step * (np.arange(len(weights)) - len(weights) // 2)
-        low, high = (middle, high) if float(weights @ place**2) < wanted else (low, middle)
-    return 0.5 * (low + high), step
+        edges = _edges(middle / step) * step
+        weights = _along(shape, axis, edges * reach / middle)
+        place = 0.5 * (edges[1:] + edges[:-1])
+        low, high = (middle, high) if float(weights @ place**2) < wanted * weights.sum() else (low, middle)
+    return edges * reach / middle, weights
 
 
-def _weights(source: str, half: float, step: float) -> np.ndarray:
-    """Shares of the source's light that fall on the pixels of one axis, the middle one at its centre; they sum to 1."""
-    edges = _edges(half / step) * step
-    shape = Disc(half) if source == "disc" else Rectangle(2.0 * half, 2.0 * half)
-    weights = shape.coverage(edges, np.array([-half, half]))[0]
-    return np.asarray(weights / weights.sum())
+def _along(shape: Pupil, axis: int, edges: np.ndarray) -> np.ndarray:
+    """Light of a shape between places along one of its axes."""
+    reach = shape.half_extent[1 - axis]
+    ends = np.array([-reach, reach])
+    return np.ravel(light_in(shape, edges, ends) if axis == 0 else light_in(shape, ends, edges))
 
 
 def _edges(half: float) -> np.ndarray:

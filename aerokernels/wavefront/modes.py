@@ -54,8 +54,10 @@ def fit_zernike(wavefront: WavefrontMap, count: int) -> np.ndarray:
         ValueError: More polynomials than the pupil's samples tell apart.
     """
     opd, weight = wavefront.samples
-    basis, root = _weighted_modes(wavefront, count), np.sqrt(weight)
-    found, _, rank, _ = np.linalg.lstsq(basis, opd * root, rcond=1e-9)
+    rank, found = len(opd), np.zeros(0)
+    if count <= len(opd):  # more cannot be told apart, and a million of them would take hours to be made
+        basis, root = _weighted_modes(wavefront, count), np.sqrt(weight)
+        found, _, rank, _ = np.linalg.lstsq(basis, opd * root, rcond=1e-9)
     if rank < count:
         raise ValueError(
             f"{count} Zernike polynomials are more than the pupil's {len(opd)} samples tell apart ({rank}): take "
@@ -69,6 +71,8 @@ def zernike_gains(wavefront: WavefrontMap, count: int) -> np.ndarray:
 
     Infinite where the pupil's samples do not tell the polynomials apart.
     """
+    if count > len(wavefront.samples[0]):
+        return np.full(count, np.inf)
     _, size, rows = np.linalg.svd(_weighted_modes(wavefront, count), full_matrices=False)
     if len(size) < count or size[-1] <= 1e-9 * size[0]:
         return np.full(count, np.inf)

@@ -133,6 +133,7 @@ class Wavefront(WavefrontMap):
         """
         return fit_zernike(self, count)
 
+    @checked
     def zernike_errors(self, count: int) -> np.ndarray:
         """What each of those coefficients [m] may be off by for the error of the OPD, shape (count,).
 

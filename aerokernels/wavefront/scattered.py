@@ -39,7 +39,7 @@ def from_scattered(
     coordinate, pixel, weight, intensity = pupil_grid(pupil, pixel_count)
     lit = weight > 0.0
     wanted = np.stack([axis[lit] for axis in np.meshgrid(coordinate, coordinate)], axis=1)
-    _check_cover(place, wanted, pixel)
+    _check_cover(place, wanted, pixel, pupil)
     made = np.full(weight.shape, np.nan)
     made[lit] = _interpolated(place, values, wanted, pupil.reach)
 
@@ -88,10 +88,13 @@ def _checked(points: Any, opd: Any, pupil: Pupil) -> tuple[np.ndarray, np.ndarra
     return place, values
 
 
-def _check_cover(place: np.ndarray, wanted: np.ndarray, pixel: float) -> None:
+def _check_cover(place: np.ndarray, wanted: np.ndarray, pixel: float, pupil: Pupil) -> None:
     from scipy.spatial import cKDTree
 
     apart = cKDTree(place).query(wanted)[0]
+    # The centre of a pixel on the rim may lie outside the pupil, where there need be no samples.
+    outside = pupil.transmission(wanted[:, 0], wanted[:, 1]) == 0.0
+    apart = np.maximum(apart - np.where(outside, np.sqrt(0.5) * pixel, 0.0), 0.0)
     reach = HOLE * pixel * np.sqrt(len(wanted) / len(place))
     if (apart > reach).any():
         share = 100.0 * float(np.mean(apart > reach))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from aerokernels import IndexField, Sensor
+from aerokernels import Annulus, IndexField, Mask, Sensor
 from aerokernels.schlieren import Bench, interferogram, schlieren, shadowgraph
 
 WAVES, WIDTH, DEPTH = 4, 0.02, 2e-3
@@ -92,6 +92,65 @@ def test_a_disc_passes_the_segment_of_a_circle():
     points, shares = Bench(2e-3, 1.0, source="disc", source_points=16).points()
     assert shares.sum() == pytest.approx(1.0)
     assert (shares * points[:, 0] ** 2).sum() == pytest.approx(0.25e-6, rel=0.01)  # a quarter of the radius squared
+
+
+def test_an_annulus_passes_its_circles_segments():
+    """The outer circle's segment less the inner one's, in closed form; a mask passes the sum of its columns."""
+
+    def segment(x, radius):
+        part = np.clip(x / radius, -1.0, 1.0)
+        return radius**2 * (0.5 * np.pi + np.arcsin(part) + part * np.sqrt(1.0 - part**2))
+
+    ring = Bench(None, 1.0, source=Annulus(1e-3, 6e-4))
+    assert ring.angle == 2e-3 == Bench(2e-3, 1.0, source=Annulus(5.0, 3.0)).angle
+    deflection = np.random.default_rng(1).normal(0.0, 6e-4, 300)
+    for cut_off in (0.1, 0.5, 0.83):
+        edge = ring.edge(cut_off)
+        below = segment(edge - deflection, 1e-3) - segment(edge - deflection, 6e-4)
+        expected = 1.0 - below / (np.pi * (1e-6 - 36e-8))
+        assert float(ring.held_back(np.asarray(edge))) == pytest.approx(cut_off, abs=1e-12)
+        np.testing.assert_allclose(ring.passed(np.zeros(2), deflection, cut_off), expected, atol=1e-9)
+        parts = Bench(None, 1.0, source=ring.source, source_points=7)
+        each = [parts.passed(point, deflection, cut_off) for point in parts.points()[0]]
+        np.testing.assert_allclose(parts.points()[1] @ np.array(each), expected, atol=1e-9)
+    points, shares = Bench(None, 1.0, source=ring.source, source_points=32).points()
+    assert (shares * points[:, 1] ** 2).sum() == pytest.approx(0.25 * 1.36e-6, rel=0.01)
+    # Columns of light 1, 0, 4 and 1, of 0.5 mrad each: amplitudes are roots of it. Half of it is in the third one.
+    mask = Bench(None, 2.0, source=Mask(np.array([[1.0, 0.0, 2.0, 1.0], [1.0, 0.0, 2.0, 1.0]]), 1e-3))
+    assert mask.angle == 2e-3 and mask.edge(0.5) == pytest.approx(0.25e-3)
+    passed = mask.passed(np.zeros(2), np.array([-1.0, -5e-4, 0.0, 1e-4, 5e-4, 1.0]), 0.5)
+    np.testing.assert_allclose(passed, [0.0, 1.0 / 12.0, 0.5, 3.8 / 6.0, 5.0 / 6.0, 1.0], atol=1e-12)
+    with pytest.raises(ValueError, match="source"):
+        Bench(1e-3, 1.0, source="ring")
+    with pytest.raises(ValueError, match="source_size"):
+        Bench(None, 1.0)
+
+
+@pytest.mark.parametrize("distance", [0.3, -0.3])
+def test_a_shadow_is_folded_with_the_shape_of_its_source(distance: float):
+    """Waves fade by the shape's Fourier transform: of an annulus Bessel functions, of half a square also a shift.
+
+    First order in the deflection (1e-3 of the signal) and the pixels' own width (64 over four waves, 0.6 %).
+    """
+    from scipy.special import j1
+
+    angle = 0.5 * WIDTH / WAVES / abs(distance)
+    still = shadowgraph(volume(), distance=distance, **VIEW)
+    reference = still.irradiance.mean(axis=1) - 1.0
+    phase = np.exp(-1j * WAVE_NUMBER * still.vertical)
+    lit = np.array([[0.0], [1.0]])  # the upper half of a square
+    for source, expected in (
+        (Annulus(1.0, 0.5), None),
+        (Mask(lit, 1.0), np.sinc(0.25) * np.exp(-0.25j * np.pi * np.sign(distance))),
+    ):
+        bench = Bench(angle if expected is None else 0.5 * angle, 1.0, source=source)
+        if expected is None:
+            k = 0.5 * WAVE_NUMBER * abs(distance) * angle
+            expected = (2.0 * j1(k) / k - 0.25 * 4.0 * j1(0.5 * k) / k) / 0.75
+        found = shadowgraph(volume(), distance=distance, bench=bench, **VIEW).irradiance.mean(axis=1) - 1.0
+        middle = slice(16, 48)
+        ratio = (found[middle] @ phase[middle]) / (reference[middle] @ phase[middle])
+        assert ratio == pytest.approx(expected, abs=0.02), source
 
 
 def test_noise_and_the_other_benches():

@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ...arguments import checked
 from ..data import WavefrontMap
 from .poppy import poppy_opd
 
 
-def to_fits(wavefront: WavefrontMap, path) -> tuple[Path, Path]:
+@checked
+def to_fits(wavefront: WavefrontMap, path: str | Path) -> tuple[Path, Path]:
     """Write the OPD [m], in poppy's sign, and the amplitude; returns both paths.
 
     Raises:

@@ -9,7 +9,8 @@ from ..transfer import complex_amplitude
 def to_hcipy(wavefront: WavefrontMap):
     """A hcipy.Wavefront of the field w exp(i k OPD) over a regular grid in metres, x running fastest.
 
-    Its `electric_field` is a hcipy.Field, which hcipy.write_field saves as ASDF in FITS.
+    Its `electric_field` is a hcipy.Field, which hcipy.write_field saves as ASDF; in a FITS file, which has no complex
+    numbers, its `amplitude` and its `phase`.
 
     Raises:
         ModuleNotFoundError: hcipy is not there.

@@ -57,8 +57,11 @@ def from_xarray(dataset) -> dict[str, Any]:
     """What makes the wavefront again, by the names of its attributes.
 
     Raises:
+        TypeError: What is no dataset.
         ValueError: A dataset that is none of `to_xarray`, or of another sign.
     """
+    if not hasattr(dataset, "attrs") or not hasattr(dataset, "data_vars"):
+        raise TypeError(f"dataset must be an xarray.Dataset, as `to_xarray` makes one, got {type(dataset).__name__}")
     lost = [name for name in ("opd", "weight") if name not in dataset] + [
         name for name in ("wavelength", "pixel", "sign_convention") if name not in dataset.attrs
     ]

@@ -11,13 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ...arguments import checked
 from ...checks import check_choice
 from ..data import WavefrontMap
 
 KINDS = ("phase", "sag")
 
 
-def to_zemax(wavefront: WavefrontMap, path, kind: str = "phase") -> None:
+@checked
+def to_zemax(wavefront: WavefrontMap, path: str | Path, kind: str = "phase") -> None:
     """Write a grid file.
 
     Raises:
