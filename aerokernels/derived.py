@@ -8,6 +8,9 @@ import numpy as np
 
 from .read_only import ReadOnly
 
+# Of what is held under a key that nothing is held under.
+NOTHING = object()
+
 
 class Derived(ReadOnly):
     """A base of immutable data classes whose data is worked on by later stages: bounds, tables, copies on a device.
@@ -25,13 +28,15 @@ class Derived(ReadOnly):
             most: How many results of the kind are kept at most, the latest; None for all.
         """
         held: dict[Hashable, Any] = self.__dict__.setdefault("_derived", {})
-        if key not in held:
+        found = held.get(key, NOTHING)
+        if found is NOTHING:
             if most is not None:
                 alike = [other for other in list(held) if _kind(other) == _kind(key)]
                 for other in alike[: max(len(alike) + 1 - most, 0)]:
                     held.pop(other, None)
-            held[key] = make()
-        return held[key]
+            # Of two threads that make it together one is heard; another one may drop it before it is returned.
+            found = held.setdefault(key, make())
+        return found
 
     def held(self, key: Hashable) -> Any:
         """What has been derived under a key; None where nothing has been."""

@@ -109,22 +109,50 @@ class Trials:
         self.prepared = engine.prepare(field, plan, until, wavelength, outputs, rays.direction)
         with stage("upload"):
             self.starts = [engine.put(np.asarray(array)) for array in (rays.position, rays.direction)]
-            self.results = self.prepared.allocate(self.count)
 
-    def __call__(self, sample_count: int, quadrature: float, trajectory: float) -> dict[str, np.ndarray]:
-        """The outputs for so many samples; the last two are the scales, see TracePlan."""
+    def __call__(self, *asked: tuple[int, float, float]) -> list[dict[str, np.ndarray]]:
+        """The outputs for each number of samples and the scales that follow it, see TracePlan; all are started at once.
+
+        On a GPU they come to the host together.
+        """
         prepared, engine = self.prepared, self.prepared.engine
-        prepared.tune(sample_count=sample_count, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
+        found = [self._arrays() for _ in asked]
+        with stage("upload"):
+            results = [self._buffers(arrays) for arrays in found]
+            reading = None
+            if engine.is_gpu:
+                several = [
+                    (buffers[name], arrays[name])
+                    for buffers, arrays in zip(results, found, strict=True)
+                    for name in self.names
+                ]
+                reading = engine.fetched(*zip(*several, strict=True))
         with stage("kernel"):
-            prepared.launch(self.starts, self.results, self.count)
-            engine.wait()
+            for (count, quadrature, trajectory), buffers in zip(asked, results, strict=True):
+                prepared.tune(sample_count=count, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
+                prepared.launch(self.starts, buffers, self.count)
+            if reading is None:
+                engine.wait()
+                return found
+            reading.start()
+            read = iter(reading.wait())
+        return [{name: next(read).copy() for name in self.names} for _ in asked]
+
+    def _arrays(self) -> dict[str, np.ndarray]:
+        """Arrays for the outputs, by name."""
         arrays: dict[str, np.ndarray] = {}
-        with stage("download"):
-            for name in self.names:
-                width, kind = OUTPUT_TYPES[name]
-                arrays[name] = np.empty((self.count, width) if width > 1 else self.count, dtype=kind)
-                engine.get(self.results[name], arrays[name])
+        for name in self.names:
+            width, kind = OUTPUT_TYPES[name]
+            arrays[name] = np.empty((self.count, width) if width > 1 else self.count, dtype=kind)
         return arrays
+
+    def _buffers(self, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+        """Buffers for the outputs, by name: a processor's lie in the memory of the arrays."""
+        prepared, engine = self.prepared, self.prepared.engine
+        if engine.is_gpu:
+            return prepared.allocate(self.count)
+        shared = {name: engine.share(arrays[name]) for name in self.names}
+        return {**prepared.allocate(self.count, without=self.names), **shared}
 
 
 def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:

@@ -15,6 +15,7 @@ import numpy as np
 from ..device_arrays import extremes_of
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from ..medium.grid_places import known
 from ..rays import RayBundle
 from .between_samples import MARGIN, Between, in_threes
 from .cube_polynomials import may_have_cubes, roughly_off
@@ -26,7 +27,7 @@ from .lever_arms import LeverArms, lever_arms_of
 from .plan import TracePlan
 from .prediction import predict_evaluations
 from .status import reached
-from .stop import ArcLength
+from .stop import ArcLength, stop_key
 from .support import support_box
 from .unresolved import Sampling
 
@@ -65,6 +66,8 @@ CUBES_MEMORY = 0.25
 # The greatest change of a pilot ray's direction by them [rad].
 CUBES_ANGLE = 5e-7
 
+# What is kept with a grid's places: of the last pilots.
+KEPT = 4  # speed only
 # Rays of a bundle whose lines are looked at, and what makes them.
 SPREAD_RAYS = 8192
 Spread = Callable[[], RayBundle]
@@ -113,9 +116,10 @@ def fit_leapfrog(
         like: A plan of such rays through a field like this one: its number is taken where the pilot confirms it.
         ray_count: How many rays will take these samples at least.
     """
-    stop = None if until is None else (until.point.tobytes(), until.normal.tobytes())
+    stop = stop_key(until)
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
-    plan = replace(plan, lever_arms=lever_arms_of(field, pilot, until))
+    place = "lever arms", field.geometry, pilot, stop
+    plan = replace(plan, lever_arms=known(field.samples, place, lambda: lever_arms_of(field, pilot, until), KEPT))
     key = ("leapfrog", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
     given = field, pilot, plan, until, wavelength, spread
     fitted = None
@@ -167,7 +171,7 @@ def _fit(
     if not _is_worth_it(field, pilot, plan, wavelength, least):
         return nothing
     trials = _trials(field, pilot, replace(plan, sample_count=least), until, wavelength)
-    levels = [_Level(trials, least * 3**power) for power in range(3)]
+    levels = _levels(trials, *(least * 3**power for power in range(3)))
     if not levels[-1].is_fit:
         return nothing
     first, second = levels[0].error(levels[1]), levels[1].error(levels[2])
@@ -184,14 +188,14 @@ def _fit(
     while count and _is_worth_it(field, pilot, plan, wavelength, count):
         level = next((level for level in levels if level.count == count), None)
         if level is None:
-            level = _Level(trials, count)
+            (level,) = _levels(trials, count)
         finest = levels[-1]
         if 2 * count > finest.count:
-            finest = _Level(trials, 3 * count)
+            (finest,) = _levels(trials, 3 * count)
             levels.append(finest)
         worst = level.error(finest)
         if level.is_fit and worst <= budget:
-            shares = _shares(trials, level, worst)
+            shares = _shares(level, worst, _bends(trials, count))
             return count, shares, worst, between.sampling(count)
         count = in_threes(1.25 * count)
     return nothing
@@ -230,14 +234,14 @@ def _with_cubes(
     plan = replace(plan, sample_count=count)
     by_cubes = replace(plan, cubes=True)
     trials = _trials(field, pilot, plan, until, wavelength)
-    spline, finest = _Level(trials, count), _Level(trials, 3 * count)
-    level = _Level(_trials(field, pilot, by_cubes, until, wavelength), count)
+    spline, finest, bends = _known_levels(trials, count)
+    (level,) = _levels(_trials(field, pilot, by_cubes, until, wavelength), count)
     worst = level.error(finest)
     if not (level.is_fit and finest.is_fit and worst <= held / MARGIN and level.turned(spline) <= CUBES_ANGLE):
         return None
-    shares = _shares(trials, spline, worst)
+    shares = _shares(spline, worst, bends)
     final = _trials(field, pilot, replace(by_cubes, sampling=sampling), until, wavelength)
-    again = float((_Level(final, count, *shares).step_error > held).mean())
+    again = float((final((count, *shares))[0]["step_error"] > held).mean())
     if again * cost_again > CUBES_GAIN * count:
         return None
     return count, shares, worst, sampling
@@ -261,30 +265,44 @@ def _confirm(
     if not count:
         return None
     trials = _trials(field, pilot, replace(plan, sample_count=count), until, wavelength)
-    level, finest = _Level(trials, count), _Level(trials, 3 * count)
+    level, finest, bends = _known_levels(trials, count)
     worst = level.error(finest)
     if not (level.is_fit and finest.is_fit and worst <= held / MARGIN):
         return None
-    return count, _shares(trials, level, worst), worst, None
+    return count, _shares(level, worst, bends), worst, None
 
 
 def _trials(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> Trials:
     return Trials(field, pilot, plan, until, wavelength, frozenset(("opd", "step_error", "direction")))
 
 
-def _shares(trials: Trials, level: "_Level", worst: float) -> tuple[float, float]:
-    """The scales of a ray's own error estimate, by which it covers the pilot's greatest error [m]."""
+def _shares(level: "_Level", worst: float, bends: float) -> tuple[float, float]:
+    """The scales of a ray's own error estimate, by which it covers the pilot's greatest error [m]; see `_bends`."""
     share = SAFETY * worst / level.difference if level.difference > 0.0 else GREATEST_SHARE
-    bends = _Level(trials, level.count, 0.0, 1.0).difference
     trajectory_error_scale = SAFETY * worst / bends if bends > 0.0 else 0.0
     return min(max(share, LEAST_SHARE), GREATEST_SHARE), min(trajectory_error_scale, GREATEST_BEND)
+
+
+def _levels(trials: Trials, *counts: int) -> list["_Level"]:
+    """The pilot with each of these numbers of samples; estimates of its errors are whole differences."""
+    return [_Level(*made) for made in zip(trials(*((count, 1.0, 0.0) for count in counts)), counts, strict=True)]
+
+
+def _bends(trials: Trials, count: int) -> float:
+    """The greatest int P^2 / p_t dt of the pilot's rays, by so many samples [m]."""
+    return _Level(trials((count, 0.0, 1.0))[0], count).difference
+
+
+def _known_levels(trials: Trials, count: int) -> tuple["_Level", "_Level", float]:
+    """The pilot with so many samples, with three times as many, and `_bends`, all at once."""
+    level, finest, bending = trials((count, 1.0, 0.0), (3 * count, 1.0, 0.0), (count, 0.0, 1.0))
+    return _Level(level, count), _Level(finest, 3 * count), _Level(bending, count).difference
 
 
 class _Level:
     """The pilot, traced with `count` samples a ray."""
 
-    def __init__(self, trials: Trials, count: int, share: float = 1.0, bending: float = 0.0):
-        arrays = trials(count, share, bending)
+    def __init__(self, arrays: dict[str, np.ndarray], count: int):
         self.count = count
         self.opd, self.step_error, self.direction = arrays["opd"], arrays["step_error"], arrays["direction"]
         self.good = reached(arrays["status"]) & np.isfinite(arrays["step_error"])
@@ -305,9 +323,15 @@ class _Level:
 
 def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, lever_arms: LeverArms | None) -> int:
     """The number of samples that are WIDEST cells apart on the longest path through the field's support."""
-    grid = field.samples
     low, high = support_box(field, tolerance, lever_arms)
-    size = np.zeros(3)
+    place = "cells of a pilot", field.geometry, pilot, low.tobytes(), high.tobytes()
+    cells: float = known(field.samples, place, lambda: _greatest_cells(field, pilot, low, high), KEPT)
+    return in_threes(max(LEAST_SAMPLES, cells / WIDEST))
+
+
+def _greatest_cells(field: IndexField, pilot: RayBundle, low: np.ndarray, high: np.ndarray) -> float:
+    """The cells of the longest path through a part of the field, given by its corners along the local axes [m]."""
+    grid, size = field.samples, np.zeros(3)
     size[-len(low) :] = high - low
     if field.geometry == "axisymmetric":
         size[:2] = 2.0 * high[0]
@@ -319,7 +343,7 @@ def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, lever_
     length = np.where(size > 0.0, size / steep, np.inf).min(axis=1)
     length[~np.isfinite(length)] = 0.0  # nothing is disturbed
     cells = length * np.linalg.norm(pilot.direction / spacing, axis=1)
-    return in_threes(max(LEAST_SAMPLES, float(cells.max(initial=0.0)) / WIDEST))
+    return float(cells.max(initial=0.0))
 
 
 def _is_worth_it(field: IndexField, pilot: RayBundle, plan: TracePlan, wavelength: float, count: int) -> bool:

@@ -178,9 +178,10 @@ class Engine:
         """A buffer in the memory of an array, or with a copy of it."""
         if self.device != "cpu":
             return self.put(array)
-        made = wp.array(
-            ptr=array.ctypes.data, dtype=SCALARS[array.dtype], shape=array.shape, capacity=array.nbytes, device="cpu"
-        )
+        kind, shape = SCALARS[array.dtype], array.shape
+        if array.ndim == 2 and kind is wp.float64:
+            kind, shape = VECTORS[array.shape[1]], array.shape[:1]
+        made = wp.array(ptr=array.ctypes.data, dtype=kind, shape=shape, capacity=array.nbytes, device="cpu")
         made._ref = array  # whose memory it is
         return made
 
