@@ -20,7 +20,8 @@ import numpy as np
 
 from ..medium.grid import UniformGrid
 from ..medium.grid_places import known
-from .step_bound import potential_at_nodes
+from .high_pass_along import PassAlong
+from .step_bound import block_size, potential_at_nodes
 
 # The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at
 # x = 0.8 and 0.99 at x = 0.98.
@@ -33,12 +34,21 @@ COARSE = 1.35
 LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
 # Shares of the last transforms are kept with a grid's places, where they are no more numbers than this.
 KEPT, MOST_KEPT = 6, 1 << 21  # speed only
+# Nodes along an axis up to which matrices take less time than transforms, and how many pairs of matrices are kept.
+MOST_ALONG, KEPT_ALONG = 512, 24  # speed only
 
 
 def high_pass(
-    grid: UniformGrid, steepness: np.ndarray, spacing: float, edges: tuple[float, ...], is_fine: bool
+    grid: UniformGrid,
+    steepness: np.ndarray,
+    spacing: float,
+    edges: tuple[float, ...],
+    is_fine: bool,
+    wanted: np.ndarray | None = None,
 ) -> list[np.ndarray]:
     """For each edge, what is left of the potential over the ambient index without low frequencies along the rays [1].
+
+    A grid that shares its places takes matrices where all rays run along one axis: the same but for rounding.
 
     Args:
         grid: The samples.
@@ -46,6 +56,7 @@ def high_pass(
         spacing: H, distance of samples [m].
         edges: Frequencies times H from about which on components are left.
         is_fine: Whether single precision would be seen.
+        wanted: Blocks (blocks.py) at whose nodes the second edge's is wanted, where not all are; 0 may stand elsewhere.
     """
     from scipy.fft import dctn, idctn
 
@@ -59,11 +70,32 @@ def high_pass(
     def find() -> list[np.ndarray]:
         return _shares(grid, rates, axes, spacing, edges, kind)
 
+    if len(axes) == 1 and grid.shared_places is not None and grid.shape[axes[0]] <= MOST_ALONG:
+        key = "high pass along an axis", rates.tobytes(), spacing, edges, kind
+        passes = known(grid, key, lambda: [PassAlong.of_shares(share.ravel()) for share in find()], KEPT_ALONG)
+        return _along(values, axes[0], passes, wanted, block_size(grid))
     is_small = np.prod([grid.shape[axis] for axis in axes]) <= MOST_KEPT
     key = "shares of a high pass", rates.tobytes(), spacing, edges, kind
     shares = known(grid, key, find, KEPT) if is_small else find()
     found = dctn(values, 1, axes=axes)
     return [idctn(share * found, 1, axes=axes, overwrite_x=True) for share in shares]
+
+
+def _along(
+    values: np.ndarray, axis: int, passes: list[PassAlong], wanted: np.ndarray | None, block: int
+) -> list[np.ndarray]:
+    """What passes along an axis: all of it for the first, where it is wanted for the others."""
+    moved = np.ascontiguousarray(np.moveaxis(values, axis, -1))
+    found = [passes[0].of_all(moved)]
+    for each in passes[1:]:
+        if wanted is None:
+            found.append(each.of_all(moved))
+        else:
+            others = tuple(other for other in range(values.ndim) if other != axis)
+            count, blocks = moved.shape[-1], np.flatnonzero(wanted.any(axis=others))
+            nodes = np.unique(np.minimum(blocks[:, None] * block + np.arange(block + 1), count - 1))
+            found.append(each.of_some(moved, nodes))
+    return [np.moveaxis(each, -1, axis) for each in found]
 
 
 def _shares(

@@ -201,7 +201,7 @@ def _roughness_of(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.nda
     block = block_size(grid)
     fourth, second = [], []
     for axis in range(grid.samples.ndim):
-        nodes = _stretched(grid, axis)
+        nodes = _stretched(grid, axis)  # in the grid's own order of memory, though that axis comes first
         nodes /= grid.ambient_index
         change = np.moveaxis(np.abs(_differences(nodes, 4)), 0, axis)
         fourth.append(block_maxima(change, block) / grid.spacing[axis] ** 4)
@@ -239,7 +239,12 @@ def _stretched(grid: UniformGrid, axis: int) -> np.ndarray:
         centre = 2 - missing
         mirrored = [inner[min(centre + k, len(inner) - 1)] for k in range(2, centre, -1)]
         low = np.stack(mirrored)
-    return np.concatenate([low, inner, high])
+    shape = list(inner.shape)
+    shape[0] += len(low) + len(high)
+    stretched = np.moveaxis(np.empty((*shape[1 : axis + 1], shape[0], *shape[axis + 1 :])), axis, 0)
+    stretched[: len(low)], stretched[len(low) : shape[0] - len(high)] = low, inner
+    stretched[shape[0] - len(high) :] = high
+    return stretched
 
 
 def _continued(values: np.ndarray, count: int) -> np.ndarray:

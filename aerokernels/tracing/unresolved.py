@@ -225,7 +225,7 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool)
     rest = _by_blocks(grid, geometry, sampling, np.abs(parts[0]))
     main = _main_axis(sampling.steepness, geometry)
     if sampling.ends:
-        is_end = np.unpackbits(np.frombuffer(sampling.ends, np.uint8), count=rest.size).reshape(rest.shape)
+        is_end = _ends_of(grid, sampling)
         length = block * float(grid.spacing.min() if main is None else grid.spacing[main])
         rest = rest + is_end * (END / BOTH * spacing / length) * block_maxima(np.abs(parts[1]), block)
         missed = missed * np.where(is_end, RULE_AT_ENDS, 1.0)
@@ -265,7 +265,19 @@ def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple
     spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
     edges = (EDGE, EDGE_AT_ENDS) if sampling.ends else (EDGE,)
     key = ("not resolved", geometry, sampling)
-    return grid.derive(key, lambda: high_pass(grid, obliquity, spacing, edges, sampling.is_fine), 1), spacing, share
+
+    def find() -> list[np.ndarray]:
+        return high_pass(grid, obliquity, spacing, edges, sampling.is_fine, _ends_of(grid, sampling))
+
+    return grid.derive(key, find, 1), spacing, share
+
+
+def _ends_of(grid: UniformGrid, sampling: Sampling) -> np.ndarray:
+    """Whether rays begin or end in disturbed air in each block, or beside it."""
+    shape = tuple((count - 2) // block_size(grid) + 1 for count in grid.shape)
+    if not sampling.ends:
+        return np.zeros(shape, np.uint8)
+    return np.unpackbits(np.frombuffer(sampling.ends, np.uint8), count=int(np.prod(shape))).reshape(shape)
 
 
 def _by_blocks(grid: UniformGrid, geometry: str, sampling: Sampling, size: np.ndarray) -> np.ndarray:
