@@ -24,9 +24,9 @@ from .grid_tables import prepare_grid
 from .held import held_error
 from .launch import Trials
 from .lever_arms import LeverArms, lever_arms_of
+from .pilot_levels import bends_of, known_levels, levels_of, shares_of
 from .plan import TracePlan
 from .prediction import predict_evaluations
-from .status import reached
 from .stop import ArcLength, stop_key
 from .support import support_box
 from .unresolved import Sampling
@@ -43,15 +43,6 @@ LEAST_SAMPLES = 36
 CHEAP = {"opencl": 450, "warp": 120}
 WORTH = {"opencl": 5.0, "warp": 1.2}
 MOST_SAMPLES = 3000
-# A ray's estimate is SAFETY times the pilot's greatest error.
-SAFETY = 3.0
-# The error as a share of the difference from the sum over every third sample: for order 4, which is the rule's own, and
-# for order 2.
-LEAST_SHARE, GREATEST_SHARE = 1.0 / 80.0, 1.0 / 8.0
-# The trajectory error as a share of int P^2 / p_t dt: it is never greater than what bending adds to the path.
-GREATEST_BEND = 0.5
-# The share of the pilot's rays that may be unfit for leapfrog.
-UNFIT = 0.1
 
 # Polynomials of cubes are made where rays take this many samples for each node of the grid, on a processor (False) and
 # on a GPU (True), where a sample costs less. They are taken where the rays that have to be traced again for it cost
@@ -171,7 +162,7 @@ def _fit(
     if not _is_worth_it(field, pilot, plan, wavelength, least):
         return nothing
     trials = _trials(field, pilot, replace(plan, sample_count=least), until, wavelength)
-    levels = _levels(trials, *(least * 3**power for power in range(3)))
+    levels = levels_of(trials, *(least * 3**power for power in range(3)))
     if not levels[-1].is_fit:
         return nothing
     first, second = levels[0].error(levels[1]), levels[1].error(levels[2])
@@ -188,14 +179,14 @@ def _fit(
     while count and _is_worth_it(field, pilot, plan, wavelength, count):
         level = next((level for level in levels if level.count == count), None)
         if level is None:
-            (level,) = _levels(trials, count)
+            (level,) = levels_of(trials, count)
         finest = levels[-1]
         if 2 * count > finest.count:
-            (finest,) = _levels(trials, 3 * count)
+            (finest,) = levels_of(trials, 3 * count)
             levels.append(finest)
         worst = level.error(finest)
         if level.is_fit and worst <= budget:
-            shares = _shares(level, worst, _bends(trials, count))
+            shares = shares_of(level, worst, bends_of(trials, count))
             return count, shares, worst, between.sampling(count)
         count = in_threes(1.25 * count)
     return nothing
@@ -234,12 +225,12 @@ def _with_cubes(
     plan = replace(plan, sample_count=count)
     by_cubes = replace(plan, cubes=True)
     trials = _trials(field, pilot, plan, until, wavelength)
-    spline, finest, bends = _known_levels(trials, count)
-    (level,) = _levels(_trials(field, pilot, by_cubes, until, wavelength), count)
+    spline, finest, bends = known_levels(trials, count)
+    (level,) = levels_of(_trials(field, pilot, by_cubes, until, wavelength), count)
     worst = level.error(finest)
     if not (level.is_fit and finest.is_fit and worst <= held / MARGIN and level.turned(spline) <= CUBES_ANGLE):
         return None
-    shares = _shares(spline, worst, bends)
+    shares = shares_of(spline, worst, bends)
     final = _trials(field, pilot, replace(by_cubes, sampling=sampling), until, wavelength)
     again = float((final((count, *shares))[0]["step_error"] > held).mean())
     if again * cost_again > CUBES_GAIN * count:
@@ -265,60 +256,15 @@ def _confirm(
     if not count:
         return None
     trials = _trials(field, pilot, replace(plan, sample_count=count), until, wavelength)
-    level, finest, bends = _known_levels(trials, count)
+    level, finest, bends = known_levels(trials, count)
     worst = level.error(finest)
     if not (level.is_fit and finest.is_fit and worst <= held / MARGIN):
         return None
-    return count, _shares(level, worst, bends), worst, None
+    return count, shares_of(level, worst, bends), worst, None
 
 
 def _trials(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> Trials:
     return Trials(field, pilot, plan, until, wavelength, frozenset(("opd", "step_error", "direction")))
-
-
-def _shares(level: "_Level", worst: float, bends: float) -> tuple[float, float]:
-    """The scales of a ray's own error estimate, by which it covers the pilot's greatest error [m]; see `_bends`."""
-    share = SAFETY * worst / level.difference if level.difference > 0.0 else GREATEST_SHARE
-    trajectory_error_scale = SAFETY * worst / bends if bends > 0.0 else 0.0
-    return min(max(share, LEAST_SHARE), GREATEST_SHARE), min(trajectory_error_scale, GREATEST_BEND)
-
-
-def _levels(trials: Trials, *counts: int) -> list["_Level"]:
-    """The pilot with each of these numbers of samples; estimates of its errors are whole differences."""
-    return [_Level(*made) for made in zip(trials(*((count, 1.0, 0.0) for count in counts)), counts, strict=True)]
-
-
-def _bends(trials: Trials, count: int) -> float:
-    """The greatest int P^2 / p_t dt of the pilot's rays, by so many samples [m]."""
-    return _Level(trials((count, 0.0, 1.0))[0], count).difference
-
-
-def _known_levels(trials: Trials, count: int) -> tuple["_Level", "_Level", float]:
-    """The pilot with so many samples, with three times as many, and `_bends`, all at once."""
-    level, finest, bending = trials((count, 1.0, 0.0), (3 * count, 1.0, 0.0), (count, 0.0, 1.0))
-    return _Level(level, count), _Level(finest, 3 * count), _Level(bending, count).difference
-
-
-class _Level:
-    """The pilot, traced with `count` samples a ray."""
-
-    def __init__(self, arrays: dict[str, np.ndarray], count: int):
-        self.count = count
-        self.opd, self.step_error, self.direction = arrays["opd"], arrays["step_error"], arrays["direction"]
-        self.good = reached(arrays["status"]) & np.isfinite(arrays["step_error"])
-        lost = reached(arrays["status"]) & ~self.good
-        self.is_fit = bool(self.good.any() and lost.mean() <= UNFIT)
-        self.difference = float(arrays["step_error"][self.good].max()) if self.good.any() else 0.0
-
-    def error(self, finer: "_Level") -> float:
-        """Greatest change of the optical path difference from this level to a finer one [m]."""
-        good = self.good & finer.good
-        return float(np.abs(self.opd - finer.opd)[good].max()) if good.any() else math.inf
-
-    def turned(self, other: "_Level") -> float:
-        """Greatest angle between the directions of this level and another one [rad]."""
-        good = self.good & other.good
-        return float(np.linalg.norm(self.direction - other.direction, axis=1)[good].max()) if good.any() else math.inf
 
 
 def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, lever_arms: LeverArms | None) -> int:

@@ -115,7 +115,7 @@ class Engine:
         bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
         tables, blocks = step_bound_tables(field, plan, wavelength, directions)
         return [
-            field.derive(("opencl members", plan.precision), lambda: pack("Field", plan.precision, data.field)),
+            _packed_field(data, plan.precision),
             pack("Bounds", plan.precision, data.bounds | bounds),
             pack("Control", plan.precision, data.control | control | blocks),
             *self._upload(field, data, plan.precision, plan.method == "paper", packs),
@@ -137,7 +137,8 @@ class Engine:
 
         if tables["step_bound_start"].max() >= 0:
             return upload()
-        kept: list = field.derive(("opencl without tables", self.session, precision), upload)
+        holder = getattr(field.samples, "shared_places", None) or field
+        kept: list = holder.derive(("opencl without tables", self.session, precision), upload)
         return kept
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
@@ -278,9 +279,12 @@ class Engine:
 
         def upload() -> list:
             there = self._coefficients(field, precision)
+            others = data.derive(("opencl", self.session, precision), lambda: self._others(data, precision))
             return [
-                self._buffer(member, array_of(field, data, member.name), precision)
-                if there is None or member.name != "coefficients"
+                others[member.name]
+                if member.name in others
+                else self._buffer(member, array_of(field, data, member.name), precision)
+                if there is None
                 else there
                 for member in arrays_of("Field")
             ]
@@ -293,6 +297,11 @@ class Engine:
             ("opencl packed", self.session, precision), lambda: self.put(cell_polynomials(coefficients, kind))
         )
         return [table, *unpacked[1:]]
+
+    def _others(self, data: FieldData, precision: str) -> dict[str, Any]:
+        """Buffers of the arrays of Field that come with its data, by name: fields of other values have the same."""
+        members = [member for member in arrays_of("Field") if member.name in data.arrays]
+        return {member.name: self._buffer(member, data.arrays[member.name], precision) for member in members}
 
     def _cubes(self, field: IndexField):
         """The table of polynomials of cubes; kept as long as the field lives."""
@@ -308,3 +317,9 @@ class Engine:
         program = build(self.session, "round_coefficients.cl", build_options(precision=precision))
         self.launch(self._kernel(program, "round_coefficients"), [found], [made], count)
         return made
+
+
+def _packed_field(data: FieldData, precision: str) -> np.ndarray:
+    """The struct Field of some data."""
+    packed: np.ndarray = data.derive(("opencl members", precision), lambda: pack("Field", precision, data.field))
+    return packed
