@@ -20,15 +20,24 @@ Numbers = np.ndarray | DeviceArray
 RAY_BYTES = 6 * 8 + sum(width * np.dtype(kind).itemsize for width, kind in OUTPUT_TYPES.values())
 # Rays in one chunk at most, and at least; and the share of the device's memory that a chunk may take.
 CHUNK, LEAST_CHUNK = 1 << 21, 64  # speed only
+# So few rays come from a GPU in less time than it takes to ask for one array after the other.
+FEW = 1 << 14  # speed only
 MEMORY_SHARE = 0.25
 
 
 def launch(
-    field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset
+    field: IndexField,
+    rays: RayBundle,
+    plan: TracePlan,
+    until,
+    wavelength: float,
+    outputs: frozenset,
+    are_read: bool = False,
 ) -> dict[str, Any]:
     """Trace each ray of a bundle once as its plan says; returns per-ray arrays by name.
 
-    Where some rays are above the tolerance, "step_error" is among the arrays.
+    Where some rays are above the tolerance, "step_error" is among the arrays. Where the arrays of few rays `are_read`
+    at once, they come to the host together.
     """
     if plan.backend == "reference":
         from .engines.reference.engine import trace
@@ -40,6 +49,8 @@ def launch(
     needs_none = plan.backend == "warp" and plan.sample_count > 0
     directions = rays.held("direction")[:1] if needs_none else rays.direction
     prepared = engine.prepare(field, plan, until, wavelength, outputs, directions)
+    if are_read and engine.is_gpu and rays.ray_count <= FEW:
+        return _together(prepared, starts_of(rays), outputs)
     order = coherent_order(field, rays.position, rays.direction) if prepared.is_packed else None
     if order is None:
         return in_chunks(prepared, starts_of(rays), outputs)
@@ -140,11 +151,7 @@ class Trials:
 
     def _arrays(self) -> dict[str, np.ndarray]:
         """Arrays for the outputs, by name."""
-        arrays: dict[str, np.ndarray] = {}
-        for name in self.names:
-            width, kind = OUTPUT_TYPES[name]
-            arrays[name] = np.empty((self.count, width) if width > 1 else self.count, dtype=kind)
-        return arrays
+        return {name: _empty(name, self.count) for name in self.names}
 
     def _buffers(self, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
         """Buffers for the outputs, by name: a processor's lie in the memory of the arrays."""
@@ -153,6 +160,27 @@ class Trials:
             return prepared.allocate(self.count)
         shared = {name: engine.share(arrays[name]) for name in self.names}
         return {**prepared.allocate(self.count, without=self.names), **shared}
+
+
+def _together(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
+    """The same of few rays on a GPU: nothing is waited for before all arrays are on their way to the host."""
+    engine, ray_count = prepared.engine, len(starts[0])
+    wanted = [name for name in OUTPUT_TYPES if name in outputs | prepared.computed]
+    with stage("upload"):
+        given = [engine.put(np.asarray(each)) for each in starts]
+        results = prepared.allocate(ray_count)
+        arrays = {name: _empty(name, ray_count) for name in wanted}
+        reading = engine.fetched([results[name] for name in wanted], list(arrays.values()))
+    with stage("kernel"):
+        prepared.launch(given, results, ray_count)
+        reading.start()
+        return {name: array.copy() for name, array in zip(wanted, reading.wait(), strict=True)}
+
+
+def _empty(name: str, ray_count: int) -> np.ndarray:
+    """An array for an output of so many rays."""
+    width, kind = OUTPUT_TYPES[name]
+    return np.empty((ray_count, width) if width > 1 else ray_count, dtype=kind)
 
 
 def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:

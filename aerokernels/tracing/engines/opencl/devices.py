@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+from ....machine import patient_threads
 from ....opened import OPENED
 from ..info import BackendInfo
 from .drivers import broken_drivers
@@ -250,7 +251,8 @@ def _survey() -> Survey:
         title = f"platform {index}"
         try:
             title = f"platform {platform.name.strip()!r}"
-            present = platform.get_devices()
+            with patient_threads():
+                present = platform.get_devices()
             if not present:
                 troubles.append(f"{title} has no devices: {why_no_devices(title)}")
         except cl.Error as error:
