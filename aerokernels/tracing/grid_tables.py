@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..medium.grid import FETCH, UniformGrid
+from ..medium.grid_places import known
 from ..medium.spline import pivots
 from .engines import Engine
 from .engines.kernel_table import GRID_KERNELS
@@ -23,6 +24,8 @@ LEAST_NODES = 1 << 15  # speed only
 LEAST_FLAT = 1 << 12  # speed only
 # Nodes along an axis at least: elimination takes four.
 LEAST_COUNT = 4
+# What elimination takes, kept with a grid's places.
+KEPT = 6  # speed only
 
 
 def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
@@ -71,7 +74,9 @@ class _Tables:
         for axis, made in enumerate((whole, self.spare, whole)[-len(shape) :]):
             nodes, pitch = shape[axis], int(np.prod(shape[axis + 1 :]))
             even = self.grid.even_first_axis and axis == 0
-            inverse = engine.put(pivots(nodes, even))
+            inverse = known(
+                self.grid, ("pivots", *engine.grid_key, nodes, even), partial(self._pivots, nodes, even), KEPT
+            )
             lines = int(np.prod(shape)) // nodes
             shape[axis] += 2
             ambient = self.grid.ambient_index if axis == 0 else 0.0
@@ -79,6 +84,9 @@ class _Tables:
             engine.launch(self.kernels["spline_lines"], before, [made], lines)
             values = made
         return values
+
+    def _pivots(self, nodes: int, even: bool) -> Any:
+        return self.engine.put(pivots(nodes, even))
 
     def fetched(self) -> np.ndarray:
         """The coefficients on the host."""

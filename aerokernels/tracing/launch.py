@@ -7,6 +7,7 @@ import numpy as np
 from ..clock import stage
 from ..device_arrays import DeviceArray, rows_where
 from ..medium import IndexField
+from ..medium.grid_places import known
 from ..rays import RayBundle
 from .coherence import coherent_order
 from .engines import OUTPUT_TYPES, Prepared, engine_of
@@ -22,6 +23,8 @@ RAY_BYTES = 6 * 8 + sum(width * np.dtype(kind).itemsize for width, kind in OUTPU
 CHUNK, LEAST_CHUNK = 1 << 21, 64  # speed only
 # So few rays come from a GPU in less time than it takes to ask for one array after the other.
 FEW = 1 << 14  # speed only
+# Pilots whose rays are kept on a device with a grid's places.
+KEPT = 4  # speed only
 MEMORY_SHARE = 0.25
 
 
@@ -49,7 +52,7 @@ def launch(
     needs_none = plan.backend == "warp" and plan.sample_count > 0
     directions = rays.held("direction")[:1] if needs_none else rays.direction
     prepared = engine.prepare(field, plan, until, wavelength, outputs, directions)
-    if are_read and engine.is_gpu and rays.ray_count <= FEW:
+    if are_read and engine.is_gpu and rays.ray_count <= FEW and not engine.keeps(rays.ray_count * RAY_BYTES):
         return _together(prepared, starts_of(rays), outputs)
     order = coherent_order(field, rays.position, rays.direction) if prepared.is_packed else None
     if order is None:
@@ -119,7 +122,12 @@ class Trials:
         self.plan, self.count = plan, rays.ray_count
         self.prepared = engine.prepare(field, plan, until, wavelength, outputs, rays.direction)
         with stage("upload"):
-            self.starts = [engine.put(np.asarray(array)) for array in (rays.position, rays.direction)]
+            self.starts = known(
+                field.samples,
+                ("pilot's rays", *engine.grid_key, rays),
+                lambda: [engine.put(np.asarray(array)) for array in (rays.position, rays.direction)],
+                KEPT,
+            )
 
     def __call__(self, *asked: tuple[int, float, float]) -> list[dict[str, np.ndarray]]:
         """The outputs for each number of samples and the scales that follow it, see TracePlan; all are started at once.
