@@ -45,10 +45,12 @@ def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
     if is_known or not engine.grid_tables or size > engine.memory[1]:
         return
     tables = _Tables(engine, grid, GRID_KERNELS[:1] if is_flat else GRID_KERNELS)
+    found = tables.found(() if is_flat else engine.grid_tables)
+    engine.settle()
     grid.derive(engine.grid_key, lambda: tables.coefficients)
     grid.derive(FETCH, lambda: tables.fetched)
-    for name, found in tables.found(() if is_flat else engine.grid_tables).items():
-        grid.derive(name, partial(lambda table: table, found))
+    for name, table in found.items():
+        grid.derive(name, partial(lambda table: table, table))
     tables.samples = tables.spare = None
 
 

@@ -117,7 +117,10 @@ class Engine(Protocol):
         """
 
     def wait(self) -> None:
-        """Wait for what was launched."""
+        """Wait for what this thread launched."""
+
+    def settle(self) -> None:
+        """Wait for what was launched to make what other threads may be given, where these would not wait for it."""
 
 
 class Sent(Protocol):

@@ -211,6 +211,7 @@ class Engine:
             size = min(done, row * count - done)
             cl.enqueue_copy(self.session.queue, buffer, buffer, byte_count=size, src_offset=0, dst_offset=done)
             done += size
+        self.settle()
         return buffer
 
     def put_into(self, buffer, array: np.ndarray) -> None:
@@ -240,7 +241,7 @@ class Engine:
 
     def fetched(self, buffers: Sequence[Any], arrays: Sequence[np.ndarray]) -> "Fetched":
         """See interface.py."""
-        return Fetched(self.session.queue, buffers, arrays, self._memory)
+        return Fetched(self.session, buffers, arrays, self._memory)
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
         """What does the work as it is."""
@@ -253,8 +254,13 @@ class Engine:
         return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, kernel.size(count), (WORK_GROUP,))
 
     def wait(self) -> None:
-        """Wait for what was launched."""
+        """Wait for what this thread launched."""
         self.session.queue.finish()
+
+    def settle(self) -> None:
+        """Wait for what other threads may be given, where each thread has a queue of its own."""
+        if not self.is_gpu:
+            self.wait()
 
     def _finish_compiling(self, prepared: Prepared, program) -> None:
         """Launch the kernel on no rays, once for a program: PoCL compiles the last part of it at the first launch."""
@@ -316,6 +322,7 @@ class Engine:
         made = self.empty(count, kind=REAL_TYPES[precision])
         program = build(self.session, "round_coefficients.cl", build_options(precision=precision))
         self.launch(self._kernel(program, "round_coefficients"), [found], [made], count)
+        self.settle()
         return made
 
 

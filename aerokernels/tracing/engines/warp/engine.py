@@ -251,6 +251,9 @@ class Engine:
         if self.device != "cpu":
             wp.synchronize_stream(self.device)
 
+    def settle(self) -> None:
+        """Nothing: threads share a stream, and a launch on the CPU has ended when it returns."""
+
     def _outputs(self, results: dict[str, wp.array]):
         """The struct of the buffers: that of the last launch where they are the same, since to make one takes 20 us."""
         buffers = list(results.values())
