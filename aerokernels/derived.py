@@ -8,6 +8,9 @@ import numpy as np
 
 from .read_only import ReadOnly
 
+# Of what is held under a key that nothing is held under.
+NOTHING = object()
+
 
 class Derived(ReadOnly):
     """A base of immutable data classes whose data is worked on by later stages: bounds, tables, copies on a device.
@@ -25,13 +28,17 @@ class Derived(ReadOnly):
             most: How many results of the kind are kept at most, the latest; None for all.
         """
         held: dict[Hashable, Any] = self.__dict__.setdefault("_derived", {})
-        if key not in held:
+        found = held.get(key, NOTHING)
+        if found is NOTHING:
             if most is not None:
-                alike = [other for other in list(held) if _kind(other) == _kind(key)]
-                for other in alike[: max(len(alike) + 1 - most, 0)]:
-                    held.pop(other, None)
-            held[key] = make()
-        return held[key]
+                kind = key[0] if isinstance(key, tuple) else key
+                alike: list[Hashable] = self.__dict__.setdefault("_alike", {}).setdefault(kind, [])
+                alike.append(key)
+                for _ in range(len(alike) - most):
+                    held.pop(alike.pop(0), None)
+            # Of two threads that make it together one is heard; another one may drop it before it is returned.
+            found = held.setdefault(key, make())
+        return found
 
     def held(self, key: Hashable) -> Any:
         """What has been derived under a key; None where nothing has been."""
@@ -49,7 +56,3 @@ def _equal(one: Any, other: Any) -> bool:
     if isinstance(one, np.ndarray):
         return isinstance(other, np.ndarray) and one.dtype == other.dtype and np.array_equal(one, other)
     return bool(one.equals(other) if isinstance(one, Derived) else one == other)
-
-
-def _kind(key: Hashable) -> Hashable:
-    return key[0] if isinstance(key, tuple) else key

@@ -7,6 +7,7 @@ import math
 import os
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 from .opened import OPENED
@@ -20,6 +21,26 @@ def core_count() -> int:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
     quota = OPENED.once("core quota", lambda: min(_core_quotas(), default=math.inf))
     return cores if quota >= cores else max(1, math.ceil(quota))
+
+
+@contextmanager
+def patient_threads() -> Iterator[None]:
+    """Threads that start in this block, of libraries as well, take no core from the thread that wakes them.
+
+    Linux lets a thread that is woken take the core of the one that woke it, which here may hold Python's lock. Those
+    of its class SCHED_BATCH wait for a core that is free, and get no less of one. Elsewhere nothing changes.
+    """
+    is_usual = hasattr(os, "sched_setscheduler") and os.sched_getscheduler(0) == os.SCHED_OTHER
+    try:
+        if is_usual:
+            os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+    except OSError:  # a container may refuse it
+        is_usual = False
+    try:
+        yield
+    finally:
+        if is_usual:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def host_memory() -> float:

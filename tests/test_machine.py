@@ -1,8 +1,10 @@
 """What a process may use: control groups of both versions as the kernel writes them, limits and bindings for real."""
 
 import math
+import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -68,3 +70,24 @@ def test_a_shell_that_binds_and_limits():
     cores, memory, free = map(float, numbers.split())
     assert (cores, memory) == (1, 2 << 30) and 0 < free < memory < math.inf
     assert refusal.startswith("a.nc announces 1.5 GB")
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="no classes of threads here")
+def test_threads_that_start_in_the_block_are_patient_and_no_others():
+    held = threading.Event()
+
+    def started() -> threading.Thread:
+        thread = threading.Thread(target=held.wait)
+        thread.start()
+        return thread
+
+    with machine.patient_threads():
+        patient = started()
+    usual = started()
+    try:
+        assert os.sched_getscheduler(patient.native_id) == os.SCHED_BATCH
+        assert os.sched_getscheduler(usual.native_id) == os.sched_getscheduler(0) == os.SCHED_OTHER
+    finally:
+        held.set()
+        patient.join()
+        usual.join()

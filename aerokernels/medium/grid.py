@@ -15,6 +15,7 @@ from ..checks import check_choice
 from ..derived import Derived
 from ..shown import shown
 from . import spline
+from .grid_places import GridPlaces
 
 # Radius in cells within which the kink that a linear interpolant may have at r = 0 is rounded off in its gradient: rays
 # that swing about the axis would turn about at every crossing.
@@ -26,6 +27,8 @@ LEAST_STEP_SHARE = 1e-11
 
 # Key of a function that fetches coefficients from a device.
 FETCH = "fetch coefficients"
+# Key of the places that a grid shares with others.
+PLACES = "places"
 
 
 def check_finite(array: np.ndarray, what: str) -> None:
@@ -141,6 +144,22 @@ class UniformGrid(Derived):
     def high(self) -> np.ndarray:
         """Highest corner [m], shape (d,)."""
         return self.origin + self.spacing * (np.array(self.shape) - 1)
+
+    @property
+    def shared_places(self) -> GridPlaces | None:
+        """Where the nodes lie, with what was worked out of that for this and other grids; None before it is shared."""
+        places: GridPlaces | None = self.held(PLACES)
+        return places
+
+    def share_places(self, other: "UniformGrid") -> None:
+        """Take the other grid's places where its nodes lie where this one's do; else, and if it has none, own ones."""
+        alike = self.shape == other.shape and self.even_first_axis == other.even_first_axis
+        alike = alike and np.array_equal(self.origin, other.origin) and np.array_equal(self.spacing, other.spacing)
+
+        def own() -> GridPlaces:
+            return GridPlaces(self.shape, self.origin, self.spacing, self.even_first_axis)
+
+        self.derive(PLACES, lambda: other.derive(PLACES, own) if alike else own())
 
     @property
     def coefficient_shape(self) -> tuple[int, ...]:

@@ -5,9 +5,11 @@ import math
 import numpy as np
 
 from ..medium import IndexField
+from ..medium.grid_places import known
 from ..rays import RayBundle
 from .held import path_exceeds
 from .lever_arms import LeverArms
+from .stop import stop_key
 from .straight_lines import lines_through
 from .support import support_box
 from .unresolved import Sampling, disturbed_ends, greatest_error, missed_along
@@ -27,6 +29,8 @@ REJECTED = 0.7
 FINE_SHARE = 3e-5
 # The longest of all rays may be this many times as long as the longest of those looked at.
 SPACING_MARGIN = 1.02
+# Lines kept with a grid's places: of the last pilots, supports and bodies.
+KEPT = 16  # speed only
 
 
 class Between:
@@ -36,7 +40,8 @@ class Between:
         """Find the lines of the rays, `spread`, which show where the bundle goes; `held` is their OPD error [m]."""
         self.field, self.held = field, held
         low, high = support_box(field, held, lever_arms)
-        self.lines = lines_through(field, spread, until, low, high)
+        place = "lines of rays", field.geometry, field.body, spread, stop_key(until), low.tobytes(), high.tobytes()
+        self.lines = known(field.samples, place, lambda: lines_through(field, spread, until, low, high), KEPT)
         self.ends = disturbed_ends(field, self.lines, held) if len(self.lines.length) else b""
 
     def _sampled(self, count: int) -> Sampling:

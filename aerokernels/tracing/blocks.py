@@ -35,20 +35,18 @@ def _along(values: np.ndarray, axis: int, places: slice) -> np.ndarray:
 
 def block_means(values: np.ndarray, block: int, axis: int) -> np.ndarray:
     """Means over the cells of each block along an axis, linear between nodes."""
-    moved = _whole_blocks(values, block, axis)
-    cells = 0.5 * (moved[:-1] + moved[1:])
-    return np.moveaxis(cells.reshape(-1, block, *moved.shape[1:]).mean(axis=1), 0, axis)
-
-
-def _whole_blocks(values: np.ndarray, block: int, axis: int) -> np.ndarray:
-    """Nodes along an axis, that axis first, the last one repeated until blocks are whole."""
-    moved = np.moveaxis(values, axis, 0)
-    count = len(moved)
-    # As np.pad has it, which takes ten times as long.
-    whole = np.empty((count + (1 - count) % block, *moved.shape[1:]), moved.dtype, "F" if moved.flags.fnc else "C")
-    whole[:count] = moved
-    whole[count:] = moved[-1:]
-    return whole
+    count = values.shape[axis]
+    cells = np.empty((*values.shape[:axis], count - 1 + (1 - count) % block, *values.shape[axis + 1 :]), values.dtype)
+    between = _along(cells, axis, slice(count - 1))
+    np.add(_along(values, axis, slice(count - 1)), _along(values, axis, slice(1, None)), out=between)
+    between *= 0.5
+    _along(cells, axis, slice(count - 1, None))[...] = _along(values, axis, slice(count - 1, None))
+    # Cell after cell of all blocks, as np.mean adds them.
+    total = _along(cells, axis, slice(0, None, block)).copy(order="K")
+    for place in range(1, block):
+        total += _along(cells, axis, slice(place, None, block))
+    total /= block
+    return total
 
 
 def greatest_of_neighbors(values: np.ndarray, count: int, axis: int) -> np.ndarray:

@@ -6,11 +6,14 @@ a known pupil ready for other values. What is found is kept with the grid, where
 for rounding.
 """
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ..medium.grid import FETCH, UniformGrid
+from ..medium.grid_places import known
 from ..medium.spline import pivots
 from .engines import Engine
 from .engines.kernel_table import GRID_KERNELS
@@ -21,6 +24,8 @@ LEAST_NODES = 1 << 15  # speed only
 LEAST_FLAT = 1 << 12  # speed only
 # Nodes along an axis at least: elimination takes four.
 LEAST_COUNT = 4
+# What elimination takes, kept with a grid's places.
+KEPT = 6  # speed only
 
 
 def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
@@ -40,11 +45,12 @@ def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
     if is_known or not engine.grid_tables or size > engine.memory[1]:
         return
     tables = _Tables(engine, grid, GRID_KERNELS[:1] if is_flat else GRID_KERNELS)
+    found = tables.found(() if is_flat else engine.grid_tables)
+    engine.settle()
     grid.derive(engine.grid_key, lambda: tables.coefficients)
     grid.derive(FETCH, lambda: tables.fetched)
-    work = {"roughness": tables.roughness, "potential by blocks": tables.potential, "potential peaks": tables.peaks}
-    for name in () if is_flat else engine.grid_tables:
-        grid.derive(name, work[name])
+    for name, table in found.items():
+        grid.derive(name, partial(lambda table: table, table))
     tables.samples = tables.spare = None
 
 
@@ -70,7 +76,9 @@ class _Tables:
         for axis, made in enumerate((whole, self.spare, whole)[-len(shape) :]):
             nodes, pitch = shape[axis], int(np.prod(shape[axis + 1 :]))
             even = self.grid.even_first_axis and axis == 0
-            inverse = engine.put(pivots(nodes, even))
+            inverse = known(
+                self.grid, ("pivots", *engine.grid_key, nodes, even), partial(self._pivots, nodes, even), KEPT
+            )
             lines = int(np.prod(shape)) // nodes
             shape[axis] += 2
             ambient = self.grid.ambient_index if axis == 0 else 0.0
@@ -78,6 +86,9 @@ class _Tables:
             engine.launch(self.kernels["spline_lines"], before, [made], lines)
             values = made
         return values
+
+    def _pivots(self, nodes: int, even: bool) -> Any:
+        return self.engine.put(pivots(nodes, even))
 
     def fetched(self) -> np.ndarray:
         """The coefficients on the host."""
@@ -89,48 +100,73 @@ class _Tables:
         self.engine.get(self.coefficients, found.reshape(-1))
         return found
 
-    def roughness(self) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
-        """See step_bound.roughness_of_blocks."""
+    def found(self, names: tuple[str, ...]) -> dict[str, Any]:
+        """Tables by name, of which all that they are made of is launched before any of it is waited for."""
+        makers: dict[str, tuple[Callable[[], list], Callable[..., Any]]] = {
+            "roughness": (self._roughness, self._by_axis),
+            "potential by blocks": (self._potential, lambda found: found),
+            "potential peaks": (self._peaks, _peaks_of),
+        }
+        parts = {name: makers[name][0]() for name in names}
+        several = [part for each in parts.values() for part in each]
+        if not several:
+            return {}
+        reading = self.engine.fetched([buffer for buffer, _ in several], [array for _, array in several])
+        reading.start()
+        read = iter([array.copy() for array in reading.wait()])
+        return {name: makers[name][1](*(next(read) for _ in each)) for name, each in parts.items()}
+
+    def _roughness(self) -> list[tuple[Any, np.ndarray]]:
+        """Fourth differences along each axis, the greatest of each block: where they will be, and what for."""
         first, second, third = self.shape
         fourth = []
         for axis in range(3):
             shape = [_blocks(first, self.block), second, third]
             before = [self.coefficients, *self.shape, axis, self.block]
             self.engine.launch(self.kernels["fourth_differences"], before, [self.spare], int(np.prod(shape)))
-            found = self._by_blocks(self.spare, shape, (1, 2))
-            fourth.append(found / (self.grid.ambient_index * self.grid.spacing[axis] ** 4))
-        return self.block, fourth, [np.zeros_like(part) for part in fourth]
+            fourth.append(self._by_blocks(self.spare, shape, (1, 2)))
+        return fourth
 
-    def potential(self) -> np.ndarray:
+    def _by_axis(self, *fourth: np.ndarray) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
+        """See step_bound.roughness_of_blocks."""
+        scales = [self.grid.ambient_index * spacing**4 for spacing in self.grid.spacing]
+        derivatives = [part / scale for part, scale in zip(fourth, scales, strict=True)]
+        return self.block, derivatives, [np.zeros_like(part) for part in fourth]
+
+    def _potential(self) -> list[tuple[Any, np.ndarray]]:
         """Greatest size of the potential over the ambient index in each block."""
-        return self._by_blocks(self.samples, list(self.shape), (0, 1, 2), self.grid.ambient_index)
+        return [self._by_blocks(self.samples, list(self.shape), (0, 1, 2), self.grid.ambient_index)]
 
-    def peaks(self) -> list[np.ndarray]:
-        """See support.py: the greatest size of the coefficients of each plane across an axis."""
+    def _peaks(self) -> list[tuple[Any, np.ndarray]]:
+        """Of the coefficients' sizes the greatest along the first axis, and along the second.
+
+        Lines of the last one lie in memory one behind the other, which takes longer.
+        """
         first, second, third = (count + 2 for count in self.shape)
-        # Along the first two axes: lines of the last one lie in memory one behind the other, which takes longer.
         planes = self._maxima(self.coefficients, second * third, 1, first, first, 0.0)
         rows = self._maxima(self.coefficients, third, first, second, second, 0.0)
-        over_first, over_second = np.empty((second, third)), np.empty((first, third))
-        self.engine.get(planes, over_first.reshape(-1))
-        self.engine.get(rows, over_second.reshape(-1))
-        return [over_second.max(axis=1), over_first.max(axis=1), over_first.max(axis=0)]
+        return [(planes, np.empty((second, third))), (rows, np.empty((first, third)))]
 
-    def _by_blocks(self, values: Any, shape: list[int], axes: tuple[int, ...], ambient: float = 0.0) -> np.ndarray:
-        """Greatest sizes of values of that shape over the nodes of each block along some axes."""
+    def _by_blocks(
+        self, values: Any, shape: list[int], axes: tuple[int, ...], ambient: float = 0.0
+    ) -> tuple[Any, np.ndarray]:
+        """Greatest sizes of values of that shape over the nodes of each block along some axes; what they will fill."""
         for axis in axes:
             pitch, outer = int(np.prod(shape[axis + 1 :])), int(np.prod(shape[:axis]))
             values = self._maxima(values, pitch, outer, shape[axis], self.block, ambient)
             shape[axis], ambient = _blocks(shape[axis], self.block), 0.0
-        found = np.empty(shape)
-        self.engine.get(values, found.reshape(-1))
-        return found
+        return values, np.empty(shape)
 
     def _maxima(self, values: Any, pitch: int, outer: int, count: int, block: int, ambient: float) -> Any:
         places = outer * _blocks(count, block) * pitch
         made = self.engine.empty(places)
         self.engine.launch(self.kernels["block_maxima"], [values, count, pitch, block, ambient], [made], places)
         return made
+
+
+def _peaks_of(over_first: np.ndarray, over_second: np.ndarray) -> list[np.ndarray]:
+    """See support.py: the greatest size of the coefficients of each plane across an axis."""
+    return [over_second.max(axis=1), over_first.max(axis=1), over_first.max(axis=0)]
 
 
 def _blocks(count: int, block: int) -> int:

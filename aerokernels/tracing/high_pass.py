@@ -19,7 +19,9 @@ and that is what rays meet: it falls off fast beyond what the nodes resolve, whe
 import numpy as np
 
 from ..medium.grid import UniformGrid
-from .step_bound import potential_at_nodes
+from ..medium.grid_places import known
+from .high_pass_along import PassAlong
+from .step_bound import block_size, potential_at_nodes
 
 # The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at
 # x = 0.8 and 0.99 at x = 0.98.
@@ -30,12 +32,23 @@ STEEP_FROM = 0.5
 COARSE = 1.35
 # Less than this much of phi H is no frequency along the rays; images along an axis count from this much a cycle on.
 LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
+# Shares of the last transforms are kept with a grid's places, where they are no more numbers than this.
+KEPT, MOST_KEPT = 6, 1 << 21  # speed only
+# Nodes along an axis up to which matrices take less time than transforms, and how many pairs of matrices are kept.
+MOST_ALONG, KEPT_ALONG = 512, 24  # speed only
 
 
 def high_pass(
-    grid: UniformGrid, steepness: np.ndarray, spacing: float, edges: tuple[float, ...], is_fine: bool
+    grid: UniformGrid,
+    steepness: np.ndarray,
+    spacing: float,
+    edges: tuple[float, ...],
+    is_fine: bool,
+    wanted: np.ndarray | None = None,
 ) -> list[np.ndarray]:
     """For each edge, what is left of the potential over the ambient index without low frequencies along the rays [1].
+
+    A grid that shares its places takes matrices where all rays run along one axis: the same but for rounding.
 
     Args:
         grid: The samples.
@@ -43,37 +56,74 @@ def high_pass(
         spacing: H, distance of samples [m].
         edges: Frequencies times H from about which on components are left.
         is_fine: Whether single precision would be seen.
+        wanted: Blocks (blocks.py) at whose nodes the second edge's is wanted, where not all are; 0 may stand elsewhere.
     """
     from scipy.fft import dctn, idctn
 
-    values = potential_at_nodes(grid).astype(np.float64 if is_fine else np.float32)
+    kind = np.dtype(np.float64 if is_fine else np.float32)
+    values = potential_at_nodes(grid).astype(kind)
     rates = steepness * spacing / grid.spacing  # phi H by cycles a cell
-    axes = [axis for axis, count in enumerate(values.shape) if count > 1 and rates[axis] > LEAST_ALONG]
+    axes = [axis for axis, count in enumerate(grid.shape) if count > 1 and rates[axis] > LEAST_ALONG]
     if not axes:
         return [np.zeros_like(values) for _ in edges]
+
+    def find() -> list[np.ndarray]:
+        return _shares(grid, rates, axes, spacing, edges, kind)
+
+    if len(axes) == 1 and grid.shared_places is not None and grid.shape[axes[0]] <= MOST_ALONG:
+        key = "high pass along an axis", rates.tobytes(), spacing, edges, kind
+        passes = known(grid, key, lambda: [PassAlong.of_shares(share.ravel()) for share in find()], KEPT_ALONG)
+        return _along(values, axes[0], passes, wanted, block_size(grid))
+    is_small = np.prod([grid.shape[axis] for axis in axes]) <= MOST_KEPT
+    key = "shares of a high pass", rates.tobytes(), spacing, edges, kind
+    shares = known(grid, key, find, KEPT) if is_small else find()
+    found = dctn(values, 1, axes=axes)
+    return [idctn(share * found, 1, axes=axes, overwrite_x=True) for share in shares]
+
+
+def _along(
+    values: np.ndarray, axis: int, passes: list[PassAlong], wanted: np.ndarray | None, block: int
+) -> list[np.ndarray]:
+    """What passes along an axis: all of it for the first, where it is wanted for the others."""
+    moved = np.ascontiguousarray(np.moveaxis(values, axis, -1))
+    found = [passes[0].of_all(moved)]
+    for each in passes[1:]:
+        if wanted is None:
+            found.append(each.of_all(moved))
+        else:
+            others = tuple(other for other in range(values.ndim) if other != axis)
+            count, blocks = moved.shape[-1], np.flatnonzero(wanted.any(axis=others))
+            nodes = np.unique(np.minimum(blocks[:, None] * block + np.arange(block + 1), count - 1))
+            found.append(each.of_some(moved, nodes))
+    return [np.moveaxis(each, -1, axis) for each in found]
+
+
+def _shares(
+    grid: UniformGrid, rates: np.ndarray, axes: list[int], spacing: float, edges: tuple[float, ...], kind: np.dtype
+) -> list[np.ndarray]:
+    """For each edge the shares of the cosines along some axes that are passed; `rates` are phi H by cycles a cell."""
     # Frequencies of the cosines of a type I transform, in cycles a cell, along the axes.
     cycles = []
     for axis in axes:
-        count = values.shape[axis]
-        shape = [count if other == axis else 1 for other in range(values.ndim)]
+        count = grid.shape[axis]
+        shape = [count if other == axis else 1 for other in range(len(grid.shape))]
         cycles.append((np.arange(count) / (2.0 * (count - 1))).reshape(shape))
-    shares = [np.zeros((), values.dtype) for _ in edges]
-    rest = np.ones((), values.dtype)  # what no image holds
+    shares = [np.zeros((), kind) for _ in edges]
+    rest = np.ones((), kind)  # what no image holds
     for imaged, image in (*_images(rates[axes]), (None, 0)):
-        square, along, weight = np.zeros((), values.dtype), np.zeros((), values.dtype), np.ones((), values.dtype)
+        square, along, weight = np.zeros((), kind), np.zeros((), kind), np.ones((), kind)
         for number, axis in enumerate(axes):
             here = np.abs(cycles[number] + image) if number == imaged else cycles[number]
-            square = square + ((spacing / grid.spacing[axis] * here) ** 2).astype(values.dtype)
-            along = along + (rates[axis] * here).astype(values.dtype)
+            square = square + ((spacing / grid.spacing[axis] * here) ** 2).astype(kind)
+            along = along + (rates[axis] * here).astype(kind)
             if imaged is not None and rates[axis] > LEAST_IMAGED:
-                weight = weight * _held_share(here).astype(values.dtype)
+                weight = weight * _held_share(here).astype(kind)
         weight, rest = (rest, rest) if imaged is None else (weight, rest - weight)
         along *= along
         np.minimum(square, along, out=square)
         for number, edge in enumerate(edges):
             shares[number] = shares[number] + weight * _share_left(square, edge)
-    found = dctn(values, 1, axes=axes)
-    return [idctn(share * found, 1, axes=axes, overwrite_x=True) for share in shares]
+    return shares
 
 
 def _share_left(square: np.ndarray, edge: float) -> np.ndarray:

@@ -23,10 +23,11 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from ..medium.grid_places import known
 from ..rays import RayBundle
 from ..threads import in_threads
 from .lever_arms import lever_arms_of, obliquity
-from .lines import FACES, SIDE, box_size, box_span
+from .lines import FACES, SIDE, BoxSpan, box_size, box_span
 from .mesh_rim import mesh_crossings, mesh_rim
 from .prediction import greatest_turn
 from .stop import ArcLength, Plane, stop_distance
@@ -43,6 +44,8 @@ CHUNK = 1 << 13  # speed only
 # Places along a ray that passes beside the box, over twice the box's size; one that has so many of them at one distance
 # from the box runs along a face.
 PLACES_BESIDE, PLACES_ALONG = 16, 3
+# Bundles of one chunk whose crossings of a box are kept with a grid's places.
+KEPT = 2  # speed only
 BESIDE = -1  # instead of a face: of a ray that passes beside the box, or crosses the rim of a mesh
 
 
@@ -127,10 +130,24 @@ def may_be_lost(
     def look_at(first: int) -> None:
         rows = slice(first, first + CHUNK)
         here = None if ends is None else (ends[0][rows], ends[1][rows])
-        lost[rows], face[rows] = _lost_by(field, rays.position[rows], rays.direction[rows], until, here, weakest)
+        span = _span(field, rays, rows)
+        given = field, rays.position[rows], rays.direction[rows]
+        lost[rows], face[rows] = _lost_by(*given, span, until, here, weakest)
 
     in_threads(look_at, range(0, rays.ray_count, CHUNK))
     return lost, face
+
+
+def _span(field: IndexField, rays: RayBundle, rows: slice) -> BoxSpan:
+    """Where some of the rays cross the field's box."""
+
+    def find() -> BoxSpan:
+        return box_span(field, rays.position[rows], rays.direction[rows])
+
+    if rays.ray_count > CHUNK:
+        return find()
+    found: BoxSpan = known(field.samples, ("crossings of the box", field.geometry, rays), find, KEPT)
+    return found
 
 
 def _direction_weight(field: IndexField, rays: RayBundle, until) -> float:
@@ -143,9 +160,8 @@ def _direction_weight(field: IndexField, rays: RayBundle, until) -> float:
     return 0.0 if lever_arms is None else lever_arms.lever_arm / float(np.min(field.spacing))
 
 
-def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[np.ndarray, np.ndarray]:
-    """What each of some rays may lose [m], and the face where most of it is lost."""
-    span = box_span(field, position, direction)
+def _lost_by(field, position, direction, span, until, ends, weakest: float) -> tuple[np.ndarray, np.ndarray]:
+    """What each of some rays may lose [m], and the face where most of it is lost; `span` is theirs of the box."""
     stop = stop_distance(position, direction, until)
     lost, face = np.zeros(len(position)), np.full(len(position), BESIDE)
 

@@ -7,6 +7,7 @@ import numpy as np
 from ..clock import stage
 from ..device_arrays import DeviceArray, rows_where
 from ..medium import IndexField
+from ..medium.grid_places import known
 from ..rays import RayBundle
 from .coherence import coherent_order
 from .engines import OUTPUT_TYPES, Prepared, engine_of
@@ -20,15 +21,26 @@ Numbers = np.ndarray | DeviceArray
 RAY_BYTES = 6 * 8 + sum(width * np.dtype(kind).itemsize for width, kind in OUTPUT_TYPES.values())
 # Rays in one chunk at most, and at least; and the share of the device's memory that a chunk may take.
 CHUNK, LEAST_CHUNK = 1 << 21, 64  # speed only
+# So few rays come from a GPU in less time than it takes to ask for one array after the other.
+FEW = 1 << 14  # speed only
+# Pilots whose rays are kept on a device with a grid's places.
+KEPT = 4  # speed only
 MEMORY_SHARE = 0.25
 
 
 def launch(
-    field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset
+    field: IndexField,
+    rays: RayBundle,
+    plan: TracePlan,
+    until,
+    wavelength: float,
+    outputs: frozenset,
+    are_read: bool = False,
 ) -> dict[str, Any]:
     """Trace each ray of a bundle once as its plan says; returns per-ray arrays by name.
 
-    Where some rays are above the tolerance, "step_error" is among the arrays.
+    Where some rays are above the tolerance, "step_error" is among the arrays. Where the arrays of few rays `are_read`
+    at once, they come to the host together.
     """
     if plan.backend == "reference":
         from .engines.reference.engine import trace
@@ -40,6 +52,8 @@ def launch(
     needs_none = plan.backend == "warp" and plan.sample_count > 0
     directions = rays.held("direction")[:1] if needs_none else rays.direction
     prepared = engine.prepare(field, plan, until, wavelength, outputs, directions)
+    if are_read and engine.is_gpu and rays.ray_count <= FEW and not engine.keeps(rays.ray_count * RAY_BYTES):
+        return _together(prepared, starts_of(rays), outputs)
     order = coherent_order(field, rays.position, rays.direction) if prepared.is_packed else None
     if order is None:
         return in_chunks(prepared, starts_of(rays), outputs)
@@ -108,23 +122,73 @@ class Trials:
         self.plan, self.count = plan, rays.ray_count
         self.prepared = engine.prepare(field, plan, until, wavelength, outputs, rays.direction)
         with stage("upload"):
-            self.starts = [engine.put(np.asarray(array)) for array in (rays.position, rays.direction)]
-            self.results = self.prepared.allocate(self.count)
+            self.starts = known(
+                field.samples,
+                ("pilot's rays", *engine.grid_key, rays),
+                lambda: [engine.put(np.asarray(array)) for array in (rays.position, rays.direction)],
+                KEPT,
+            )
 
-    def __call__(self, sample_count: int, quadrature: float, trajectory: float) -> dict[str, np.ndarray]:
-        """The outputs for so many samples; the last two are the scales, see TracePlan."""
+    def __call__(self, *asked: tuple[int, float, float]) -> list[dict[str, np.ndarray]]:
+        """The outputs for each number of samples and the scales that follow it, see TracePlan; all are started at once.
+
+        On a GPU they come to the host together.
+        """
         prepared, engine = self.prepared, self.prepared.engine
-        prepared.tune(sample_count=sample_count, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
+        found = [self._arrays() for _ in asked]
+        with stage("upload"):
+            results = [self._buffers(arrays) for arrays in found]
+            reading = None
+            if engine.is_gpu:
+                several = [
+                    (buffers[name], arrays[name])
+                    for buffers, arrays in zip(results, found, strict=True)
+                    for name in self.names
+                ]
+                reading = engine.fetched(*zip(*several, strict=True))
         with stage("kernel"):
-            prepared.launch(self.starts, self.results, self.count)
-            engine.wait()
-        arrays: dict[str, np.ndarray] = {}
-        with stage("download"):
-            for name in self.names:
-                width, kind = OUTPUT_TYPES[name]
-                arrays[name] = np.empty((self.count, width) if width > 1 else self.count, dtype=kind)
-                engine.get(self.results[name], arrays[name])
-        return arrays
+            for (count, quadrature, trajectory), buffers in zip(asked, results, strict=True):
+                prepared.tune(sample_count=count, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
+                prepared.launch(self.starts, buffers, self.count)
+            if reading is None:
+                engine.wait()
+                return found
+            reading.start()
+            read = iter(reading.wait())
+        return [{name: next(read).copy() for name in self.names} for _ in asked]
+
+    def _arrays(self) -> dict[str, np.ndarray]:
+        """Arrays for the outputs, by name."""
+        return {name: _empty(name, self.count) for name in self.names}
+
+    def _buffers(self, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+        """Buffers for the outputs, by name: a processor's lie in the memory of the arrays."""
+        prepared, engine = self.prepared, self.prepared.engine
+        if engine.is_gpu:
+            return prepared.allocate(self.count)
+        shared = {name: engine.share(arrays[name]) for name in self.names}
+        return {**prepared.allocate(self.count, without=self.names), **shared}
+
+
+def _together(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
+    """The same of few rays on a GPU: nothing is waited for before all arrays are on their way to the host."""
+    engine, ray_count = prepared.engine, len(starts[0])
+    wanted = [name for name in OUTPUT_TYPES if name in outputs | prepared.computed]
+    with stage("upload"):
+        given = [engine.put(np.asarray(each)) for each in starts]
+        results = prepared.allocate(ray_count)
+        arrays = {name: _empty(name, ray_count) for name in wanted}
+        reading = engine.fetched([results[name] for name in wanted], list(arrays.values()))
+    with stage("kernel"):
+        prepared.launch(given, results, ray_count)
+        reading.start()
+        return {name: array.copy() for name, array in zip(wanted, reading.wait(), strict=True)}
+
+
+def _empty(name: str, ray_count: int) -> np.ndarray:
+    """An array for an output of so many rays."""
+    width, kind = OUTPUT_TYPES[name]
+    return np.empty((ray_count, width) if width > 1 else ray_count, dtype=kind)
 
 
 def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:

@@ -15,6 +15,7 @@ import numpy as np
 from ..device_arrays import extremes_of
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from ..medium.grid_places import known
 from ..rays import RayBundle
 from .between_samples import MARGIN, Between, in_threes
 from .cube_polynomials import may_have_cubes, roughly_off
@@ -23,10 +24,10 @@ from .grid_tables import prepare_grid
 from .held import held_error
 from .launch import Trials
 from .lever_arms import LeverArms, lever_arms_of
+from .pilot_levels import bends_of, known_levels, levels_of, shares_of
 from .plan import TracePlan
 from .prediction import predict_evaluations
-from .status import reached
-from .stop import ArcLength
+from .stop import ArcLength, stop_key
 from .support import support_box
 from .unresolved import Sampling
 
@@ -42,15 +43,6 @@ LEAST_SAMPLES = 36
 CHEAP = {"opencl": 450, "warp": 120}
 WORTH = {"opencl": 5.0, "warp": 1.2}
 MOST_SAMPLES = 3000
-# A ray's estimate is SAFETY times the pilot's greatest error.
-SAFETY = 3.0
-# The error as a share of the difference from the sum over every third sample: for order 4, which is the rule's own, and
-# for order 2.
-LEAST_SHARE, GREATEST_SHARE = 1.0 / 80.0, 1.0 / 8.0
-# The trajectory error as a share of int P^2 / p_t dt: it is never greater than what bending adds to the path.
-GREATEST_BEND = 0.5
-# The share of the pilot's rays that may be unfit for leapfrog.
-UNFIT = 0.1
 
 # Polynomials of cubes are made where rays take this many samples for each node of the grid, on a processor (False) and
 # on a GPU (True), where a sample costs less. They are taken where the rays that have to be traced again for it cost
@@ -65,6 +57,8 @@ CUBES_MEMORY = 0.25
 # The greatest change of a pilot ray's direction by them [rad].
 CUBES_ANGLE = 5e-7
 
+# What is kept with a grid's places: of the last pilots.
+KEPT = 4  # speed only
 # Rays of a bundle whose lines are looked at, and what makes them.
 SPREAD_RAYS = 8192
 Spread = Callable[[], RayBundle]
@@ -113,9 +107,10 @@ def fit_leapfrog(
         like: A plan of such rays through a field like this one: its number is taken where the pilot confirms it.
         ray_count: How many rays will take these samples at least.
     """
-    stop = None if until is None else (until.point.tobytes(), until.normal.tobytes())
+    stop = stop_key(until)
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
-    plan = replace(plan, lever_arms=lever_arms_of(field, pilot, until))
+    place = "lever arms", field.geometry, pilot, stop
+    plan = replace(plan, lever_arms=known(field.samples, place, lambda: lever_arms_of(field, pilot, until), KEPT))
     key = ("leapfrog", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
     given = field, pilot, plan, until, wavelength, spread
     fitted = None
@@ -167,7 +162,7 @@ def _fit(
     if not _is_worth_it(field, pilot, plan, wavelength, least):
         return nothing
     trials = _trials(field, pilot, replace(plan, sample_count=least), until, wavelength)
-    levels = [_Level(trials, least * 3**power) for power in range(3)]
+    levels = levels_of(trials, *(least * 3**power for power in range(3)))
     if not levels[-1].is_fit:
         return nothing
     first, second = levels[0].error(levels[1]), levels[1].error(levels[2])
@@ -184,14 +179,14 @@ def _fit(
     while count and _is_worth_it(field, pilot, plan, wavelength, count):
         level = next((level for level in levels if level.count == count), None)
         if level is None:
-            level = _Level(trials, count)
+            (level,) = levels_of(trials, count)
         finest = levels[-1]
         if 2 * count > finest.count:
-            finest = _Level(trials, 3 * count)
+            (finest,) = levels_of(trials, 3 * count)
             levels.append(finest)
         worst = level.error(finest)
         if level.is_fit and worst <= budget:
-            shares = _shares(trials, level, worst)
+            shares = shares_of(level, worst, bends_of(trials, count))
             return count, shares, worst, between.sampling(count)
         count = in_threes(1.25 * count)
     return nothing
@@ -230,14 +225,14 @@ def _with_cubes(
     plan = replace(plan, sample_count=count)
     by_cubes = replace(plan, cubes=True)
     trials = _trials(field, pilot, plan, until, wavelength)
-    spline, finest = _Level(trials, count), _Level(trials, 3 * count)
-    level = _Level(_trials(field, pilot, by_cubes, until, wavelength), count)
+    spline, finest, bends = known_levels(trials, count)
+    (level,) = levels_of(_trials(field, pilot, by_cubes, until, wavelength), count)
     worst = level.error(finest)
     if not (level.is_fit and finest.is_fit and worst <= held / MARGIN and level.turned(spline) <= CUBES_ANGLE):
         return None
-    shares = _shares(trials, spline, worst)
+    shares = shares_of(spline, worst, bends)
     final = _trials(field, pilot, replace(by_cubes, sampling=sampling), until, wavelength)
-    again = float((_Level(final, count, *shares).step_error > held).mean())
+    again = float((final((count, *shares))[0]["step_error"] > held).mean())
     if again * cost_again > CUBES_GAIN * count:
         return None
     return count, shares, worst, sampling
@@ -261,53 +256,28 @@ def _confirm(
     if not count:
         return None
     trials = _trials(field, pilot, replace(plan, sample_count=count), until, wavelength)
-    level, finest = _Level(trials, count), _Level(trials, 3 * count)
+    level, finest, bends = known_levels(trials, count)
     worst = level.error(finest)
     if not (level.is_fit and finest.is_fit and worst <= held / MARGIN):
         return None
-    return count, _shares(trials, level, worst), worst, None
+    return count, shares_of(level, worst, bends), worst, None
 
 
 def _trials(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> Trials:
     return Trials(field, pilot, plan, until, wavelength, frozenset(("opd", "step_error", "direction")))
 
 
-def _shares(trials: Trials, level: "_Level", worst: float) -> tuple[float, float]:
-    """The scales of a ray's own error estimate, by which it covers the pilot's greatest error [m]."""
-    share = SAFETY * worst / level.difference if level.difference > 0.0 else GREATEST_SHARE
-    bends = _Level(trials, level.count, 0.0, 1.0).difference
-    trajectory_error_scale = SAFETY * worst / bends if bends > 0.0 else 0.0
-    return min(max(share, LEAST_SHARE), GREATEST_SHARE), min(trajectory_error_scale, GREATEST_BEND)
-
-
-class _Level:
-    """The pilot, traced with `count` samples a ray."""
-
-    def __init__(self, trials: Trials, count: int, share: float = 1.0, bending: float = 0.0):
-        arrays = trials(count, share, bending)
-        self.count = count
-        self.opd, self.step_error, self.direction = arrays["opd"], arrays["step_error"], arrays["direction"]
-        self.good = reached(arrays["status"]) & np.isfinite(arrays["step_error"])
-        lost = reached(arrays["status"]) & ~self.good
-        self.is_fit = bool(self.good.any() and lost.mean() <= UNFIT)
-        self.difference = float(arrays["step_error"][self.good].max()) if self.good.any() else 0.0
-
-    def error(self, finer: "_Level") -> float:
-        """Greatest change of the optical path difference from this level to a finer one [m]."""
-        good = self.good & finer.good
-        return float(np.abs(self.opd - finer.opd)[good].max()) if good.any() else math.inf
-
-    def turned(self, other: "_Level") -> float:
-        """Greatest angle between the directions of this level and another one [rad]."""
-        good = self.good & other.good
-        return float(np.linalg.norm(self.direction - other.direction, axis=1)[good].max()) if good.any() else math.inf
-
-
 def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, lever_arms: LeverArms | None) -> int:
     """The number of samples that are WIDEST cells apart on the longest path through the field's support."""
-    grid = field.samples
     low, high = support_box(field, tolerance, lever_arms)
-    size = np.zeros(3)
+    place = "cells of a pilot", field.geometry, pilot, low.tobytes(), high.tobytes()
+    cells: float = known(field.samples, place, lambda: _greatest_cells(field, pilot, low, high), KEPT)
+    return in_threes(max(LEAST_SAMPLES, cells / WIDEST))
+
+
+def _greatest_cells(field: IndexField, pilot: RayBundle, low: np.ndarray, high: np.ndarray) -> float:
+    """The cells of the longest path through a part of the field, given by its corners along the local axes [m]."""
+    grid, size = field.samples, np.zeros(3)
     size[-len(low) :] = high - low
     if field.geometry == "axisymmetric":
         size[:2] = 2.0 * high[0]
@@ -319,7 +289,7 @@ def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, lever_
     length = np.where(size > 0.0, size / steep, np.inf).min(axis=1)
     length[~np.isfinite(length)] = 0.0  # nothing is disturbed
     cells = length * np.linalg.norm(pilot.direction / spacing, axis=1)
-    return in_threes(max(LEAST_SAMPLES, float(cells.max(initial=0.0)) / WIDEST))
+    return float(cells.max(initial=0.0))
 
 
 def _is_worth_it(field: IndexField, pilot: RayBundle, plan: TracePlan, wavelength: float, count: int) -> bool:

@@ -8,6 +8,7 @@ from functools import cache, cached_property, partial
 import numpy as np
 
 from ..medium import IndexField
+from ..medium.grid import UniformGrid
 from ..rays import Pupil, RayBundle
 from .allowance import check_tolerance
 from .lattice_quadrature import ACCEPTED, ENOUGH, LATTICES, lattice_sizes, may_still_settle
@@ -160,6 +161,8 @@ def make_job(
         ValueError: A name or number that makes no sense; symmetry=True without symmetry; no ray that meets the field.
     """
     _check_size(field, pupil)
+    if like is not None:
+        share_places(field, like.task.field)
     tolerance = check_tolerance(choices["tolerance"])
     pilot, air_rays = (None, None) if like is None else like.samples
     seen = (weakref.ref(pupil), tuple(look.tolist()), like is None)  # what a field keeps for the next seed
@@ -226,6 +229,12 @@ def make_job(
         is_radial=radial_rays > 0,
     )
     return PupilJob(plan, plan_of, until, per_replicate, task, air, pilot, sizes, is_known, like is not None)
+
+
+def share_places(field: IndexField, other: IndexField) -> None:
+    """Let a field on a uniform grid use what was worked out of the nodes' places for another one on this grid."""
+    if isinstance(field.samples, UniformGrid) and isinstance(other.samples, UniformGrid):
+        field.samples.share_places(other.samples)
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:

@@ -1,5 +1,6 @@
 """A pupil of millions of rays on the engine of its plan: launched, traced and summed there; no ray is fetched."""
 
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..clock import stage
+from ..medium.grid_places import known
 from ..rays import RayBundle
 from .engines import OUTPUT_TYPES, engine_of
 from .lattice_quadrature import smoothed_axes
@@ -30,6 +32,8 @@ from .status import RayStatus
 
 # Bytes for a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
 KEPT_BYTES = 16 + 8 + 4
+# Constants of pupils that are kept on a device with a grid's places.
+KEPT = 8  # speed only
 
 
 @dataclass(eq=False)
@@ -81,10 +85,13 @@ class PupilRun:
         needed = ("sum_moments", "sum_phasors", "reduce_sums")  # rays along a radius are made by the host
         self.kernels = engine.pupil_kernels(needed if task.is_radial else ("launch_pupil", *needed))
         with stage("upload"):
-            self.one = engine.put(np.ones(1))
+            self.one = self._constant("one", lambda: np.ones(1))
             self.seeds = None if task.is_radial else engine.sent(np.zeros((self.widest, 2), np.uint32))
             self.starts = None if self.seeds is None else self._starts(self.seeds.buffer)
-            self.headings = engine.put(np.repeat(task.look[None], together, axis=0)) if task.is_radial else None
+            self.headings = None
+            if task.is_radial:
+                key = "headings", task.look.tobytes(), together
+                self.headings = self._constant(key, lambda: np.repeat(task.look[None], together, axis=0))
         self.no_surface = self._phasor_numbers(np.zeros(4))
         self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined_counts(task.per_replicate)]
         self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
@@ -97,12 +104,24 @@ class PupilRun:
 
     def _starts(self, seeds: Any) -> list:
         """What the kernel launch_pupil is given before the rays, the seeds of a batch among them."""
-        task, engine, pupil = self.task, self.engine, self.task.pupil
+        task, pupil = self.task, self.task.pupil
         of_square = pupil.square_map
         vectors = [pupil.center, *(pupil.reach * axis for axis in pupil.axes), task.look]
-        shape = [of_square.shape, of_square.row_count, of_square.column_count, engine.put(of_square.table)]
-        order = engine.put(task.order())
+        table = self._constant(("table", pupil), lambda: of_square.table)
+        shape = [of_square.shape, of_square.row_count, of_square.column_count, table]
+        key = "order", task.per_replicate, task.by_radius, task.generator
+        order = self._constant(key, task.order)
         return [*vectors, *shape, seeds, order, task.per_replicate, task.generator, smoothed_axes(of_square)]
+
+    def _constant(self, key: Hashable, make: Callable[[], np.ndarray]) -> Any:
+        """A buffer that nobody writes to, which other fields on the grid have as well."""
+        engine = self.engine
+        return known(
+            self.task.field.samples,
+            ("constants of pupils", *engine.grid_key, key),
+            lambda: engine.put(make()),
+            KEPT,
+        )
 
     def __call__(self, seed: int | None) -> PupilSums:
         """Trace the points of a seed, and sum."""

@@ -64,7 +64,9 @@ def _retrace(
     controlled = replace(plan, method=asked, sample_count=0, sampling=None)
 
     def trace_again(rows: np.ndarray, attempt: TracePlan) -> None:
-        found = launch(field, rays.rows(rows), attempt, until, wavelength, frozenset(arrays) - {"status"})
+        found = launch(
+            field, rays.rows(rows), attempt, until, wavelength, frozenset(arrays) - {"status"}, are_read=True
+        )
         others = on_host(found)
         # A ray that fared worse, or is lost this time, keeps what it had.
         lost = ~reached(arrays["status"][rows]) | ~np.isfinite(arrays["step_error"][rows])

@@ -201,14 +201,24 @@ def _roughness_of(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.nda
     block = block_size(grid)
     fourth, second = [], []
     for axis in range(grid.samples.ndim):
-        nodes = _stretched(grid, axis) / grid.ambient_index
-        change = np.moveaxis(np.abs(np.diff(nodes, 4, axis=0)), 0, axis)
+        nodes = _stretched(grid, axis)  # in the grid's own order of memory, though that axis comes first
+        nodes /= grid.ambient_index
+        change = np.moveaxis(np.abs(_differences(nodes, 4)), 0, axis)
         fourth.append(block_maxima(change, block) / grid.spacing[axis] ** 4)
         second.append(np.zeros_like(fourth[-1]))
         if grid.interpolation != "cubic":
             change = np.moveaxis(np.abs(np.diff(nodes[1:-1], 2, axis=0)), 0, axis)
             second[-1] = block_maxima(change, block)
     return block, fourth, second
+
+
+def _differences(values: np.ndarray, order: int) -> np.ndarray:
+    """As np.diff has them along the first axis, in the memory of one result."""
+    found = values[1:] - values[:-1]
+    for _ in range(order - 1):
+        np.subtract(found[1:], found[:-1], out=found[:-1])
+        found = found[:-1]
+    return found
 
 
 def _stretched(grid: UniformGrid, axis: int) -> np.ndarray:
@@ -229,7 +239,12 @@ def _stretched(grid: UniformGrid, axis: int) -> np.ndarray:
         centre = 2 - missing
         mirrored = [inner[min(centre + k, len(inner) - 1)] for k in range(2, centre, -1)]
         low = np.stack(mirrored)
-    return np.concatenate([low, inner, high])
+    shape = list(inner.shape)
+    shape[0] += len(low) + len(high)
+    stretched = np.moveaxis(np.empty((*shape[1 : axis + 1], shape[0], *shape[axis + 1 :])), axis, 0)
+    stretched[: len(low)], stretched[len(low) : shape[0] - len(high)] = low, inner
+    stretched[shape[0] - len(high) :] = high
+    return stretched
 
 
 def _continued(values: np.ndarray, count: int) -> np.ndarray:

@@ -41,6 +41,13 @@ class ArcLength:
             raise ValueError(f"ArcLength needs a finite length of at least 0 m, got {self.length!r}")
 
 
+def stop_key(until: "Plane | ArcLength | None") -> tuple | None:
+    """What is equal for equal stops, to keep results under."""
+    if isinstance(until, Plane):
+        return until.point.tobytes(), until.normal.tobytes()
+    return None if until is None else (until.length,)
+
+
 def stop_distance(position: np.ndarray, direction: np.ndarray, until) -> np.ndarray:
     """How far along straight lines the stop is [m], infinite where they never meet it, shape (n,)."""
     if isinstance(until, ArcLength):

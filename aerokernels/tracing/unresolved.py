@@ -32,11 +32,13 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from ..medium.grid_places import known
 from .blocks import block_maxima, block_means, greatest_around, greatest_of_neighbors
 from .high_pass import high_pass
 from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
-from .step_bound import potential_at_nodes, roughness_by_axis
-from .straight_lines import Lines, local_coordinates, local_range
+from .step_bound import block_size, potential_at_nodes, roughness_by_axis
+from .straight_lines import Lines, local_coordinates
+from .way_through_blocks import along_axes, way_of
 
 # Frequencies along a ray, times H, from which on components are passed: along the ray, and at its ends.
 EDGE, EDGE_AT_ENDS = 0.92, 0.4
@@ -58,13 +60,11 @@ LEAST_OBLIQUITY = 0.05
 LEAST_MAIN, LEVEL = 0.7, 0.25
 # Blocks along that axis that a lookup stands for; strides are shorter where a ray ends, and find fewer of them.
 LOOKED_OVER, LOOKED_SHORT = 3, 1.1
-# Blocks by which a ray may be deflected sideways, besides the drift of its straight line.
-DEFLECTED = 0.5
 # Ends of rays count where a block's length of what is there is worth this share of the tolerance.
 ENDS_SHARE = 0.02
 
-# Tables kept for a grid.
-KEPT = 8  # speed only
+# Tables kept for a grid, and what is kept with its places of the last lines.
+KEPT, KEPT_OF_LINES = 8, 16  # speed only
 
 
 @dataclass(frozen=True)
@@ -96,23 +96,28 @@ def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
-    block, fourth = roughness_by_axis(grid)
-    near = np.zeros(fourth[0].shape, dtype=np.uint8)
-    size = block * np.asarray(grid.spacing)
-    ends = np.concatenate([lines.start, lines.start + lines.length[:, None] * lines.direction])
-    entry = np.floor((local_coordinates(ends, field.geometry) - grid.low) / size).astype(int)
-    near[tuple(np.clip(entry, 0, np.array(near.shape) - 1).T)] = 1
-    worth = _potential_by_blocks(grid) * float(size.max())
-    for axis in range(near.ndim):
-        near = greatest_around(near, -1, 1, axis)
+    worth = _potential_by_blocks(grid) * float((block_size(grid) * np.asarray(grid.spacing)).max())
+    place = "blocks of ends", field.geometry, lines
+    near = known(grid, place, lambda: _blocks_of_ends(grid, field.geometry, lines, worth.shape), KEPT_OF_LINES)
     near = near * (worth > ENDS_SHARE * held)
     return np.packbits(near).tobytes() if near.any() else b""
 
 
+def _blocks_of_ends(grid: UniformGrid, geometry: str, lines: Lines, shape: tuple[int, ...]) -> np.ndarray:
+    """1 in the blocks in which lines begin or end and in those about them, 0 elsewhere."""
+    near = np.zeros(shape, dtype=np.uint8)
+    size = block_size(grid) * np.asarray(grid.spacing)
+    ends = np.concatenate([lines.start, lines.start + lines.length[:, None] * lines.direction])
+    entry = np.floor((local_coordinates(ends, geometry) - grid.low) / size).astype(int)
+    near[tuple(np.clip(entry, 0, np.array(near.shape) - 1).T)] = 1
+    for axis in range(near.ndim):
+        near = greatest_around(near, -1, 1, axis)
+    return near
+
+
 def _potential_by_blocks(grid: UniformGrid) -> np.ndarray:
     """Greatest size of the potential over the ambient index in each block."""
-    block, _ = roughness_by_axis(grid)
-    return grid.derive("potential by blocks", lambda: block_maxima(np.abs(potential_at_nodes(grid)), block))
+    return grid.derive("potential by blocks", lambda: block_maxima(np.abs(potential_at_nodes(grid)), block_size(grid)))
 
 
 def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = False) -> tuple[int, np.ndarray]:
@@ -134,7 +139,7 @@ def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray
     from scipy.ndimage import uniform_filter1d
 
     block, missed = missed_in_blocks(field, sampling)
-    obliquities, main = _along_axes(sampling.steepness, field.geometry), _main_axis(sampling.steepness, field.geometry)
+    obliquities, main = along_axes(sampling.steepness, field.geometry), _main_axis(sampling.steepness, field.geometry)
     for axis, obliquity in enumerate(obliquities):
         if axis == main:
             missed = LOOKED_SHORT * uniform_filter1d(missed, LOOKED_OVER, axis=axis, mode="nearest")
@@ -160,51 +165,34 @@ def greatest_error(
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     block, missed = missed_in_blocks(field, sampling, by_rule)
-    rate = MISSED_SLOPE / float(np.min(field.spacing))
-    found = _greatest_on_lines(grid, block, missed, rate * missed, lines, field.geometry)
-    if found > allowed and not (by_rule or sampling.ends) and lines.lever_arm.any():
-        changes = np.minimum(_changes(grid, field.geometry, sampling), rate * missed)
+    changes = MISSED_SLOPE / float(np.min(field.spacing)) * missed if lines.lever_arm.any() else None
+    found = _greatest_on_lines(grid, block, missed, changes, lines, field.geometry)
+    if found > allowed and changes is not None and not (by_rule or sampling.ends):
+        changes = np.minimum(_changes(grid, field.geometry, sampling), changes)
         found = min(found, _greatest_on_lines(grid, block, missed, changes, lines, field.geometry))
     return found
 
 
 def _greatest_on_lines(
-    grid: UniformGrid, block: int, missed: np.ndarray, changes: np.ndarray, lines: Lines, geometry: str
+    grid: UniformGrid, block: int, missed: np.ndarray, changes: np.ndarray | None, lines: Lines, geometry: str
 ) -> float:
-    """The most that any line adds up of what is `missed` in blocks, and by its lever arms of the `changes` of that."""
-    size = block * np.asarray(grid.spacing)
-    local = local_range(lines, geometry)
-    # A block to each side for the deflection of rays, and for rays between those of `lines`.
-    first = np.clip(np.floor((local[0] - grid.low) / size).astype(int) - 1, 0, np.array(missed.shape) - 1)
-    last = np.clip(np.floor((local[1] - grid.low) / size).astype(int) + 1, first, np.array(missed.shape) - 1)
-    part = tuple(slice(low, high + 1) for low, high in zip(first, last, strict=True))
-    met, changing = missed[part], changes[part]
-    longest = float(lines.length.max(initial=0.0))
-    found = (float(met.max()) + float(changing.max()) * float(lines.lever_arm.max(initial=0.0))) * longest
+    """The most that any line adds up of what is `missed` in blocks, and by its lever arms of the `changes` of that.
+
+    Without changes no line has a lever arm.
+    """
+    place = "way of lines", geometry, lines, block
+    way = known(grid, place, lambda: way_of(grid, block, missed.shape, lines, geometry), KEPT_OF_LINES)
+    met, changing = missed[way.part], None if changes is None else changes[way.part]
+    found = float(met.max()) * way.longest
+    if changing is not None:
+        found += float(changing.max()) * way.lever_arm * way.longest
     # Along an axis that all rays run along, one layer of blocks after the other, as far beside as a ray may get.
-    components = np.abs(lines.direction[:, 3 - met.ndim :])
-    drift = _along_axes(np.abs(lines.direction).max(axis=0, initial=0.0), geometry) * longest / size
-    for axis in range(geometry == "axisymmetric", met.ndim):
-        least = float(components[:, axis].min(initial=1.0))
-        if least > 0.0:
-            faces = grid.low[axis] + (first[axis] + np.arange(met.shape[axis] + 1)) * size[axis]
-            levers = _lever_arms_from(lines, faces, axis + 3 - met.ndim)
-            shape = [-1 if other == axis else 1 for other in range(met.ndim)]
-            layers = met + changing * levers.reshape(shape)
-            for other in range(met.ndim):
-                if other != axis:
-                    layers = greatest_of_neighbors(layers, 1 + int(np.ceil(drift[other] + DEFLECTED)), other)
-            found = min(found, float(layers.sum(axis=axis).max()) * float(size[axis]) / least)
+    for layers in way.layers:
+        amount = met if changing is None else met + changing * layers.lever_arms
+        for other, count in layers.beside:
+            amount = greatest_of_neighbors(amount, count, other)
+        found = min(found, float(amount.sum(axis=layers.axis).max()) * layers.thickness / layers.least)
     return found
-
-
-def _lever_arms_from(lines: Lines, faces: np.ndarray, component: int) -> np.ndarray:
-    """The greatest lever arm of any line from where it comes into each layer between planes across an axis [m]."""
-    with np.errstate(divide="ignore"):
-        place = (faces - lines.start[:, component, None]) / lines.direction[:, component, None]
-    nearest = np.clip(np.minimum(place[:, :-1], place[:, 1:]), 0.0, lines.length[:, None])
-    levers = lines.lever_arm[:, None] - lines.tangent[:, None] * nearest
-    return np.asarray(levers.max(axis=0, initial=0.0))
 
 
 def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndarray:
@@ -226,7 +214,7 @@ def _with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
 
 
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
-    obliquity = _along_axes(sampling.steepness, geometry)
+    obliquity = along_axes(sampling.steepness, geometry)
     block, fourth = roughness_by_axis(grid)
     strides = [PEANO * (u * sampling.spacing) ** 4 for u in obliquity]
     missed = _joined([stride * change for stride, change in zip(strides, fourth, strict=True)])
@@ -237,7 +225,7 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool)
     rest = _by_blocks(grid, geometry, sampling, np.abs(parts[0]))
     main = _main_axis(sampling.steepness, geometry)
     if sampling.ends:
-        is_end = np.unpackbits(np.frombuffer(sampling.ends, np.uint8), count=rest.size).reshape(rest.shape)
+        is_end = _ends_of(grid, sampling)
         length = block * float(grid.spacing.min() if main is None else grid.spacing[main])
         rest = rest + is_end * (END / BOTH * spacing / length) * block_maxima(np.abs(parts[1]), block)
         missed = missed * np.where(is_end, RULE_AT_ENDS, 1.0)
@@ -252,7 +240,7 @@ def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray
     """
     parts, _, share = _not_resolved(grid, geometry, sampling)
     main = _main_axis(sampling.steepness, geometry)
-    obliquity = _along_axes(sampling.steepness, geometry)
+    obliquity = along_axes(sampling.steepness, geometry)
     square = np.zeros_like(parts[0])
     for axis in range(square.ndim):
         # Along the axis that all rays run along, only what is across them by their obliquity.
@@ -271,19 +259,31 @@ def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple
 
     Also returns that distance [m], and the share of them that counts.
     """
-    obliquity = _along_axes(sampling.steepness, geometry)
+    obliquity = along_axes(sampling.steepness, geometry)
     # Further on, what a spline holds of images falls off as the fourth power of their frequency.
     finest = FINEST / max(float((obliquity / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
     spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
     edges = (EDGE, EDGE_AT_ENDS) if sampling.ends else (EDGE,)
     key = ("not resolved", geometry, sampling)
-    return grid.derive(key, lambda: high_pass(grid, obliquity, spacing, edges, sampling.is_fine), 1), spacing, share
+
+    def find() -> list[np.ndarray]:
+        return high_pass(grid, obliquity, spacing, edges, sampling.is_fine, _ends_of(grid, sampling))
+
+    return grid.derive(key, find, 1), spacing, share
+
+
+def _ends_of(grid: UniformGrid, sampling: Sampling) -> np.ndarray:
+    """Whether rays begin or end in disturbed air in each block, or beside it."""
+    shape = tuple((count - 2) // block_size(grid) + 1 for count in grid.shape)
+    if not sampling.ends:
+        return np.zeros(shape, np.uint8)
+    return np.unpackbits(np.frombuffer(sampling.ends, np.uint8), count=int(np.prod(shape))).reshape(shape)
 
 
 def _by_blocks(grid: UniformGrid, geometry: str, sampling: Sampling, size: np.ndarray) -> np.ndarray:
     """What lies on a ray's way through each block, at most, of sizes at nodes: their mean along the rays' main axis."""
     block, _ = roughness_by_axis(grid)
-    obliquity, main = _along_axes(sampling.steepness, geometry), _main_axis(sampling.steepness, geometry)
+    obliquity, main = along_axes(sampling.steepness, geometry), _main_axis(sampling.steepness, geometry)
     across = [axis for axis in range(len(obliquity)) if axis != main]
     if main is None:
         return block_maxima(size, block)
@@ -302,13 +302,8 @@ def _with_lobes(rest: np.ndarray, main: int | None) -> np.ndarray:
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:
     """Of a structure with one normal, from what each axis shows of its fourth derivative: see step_bound.py."""
-    return np.sum([part**0.25 for part in parts], axis=0) ** 4
-
-
-def _along_axes(steepness, geometry: str) -> np.ndarray:
-    """Greatest size of the components along the grid's own axes, r and z of an axisymmetric one."""
-    x, y, z = steepness
-    return np.array({"volume": (x, y, z), "planar": (y, z), "axisymmetric": (min(np.hypot(x, y), 1.0), z)}[geometry])
+    some = [part for part in parts if part.any()] or parts[:1]  # a power takes long, also of zeros
+    return np.sum([part**0.25 for part in some], axis=0) ** 4
 
 
 def _main_axis(steepness, geometry: str) -> int | None:

@@ -9,10 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from aerokernels import tracing
 from aerokernels.commands.backends import backends
+from aerokernels.tracing.engines import engine_of
 from aerokernels.tracing.engines.info import BackendInfo
 from aerokernels.tracing.engines.opencl import devices as opencl_devices
 from aerokernels.tracing.engines.opencl import pocl_workaround as opencl_pocl
@@ -286,3 +288,26 @@ def test_without_opencl_backends_says_so_in_one_line(tmp_path):
     assert "no OpenCL: the package pyopencl is not installed: pip install 'aerokernels[opencl]'" in reason
     if auto.startswith("auto takes warp on cpu: "):  # no GPU goes before it
         assert reason.removeprefix("backend warp on cpu: ") in auto
+
+
+def test_threads_do_not_wait_for_what_others_launched_on_a_processor():
+    """Each has a queue of its own, always the same; what one made and settled is there for the other."""
+    if need_opencl().kind != "cpu":
+        pytest.skip("no processor for OpenCL here")
+    engine = engine_of("opencl", "cpu")
+    queues, made = [], []
+
+    def work() -> None:
+        queues.extend([engine.session.queue, engine.session.queue])
+        made.append(engine.put(np.arange(5000.0)))
+        engine.settle()
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert queues[0] is queues[1]
+    assert queues[0] is not engine.session.queue
+    assert engine.session.queue is engine.session.queue
+    found = np.empty(5000)
+    engine.get(made[0], found)
+    assert np.array_equal(found, np.arange(5000.0))

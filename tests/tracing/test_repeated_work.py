@@ -48,11 +48,15 @@ def test_trials_are_what_a_launch_of_their_numbers_is(name: str):
     field, bundle = blob(), rays(48)
     plan = replace(leapfrog_plan(name, field, bundle), cubes=False, sampling=None)
     trials = Trials(field, bundle, plan, STOP, WAVE, OUTPUTS)
-    for count, quadrature, trajectory in ((36, 1.0, 0.0), (108, 1.0, 0.0), (36, 0.0, 1.0), (36, 1.0, 0.0)):
+    asked = (36, 1.0, 0.0), (108, 1.0, 0.0), (36, 0.0, 1.0), (36, 1.0, 0.0)
+    together = trials(*asked)
+    for one, at_once in zip(asked, together, strict=True):
+        count, quadrature, trajectory = one
         numbers = {"quadrature_error_scale": quadrature, "trajectory_error_scale": trajectory}
         alone = launch(field, bundle, replace(plan, sample_count=count, **numbers), STOP, WAVE, OUTPUTS)
-        for output, found in trials(count, quadrature, trajectory).items():
-            assert np.array_equal(found, np.asarray(alone[output])), (output, count)
+        for made in (at_once, *trials(one)):
+            for output, found in made.items():
+                assert np.array_equal(found, np.asarray(alone[output])), (output, count)
 
 
 @pytest.mark.parametrize("name", ENGINES)

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...derived import Derived
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
+from ...medium.grid_places import known
 from ..held import held_error
 from ..plan import TracePlan
 from ..result import output_mask
@@ -19,9 +21,12 @@ from ..stop import ArcLength, Plane
 from ..support import left_out, support_box
 from ..unresolved import lookup_table
 
+# What is kept with a grid's places: of the last bodies and precisions.
+KEPT = 16  # speed only
+
 
 @dataclass(frozen=True, eq=False)
-class FieldData:
+class FieldData(Derived):
     """A field as kernels see it.
 
     Attributes:
@@ -49,7 +54,13 @@ def field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fiel
         ValueError: More coefficients than the kernels' 32-bit index can count.
     """
     key = ("kernel data", precision, with_paper_step)
-    return field.derive(key, lambda: _field_data(field, precision, with_paper_step))
+    if with_paper_step:
+        return field.derive(key, lambda: _field_data(field, precision, with_paper_step))
+    # Values of a grid are in no array of it but the steps.
+    place = *key, field.geometry, field.interpolation, field.ambient_index, field.body
+    return field.derive(
+        key, lambda: known(field.samples, place, lambda: _field_data(field, precision, with_paper_step), KEPT)
+    )
 
 
 def array_of(field: IndexField, data: FieldData, name: str) -> np.ndarray:

@@ -117,7 +117,10 @@ class Engine(Protocol):
         """
 
     def wait(self) -> None:
-        """Wait for what was launched."""
+        """Wait for what this thread launched."""
+
+    def settle(self) -> None:
+        """Wait for what was launched to make what other threads may be given, where these would not wait for it."""
 
 
 class Sent(Protocol):
@@ -175,9 +178,12 @@ class Prepared:
         """What it computes for each ray, the status among it."""
         return self.outputs | {"status"}
 
-    def allocate(self, count: int) -> dict[str, Any]:
-        """Buffers for the outputs of so many rays; those that are not computed share one row for each type."""
-        computed = self.computed
+    def allocate(self, count: int, without: Iterable[str] = ()) -> dict[str, Any]:
+        """Buffers for the outputs of so many rays; those that are not computed share one row for each type.
+
+        As those do that the caller has buffers for, `without`.
+        """
+        computed = self.computed.difference(without)
         rows: dict[tuple[int, type], Any] = {}
         buffers: dict[str, Any] = {}
         for name, alike in OUTPUT_TYPES.items():

@@ -10,11 +10,10 @@ import importlib.util
 import os
 import re
 import sys
-import threading
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import Any
 
+from ....machine import patient_threads
 from ....opened import OPENED
 from ..info import BackendInfo
 from .drivers import broken_drivers
@@ -22,6 +21,7 @@ from .linker import linker_trouble
 from .pocl_cache import cache_folder, make_safe, remove_damaged
 from .pocl_workaround import name_processor, workaround
 from .remedies import POCL, no_platform, why_no_devices
+from .session import Session
 
 KINDS = ("gpu", "cpu", "accelerator")  # in the order in which they are taken
 SESSION = "OpenCL session"
@@ -43,37 +43,6 @@ class FoundDevice:
     kind: str
     compute_units: int
     options: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Session:
-    """An open device: its context, its queue (in order), sources read and programs built for it, those launched.
-
-    `looked` is when the package's sources were looked at and what was found, `kernels` those that nobody uses, by
-    program and name.
-    """
-
-    name: str
-    device: Any
-    context: Any
-    queue: Any
-    options: tuple[str, ...] = ()
-    sources: dict = field(default_factory=dict, repr=False)
-    programs: dict = field(default_factory=dict, repr=False)
-    launched: set = field(default_factory=set, repr=False)
-    looked: dict = field(default_factory=dict, repr=False)
-    kernels: dict = field(default_factory=dict, repr=False)
-    lock: Any = field(default_factory=threading.RLock, repr=False)
-
-    @cached_property
-    def pool(self) -> Any:
-        """Memory of a GPU that is used again, since it takes longer to get than rays to trace; None on a processor."""
-        cl = import_pyopencl()
-        if not self.device.type & cl.device_type.GPU:
-            return None
-        from pyopencl.tools import ImmediateAllocator, MemoryPool
-
-        return MemoryPool(ImmediateAllocator(self.queue))
 
 
 @dataclass(frozen=True)
@@ -250,7 +219,8 @@ def _survey() -> Survey:
         title = f"platform {index}"
         try:
             title = f"platform {platform.name.strip()!r}"
-            present = platform.get_devices()
+            with patient_threads():
+                present = platform.get_devices()
             if not present:
                 troubles.append(f"{title} has no devices: {why_no_devices(title)}")
         except cl.Error as error:

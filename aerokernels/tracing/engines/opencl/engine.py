@@ -115,7 +115,7 @@ class Engine:
         bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
         tables, blocks = step_bound_tables(field, plan, wavelength, directions)
         return [
-            field.derive(("opencl members", plan.precision), lambda: pack("Field", plan.precision, data.field)),
+            _packed_field(data, plan.precision),
             pack("Bounds", plan.precision, data.bounds | bounds),
             pack("Control", plan.precision, data.control | control | blocks),
             *self._upload(field, data, plan.precision, plan.method == "paper", packs),
@@ -137,7 +137,8 @@ class Engine:
 
         if tables["step_bound_start"].max() >= 0:
             return upload()
-        kept: list = field.derive(("opencl without tables", self.session, precision), upload)
+        holder = getattr(field.samples, "shared_places", None) or field
+        kept: list = holder.derive(("opencl without tables", self.session, precision), upload)
         return kept
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
@@ -210,6 +211,7 @@ class Engine:
             size = min(done, row * count - done)
             cl.enqueue_copy(self.session.queue, buffer, buffer, byte_count=size, src_offset=0, dst_offset=done)
             done += size
+        self.settle()
         return buffer
 
     def put_into(self, buffer, array: np.ndarray) -> None:
@@ -239,7 +241,7 @@ class Engine:
 
     def fetched(self, buffers: Sequence[Any], arrays: Sequence[np.ndarray]) -> "Fetched":
         """See interface.py."""
-        return Fetched(self.session.queue, buffers, arrays, self._memory)
+        return Fetched(self.session, buffers, arrays, self._memory)
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
         """What does the work as it is."""
@@ -252,8 +254,13 @@ class Engine:
         return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, kernel.size(count), (WORK_GROUP,))
 
     def wait(self) -> None:
-        """Wait for what was launched."""
+        """Wait for what this thread launched."""
         self.session.queue.finish()
+
+    def settle(self) -> None:
+        """Wait for what other threads may be given, where each thread has a queue of its own."""
+        if not self.is_gpu:
+            self.wait()
 
     def _finish_compiling(self, prepared: Prepared, program) -> None:
         """Launch the kernel on no rays, once for a program: PoCL compiles the last part of it at the first launch."""
@@ -278,9 +285,12 @@ class Engine:
 
         def upload() -> list:
             there = self._coefficients(field, precision)
+            others = data.derive(("opencl", self.session, precision), lambda: self._others(data, precision))
             return [
-                self._buffer(member, array_of(field, data, member.name), precision)
-                if there is None or member.name != "coefficients"
+                others[member.name]
+                if member.name in others
+                else self._buffer(member, array_of(field, data, member.name), precision)
+                if there is None
                 else there
                 for member in arrays_of("Field")
             ]
@@ -293,6 +303,11 @@ class Engine:
             ("opencl packed", self.session, precision), lambda: self.put(cell_polynomials(coefficients, kind))
         )
         return [table, *unpacked[1:]]
+
+    def _others(self, data: FieldData, precision: str) -> dict[str, Any]:
+        """Buffers of the arrays of Field that come with its data, by name: fields of other values have the same."""
+        members = [member for member in arrays_of("Field") if member.name in data.arrays]
+        return {member.name: self._buffer(member, data.arrays[member.name], precision) for member in members}
 
     def _cubes(self, field: IndexField):
         """The table of polynomials of cubes; kept as long as the field lives."""
@@ -307,4 +322,11 @@ class Engine:
         made = self.empty(count, kind=REAL_TYPES[precision])
         program = build(self.session, "round_coefficients.cl", build_options(precision=precision))
         self.launch(self._kernel(program, "round_coefficients"), [found], [made], count)
+        self.settle()
         return made
+
+
+def _packed_field(data: FieldData, precision: str) -> np.ndarray:
+    """The struct Field of some data."""
+    packed: np.ndarray = data.derive(("opencl members", precision), lambda: pack("Field", precision, data.field))
+    return packed

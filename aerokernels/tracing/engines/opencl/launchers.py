@@ -9,7 +9,8 @@ import warnings
 from contextlib import suppress
 from pathlib import Path
 
-from .devices import Session, import_pyopencl
+from .devices import import_pyopencl
+from .session import Session
 
 
 def take_kernel(session: Session, program, name: str):

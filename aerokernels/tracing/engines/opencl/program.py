@@ -12,8 +12,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ..layout import OPTIONS, REAL_TYPES
-from .devices import Session, import_pyopencl
+from .devices import import_pyopencl
 from .headers import HEADERS, in_c
+from .session import Session
 
 # Work-items of a work-group. Global sizes are rounded up to whole groups, and kernels test `ray < ray_count`.
 WORK_GROUP = 64

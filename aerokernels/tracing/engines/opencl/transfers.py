@@ -25,9 +25,9 @@ class Sent:
 class Fetched:
     """Buffers and their arrays, which are read as one; see interface.py."""
 
-    def __init__(self, queue: Any, buffers: Sequence[Any], arrays: Sequence[np.ndarray], empty: Callable[[int], Any]):
+    def __init__(self, session: Any, buffers: Sequence[Any], arrays: Sequence[np.ndarray], empty: Callable[[int], Any]):
         """`empty` makes the buffer of so many bytes in which the others are put side by side."""
-        self.queue, self.buffers = queue, buffers
+        self.session, self.buffers = session, buffers
         sizes = [array.nbytes for array in arrays]
         self.starts = [-(-sum(sizes[:number]) // 8) * 8 for number in range(len(sizes))]
         self.bytes = np.zeros(self.starts[-1] + sizes[-1], np.uint8)
@@ -42,9 +42,11 @@ class Fetched:
         if self.joined is self.buffers[0]:
             return
         for buffer, start, array in zip(self.buffers, self.starts, self.arrays, strict=True):
-            cl.enqueue_copy(self.queue, self.joined, buffer, byte_count=array.nbytes, src_offset=0, dst_offset=start)
+            cl.enqueue_copy(
+                self.session.queue, self.joined, buffer, byte_count=array.nbytes, src_offset=0, dst_offset=start
+            )
 
     def wait(self) -> Sequence[np.ndarray]:
         """The arrays."""
-        cl.enqueue_copy(self.queue, self.bytes, self.joined, is_blocking=True)
+        cl.enqueue_copy(self.session.queue, self.bytes, self.joined, is_blocking=True)
         return self.arrays

@@ -102,12 +102,24 @@ class Engine:
         arrays = self._upload(field, data, plan.precision, plan.method == "paper")
         if plan.looks_up_cubes:
             arrays = {**arrays, "coefficients": self._cubes(field)}
-        bound_arrays = {m.name: self._array(m, tables[m.name], plan.precision) for m in arrays_of("Control")}
+        bound_arrays = self._tables(field, plan.precision, tables)
         return [
             _filled("Field", data.field | arrays, plan.precision),
             _filled("Bounds", data.bounds | bounds, plan.precision),
             _filled("Control", data.control | control | blocks | bound_arrays, plan.precision),
         ]
+
+    def _tables(self, field: IndexField, precision: str, tables: dict) -> dict[str, wp.array]:
+        """The arrays of Control on the device; of a field without such tables they are kept."""
+
+        def upload() -> dict[str, wp.array]:
+            return {member.name: self._array(member, tables[member.name], precision) for member in arrays_of("Control")}
+
+        if tables["step_bound_start"].max() >= 0:
+            return upload()
+        holder = getattr(field.samples, "shared_places", None) or field
+        kept: dict[str, wp.array] = holder.derive(("warp without tables", self.device, precision), upload)
+        return kept
 
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
         """The same structs, of which the last one is changed."""
@@ -178,9 +190,10 @@ class Engine:
         """A buffer in the memory of an array, or with a copy of it."""
         if self.device != "cpu":
             return self.put(array)
-        made = wp.array(
-            ptr=array.ctypes.data, dtype=SCALARS[array.dtype], shape=array.shape, capacity=array.nbytes, device="cpu"
-        )
+        kind, shape = SCALARS[array.dtype], array.shape
+        if array.ndim == 2 and kind is wp.float64:
+            kind, shape = VECTORS[array.shape[1]], array.shape[:1]
+        made = wp.array(ptr=array.ctypes.data, dtype=kind, shape=shape, capacity=array.nbytes, device="cpu")
         made._ref = array  # whose memory it is
         return made
 
@@ -231,6 +244,9 @@ class Engine:
         if self.device != "cpu":
             wp.synchronize_stream(self.device)
 
+    def settle(self) -> None:
+        """Nothing: threads share a stream, and a launch on the CPU has ended when it returns."""
+
     def _outputs(self, results: dict[str, wp.array]):
         """The struct of the buffers: that of the last launch where they are the same, since to make one takes 20 us."""
         buffers = list(results.values())
@@ -252,14 +268,22 @@ class Engine:
 
         def upload() -> dict[str, wp.array]:
             there = self._coefficients(field, precision)
+            others = data.derive(("warp", self.device, precision), lambda: self._others(data, precision))
             return {
-                member.name: self._array(member, array_of(field, data, member.name), precision)
-                if there is None or member.name != "coefficients"
+                member.name: others[member.name]
+                if member.name in others
+                else self._array(member, array_of(field, data, member.name), precision)
+                if there is None
                 else there
                 for member in arrays_of("Field")
             }
 
         return field.derive(("warp", self.device, precision, with_paper_step), upload)
+
+    def _others(self, data: FieldData, precision: str) -> dict[str, wp.array]:
+        """The arrays of Field that come with its data, by name: fields of other values have the same."""
+        members = [member for member in arrays_of("Field") if member.name in data.arrays]
+        return {member.name: self._array(member, data.arrays[member.name], precision) for member in members}
 
     def _cubes(self, field: IndexField) -> wp.array:
         """The table of polynomials of cubes; kept as long as the field lives."""

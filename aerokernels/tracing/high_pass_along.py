@@ -1,0 +1,72 @@
+"""A high pass along one axis of a grid as products with matrices, which are kept: rays that run along that axis.
+
+A cosine transform, shares of its components and the transform back are linear, and the same read from either end of
+the axis. So of values that are even about its middle and of those that are odd each has a matrix of half the size.
+Where few nodes are wanted, only their columns are taken.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# Multiplications from which on the linear algebra library wakes other cores for a product, and then waits for them.
+ONE_CORE = 1 << 18  # speed only
+
+
+@dataclass(frozen=True, eq=False)
+class PassAlong:
+    """What a high pass along an axis makes of values at its nodes.
+
+    Attributes:
+        even: Of sums of values and their mirror images, shape (nodes + 1) // 2 squared.
+        odd: Of their differences, shape nodes // 2 squared.
+        whole: Of values themselves, shape (nodes, nodes).
+    """
+
+    even: np.ndarray
+    odd: np.ndarray
+    whole: np.ndarray
+
+    @classmethod
+    def of_shares(cls, share: np.ndarray) -> "PassAlong":
+        """Matrices for the shares of the cosines that are passed, shape (nodes,)."""
+        from scipy.fft import dct, idct
+
+        count = len(share)
+        half, whole = count // 2, idct(share * dct(np.eye(count), 1), 1)
+        mirrored = whole[:, ::-1]
+        even = 0.5 * (whole + mirrored)[: count - half, : count - half]
+        odd = 0.5 * (whole - mirrored)[:half, :half]
+        return cls(*(np.ascontiguousarray(part, share.dtype) for part in (even, odd, whole)))
+
+    def of_all(self, values: np.ndarray) -> np.ndarray:
+        """What is passed, of values along the last axis."""
+        count = values.shape[-1]
+        half = count // 2
+        rows = values.reshape(-1, count)
+        mirrored = rows[:, ::-1]
+        sums = rows[:, : count - half].copy()
+        sums[:, :half] += mirrored[:, :half]
+        both = _product(sums, self.even)
+        sided = _product(rows[:, :half] - mirrored[:, :half], self.odd)
+        found = np.empty_like(rows)
+        found[:, : count - half] = both
+        found[:, :half] += sided
+        np.subtract(both[:, :half], sided, out=found[:, ::-1][:, :half])
+        return found.reshape(values.shape)
+
+    def of_some(self, values: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+        """What is passed at some nodes of the last axis, 0 at the others; `nodes` are their numbers."""
+        rows = values.reshape(-1, values.shape[-1])
+        found = np.zeros_like(rows)
+        found[:, nodes] = _product(rows, np.ascontiguousarray(self.whole[:, nodes]))
+        return found.reshape(values.shape)
+
+
+def _product(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Rows times a matrix, in pieces for which one core is enough."""
+    size = max(1, ONE_CORE // max(1, matrix.size))
+    found = np.empty((len(rows), matrix.shape[1]), rows.dtype)
+    for first in range(0, len(rows), size):
+        np.matmul(rows[first : first + size], matrix, out=found[first : first + size])
+    return found
