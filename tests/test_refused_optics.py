@@ -62,7 +62,7 @@ def test_values(made, told, tmp_path):
         (lambda: check_view(FIELD, CAMERA, {"tolerance": "x"}), "tolerance must be a number of waves, got 'x'"),
         (lambda: Camera(Disc(0.01), "100 mm", 5e-6), "focal_length must be a number of metres, got '100 mm': give 0.1"),
         (lambda: FLDI("120 um", 1e-5), "separation must be a number of metres, got '120 um': give 0.00012"),
-        (lambda: Bench("2 mm", 1.0), "source_size must be a number of metres, got '2 mm': give 0.002"),
+        (lambda: Bench("2 mm", 1.0), "source_size must be a number of metres or None, got '2 mm': give 0.002"),
         (lambda: Sensor(full_well="1e4"), "full_well must be a number, got '1e4'"),
         (lambda: Sensor(shot_noise="no"), "shot_noise must be True or False, got 'no'"),
         (lambda: DotPattern("2"), "diameter must be a number"),
@@ -120,7 +120,7 @@ def test_what_an_interferometer_looks_through():
             fldi_response(field, instrument)
     with pytest.raises(ValueError, match="one entry for each of the 1 fields"):
         fldi_response([FIELD], instrument, time=[0.0, 1.0])
-    with pytest.raises(ValueError, match="rays must be a whole number of at least 3, got 1"):
+    with pytest.raises(ValueError, match="rays must be a whole number from 3 to 2048, got 1"):
         fldi_response(FIELD, instrument, rays=1)
 
 
@@ -147,3 +147,21 @@ def test_what_would_take_hours_or_end_in_pythons_words_is_refused(tmp_path):
         FLDI(1e-4, 1e-5).transfer(np.nan)
     with pytest.raises(ValueError, match="rays must be a whole number from 3 to 2048"):
         fldi_response(field, FLDI(1e-4, 1e-5), rays=10**9)
+
+
+@pytest.mark.parametrize("package", ["astropy", "hcipy", "poppy", "prysm"])
+def test_a_package_that_is_not_there_is_told_with_the_remedy(monkeypatch, tmp_path, package):
+    """Set-up: the package cannot be imported, as on a machine without the extra."""
+    place = Disc(0.01).flat_sample(300, "sobol", 0)[0] * 0.01
+    wave = Wavefront.from_samples(place, 1e-5 * place[:, 0], Disc(0.01), 1e-6, pixel_count=12)
+
+    def absent(name):
+        raise ModuleNotFoundError(f"No module named {package!r}", name=package)
+
+    monkeypatch.setattr("aerokernels.wavefront.exchange.packages.import_module", absent)
+    write = {"astropy": lambda: wave.to_fits(tmp_path / "w.fits")}.get(package) or getattr(wave, f"to_{package}")
+    with pytest.raises(
+        ModuleNotFoundError, match=rf"{package} is not installed.*pip install 'aerokernels\[exchange\]'"
+    ):
+        write()
+    assert not list(tmp_path.iterdir())

@@ -43,7 +43,7 @@ def cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
 def test_two_sweeps_of_one_client_at_once_get_each_its_own_answers(cluster):
     """Processes in containers have one number as well, and share a scheduler."""
     found: dict[str, list] = {}
-    with distributed.Client(cluster) as client:
+    with distributed.Client(cluster, set_as_default=False) as client:
         threads = [
             threading.Thread(target=lambda name=name: found.update({name: list(run_dask(client, cases(name), never))}))
             for name in "ab"
@@ -63,7 +63,7 @@ def test_cases_that_nobody_computed_have_not_failed(cluster, lost):
 
     Expected: an error in words, and no outcome for a case that was not computed.
     """
-    with distributed.Client(cluster) as client:
+    with distributed.Client(cluster, set_as_default=False) as client:
         outcomes = run_dask(client, cases("a", 50), never)
         _, first = next(outcomes)
         assert first == {"summary": {"group": "a"}}
@@ -79,7 +79,7 @@ def test_cases_that_nobody_computed_have_not_failed(cluster, lost):
 
 def test_a_sweep_without_workers_says_that_it_waits(cluster):
     """Expected: a warning, and the answers once there are workers again; an error where none will come."""
-    with distributed.Client(cluster) as client:
+    with distributed.Client(cluster, set_as_default=False) as client:
         cluster.scale(0)
         while client.nthreads():
             time.sleep(0.01)

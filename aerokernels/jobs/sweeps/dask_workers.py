@@ -39,6 +39,7 @@ def connected(scheduler: Any, environments: Sequence[dict[str, str]]) -> Iterato
     """A client of a scheduler, or of one started here with a worker for each environment.
 
     Beside it, what tells whether its workers are lost for good: those that were not started here may always come back.
+    The client is nobody's default: Dask and xarray would go on asking for one that is lost with its scheduler.
 
     Args:
         scheduler: The address of a running scheduler, a client or a cluster; None: one is started.
@@ -61,7 +62,7 @@ def connected(scheduler: Any, environments: Sequence[dict[str, str]]) -> Iterato
                 distributed.LocalCluster(n_workers=0, processes=True, host="127.0.0.1", dashboard_address=None)
             )
             given_up = ending.enter_context(_workers(cluster.scheduler_address, environments))
-            client = ending.enter_context(distributed.Client(cluster))
+            client = ending.enter_context(distributed.Client(cluster, set_as_default=False))
             try:
                 client.wait_for_workers(1, timeout=START_WITHIN)
             except TimeoutError:
@@ -71,7 +72,8 @@ def connected(scheduler: Any, environments: Sequence[dict[str, str]]) -> Iterato
             _check_versions(client, str(client.scheduler.address if client.scheduler else client))
         else:
             try:
-                client = ending.enter_context(distributed.Client(scheduler, timeout=ANSWER_WITHIN))
+                client = distributed.Client(scheduler, timeout=ANSWER_WITHIN, set_as_default=False)
+                ending.enter_context(client)
             except (OSError, TimeoutError, ValueError) as fault:
                 raise ValueError(
                     f"--scheduler {scheduler}: no Dask scheduler answers there ({' '.join(str(fault).split())[:200]}); "

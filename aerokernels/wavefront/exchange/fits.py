@@ -10,6 +10,7 @@ import numpy as np
 
 from ...arguments import checked
 from ..data import WavefrontMap
+from .packages import package
 from .poppy import poppy_opd
 
 
@@ -20,9 +21,8 @@ def to_fits(wavefront: WavefrontMap, path: str | Path) -> tuple[Path, Path]:
     Raises:
         ModuleNotFoundError: astropy is not there.
     """
-    from astropy.io import fits
-
     path = Path(path)
+    fits = package("astropy.io.fits")
     amplitude = path.with_name(f"{path.stem}_amplitude{path.suffix}")
     for name, array, unit, kind in (
         (path, poppy_opd(wavefront), "meter", "OPD"),

@@ -4,6 +4,7 @@ import numpy as np
 
 from ..data import WavefrontMap
 from ..transfer import complex_amplitude
+from .packages import package
 
 
 def to_hcipy(wavefront: WavefrontMap):
@@ -15,8 +16,7 @@ def to_hcipy(wavefront: WavefrontMap):
     Raises:
         ModuleNotFoundError: hcipy is not there.
     """
-    import hcipy
-
+    hcipy = package("hcipy")
     count, pixel = len(wavefront.opd), wavefront.pixel
     first = float(wavefront.coordinate[0])
     grid = hcipy.CartesianGrid(hcipy.RegularCoords([pixel, pixel], [count, count], [first, first]))

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..data import WavefrontMap
+from .packages import package
 
 
 def to_poppy(wavefront: WavefrontMap):
@@ -13,10 +14,8 @@ def to_poppy(wavefront: WavefrontMap):
     Raises:
         ModuleNotFoundError: poppy is not there.
     """
-    import astropy.units as units
-    from poppy import ArrayOpticalElement
-
-    element = ArrayOpticalElement(
+    poppy, units = package("poppy"), package("astropy.units")
+    element = poppy.ArrayOpticalElement(
         name="aerokernels wavefront",
         transmission=np.array(wavefront.weight),
         opd=poppy_opd(wavefront),

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..data import WavefrontMap
+from .packages import package
 
 
 def to_prysm(wavefront: WavefrontMap):
@@ -11,9 +12,8 @@ def to_prysm(wavefront: WavefrontMap):
     Raises:
         ModuleNotFoundError: prysm is not there.
     """
-    from prysm.propagation import Wavefront
-
+    prysm = package("prysm.propagation")
     phase = np.where(wavefront.lit, wavefront.opd, 0.0) * 1e9
-    return Wavefront.from_amp_and_phase(
+    return prysm.Wavefront.from_amp_and_phase(
         np.array(wavefront.weight), phase, wavefront.wavelength * 1e6, wavefront.pixel * 1e3
     )
