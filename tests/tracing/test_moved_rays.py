@@ -15,14 +15,9 @@ from aerokernels.tracing.known_air import may_be_lost
 from aerokernels.tracing.lever_arms import lever_arms_of, obliquity
 from aerokernels.tracing.lines import FACES, SIDE, box_span, cell_along, crossing_of_box
 from aerokernels.tracing.tails import _linear, _slope_in, contrast_tail
-from tests.moved_air import BOX, CHANGES, PITCH, PLAIN, Moved, beams, same, some_rays
+from tests.moved_air import BOX, PITCH, PLAIN, Moved, beams, same, some_rays
 
 WAVE = 905e-9
-
-
-@pytest.fixture(params=list(CHANGES))
-def changed(request: pytest.FixtureRequest) -> Moved:
-    return CHANGES[request.param]
 
 
 def test_boxes_are_crossed_where_they_were(changed: Moved):

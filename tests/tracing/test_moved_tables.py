@@ -14,14 +14,9 @@ from aerokernels.tracing.step_bound import CONES, cones_of, step_bound
 from aerokernels.tracing.straight_lines import lines_through
 from aerokernels.tracing.support import support_box
 from aerokernels.tracing.unresolved import Sampling, greatest_error, missed_along, missed_in_blocks
-from tests.moved_air import BOX, CHANGES, PITCH, PLAIN, Moved, beams, same
+from tests.moved_air import BOX, PITCH, PLAIN, Moved, beams, same
 
 WAVE = 905e-9
-
-
-@pytest.fixture(params=list(CHANGES))
-def changed(request: pytest.FixtureRequest) -> Moved:
-    return CHANGES[request.param]
 
 
 def test_where_the_field_has_support(changed: Moved):
