@@ -10,8 +10,8 @@ as little as possible (in squares), such that
 A_c the areas, which a line in the plane meets, and with them over every box whose sides these rows and columns cross
 whole. Cells without rows (triangles, polygons) are summed under hats in y and in z, as wide as cells. How a row's sum
 is shared among the lines in it is left open by that: sums along lines of edges (edge_lines.py) are asked for as well,
-and give way. No value leaves the bounds it had. A row that runs along the shock, in which more than half of the cells lack
-something, has no room to take from and is not asked for anything. What bounds forbid stays lacking, and
+and give way. No value leaves the bounds it had. A row that runs along the shock, in which more than half of the cells
+lack something, has no room to take from and is not asked for anything. What bounds forbid stays lacking, and
 `MeshSamples.lacking` tells it.
 """
 

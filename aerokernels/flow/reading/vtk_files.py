@@ -1,4 +1,4 @@
-"""VTK's family of files, by VTK itself: .vti .vtr .vts .vtu .vtk, their parallel and multi-block forms, .pvd series.
+"""VTK's family of files, by VTK itself: .vti .vtr .vts .vtu .vtk, their parallel and multi-block forms, and lists.
 
 VTK prints an error and hands on what it has; here every error that it prints is one, and counts are compared with what
 the file announces. Runs in the child of fragile.py.
@@ -8,13 +8,13 @@ import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from .dataset import CORNERS, LINE, Block, Cells, Dataset, Faces, ReadError, chosen_time
 from .high_order import joined, linear_cells
 from .solids import FACES
+from .vtk_collections import SUFFIXES, collection
 
 DAMAGED = "the file is damaged or of another version: write it again"
 READERS = {
@@ -44,7 +44,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         ReadError: Whatever VTK reports, or a file that is not what it announces.
     """
     suffix = path.suffix.lower()
-    if suffix == ".pvd":
+    if suffix in SUFFIXES:
         return _series(path, time)
     data = vtk_output(path, suffix)
     name = {".vtk": "legacy VTK file"}.get(suffix, f"VTK file ({suffix})")
@@ -93,37 +93,13 @@ def _text(said: str | bytes | None) -> str:
 
 
 def _series(path: Path, time) -> Dataset:
-    """The files of a ParaView collection that have one time."""
+    """The files of a list that have one time."""
     entries = collection(path)
-    times = sorted({value for value, _ in entries})
+    times = sorted({entry.time for entry in entries})
     chosen = chosen_time(path, times, time)
-    parts = []
-    for value, name in entries:
-        if value == chosen:
-            part = path.parent / name
-            if part.suffix.lower() not in READERS or not part.is_file():
-                raise ReadError(path, f"it lists {name}, which is not there or no file of VTK", "restore that file")
-            parts.append(read(part))
+    parts = [read(entry.file) for entry in entries if entry.time == chosen]
     blocks = [block for part in parts for block in part.blocks]
     return replace(parts[0], blocks=blocks, times=times, time=chosen, format=f"VTK series of {len(times)} times")
-
-
-def collection(path: Path) -> list[tuple[float, str]]:
-    """What a .pvd file lists: times, and names of files.
-
-    Raises:
-        ReadError: It is no such list, or lists nothing.
-    """
-    try:
-        root = ElementTree.parse(path).getroot()
-        entries = [(float(e.attrib.get("timestep", 0.0)), e.attrib["file"]) for e in root.iter("DataSet")]
-    except (ElementTree.ParseError, KeyError, ValueError) as fault:
-        raise ReadError(path, f"it is no list of data sets ({fault})", DAMAGED) from None
-    if not entries:
-        raise ReadError(path, "it lists no data sets", DAMAGED)
-    if not np.isfinite([time for time, _ in entries]).all():
-        raise ReadError(path, "it lists a time that is no number", DAMAGED)
-    return entries
 
 
 def blocks_of(path: Path | str, data) -> list[Block]:
