@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import CORNERS, LINE, Block, Cells, Dataset, Faces, ReadError, chosen_time
+from .dataset import CORNERS, LINE, SOLID, Block, Cells, Dataset, Faces, Patch, Polygons, ReadError, chosen_time
 from .high_order import joined, linear_cells
 from .solids import FACES
 from .vtk_collections import SUFFIXES, collection
@@ -33,6 +33,7 @@ READERS = {
 HIDDEN = 2 | 8  # vtkDataSetAttributes: cells duplicated in or refined away from this piece; hidden cells are 32
 BLANK = 32
 STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners, in the order of their kin
+SURFACE = (5, 7, 9)  # triangles, polygons, quadrilaterals
 LINEAR = {11: 12, 8: 9}
 QUADRATIC = {21: 3, 22: 5, 23: 9, 28: 9, 24: 10, 25: 12, 29: 12, 26: 13, 27: 14}  # and the linear cell of each
 
@@ -50,7 +51,26 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     name = {".vtk": "legacy VTK file"}.get(suffix, f"VTK file ({suffix})")
     made = [joined(block) for block in blocks_of(path, data)]
     notes = dict.fromkeys(note for _, note in made if note is not None)
-    return Dataset([block for block, _ in made], name, ambient=None, notes=list(notes))
+    blocks, patches = _boundaries([block for block, _ in made])
+    return Dataset(blocks, name, patches=patches, ambient=None, notes=list(notes))
+
+
+def _boundaries(blocks: list[Block]) -> tuple[list[Block], list[Patch]]:
+    """Blocks of surfaces beside blocks of solid cells are the boundary of these: the others, and those as patches."""
+    if not any(min(block.shape) > 1 if block.shape else _has(block, SOLID) for block in blocks):
+        return blocks, []
+    kept, patches = [], []
+    for block in blocks:
+        if block.cells is None or not np.isin(block.cells.types, SURFACE).all():
+            kept.append(block)
+            continue
+        faces = Polygons(block.points[block.cells.points], block.cells.start)
+        patches.append(Patch(block.name or f"surface {len(patches) + 1}", "patch", polygons=faces))
+    return kept, patches
+
+
+def _has(block: Block, kinds) -> bool:
+    return block.cells is not None and bool(np.isin(block.cells.types, kinds).any())
 
 
 def vtk_output(path: Path, suffix: str):
@@ -98,8 +118,10 @@ def _series(path: Path, time) -> Dataset:
     times = sorted({entry.time for entry in entries})
     chosen = chosen_time(path, times, time)
     parts = [read(entry.file) for entry in entries if entry.time == chosen]
-    blocks = [block for part in parts for block in part.blocks]
-    return replace(parts[0], blocks=blocks, times=times, time=chosen, format=f"VTK series of {len(times)} times")
+    blocks, patches = _boundaries([block for part in parts for block in part.blocks])
+    patches = [*patches, *(patch for part in parts for patch in part.patches)]
+    said = f"VTK series of {len(times)} times"
+    return replace(parts[0], blocks=blocks, patches=patches, times=times, time=chosen, format=said)
 
 
 def blocks_of(path: Path | str, data) -> list[Block]:
