@@ -59,7 +59,8 @@ def _boundaries(blocks: list[Block]) -> tuple[list[Block], list[Patch]]:
     """Blocks of surfaces beside blocks of solid cells are the boundary of these: the others, and those as patches."""
     if not any(min(block.shape) > 1 if block.shape else _has(block, SOLID) for block in blocks):
         return blocks, []
-    kept, patches = [], []
+    kept: list[Block] = []
+    patches: list[Patch] = []
     for block in blocks:
         if block.cells is None or not np.isin(block.cells.types, SURFACE).all():
             kept.append(block)
