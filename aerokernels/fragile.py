@@ -28,7 +28,7 @@ LEAST_MEMORY, MEMORY_FOR_BYTE = 2.0e9, 200.0  # [bytes], and for each byte of th
 LEAST_TIME, TIME_FOR_BYTE = 20.0, 1e-6  # [s], and for each byte: a twentieth of what a slow disk reads
 # A library that goes round in circles on a damaged file is ended by the time that it computes: a small file takes 2 s.
 LEAST_COMPUTING = 6.0  # [s], and for each byte as above
-LISTS, TIME_FOR_LISTS = (".pvd", ".vtm", ".vtmb", ".pvti", ".pvtr", ".pvts", ".pvtu"), 600.0  # [s]
+LISTS, TIME_FOR_LISTS = (".pvd", ".series", ".vtm", ".vtmb", ".pvti", ".pvtr", ".pvts", ".pvtu"), 600.0  # [s]
 DAMAGED = "the file is damaged or of another format: write it again"
 
 

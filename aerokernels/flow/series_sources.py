@@ -46,7 +46,8 @@ def open_series(
             a NetCDF file or a Zarr store with a time axis, or an xarray object: coordinates time and x, y, z, or y, z,
             or r, z, on even grids in metres (a `units` attribute is heeded), and the density;
             a pattern such as "run/flow_*.vtu", or a list of paths: numbered files, read by `read`;
-            a ParaView collection (.pvd) or an OpenFOAM case with time directories, which have their times, likewise;
+            a ParaView collection (.pvd) or file series (.vtu.series) or an OpenFOAM case with time directories, which
+            have their times, likewise;
             a list or an iterator of arrays (NumPy, or any with DLPack), or of density fields. An iterator's snapshots
             come once, in their order.
         time: Time of each snapshot [s]; for numbered files and arrays. A file with a time axis has its own.
@@ -83,9 +84,10 @@ def open_series(
         path = check_path(source, "source")
         if any(letter in str(path) for letter in "*?[") and not path.exists():
             return _of_files(_matching(path), time, time_step, start_time, _reader(read, for_files, density))
-        if path.suffix == ".pvd" and path.is_file():
-            entries = sorted(import_module(f"{__package__}.reading.vtk_files").collection(path))
-            paths, instants = [path.parent / file for _, file in entries], [value for value, _ in entries]
+        lists = import_module(f"{__package__}.reading.vtk_collections")
+        if path.suffix.lower() in lists.SUFFIXES and path.is_file():
+            entries = lists.collection(path)
+            paths, instants = [entry.file for entry in entries], [entry.time for entry in entries]
             reader = _reader(read, for_files, density)
             if len(set(instants)) < len(instants):  # several parts at one time: the collection itself is read
                 return _at_times(path, np.unique(instants), reader, {"file": path.name})

@@ -21,6 +21,7 @@ LEFT_COST = 1e3  # of each unit a hard equation is missed by: more than its mult
 NARROW = 1e-9  # bounds closer than this leave no room
 SYMMETRIC = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
 FIRST, LEAST = 1e-4, 1e-15  # products to begin with, and the distances to bounds that are told from none
+FIRST_LEFT = 1e-3  # of what may be left of a hard equation, to begin with
 TO_BOUND = 0.995  # of the way to the nearest bound is gone at most
 
 
@@ -75,8 +76,10 @@ def _inner_point(matrix, give, wanted, low, high, weight, cost) -> np.ndarray:
 
     turned = matrix.T.tocsr()
     width, count = high - low, 2 * len(low)
-    x, y = np.clip(0.0, low + 0.1 * width, high - 0.1 * width), np.zeros(len(wanted))
-    above, below = FIRST / (x - low), FIRST / (high - x)
+    off = np.where(cost > 0.0, FIRST_LEFT, 0.1) * width
+    x, y = np.clip(0.0, low + off, high - off), np.zeros(len(wanted))
+    # What costs something is held down by that from the start: multipliers too small take many steps to grow.
+    above, below = FIRST / (x - low) + cost, FIRST / (high - x)
     for _ in range(ITERATIONS):
         down, up = np.maximum(x - low, LEAST), np.maximum(high - x, LEAST)
         gap = float(np.sum(above * down) + np.sum(below * up)) / count

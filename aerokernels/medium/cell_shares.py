@@ -18,13 +18,19 @@ class CellShares(Derived):
         share: Weights [m2, if axisymmetric m3 a radian], sparse, shape (flow's cells, vertices).
         turned: Its transpose, by rows.
         area: Area of each of the flow's cells [m2], shape (flow's cells,).
-        center: Mean of the centroids of its parts [m], shape (flow's cells, 2).
+        parts: The mesh of parts.
     """
 
     share: Any
     turned: Any
     area: np.ndarray
-    center: np.ndarray
+    parts: QuadMesh
+
+    @cached_property
+    def center(self) -> np.ndarray:
+        """Mean of the centroids of each cell's parts [m], shape (flow's cells, 2)."""
+        moments = [np.bincount(_parents(self.parts), self.parts.cell_area * c) for c in self.parts.cell_centroid.T]
+        return np.stack(moments, axis=1) / self.area[:, None]
 
     @cached_property
     def size(self) -> np.ndarray:
@@ -60,11 +66,14 @@ def cell_shares(mesh: QuadMesh) -> CellShares:
 def _made(mesh: QuadMesh) -> CellShares:
     from scipy.sparse import csr_array
 
-    parents = np.arange(len(mesh.cells)) if mesh.parents is None else mesh.parents
+    parents = _parents(mesh)
     count = int(parents.max()) + 1
     rows, columns = np.repeat(parents, 4), mesh.cells.ravel()
     share = csr_array((mesh.corner_weights.ravel(), (rows, columns)), shape=(count, len(mesh.vertices)))
     share.sum_duplicates()
     area = np.bincount(parents, mesh.cell_area)
-    middle = np.stack([np.bincount(parents, mesh.cell_area * c) for c in mesh.cell_centroid.T], axis=1)
-    return CellShares(share, share.T.tocsr(), area, middle / area[:, None])
+    return CellShares(share, share.T.tocsr(), area, mesh)
+
+
+def _parents(mesh: QuadMesh) -> np.ndarray:
+    return np.arange(len(mesh.cells)) if mesh.parents is None else mesh.parents

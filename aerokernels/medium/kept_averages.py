@@ -28,6 +28,7 @@ fourth order.
 import numpy as np
 
 from .cell_shares import CellShares, cell_shares
+from .edge_lines import edge_lines
 from .mesh import QuadMesh
 from .refined import cut_in_four, has_seam
 from .row_sums import keep_row_sums
@@ -148,7 +149,7 @@ def keep_averages(
     lacks = cells.lacks(own, found) * cells.size / np.where(room > 0.0, room, 1.0)
     cell = cells.turned.indices[cells.turned.indptr[alone]]
     found[alone] = np.clip(found[alone] + lacks[cell], low[alone], high[alone])
-    return keep_row_sums(cells, own, found, low, high, shape)
+    return keep_row_sums(cells, own, found, low, high, shape, edge_lines(mesh, own))
 
 
 def _sweep(cells: CellShares, some, own, found, low, high, enough: float, sweeps: int) -> None:

@@ -5,7 +5,9 @@ p = log2 |f_4h - f_2h| / |f_2h - f_h| and what is left in f_h about |f_2h - f_h|
 Trans. A 210 (1911) 307). A shock inside a cell shows order 1, noise of the samples order 1/2; an order above the
 interpolant's own is not believed.
 
-For a mesh of which no vertices can be left out, the error is estimated on four times the cells: see refined.py.
+Cells that were cut in four to keep averages are compared with those that they were cut from, under the values that
+these have by the same averages. For a mesh of which no vertices can be
+left out, the error is estimated on four times the cells: see refined.py.
 """
 
 from dataclasses import dataclass, replace
@@ -13,8 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from .kept_averages import conserving_values
 from .mesh import QuadMesh
 from .refined import refined
+from .vertex_values import of_parents
 
 ORDER = {"cubic": 4.0, "linear": 2.0, "monotone": 2.0, "bilinear": 2.0, "bilinear-barron": 2.0, "idw": 1.0}
 # Values that change most have an order of their own: a feature about one cell wide shows none where all else is smooth.
@@ -115,6 +119,10 @@ def _of_grid(field):
 
 def _of_mesh(field):
     mesh = field.mesh
+    if mesh.whole is not None and field.samples.averages is not None:
+        values = conserving_values(mesh.whole, of_parents(mesh, field.samples.averages), 1.0 - field.ambient_index)
+        before = replace(field.samples, mesh=mesh.whole, values=values, averages=None)
+        return field, replace(field, samples=before), None
     if mesh.shape is None or max(mesh.shape) < 5:
         return None
     vertices = mesh.vertices.reshape(*mesh.shape, 2)

@@ -67,6 +67,7 @@ class QuadMesh(Derived):
         shape: Vertices along both directions of a structured mesh, or None.
         parents: The flow's own cell that each cell is a part of, numbers from 0 on, shape (cell_count,), where
             triangles or polygons were cut; None where the cells are the flow's.
+        whole: The mesh whose cells were cut in four, where they were; its vertices are the first of these.
 
     Raises:
         ValueError: Vertices that are not finite or coincide (only in a cell if the mesh is structured: it may close on
@@ -78,6 +79,7 @@ class QuadMesh(Derived):
     geometry: str = "planar"
     shape: tuple[int, int] | None = None
     parents: np.ndarray | None = None
+    whole: "QuadMesh | None" = None
 
     def __post_init__(self):
         """Check the mesh and orient every cell counter-clockwise."""
@@ -95,7 +97,7 @@ class QuadMesh(Derived):
         if self.geometry == "axisymmetric" and vertices[:, 0].min() < 0.0:
             raise ValueError(f"{int((vertices[:, 0] < 0).sum())} vertices have a negative radius")
         cells = _orient(vertices, cells.astype(np.int32))
-        if self.shape is None:
+        if self.shape is None and self.whole is None:  # halves of edges that differ, do
             _refuse_duplicates(vertices)
         if self.parents is not None:
             parents = np.array(self.parents)

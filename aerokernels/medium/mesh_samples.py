@@ -22,7 +22,7 @@ from ..shown import shown
 from .grid import eq5_step
 from .kept_averages import what_is_lacking
 from .mesh import Places, QuadMesh
-from .vertex_values import values_and_smooth, vertex_gradients
+from .vertex_values import of_parents, values_and_smooth, vertex_gradients
 
 MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw", "cells")
 
@@ -70,21 +70,32 @@ class MeshSamples(Derived):
         """Node gradients of eq 7 [1/m], shape (vertex_count, 2)."""
         return vertex_gradients(self.mesh, self.values)
 
-    @cached_property
+    @property
     def lacking(self) -> np.ndarray | None:
         """What of its average the interpolant lacks in each cell, shape (cell_count,); None where that is not known.
 
-        Where cells are cut, which keeps averages beside a shock too, it counts twice there, and half of what values at
-        the corners would lack is added: where in such a cell the gas changes, its average does not say.
+        Where triangles and polygons are cut, which keeps averages beside a shock too, it counts twice there, and half
+        of what values at corners would lack is added: where in such a cell the gas changes, its average does not say.
+        Of cells cut in four the comparison with those they were cut from says that (levels.py).
         """
+        if self.lacking_by_cell is None:
+            return None
+        mesh, lacks = self.lacking_by_cell
+        return lacks if mesh is self.mesh else lacks[self.mesh.parents]
+
+    @cached_property
+    def lacking_by_cell(self) -> tuple[QuadMesh, np.ndarray] | None:
+        """The same on the mesh that was cut in four, where this one was made so: it has a quarter of the cells."""
         if self.averages is None or self.interpolation != "bilinear":
             return None
         lacks = what_is_lacking(self.mesh, self.averages, self.values)
         if self.mesh.parents is None:
-            return lacks
+            return self.mesh, lacks
+        if self.mesh.whole is not None and self.mesh.whole.parents is None:
+            return self.mesh.whole, of_parents(self.mesh, lacks)
         start, smooth = values_and_smooth(self.mesh, self.averages)
         unsure = lacks + 0.5 * what_is_lacking(self.mesh, self.averages, start)
-        return np.asarray(lacks + np.where(smooth[self.mesh.parents], 0.0, unsure))
+        return self.mesh, np.asarray(lacks + np.where(smooth[self.mesh.parents], 0.0, unsure))
 
     @cached_property
     def paper_step(self) -> np.ndarray:

@@ -50,6 +50,11 @@ def cells_of_four(mesh: QuadMesh) -> QuadMesh:
     return mesh.derive("cells cut in four", lambda: _cut(mesh))[0]
 
 
+def edges_of_four(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices of the mesh at both ends of each of its edges, in the order of the vertices in the middles of these."""
+    return mesh.derive("cells cut in four", lambda: _cut(mesh))[1:3]
+
+
 def quarters(xi: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """In which of the four parts places in a cell lie, and their bilinear coordinates in that part."""
     right, upper = xi > 0.5, eta > 0.5
@@ -69,6 +74,8 @@ def has_seam(mesh: QuadMesh) -> bool:
 
 def _cut(mesh: QuadMesh) -> tuple[QuadMesh, np.ndarray, np.ndarray, np.ndarray]:
     """The finer mesh, both ends of each edge, and the edges of each cell, shape (cell_count, 4)."""
+    if has_seam(mesh):
+        raise ValueError("the mesh has two vertices in one place, at a seam: its cells cannot be cut")
     vertex, cells = mesh.vertices, mesh.cells
     ends = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2).astype(np.int64), axis=1)
     _, first, of_edge = np.unique(ends[:, 0] * len(vertex) + ends[:, 1], return_index=True, return_inverse=True)
@@ -80,5 +87,5 @@ def _cut(mesh: QuadMesh) -> tuple[QuadMesh, np.ndarray, np.ndarray, np.ndarray]:
     quarters = [np.concatenate([cells[:, [k]], edge[:, [k]], middle, edge[:, [k - 1]]], axis=1) for k in range(4)]
     points = np.concatenate([vertex, 0.5 * (vertex[a] + vertex[b]), vertex[cells].mean(axis=1)])
     parents = np.repeat(np.arange(len(cells)) if mesh.parents is None else mesh.parents, 4)
-    finer = QuadMesh(points, np.stack(quarters, axis=1).reshape(-1, 4), mesh.geometry, parents=parents)
+    finer = QuadMesh(points, np.stack(quarters, axis=1).reshape(-1, 4), mesh.geometry, parents=parents, whole=mesh)
     return finer, a, b, of_edge

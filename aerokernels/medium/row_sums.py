@@ -8,20 +8,24 @@ as little as possible (in squares), such that
     sum_c A_c (a_c - mean_c(v)) = 0        along every row and every column of cells there,
 
 A_c the areas, which a line in the plane meets, and with them over every box whose sides these rows and columns cross
-whole. Cells without rows (triangles, polygons) are summed under hats in y and in z, as wide as cells. No value leaves
-the bounds it had. A row that runs along the shock, in which more than half of the cells lack something, has no room to
-take from and is not asked for anything. What bounds forbid stays lacking, and `MeshSamples.lacking` tells it.
+whole. Cells without rows (triangles, polygons) are summed under hats in y and in z, as wide as cells. How a row's sum
+is shared among the lines in it is left open by that: sums along lines of edges (edge_lines.py) are asked for as well,
+and give way. No value leaves the bounds it had. A row that runs along the shock, in which more than half of the cells
+lack something, has no room to take from and is not asked for anything. What bounds forbid stays lacking, and
+`MeshSamples.lacking` tells it.
 """
 
 import numpy as np
 
 from .bounded import least_change
 from .cell_shares import CellShares
+from .edge_lines import EdgeLines
 
 REACH = 8  # steps from cell to cell that what a cell lacks may go
 LACKING = 1e-6  # of the range of the averages: cells that lack less are kept
 MOST_CELLS = 30_000  # that hang together: more of them are left as they are, for time's sake
-GIVE_CELL, GIVE_ROW = 1e-2, 1e-10  # how readily a cell's average and a row's sum give way (see bounded.py)
+# How readily a cell's average, the sum along a line of edges and a row's sum give way (see bounded.py).
+GIVE_CELL, GIVE_LINE, GIVE_ROW = 1e-2, 3e-4, 1e-10
 ALONG = 0.5  # share of cells that lack something above which a row runs along the shock
 HAT = 1.5  # width of half a hat, in cells
 
@@ -33,6 +37,7 @@ def keep_row_sums(
     low: np.ndarray,
     high: np.ndarray,
     shape: tuple[int, int] | None = None,
+    lines: EdgeLines | None = None,
 ) -> np.ndarray:
     """Values at the vertices, shape (vertex_count,), within their bounds, that keep sums across what cells lack.
 
@@ -43,6 +48,7 @@ def keep_row_sums(
         low: Least values, shape (vertex_count,).
         high: Greatest values.
         shape: Rows and columns of the flow's cells; None where they lie in no such order.
+        lines: Lines of edges whose sums are kept too, or None.
     """
     from scipy.sparse.csgraph import connected_components
 
@@ -64,11 +70,11 @@ def keep_row_sums(
         if len(some) > MOST_CELLS:
             continue
         sums = _lines(some, shape) if shape is not None else _hats(some, cells)
-        _place(cells, some, sums, lacking, lacks / scale, found, inside, low, high, scale)
+        _place(cells, some, sums, lines, lacking, lacks / scale, found, inside, low, high, scale)
     return found
 
 
-def _place(cells, some, sums, lacking, lacks, found, inside, low, high, scale: float) -> None:
+def _place(cells, some, sums, lines, lacking, lacks, found, inside, low, high, scale: float) -> None:
     """Change the values in one part of the region, in place."""
     from scipy.sparse import csr_array, diags_array, vstack
 
@@ -86,13 +92,36 @@ def _place(cells, some, sums, lacking, lacks, found, inside, low, high, scale: f
         (weight[kept] / total[rows[kept]], (number[rows[kept]], of[kept])), shape=(int(crossed.sum()), len(some))
     )
     area = cells.area[some]
-    give = np.concatenate([GIVE_CELL * np.median(area) / area, np.full(over.shape[0], GIVE_ROW)])
-    wanted, equations = np.concatenate([lacks[some], over @ lacks[some]]), vstack([mean, over @ mean]).tocsr()
+    asked, equations = [lacks[some], over @ lacks[some]], [mean, over @ mean]
+    if lines is not None:
+        edge = np.flatnonzero(np.isin(lines.middle, vertex))
+        along = _along_lines(lines, edge, lacking)
+        own = lines.mean[edge]
+        asked.append(along @ ((lines.wanted[edge] - own @ found) / scale))
+        equations.append(along @ own.tocsc()[:, vertex].tocsr())
+    gives = [GIVE_CELL * np.median(area) / area, np.full(over.shape[0], GIVE_ROW)]
+    gives += [np.full(len(own), GIVE_LINE) for own in asked[2:]]
+    give = np.concatenate(gives)
     least = np.minimum((low[vertex] - found[vertex]) / scale, 0.0)
     most = np.maximum((high[vertex] - found[vertex]) / scale, 0.0)
     hard = give == GIVE_ROW
-    change = least_change(equations, give, wanted, least, most, hard)
+    change = least_change(vstack(equations).tocsr(), give, np.concatenate(asked), least, most, hard)
     found[vertex] = np.clip(found[vertex] + scale * change, low[vertex], high[vertex])
+
+
+def _along_lines(lines: EdgeLines, edge: np.ndarray, lacking: np.ndarray):
+    """Means along stretches of lines over some edges, sparse, shape (stretches, edges), but for those along a shock."""
+    from scipy.sparse import csr_array
+
+    new = np.ones(len(edge), dtype=bool)
+    new[1:] = (np.diff(edge) != 1) | (np.diff(lines.line[edge]) != 0)
+    stretch, length = np.cumsum(new) - 1, lines.length[edge]
+    total = np.bincount(stretch, length)
+    crossed = np.bincount(stretch, length * lacking[lines.cells[edge]].any(axis=1)) <= ALONG * total
+    kept = crossed[stretch]
+    number = (np.cumsum(crossed) - 1)[stretch[kept]]
+    weight = length[kept] / total[stretch[kept]]
+    return csr_array((weight, (number, np.flatnonzero(kept))), shape=(int(crossed.sum()), len(edge)))
 
 
 def _lines(some: np.ndarray, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -72,6 +72,37 @@ def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, less
     return np.asarray(_faces_along_first_axis(at_face.T, smooth.T, *places, on_axis, limited, lesser).T.ravel())
 
 
+def edge_means(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Means over the edges of a structured mesh: along its rows of vertices, (ni, nj - 1), and columns, (ni - 1, nj).
+
+    Args:
+        mesh: The mesh.
+        average: Averages, shape (cell_count,).
+    """
+    ni, nj = mesh.shape or (0, 0)
+    vertex = mesh.vertices.reshape(ni, nj, 2)
+    centroid, average = mesh.cell_centroid.reshape(ni - 1, nj - 1, 2), average.reshape(ni - 1, nj - 1)
+    rows, columns = 0.5 * (vertex[:, :-1] + vertex[:, 1:]), 0.5 * (vertex[:-1] + vertex[1:])
+    on_axis = mesh.geometry == "axisymmetric"
+    first = _edge_means(average, centroid, rows, on_axis)
+    return first, _edge_means(average.T, centroid.swapaxes(0, 1), columns.swapaxes(0, 1), on_axis).T
+
+
+def _edge_means(average, centroid, middle, on_axis: bool) -> np.ndarray:
+    """Means over edges along axis 1, moved along it by what the way from centroid to centroid misses of their middles.
+
+    They are summed along lines, across which sums change smoothly at a shock too: nothing is left out or limited.
+    """
+    smooth = np.ones(average.shape, dtype=bool)
+    found = _faces_along_first_axis(average, smooth, centroid, middle, on_axis, False, False)
+    if found.shape[1] < 3:
+        return found
+    place = [_faces_along_first_axis(centroid[..., k], smooth, centroid, middle, False, False, False) for k in (0, 1)]
+    step = np.gradient(middle, axis=1)
+    missed = np.sum((middle - np.stack(place, axis=-1)) * step, axis=-1) / np.sum(step * step, axis=-1)
+    return np.asarray(found + missed * np.gradient(found, axis=1))
+
+
 def linear_values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """As `values_and_smooth`, and linear densities come back exactly on skewed and uneven cells too.
 
@@ -233,10 +264,12 @@ def _least_squares_gradient(points, values, first, second) -> np.ndarray:
     step = points[second] - points[first]
     rise = values[second] - values[first]
     weight = 1.0 / np.sum(step**2, axis=1)
-    normal = np.zeros((len(points), 2, 2))
-    right = np.zeros((len(points), 2))
-    np.add.at(normal, first, weight[:, None, None] * step[:, :, None] * step[:, None, :])
-    np.add.at(right, first, (weight * rise)[:, None] * step)
+    (y, z), count = step.T, len(points)
+    yy, yz, zz, right_y, right_z = (
+        np.bincount(first, weight * own, count) for own in (y * y, y * z, z * z, y * rise, z * rise)
+    )
+    normal = np.stack([yy, yz, yz, zz], axis=1).reshape(-1, 2, 2)
+    right = np.stack([right_y, right_z], axis=1)
     return (np.linalg.pinv(normal) @ right[..., None])[..., 0]
 
 

@@ -19,13 +19,14 @@ def lacking_columns(field: IndexField, rays: RayBundle, until) -> np.ndarray:
     Zero of fields on uniform grids, of values at vertices, and of rays that never leave a planar field.
     """
     found = np.zeros(rays.ray_count)
-    lacks = None if field.is_uniform else field.samples.lacking
-    if lacks is None or not lacks.any():
+    known = None if field.is_uniform else field.samples.lacking_by_cell
+    if known is None or not known[1].any():
         return found
+    mesh, lacks = known
     rows = np.arange(rays.ray_count)
     if field.geometry == "planar":
         rows = np.flatnonzero(np.hypot(rays.direction[:, 1], rays.direction[:, 2]) > 0.0)
     position, direction = rays.position[rows], rays.direction[rows]
     ends = np.stack([np.zeros(len(rows)), stop_distance(position, direction, until)])
-    found[rows] = mesh_columns(field.mesh, lacks, position, direction, ends)
+    found[rows] = mesh_columns(mesh, lacks, position, direction, ends)
     return found

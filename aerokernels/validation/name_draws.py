@@ -20,7 +20,7 @@ from ..flow.reading.density import plain_name
 from ..flow.reading.foam_case import times_of, unit_in_words
 from ..flow.reading.fractions import species_arrays
 from ..flow.reading.tecplot_text import coordinate_columns
-from ..flow.reading.vtk_files import collection
+from ..flow.reading.vtk_collections import collection
 from ..series.store import NUMBERS, ZarrStore
 from ..units import DIMENSIONS, quantity
 from ..written_units import DIMENSIONS as WRITTEN
@@ -28,7 +28,7 @@ from ..written_units import in_brackets
 from .input_draws import NUMBERS as WILD
 from .input_draws import Draw
 from .refusals import told
-from .sound_files import COLLECTION
+from .sound_files import COLLECTION, FILE_SERIES
 from .spoiling import spoilt_text
 
 PARTS = ("kg", "m", "m3", "m^3", "m-3", "m**-3", "mm", "s", "Pa", "hPa", "kPa", "GPa", "K", "degC", "deg", "nm", "lb",
@@ -90,7 +90,7 @@ def names(draw: random.Random, folder: Path) -> bool:
 
 
 def index(draw: random.Random, folder: Path) -> bool:
-    """What lists the files or times of a series: a collection of ParaView, or the folders of a case."""
+    """What lists the files or times of a series: a list of ParaView of either kind, or the folders of a case."""
     if draw.random() < 0.1:
         case = folder / f"case-{draw.randrange(10)}"
         for name in draw.sample(
@@ -102,13 +102,17 @@ def index(draw: random.Random, folder: Path) -> bool:
         if found != sorted(found) or not np.isfinite(found).all():
             raise AssertionError(f"times {found}")
         return bool(found)
-    path = folder / "a.pvd"
-    path.write_bytes(spoilt_text(COLLECTION, draw))
+    for name in ("a_0.vtu", "a_1.vtu"):
+        (folder / name).touch()
+    name, sound = draw.choice((("a.pvd", COLLECTION), ("a.vtu.series", FILE_SERIES)))
+    path = folder / name
+    path.write_bytes(spoilt_text(sound, draw))
     try:
         entries = collection(path)
     except ValueError as fault:
         return told(fault)
-    if not entries or not np.isfinite([time for time, _ in entries]).all():
+    inside = all(entry.file.resolve().is_relative_to(folder.resolve()) for entry in entries)
+    if not entries or not np.isfinite([entry.time for entry in entries]).all() or not inside:
         raise AssertionError(f"entries {entries}")
     return True
 

@@ -34,6 +34,10 @@ COLLECTION = (
     '<DataSet timestep="0" part="0" file="a_0.vtu"/>\n<DataSet timestep="1e-5" file="a_1.vtu"/>\n'
     "</Collection>\n</VTKFile>\n"
 )  # fmt: skip
+FILE_SERIES = (
+    '{\n  "file-series-version" : "1.0",\n  "files" : [\n    { "name" : "a_0.vtu", "time" : 0 },\n'
+    '    { "name" : "a_1.vtu", "time" : 1e-5 }\n  ]\n}\n'
+)  # fmt: skip
 
 
 def su2_restart(order: str) -> bytes:

@@ -38,6 +38,11 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     blocks = [block for block in blocks_of(path, data) if block.cell_count]
     if not blocks:
         raise ReadError(path, "it has no zone with cells", DAMAGED)
+    names = [block.name for block in blocks]
+    twice = next((name for name in names if name and names.count(name) > 1), None)
+    if reader.GetNumberOfBaseArrays() > 1 and twice is not None:
+        told = f"{reader.GetNumberOfBaseArrays()} bases of it hold a zone {twice!r}: moments or cases of one flow"
+        raise ReadError(path, told, "write each base to a file of its own")
     blocks = [_named(block, k) for k, block in enumerate(blocks)]
     found, notes = patches(path)
     length, stated = units(path)

@@ -17,6 +17,7 @@ from ...fragile import LibraryEndedError
 from ...fragile import in_child as call_in_child
 from .calling import read_here
 from .dataset import Dataset, ReadError, chosen_time
+from .vtk_collections import LISTED, SUFFIXES
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ FORMATS = (
     Format("OpenFOAM case", (".foam", ".openfoam"), "foam_case"),
     Format(
         "VTK",
-        (".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvti", ".pvtr", ".pvts", ".pvtu", ".vtm", ".vtmb", ".pvd"),
+        (*LISTED, *SUFFIXES),
         "vtk_files",
         True,
         "vtk",

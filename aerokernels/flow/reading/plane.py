@@ -130,7 +130,7 @@ def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[Quad
         if len(blocks) == 1 and (mesh := structured_mesh(blocks[0], plane)) is not None:
             return mesh, densities[0][0], densities[0][1], ""
         parts = [block_polygons(path, block, plane, *own) for block, own in zip(blocks, densities, strict=True)]
-        polygons = merged(parts)
+        polygons = merged(parts, [block.shape is not None for block in blocks])
         if all(block.shape is not None for block in blocks):
             polygons = polygons.without_repeats()  # the pole of a grid; elsewhere double points are a fault
         mesh, values, remark = quad_mesh(polygons, plane.geometry)

@@ -5,6 +5,8 @@ corners becomes n quadrilaterals, and neighbours agree on the middle of the edge
 average of its cell. Linear functions of point data are kept exactly.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...medium import QuadMesh
@@ -15,8 +17,13 @@ from .polygon_cells import Polygons
 STRAIGHT = 1e-7  # sine of the turn at a corner below which it is none: a neighbour's hanging node
 
 
-def merged(parts: list[Polygons]) -> Polygons:
+def merged(parts: list[Polygons], closing: Sequence[bool] = ()) -> Polygons:
     """The polygons of several blocks as one mesh: points of different blocks in the same place become one.
+
+    Args:
+        parts: The polygons of each block.
+        closing: Which blocks may close on themselves, as a grid about an aerofoil does along its wake: their points
+            in the same place become one too, where values lie in cells. None may by default.
 
     Raises:
         ValueError: Values of the cells in one block and of the points in another.
@@ -31,13 +38,15 @@ def merged(parts: list[Polygons]) -> Polygons:
     block = np.repeat(np.arange(len(parts)), np.diff(first_point))
     step = 1e-9 * max(float(np.ptp(points, axis=0).max()), 1e-300)
     place = np.round((points - points.min(axis=0)) / step).astype(np.int64)
-    # Twice in one block stays twice: that block is damaged, and the mesh will say so.
+    # Twice in one block stays twice, but in those that close: that block is damaged, and the mesh will say so.
     _, repeat = np.unique(np.column_stack([block, place]), axis=0, return_inverse=True)
     order = np.argsort(repeat.ravel(), kind="stable")
     sorted_repeat = repeat.ravel()[order]
     begins = np.append(True, sorted_repeat[1:] != sorted_repeat[:-1])
     rank = np.empty(len(points), dtype=np.int64)
     rank[order] = np.arange(len(points)) - np.maximum.accumulate(np.where(begins, np.arange(len(points)), 0))
+    if parts[0].where == "cell":
+        rank[np.isin(block, np.flatnonzero(closing))] = 0
     _, first, same = np.unique(np.column_stack([place, rank]), axis=0, return_index=True, return_inverse=True)
     corners = np.concatenate([part.corners + shift for part, shift in zip(parts, first_point, strict=False)])
     start = np.concatenate([[0], *(part.start[1:] + shift for part, shift in zip(parts, first_corner, strict=False))])

@@ -1,4 +1,4 @@
-"""VTK's family of files, by VTK itself: .vti .vtr .vts .vtu .vtk, their parallel and multi-block forms, .pvd series.
+"""VTK's family of files, by VTK itself: .vti .vtr .vts .vtu .vtk, their parallel and multi-block forms, and lists.
 
 VTK prints an error and hands on what it has; here every error that it prints is one, and counts are compared with what
 the file announces. Runs in the child of fragile.py.
@@ -8,13 +8,13 @@ import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
-from .dataset import CORNERS, LINE, Block, Cells, Dataset, Faces, ReadError, chosen_time
+from .dataset import CORNERS, LINE, SOLID, Block, Cells, Dataset, Faces, Patch, Polygons, ReadError, chosen_time
 from .high_order import joined, linear_cells
 from .solids import FACES
+from .vtk_collections import SUFFIXES, collection
 
 DAMAGED = "the file is damaged or of another version: write it again"
 READERS = {
@@ -33,6 +33,7 @@ READERS = {
 HIDDEN = 2 | 8  # vtkDataSetAttributes: cells duplicated in or refined away from this piece; hidden cells are 32
 BLANK = 32
 STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners, in the order of their kin
+SURFACE = (5, 7, 9)  # triangles, polygons, quadrilaterals
 LINEAR = {11: 12, 8: 9}
 QUADRATIC = {21: 3, 22: 5, 23: 9, 28: 9, 24: 10, 25: 12, 29: 12, 26: 13, 27: 14}  # and the linear cell of each
 
@@ -44,13 +45,33 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         ReadError: Whatever VTK reports, or a file that is not what it announces.
     """
     suffix = path.suffix.lower()
-    if suffix == ".pvd":
+    if suffix in SUFFIXES:
         return _series(path, time)
     data = vtk_output(path, suffix)
     name = {".vtk": "legacy VTK file"}.get(suffix, f"VTK file ({suffix})")
     made = [joined(block) for block in blocks_of(path, data)]
     notes = dict.fromkeys(note for _, note in made if note is not None)
-    return Dataset([block for block, _ in made], name, ambient=None, notes=list(notes))
+    blocks, patches = _boundaries([block for block, _ in made])
+    return Dataset(blocks, name, patches=patches, ambient=None, notes=list(notes))
+
+
+def _boundaries(blocks: list[Block]) -> tuple[list[Block], list[Patch]]:
+    """Blocks of surfaces beside blocks of solid cells are the boundary of these: the others, and those as patches."""
+    if not any(min(block.shape) > 1 if block.shape else _has(block, SOLID) for block in blocks):
+        return blocks, []
+    kept: list[Block] = []
+    patches: list[Patch] = []
+    for block in blocks:
+        if block.cells is None or not np.isin(block.cells.types, SURFACE).all():
+            kept.append(block)
+            continue
+        faces = Polygons(block.points[block.cells.points], block.cells.start)
+        patches.append(Patch(block.name or f"surface {len(patches) + 1}", "patch", polygons=faces))
+    return kept, patches
+
+
+def _has(block: Block, kinds) -> bool:
+    return block.cells is not None and bool(np.isin(block.cells.types, kinds).any())
 
 
 def vtk_output(path: Path, suffix: str):
@@ -93,37 +114,15 @@ def _text(said: str | bytes | None) -> str:
 
 
 def _series(path: Path, time) -> Dataset:
-    """The files of a ParaView collection that have one time."""
+    """The files of a list that have one time."""
     entries = collection(path)
-    times = sorted({value for value, _ in entries})
+    times = sorted({entry.time for entry in entries})
     chosen = chosen_time(path, times, time)
-    parts = []
-    for value, name in entries:
-        if value == chosen:
-            part = path.parent / name
-            if part.suffix.lower() not in READERS or not part.is_file():
-                raise ReadError(path, f"it lists {name}, which is not there or no file of VTK", "restore that file")
-            parts.append(read(part))
-    blocks = [block for part in parts for block in part.blocks]
-    return replace(parts[0], blocks=blocks, times=times, time=chosen, format=f"VTK series of {len(times)} times")
-
-
-def collection(path: Path) -> list[tuple[float, str]]:
-    """What a .pvd file lists: times, and names of files.
-
-    Raises:
-        ReadError: It is no such list, or lists nothing.
-    """
-    try:
-        root = ElementTree.parse(path).getroot()
-        entries = [(float(e.attrib.get("timestep", 0.0)), e.attrib["file"]) for e in root.iter("DataSet")]
-    except (ElementTree.ParseError, KeyError, ValueError) as fault:
-        raise ReadError(path, f"it is no list of data sets ({fault})", DAMAGED) from None
-    if not entries:
-        raise ReadError(path, "it lists no data sets", DAMAGED)
-    if not np.isfinite([time for time, _ in entries]).all():
-        raise ReadError(path, "it lists a time that is no number", DAMAGED)
-    return entries
+    parts = [read(entry.file) for entry in entries if entry.time == chosen]
+    blocks, patches = _boundaries([block for part in parts for block in part.blocks])
+    patches = [*patches, *(patch for part in parts for patch in part.patches)]
+    said = f"VTK series of {len(times)} times"
+    return replace(parts[0], blocks=blocks, patches=patches, times=times, time=chosen, format=said)
 
 
 def blocks_of(path: Path | str, data) -> list[Block]:

@@ -54,3 +54,14 @@ def test_units_of_one_array(tmp_path):
     found = flow.read(path)
     assert found.density.min() == pytest.approx(1.0, rel=1e-12)
     assert np.ptp(found.box[0] - found.box[1]) == pytest.approx(0.3048, rel=1e-12)
+
+
+def test_bases_that_hold_the_same_zone_are_refused(tmp_path):
+    """Set-up: a second base with a zone of one name, as CFX writes moments. Expected: refused by the zone's name."""
+    path = plane(tmp_path)
+    assert flow.read(path, reference={"density": 1e6}).density.size
+    with h5py.File(path, "a") as file:
+        file.copy("Base", "Base 2")
+        file["Base 2"].attrs.modify("name", file["Base"].attrs["name"].replace(b"Base", b"Base 2"))
+    with pytest.raises(ValueError, match=r"2 bases of it hold a zone '\w+.*write each base to a file of its own"):
+        flow.read(path, reference={"density": 1e6})
