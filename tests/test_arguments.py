@@ -22,7 +22,10 @@ from aerokernels import (
 )
 from aerokernels.arguments import Numbers, checked
 from aerokernels.echo import estimate_range
+from aerokernels.echo.pulses import GaussianPulse, HeliosPulse, SampledPulse
+from aerokernels.flow.vortex import Vortex
 from aerokernels.validation import argument_draws, refusals
+from aerokernels.wavefront.terms import fit_tilt
 
 WAVE = np.arange(64) * 1e-10, np.exp(-(((np.arange(64) - 30) / 5.0) ** 2))  # times [s] and a pulse
 
@@ -167,3 +170,43 @@ def test_a_tolerance_that_no_grid_meets_is_refused_at_once(monkeypatch):
     with pytest.raises(ValueError, match="more than the tolerance of 1e-30"):
         field.resample(tolerance=1e-30)
     assert len(tried) <= 2
+
+
+@pytest.mark.parametrize(
+    ("of", "parameter"),
+    [
+        (GaussianPulse(5e-9), "time"),
+        (HeliosPulse(5e-9), "time"),
+        (SampledPulse([0.0, 0.5, 1.0, 0.5, 0.0], 1e-9), "time"),
+        (Vortex(0.5, 0.01).temperature_ratio_at, "distance"),
+        (Vortex(0.5, 0.01).pressure_ratio_at, "distance"),
+        (Vortex(0.5, 0.01).mach_at, "distance"),
+        (lambda y: Vortex(0.5, 0.01).density_ratio_at(y, 0.0), "y"),
+        (lambda z: Vortex(0.5, 0.01).density_ratio_at(0.0, z), "z"),
+        (lambda opd: fit_tilt(opd, np.eye(2)), "opd"),
+        (lambda points: fit_tilt(np.zeros(2), points), "points"),
+        (lambda weights: fit_tilt(np.zeros(2), np.eye(2), weights), "weights"),
+    ],
+)
+@pytest.mark.parametrize(
+    "wrong",
+    [["a", "b"], np.array([1.0, None], dtype=object), np.array([1j, 2.0]), {"a": 1.0}],
+    ids=["texts", "objects", "complex", "mapping"],
+)
+def test_arrays_of_another_kind_are_refused_by_their_argument(of, parameter, wrong):
+    """Each is refused before NumPy casts it: of a complex array it would drop the imaginary part with a warning."""
+    with pytest.raises(TypeError, match=rf"^{parameter} must be .*array of real numbers.* \(in "):
+        of(wrong)
+
+
+@pytest.mark.parametrize(
+    ("of", "parameter"),
+    [
+        (GaussianPulse(5e-9), "time"),
+        (Vortex(0.5, 0.01).mach_at, "distance"),
+        (lambda opd: fit_tilt(opd, np.eye(2)), "opd"),
+    ],
+)
+def test_masked_numbers_are_refused_by_their_argument(of, parameter):
+    with pytest.raises(ValueError, match=rf"1 of the 2 numbers of {parameter} are masked"):
+        of(np.ma.masked_array([0.0, 1e-9], mask=[False, True]))

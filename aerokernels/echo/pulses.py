@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from ..arguments import Numbers, checked
 from ..checks import as_finite_array, check_positive
 from .pulse_curve import PulseCurve
 
@@ -45,7 +46,7 @@ class PulseShape(Protocol):
     @property
     def duration(self) -> float: ...  # noqa: D102
 
-    def __call__(self, time) -> np.ndarray: ...  # noqa: D102
+    def __call__(self, time: Numbers) -> np.ndarray: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,8 @@ class GaussianPulse(_OfTau):
         """Energy over peak power [s]."""
         return math.sqrt(math.pi) * self.tau
 
-    def __call__(self, time) -> np.ndarray:
+    @checked
+    def __call__(self, time: Numbers) -> np.ndarray:
         """The shape at times [s] after the peak."""
         found = np.array(np.asarray(time, dtype=np.float64) / self.tau)
         for step in (np.square, np.negative, np.exp):  # in place: an echo is millions of these
@@ -114,7 +116,8 @@ class HeliosPulse(_OfTau):
         """Energy over peak power [s]."""
         return 0.5 * math.e**2 * self.tau
 
-    def __call__(self, time) -> np.ndarray:
+    @checked
+    def __call__(self, time: Numbers) -> np.ndarray:
         """The shape at times [s] after the peak."""
         u = np.maximum(np.asarray(time, dtype=np.float64) / self.tau + 2.0, 0.0)
         return 0.25 * np.square(u) * np.exp(2.0 - u)
@@ -165,7 +168,8 @@ class SampledPulse:
         time = np.linspace(*self.support, 256 * (self._curve.samples.size - 1) + 1)
         return float(np.trapezoid(self(time), x=time))
 
-    def __call__(self, time) -> np.ndarray:
+    @checked
+    def __call__(self, time: Numbers) -> np.ndarray:
         """The shape at times [s] after the peak."""
         place = np.asarray(time, dtype=np.float64) / self.period + self._peak_place
         last = self._curve.samples.size - 1

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import checked
+from ..arguments import Numbers, checked
 from ..checks import check_positive
 from .exact_averages import smooth_averages
 from .exact_field import ExactField, edges, rectangles
@@ -52,21 +52,25 @@ class Vortex:
                 f"reaches vacuum (gamma {self.gamma:g})"
             )
 
-    def temperature_ratio_at(self, distance) -> np.ndarray:
+    @checked
+    def temperature_ratio_at(self, distance: Numbers) -> np.ndarray:
         """Temperature over that far away at distances from the middle [m]."""
         square = (np.asarray(distance, dtype=np.float64) / self.radius) ** 2
         return 1.0 - 0.5 * (self.gamma - 1.0) * self.mach**2 * np.exp(1.0 - square)
 
-    def pressure_ratio_at(self, distance) -> np.ndarray:
+    @checked
+    def pressure_ratio_at(self, distance: Numbers) -> np.ndarray:
         """Pressure over that far away at distances from the middle [m]."""
         return self.temperature_ratio_at(distance) ** (self.gamma / (self.gamma - 1.0))
 
-    def mach_at(self, distance) -> np.ndarray:
+    @checked
+    def mach_at(self, distance: Numbers) -> np.ndarray:
         """Speed of the swirl over the sound speed far away, at distances from the middle [m]."""
         share = np.asarray(distance, dtype=np.float64) / self.radius
         return self.mach * share * np.exp(0.5 * (1.0 - share**2))
 
-    def density_ratio_at(self, y, z) -> np.ndarray:
+    @checked
+    def density_ratio_at(self, y: Numbers, z: Numbers) -> np.ndarray:
         """Density over that far away at (y, z) [m]."""
         return self.temperature_ratio_at(np.hypot(y, z)) ** (1.0 / (self.gamma - 1.0))
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import Numbers, checked
+
 # What can be removed.
 TERMS = ("piston", "tilt", "focus")
 # Ten thousand waves about the mean: nanometres, or waves, that were taken for metres.
@@ -76,7 +78,8 @@ def _products(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return np.einsum("kn,n...->k...", rows, columns)
 
 
-def fit_tilt(opd, points, weights=None) -> TiltFit:
+@checked
+def fit_tilt(opd: Numbers, points: Numbers, weights: Numbers | None = None) -> TiltFit:
     """Fit piston and tilt.
 
     Args:
