@@ -41,8 +41,8 @@ from ..pupils import Pupil
 from ..tracing.lines import box_size
 from ..wavefront import Wavefront
 from .bounds import GREATEST_BOUND, change_bound
-from .coarse_wave import RESOLVED, by_waves, finest_feature, fresnel_number, is_one_column
-from .screens import disturbed_length, screens_answer, stride_of
+from .coarse_wave import RESOLVED, TracedMap, by_waves, finest_feature, fresnel_number, is_one_column
+from .screens import disturbed_length, screens_answer, strehl_of, stride_of
 from .shadows import is_clear
 from .slabs import is_summed
 from .verdict import FEWEST_MAPPED, GOOD, Validity
@@ -97,28 +97,32 @@ def validity(
     if not (np.isfinite(limit) and limit > 0.0):
         raise ValueError(f"limit must be positive, got {limit!r}")
     wavelength = field.wavelength_for(wavelength)
-    feature, look = None, pupil.normal
+    feature, look, traced = None, pupil.normal, None
     if wavefront is not None:
         if wavefront.pupil is not None and not _same_light(wavefront.pupil, pupil):
             raise ValueError(f"wavefront was traced for another pupil, {wavefront.pupil!r}: give that one")
         if wavefront.direction is not None:
             look = np.asarray(wavefront.direction)
-        # What is as fine as the map's own pixels may be finer: then waves look for it anew.
         if len(wavefront.opd) >= FEWEST_MAPPED:
+            # What is as fine as the map's own pixels may be finer: then waves look for it anew.
             found = finest_feature(wavefront.opd, wavefront.pixel, wavelength)
-            if found >= RESOLVED * wavefront.pixel:
-                feature = found
-                # A wave says more than two screens, and is asked at once where it costs next to nothing.
-                cheap = is_one_column(field, look) and len(wavefront.opd) >= COLUMN_WORTH
-                if waves is False or not cheap or not affordable(field, look, wavefront):
-                    answer = by_rays(field, pupil, look, wavefront, wavelength, feature, limit)
-                    if answer is not None:
-                        return answer
-    # What a wave says is kept with the field: it is one of the field and the light, and of how finely rays are known.
-    traced = wavefront is not None and _is_whole(wavefront, wavelength)
-    pixels = len(wavefront.opd) if wavefront is not None and traced else 0
-    key = ("verdict of a wave", weakref.ref(pupil), look.tobytes(), wavelength, feature, limit, pixels)
-    if wavefront is not None and field.held(key) is None:
+            feature = found if found >= RESOLVED * wavefront.pixel else None
+            if _is_whole(wavefront, wavelength):
+                traced = TracedMap(strehl_of(wavefront), wavefront.pixel)
+    # What a wave says is kept with the field: it is one of the field, the light, and the rays that it is compared with,
+    # which are as exact as their tolerance and as many as their pixels: their Strehl ratio tells them apart.
+    key = ("verdict of a wave", weakref.ref(pupil), look.tobytes(), wavelength, feature, limit, traced)
+    told: Validity | None = field.held(key)
+    if told is not None:
+        return told
+    if wavefront is not None:
+        if feature is not None:
+            # A wave says more than two screens, and is asked at once where it costs next to nothing.
+            cheap = is_one_column(field, look) and len(wavefront.opd) >= COLUMN_WORTH
+            if waves is False or not cheap or not affordable(field, look, wavefront):
+                answer = by_rays(field, pupil, look, wavefront, wavelength, feature, limit)
+                if answer is not None:
+                    return answer
         if waves is None:
             waves = affordable(field, look, wavefront)
         if not waves or len(wavefront.opd) < FEWEST_MAPPED:
@@ -128,17 +132,16 @@ def validity(
 
     def ask() -> Validity:
         seen = pupil if look is pupil.normal else replace(pupil, normal=look)  # type: ignore[type-var]
-        return by_waves(field, seen, wavelength, feature, limit, wavefront if traced else None)
+        return by_waves(field, seen, wavelength, feature, limit, traced)
 
-    told: Validity = field.derive(key, ask, KEPT)
+    told = field.derive(key, ask, KEPT)
     return told
 
 
 def _is_whole(wavefront: Wavefront, wavelength: float) -> bool:
     """Whether a wavefront's Strehl ratio is that of all the pupil's light, with nothing but piston taken out."""
-    is_fine = len(wavefront.opd) >= FEWEST_MAPPED
     removed = set(wavefront.removed) <= {"piston"}
-    return is_fine and removed and wavefront.wavelength == wavelength and wavefront.blocked <= 1e-3
+    return removed and wavefront.wavelength == wavelength and wavefront.blocked <= 1e-3
 
 
 def affordable(field: IndexField, look: np.ndarray, wavefront: Wavefront) -> bool:
