@@ -17,5 +17,6 @@ def mark_numbers(app, document: nodes.document) -> None:
 
 
 def setup(app) -> dict[str, bool]:
+    """Register it with Sphinx."""
     app.connect("doctree-read", mark_numbers)
     return {"parallel_read_safe": True}
