@@ -12,7 +12,7 @@ from ..medium import IndexField
 from ..pupils import Pupil
 from .diffraction import Ways, beside, window_of
 from .layers import span_of
-from .screens import Crossings, crossings_of, disturbed_length, fast_size, places_across, spread_along
+from .screens import Crossings, crossings_of, disturbance, fast_size, places_across, spread_along
 from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
 from .slabs import FINEST, LookingAlong, Slabs, slabs_of
 from .verdict import Validity
@@ -72,7 +72,7 @@ def by_waves(
     pixels = fast_size(math.ceil(np.clip(2.0 * half * PER_FEATURE / feature, least, most))) if clear else most
     window = window_of(pupil, half, pixels, flat)
     if clear:
-        distance = disturbed_length(field, pupil, pupil.normal)
+        distance = disturbance(field, pupil, pupil.normal).length
     else:
         distance = _slabs_length(slabs, pupil, flat)
     shadow, passes = shadow_of(slabs, window, wavelength, end)
@@ -127,7 +127,7 @@ def _finest_of(slabs: Slabs, pupil: Pupil, flat: bool, wavelength: float) -> flo
             lit = lit & ~opaque.any(axis=0)
         path = np.where(lit, path, np.nan)
         lines.append(path.T if x is few else path)
-    return _finest_on(np.stack(lines), pixel, wavelength)
+    return _finest_on(np.stack(lines), pixel, wavelength)[0]
 
 
 def _by_traced(crossings: Crossings, feature: float, pixel: float) -> bool:
@@ -154,7 +154,7 @@ def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
     opaque = slabs.opaque(across, place, FINEST)
     if opaque is not None and (lit & ~opaque.any(axis=0)).any():
         lit &= ~opaque.any(axis=0)
-    return spread_along(slabs.taken(across, place, FINEST)[:, lit], slabs.last - slabs.first)
+    return spread_along(slabs.taken(across, place, FINEST)[:, lit], slabs.first, slabs.last).length
 
 
 def finest_feature(path: np.ndarray, pixel: float, wavelength: float) -> float:
@@ -163,6 +163,11 @@ def finest_feature(path: np.ndarray, pixel: float, wavelength: float) -> float:
     By second differences at growing distance, which no tilt touches and no edge of the pupil: a component of period p
     holds its whole at a distance of p / 2.
     """
+    return finest_and_squares(path, pixel, wavelength)[0]
+
+
+def finest_and_squares(path: np.ndarray, pixel: float, wavelength: float) -> tuple[float, float]:
+    """As `finest_feature`, and the mean square of its second differences [m2], which tells one map from another."""
     # Some lines either way say what all of them do: columns and, of a map of more than one, rows.
     part = _some_of(len(path))
     ways = [path.T[part], path[part]] if path.shape[0] == path.shape[1] else [path.T[part]]
@@ -173,17 +178,17 @@ def _some_of(count: int) -> slice:
     return slice(None, None, max(1, count // FEATURE_LINES))
 
 
-def _finest_on(lines: np.ndarray, pixel: float, wavelength: float) -> float:
-    """`finest_feature` of lines of paths (ways, lines, n)."""
-    count, wave_number = lines.shape[-1], 2.0 * np.pi / wavelength
+def _finest_on(lines: np.ndarray, pixel: float, wavelength: float) -> tuple[float, float]:
+    """`finest_and_squares` of lines of paths (ways, lines, n)."""
+    count, wave_number, squares = lines.shape[-1], 2.0 * np.pi / wavelength, 0.0
     for stride in (2**power for power in range(int(np.log2(max(count // 2, 1))) + 1)):
         # Of a coarse difference every second part of it is looked at: the rest says the same.
         step = max(1, stride // 2)
         squares = _mean_squares(lines[..., ::step], stride // step)
         # Of a component that is sampled at its extremes the second difference is four times the amplitude.
         if wave_number * math.sqrt(squares / 8.0) > 2.0 * UNSEEN:
-            return stride * pixel
-    return float("inf")
+            return stride * pixel, squares
+    return float("inf"), squares
 
 
 def _mean_squares(lines: np.ndarray, stride: int) -> float:

@@ -26,8 +26,8 @@ from .slabs import FINEST, Slabs
 # than a share of what it lies off the limit.
 FEWEST, SAME, DECIDED = 1, 0.05, 0.5
 # Fewer slabs than these are believed only where the change is below a share of its limit: one and two may be alike by
-# chance.
-FEW, CLEAR = 4, 0.5
+# chance. So many are enough where nothing moves any more.
+FEW, CLEAR, MANY = 4, 0.5, 8
 # Pixels beside the rays that their curvature takes; numbers of screens that are looked at together.
 BESIDE, TOGETHER = 2, 1 << 14
 
@@ -94,7 +94,7 @@ class Through:
         """
         if alone:
             return abs(self.wave - fewer.wave) * (abs(self.wave) + abs(fewer.wave))
-        return max(abs(self.change - fewer.change), self.apart)
+        return abs(self.change - fewer.change)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,10 +139,14 @@ class Ways:
         count, found, doubt = FEWEST, self._through(FEWEST), math.inf
         while count < FINEST:
             count, last, found = 2 * count, found, self._through(2 * count)
-            doubt = found.doubt(last, self.by_traced)
+            by_slabs = found.doubt(last, self.by_traced)
+            doubt = max(by_slabs, found.apart)
             if count < FEW and abs(found.change) > CLEAR * limit:
                 continue
             if doubt <= max(SAME * limit, DECIDED * abs(abs(found.change) - limit)):
+                break
+            # Where the slabs' rays stand still apart from the traced ones, their number has nothing to do with it.
+            if count >= MANY and max(by_slabs, abs(found.apart - last.apart)) <= SAME * limit:
                 break
         return found.change, math.inf if self.straight and not self.by_traced else doubt
 

@@ -24,6 +24,8 @@ from ..one_core import product_on_one_core
 # many up to a few slabs, more for more. So many slabs are integrated together at least, and so many are held until
 # more of them are asked for.
 FINEST, LAYERS, FEW, TOGETHER, HELD = 64, 32, 8, 2, 16
+# Places of two Gauss points, of half a piece from its middle.
+GAUSS = np.array([[-1.0], [1.0]]) / math.sqrt(3.0)
 # Phase [rad] that the air left out at either end may hold.
 LEFT_OUT = 0.01
 
@@ -139,9 +141,10 @@ class SlabsAlongZ(Slabs):
         if low > high:
             low, high = 0, len(phase) - 1
         # A coefficient acts on the `support` cells that end with its own.
-        near = grid.origin[-1] + grid.spacing[-1] * np.clip([low // stride - support + 1, high // stride + 1], 0, cells)
-        depths = np.sort((near - look.center[2]) * look.normal[2])
-        first, last = max(float(depths[0]), begin), min(float(depths[1]), end)
+        near = (max(low // stride - support + 1, 0), min(high // stride + 1, cells))
+        start, sign = float(grid.origin[-1] - look.center[2]), float(look.normal[2])
+        depths = sorted(sign * (start + node * float(grid.spacing[-1])) for node in near)
+        first, last = max(depths[0], begin), min(depths[1], end)
         return (first, last) if last > first else (begin, end)
 
     def _means(self, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -150,7 +153,7 @@ class SlabsAlongZ(Slabs):
         They are integrated over no more slabs than it takes: over TOGETHER first, then over HELD, then over FINEST, of
         which fewer are means. Returned with those of that line, shape (count,).
         """
-        made = next(each for each in (TOGETHER, HELD, FINEST) if count <= each)
+        made = _made_for(count)
         if made not in self._integrated:
             look, stride = self._look, spline.STRIDE[self._grid.interpolation]
             edges = float(look.center[2]) + float(look.normal[2]) * np.linspace(self.first, self.last, made + 1)
@@ -176,11 +179,13 @@ class SlabsAlongZ(Slabs):
 
     def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
         """See `Slabs.taken`; few slabs are sums of TOGETHER, the last of which are held."""
-        key = (x.tobytes(), y.tobytes(), max(count, TOGETHER))
+        # Of one column, whose pixels cost less than the calls that make them, as many as are integrated together.
+        made = max(count, TOGETHER) if len(x) > 1 else _made_for(count)
+        key = (x.tobytes(), y.tobytes(), made)
         if self._latest is None or self._latest[0] != key:
-            self._latest = key, self._integrals(x, y, key[2])
+            self._latest = key, self._integrals(x, y, made)
         held = self._latest[1]
-        return held.copy() if len(held) == count else held[:1] + held[1:]
+        return held.copy() if made == count else held.reshape(count, -1, *held.shape[1:]).sum(axis=1)
 
     def _integrals(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
         look, geometry, (values, line) = self._look, self._field.geometry, self._means(count)
@@ -239,27 +244,35 @@ class SlabsAlongZ(Slabs):
         last = grid.shape[axis] - 1
         inside = (place >= -1e-12 * last) & (place <= last * (1.0 + 1e-12))
         cell = np.minimum(np.maximum(np.floor(place).astype(np.int64), first), last - 1)
-        weight, _ = spline.weights(grid.interpolation, np.where(inside, place - cell, 0.0))
+        weight = spline.values(grid.interpolation, np.where(inside, place - cell, 0.0))
         column = np.minimum((cell - first) * stride + np.arange(support)[:, None], held - 1)
         return (column, weight.astype(np.float32)), inside
+
+
+def _made_for(count: int) -> int:
+    """How many slabs are integrated for so many."""
+    return next(made for made in (TOGETHER, HELD, FINEST) if count <= made)
 
 
 def _slab_means(held: np.ndarray, grid: UniformGrid, edges: np.ndarray) -> np.ndarray:
     """Mean over slabs between edges along z [m], of coefficients (..., z): shape (..., slabs)."""
     stride, support = spline.STRIDE[grid.interpolation], spline.SUPPORT[grid.interpolation]
     last, count = grid.shape[-1] - 1, len(edges) - 1
-    ends = np.clip((edges - grid.origin[-1]) / grid.spacing[-1], 0.0, float(last))
+    ends = np.minimum(np.maximum((edges - grid.origin[-1]) / grid.spacing[-1], 0.0), float(last))
     low, high = float(ends.min()), float(ends.max())
     # Pieces of one cell and one slab, two Gauss points in each.
     knots = np.sort(np.concatenate([ends, np.arange(math.floor(low) + 1, math.ceil(high))]))
-    middle, half = 0.5 * (knots[1:] + knots[:-1]), 0.5 * np.diff(knots)
-    slab = np.clip(((middle - ends[0]) / (ends[-1] - ends[0]) * count).astype(int), 0, count - 1)
-    cell = np.clip(np.floor(middle).astype(int), 0, last - 1)
-    gauss = middle - cell + half * np.array([[-1.0], [1.0]]) / math.sqrt(3.0)
-    weight = spline.weights(grid.interpolation, gauss)[0].sum(axis=1) * half * count / (high - low)
+    middle, half = 0.5 * (knots[1:] + knots[:-1]), 0.5 * (knots[1:] - knots[:-1])
+    slab = np.minimum(((middle - ends[0]) * (count / (ends[-1] - ends[0]))).astype(int), count - 1)
+    cell = np.minimum(middle.astype(int), last - 1)
+    gauss = middle - cell + half * GAUSS
+    weight = spline.values(grid.interpolation, gauss).sum(axis=1) * half * count / (high - low)
     column = cell * stride + np.arange(support)[:, None]
     length = held.shape[-1]
     total = np.bincount((slab * length + column).ravel(), weight.ravel(), count * length).reshape(count, length)
+    if held.ndim == 2:
+        return product_on_one_core(held, total.T)
+    # Of a volume each slab takes its own coefficients alone.
     used = total != 0.0
     first, last = used.argmax(axis=1), length - used[:, ::-1].argmax(axis=1)
     means = np.empty((*held.shape[:-1], count))
