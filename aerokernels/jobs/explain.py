@@ -44,6 +44,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ("flow", flow.provenance),
         ("free stream", f"{flow.ambient_density:.5g} kg/m3"),
         ("flow mesh", _mesh_in_words(flow)),
+        *_lacking(prepared.mesh_field),
         (
             "part that rays can meet",
             f"{axes} from {low[0] * 1e3:.3g}, {low[1] * 1e3:.3g} mm to {high[0] * 1e3:.3g}, {high[1] * 1e3:.3g} mm",
@@ -166,6 +167,12 @@ def _return_path(scene: Scene, field: IndexField) -> str:
         count = int(nodes) // 2 + 1
         return f"{start}{count} places of a radius, half of {receiver.ray_count:,} rays over the pupil each: symmetric"
     return f"{start}{nodes} x {nodes} places, {receiver.ray_count:,} rays over the pupil each"
+
+
+def _lacking(field: IndexField) -> list[tuple[str, str]]:
+    """What lines across cells lack of the averages over these, where the flow has such."""
+    lacking = field.averages_lacking
+    return [] if lacking is None else [("averages", f"the interpolant between cells lacks {lacking.in_words()}")]
 
 
 def _mesh_in_words(flow: DensityField) -> str:

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 import writers
 import xarray
+from typer.testing import CliRunner
 
 from aerokernels import flow
+from aerokernels.cli import app
 from aerokernels.flow.reading import foam_file
 from aerokernels.flow.reading.dataset import Block, Dataset, ReadError
 from aerokernels.flow.reading.density import Reference
@@ -198,3 +200,17 @@ def test_times_of_a_calendar_are_counted_from_the_first():
 def test_grids_that_make_no_series(given, told):
     with pytest.raises(ValueError, match=told):
         open_series(given())
+
+
+def test_fields_tells_what_lines_will_lack(tmp_path):
+    """Set-up: a plane case of OpenFOAM. Expected: `fields` tells the numbers of its index field, and the remedy.
+
+    A file of values at points has no averages, and nothing is told.
+    """
+    case = writers.foam_wedge(tmp_path / "case", wedge=False)
+    told = flow.read(case).index_field().averages_lacking
+    assert told.rows_max > 1e-5
+    shown = CliRunner(env={"COLUMNS": "1000"}).invoke(app, ["fields", str(case)])
+    assert shown.exit_code == 0 and told.in_words() in shown.output and 'interpolation = "conserving"' in shown.output
+    points = CliRunner().invoke(app, ["fields", str(writers.tecplot_text(tmp_path / "a.dat"))])
+    assert points.exit_code == 0 and "averages" not in points.output
