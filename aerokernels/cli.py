@@ -11,19 +11,17 @@ import gc
 import importlib
 import os
 import pkgutil
-import signal
 import sys
 import traceback
 import warnings
 from collections.abc import Sequence
-from types import FrameType
 from typing import Annotated, Any, NoReturn
 
 import typer
 
 from aerokernels import __version__, commands
 from aerokernels.commands._output import asked, say, silence, warn
-from aerokernels.interrupt import STOPPING, heeded
+from aerokernels.interrupt import raise_interrupts
 from aerokernels.one_writer import NO_FILES
 from aerokernels.plain_text import plain
 
@@ -142,15 +140,8 @@ def main() -> NoReturn:
     """Run the command line and leave the process."""
     gc.set_threshold(*COLLECT_AFTER)
     atexit.register(gc.freeze)  # and when all is done, what is left need not be looked through once more
-    stopped: list[int] = []
-
-    def stop(number: int, frame: FrameType | None) -> NoReturn:
-        stopped.append(number)
-        raise KeyboardInterrupt
-
     # A polite kill and a terminal that closes end like Ctrl-C does: what was half-written is cleared away.
-    for number in filter(heeded, STOPPING):
-        signal.signal(number, stop)
+    stopped = raise_interrupts()
     arguments, switches = taken_out(sys.argv[1:])
     asked.as_json, asked.quiet = "--json" in switches, "--quiet" in switches
     warnings.showwarning = _show_warning

@@ -1,12 +1,23 @@
-"""Interrupts as a flag, so that a loop ends between two reads and never inside a transaction."""
+"""Interrupts where they do no harm: as an exception that never breaks into an import, or as a flag.
+
+A handler runs between any two steps of Python. An exception that it raises within an import can leave Python's import
+lock taken, for which other threads then wait for ever; raised in a callback, it is printed and lost; raised in code
+that `exec` was given as text, it makes Python end by SIGINT whatever status it is told to leave with.
+"""
 
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
+from typing import Any
 
 STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 """Signals by which a user, a batch system or a terminal that closes asks a command to end."""
+
+RUN_TEXT = "<module>", "<string>"  # name and file of code that `exec` was given as text
+AGAIN = 0.02  # seconds after which a signal that came at a bad moment is looked at again
 
 
 def heeded(number: int) -> bool:
@@ -16,6 +27,56 @@ def heeded(number: int) -> bool:
     with SIGTERM alone to end a recording there.
     """
     return number in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(number) is not signal.SIG_IGN
+
+
+def raise_interrupts() -> list[int]:
+    """Have the signals that count raise KeyboardInterrupt in the caller, for the rest of the process.
+
+    Returns:
+        A list to which the number of each signal is added as it is raised.
+    """
+    raised: list[int] = []
+    waiting: list[int] = []
+    base = sys._getframe(1)
+    unraisable = sys.unraisablehook
+
+    def later(number: int) -> None:
+        waiting[:] = [number]
+        signal.setitimer(signal.ITIMER_REAL, AGAIN)
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        if hasattr(signal, "setitimer") and _would_harm(frame, base):
+            later(number)
+            return
+        raised.append(number)
+        raise KeyboardInterrupt
+
+    def again(_number: int, frame: FrameType | None) -> None:
+        if waiting:
+            stop(waiting.pop(), frame)
+
+    def lost(what: Any) -> None:
+        if what.exc_type is KeyboardInterrupt and raised and hasattr(signal, "setitimer"):
+            later(raised.pop())
+        else:
+            unraisable(what)
+
+    for number in filter(heeded, STOPPING):
+        signal.signal(number, stop)
+    if hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGALRM, again)
+    sys.unraisablehook = lost
+    return raised
+
+
+def _would_harm(frame: FrameType | None, base: FrameType) -> bool:
+    """Whether an exception in this frame would break into an import, or into text that is run, above `base`."""
+    while frame is not None and frame is not base:
+        code = frame.f_code
+        if code.co_filename.startswith("<frozen importlib") or (code.co_name, code.co_filename) == RUN_TEXT:
+            return True
+        frame = frame.f_back
+    return False
 
 
 @contextmanager

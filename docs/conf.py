@@ -26,6 +26,7 @@ extensions = [
     "generated_pages",
     "mathml",
     "plain_docstrings",
+    "whole_numbers",
 ]
 exclude_patterns = [
     "_ext",

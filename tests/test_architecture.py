@@ -35,7 +35,7 @@ RANK = {
                 "warp_cache",
             ),
             ("arguments", "checks", "fragile", "one_writer"),
-            ("shown", "netcdf_lazy", "threads"),
+            ("shown", "netcdf_lazy", "one_core", "threads"),
             ("quiet_warp", "sensor", "netcdf_classic"),
             ("netcdf_reading",),
             ("pupils",),

@@ -247,3 +247,10 @@ def test_vectors_by_their_numbers_are_numpys_to_the_last_bit():
         first = np.cross(helper, normal)
         first /= np.linalg.norm(first)
         assert np.stack(transverse_axes(normal)).tobytes() == np.stack([first, np.cross(normal, first)]).tobytes()
+
+
+def test_axes_are_made_once_and_nobody_changes_them():
+    pupil = Disc(1e-3, normal=(0.0, 0.6, 0.8))
+    assert pupil.axes is pupil.axes
+    with pytest.raises(ValueError, match="read-only"):
+        pupil.axes[0][0] = 2.0

@@ -13,6 +13,9 @@ Picture = Annotated[
     Path | None, typer.Option("--picture", "--out", help="Write a picture of the density here (.png, .pdf, .svg).")
 ]
 
+MOST_MEASURED = 100_000  # cells whose averages are kept, for a second's sake
+PRICE = "a field takes some ten times the time to make, a run up to twice"
+
 
 def fields(
     path: Annotated[Path | None, typer.Argument(help="A CFD file or case [default: the shipped fields].")] = None,
@@ -100,6 +103,28 @@ def _field_rows(flow: "DensityField") -> list[tuple[str, str]]:
     ]
     rows.append(("ambient density", f"{flow.ambient_density:.6g} kg/m3"))
     rows.append(("body", _body_in_words(flow.body)))
+    return rows + _lacking_rows(flow)
+
+
+def _lacking_rows(flow: "DensityField") -> list[tuple[str, str]]:
+    """What lines across the cells of a plane mesh will lack of what these hold, where the file has averages."""
+    from aerokernels.flow import CellDensity
+
+    if not isinstance(flow, CellDensity):
+        return []
+    slow = flow.mesh.parents is not None or flow.wall is not None  # averages are kept there, which takes longer
+    if slow and len(flow.mesh.cells) > MOST_MEASURED:
+        return [("averages", f"not measured here, of {len(flow.mesh.cells)} cells: IndexField.averages_lacking does")]
+    try:
+        index = flow.index_field()
+    except ValueError as fault:
+        return [("averages", f"not known what lines lack of them: {fault}")]
+    lacking = index.averages_lacking
+    assert lacking is not None
+    name = "conserving" if index.mesh.whole is not None else "bilinear"
+    rows = [("averages", f'interpolation "{name}" lacks {lacking.in_words()}')]
+    if name == "bilinear" and lacking.rows_max is not None and not lacking.keeps_rows:
+        rows.append(("", f'interpolation = "conserving" keeps rows and columns; {PRICE}'))
     return rows
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..medium import IndexField
+from ..one_core import product_on_one_core
 from ..rays import RayBundle
 from ..threads import in_threads
 from ..tracing import Plane, trace
@@ -26,8 +27,6 @@ from .camera import Camera, along
 # Nodes whose point spread functions are made together; the side of a tile of the pupil's pixels, whose rays follow one
 # another: those that a processor moves in step then share the field's cells (tracing/coherence.py).
 NODES_AT_ONCE, TILE = 16, 4  # speed only
-# Multiplications of a product of complex matrices up to which OpenBLAS takes one thread; of real ones eight times more.
-SHARED_OUT = 1 << 15  # speed only
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,17 +290,5 @@ def _through_pixels(wave: np.ndarray, fraction: np.ndarray, scale: np.ndarray, h
     both = np.zeros((len(wave), held, length), dtype=np.complex128)
     both[..., :count], both[..., length - count + 1 :] = rows, rows[..., :0:-1].conj()
     columns[..., 1:] *= 2.0
-    light = _product(_product(both, correlation), columns.transpose(0, 2, 1)).real
+    light = product_on_one_core(product_on_one_core(both, correlation), columns.transpose(0, 2, 1)).real
     return np.maximum(light, 0.0)  # rounding where it is dark
-
-
-def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Products of stacks of matrices, in pieces that BLAS does not share out among threads of its own.
-
-    Those would wait for one another in ours, and round as many as there are in another order.
-    """
-    rows, inner, columns = left.shape[-2], left.shape[-1], right.shape[-1]
-    step = max(1, SHARED_OUT // (inner * columns))  # speed only
-    if rows <= step:
-        return np.asarray(left @ right)
-    return np.concatenate([left[..., first : first + step, :] @ right for first in range(0, rows, step)], axis=-2)

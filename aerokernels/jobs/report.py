@@ -58,6 +58,7 @@ GROUPS = {
     "range_uncertainty_m": "uncertainty of the range by {} [m]",
     "range_statistics_m": "statistics of the range by {} [m]",
     "stage_seconds": "time, {} [s]",
+    "averages_lacking": "lacking of the averages over cells, {}",
 }
 
 

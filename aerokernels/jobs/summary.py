@@ -7,6 +7,8 @@ range_uncertainty_m    by ranging method: the systematic and the random part of 
 verdict, warnings      what the Strehl ratio's error makes of it ("fine", "warning", "worthless"), and why
 failures               by stage ("wavefront", "rays", "echo", "range", "picture echo", ...): why there is no result
 error                  the error budget of the Strehl ratio by cause
+averages_lacking       what the interpolant lacks of rows and columns of the flow's cells and of single cells, in shares
+of the range of densities, and of a row in optical path [m]; empty where the flow has no averages over cells of a mesh
 scene_values           the whole scene as it was run, every key with its default, SI
 seconds                wall time of each part of the run, and of "prepare" by its own parts; "total" is that of the run
 stage_seconds          the same time by what was done, each moment counted once (clock.py): trace_seconds is its
@@ -21,6 +23,7 @@ import numpy as np
 from aerokernels import __version__
 from aerokernels.echo import EchoResult
 from aerokernels.jobs.run_parts import RunParts
+from aerokernels.medium import AveragesLacking
 
 # Keys of the echo's numbers, and what they are called in `EchoResult.quantities`.
 ECHO_KEYS = {
@@ -73,9 +76,24 @@ def summarise(result: RunParts) -> dict[str, Any]:
         "seconds": {**result.seconds, "prepare": dict(result.prepared.seconds)},
         "stage_seconds": dict(result.stages),
         "provenance": result.prepared.provenance,
+        "averages_lacking": _averages_lacking(result.prepared.lacking),
         "scene_values": scene.as_dict(),
         "version": __version__,
     }
+
+
+def _averages_lacking(lacking: AveragesLacking | None) -> dict[str, float]:
+    """What rows of cells and cells lack of averages; rows left out where cells lie in none."""
+    if lacking is None:
+        return {}
+    found = {
+        "rows_max": lacking.rows_max,
+        "rows_rms": lacking.rows_rms,
+        "row_path_m": lacking.row_path,
+        "cells_max": lacking.cells_max,
+        "cells_rms": lacking.cells_rms,
+    }
+    return {name: value for name, value in found.items() if value is not None}
 
 
 def _strehl_errors(result: RunParts) -> dict[str, float | None]:

@@ -22,6 +22,7 @@ from .grid import AXIS_CORE, UniformGrid, check_box, check_finite
 from .kept_averages import conserving_values, cut_and_kept
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
+from .rows_of_cells import AveragesLacking
 from .solid_body import SolidBody
 from .vertex_values import vertex_values
 
@@ -126,8 +127,7 @@ class IndexField(Derived):
             raise TypeError(f"contrast must be an array of real numbers, got dtype {array.dtype}")
         check_choice(geometry, "geometry", GEOMETRIES)
         geometry, interpolation = str(geometry), str(interpolation)  # no NumPy string, by which kernels are kept apart
-        dimension = 3 if geometry == "volume" else 2
-        if array.ndim != dimension:
+        if array.ndim != (dimension := 3 if geometry == "volume" else 2):
             raise ValueError(f"a {geometry} field needs an array of {dimension} axes, got shape {array.shape}")
         axisymmetric = geometry == "axisymmetric"
         check_ambient(ambient_index)
@@ -197,11 +197,7 @@ class IndexField(Derived):
             raise TypeError(f"mesh must be a QuadMesh, got {type(mesh).__name__}: see QuadMesh.structured")
         values = np.array(plain_array(contrast), dtype=np.float64)
         check_finite(values, "the contrast")
-        at_vertices: list[tuple[int, ...]] = [(len(mesh.vertices),)]
-        in_cells: list[tuple[int, ...]] = [(len(mesh.cells),)]
-        if mesh.shape is not None:
-            at_vertices.append(mesh.shape)
-            in_cells.append((mesh.shape[0] - 1, mesh.shape[1] - 1))
+        at_vertices, in_cells = mesh.array_shapes
         averages = None
         if interpolation == "conserving" and values.shape not in in_cells:
             raise ValueError("interpolation 'conserving' needs averages over cells: these are values at vertices")
@@ -249,6 +245,11 @@ class IndexField(Derived):
         if self.is_uniform:
             raise ValueError("this field lies on a uniform grid, it has no mesh")
         return self.samples.mesh
+
+    @property
+    def averages_lacking(self) -> AveragesLacking | None:
+        """What rows of cells and cells lack of the averages that a field was made from; None of values at points."""
+        return None if self.is_uniform else self.samples.averages_lacking
 
     @property
     def spacing(self) -> np.ndarray:

@@ -30,6 +30,7 @@ import numpy as np
 from .cell_shares import CellShares, cell_shares
 from .edge_lines import edge_lines
 from .mesh import QuadMesh
+from .opposite_sides import joined_across
 from .refined import cut_in_four, has_seam
 from .row_sums import keep_row_sums
 from .vertex_values import linear_values_and_smooth, of_parents, values_and_smooth, vertex_gradients
@@ -99,7 +100,6 @@ def cut_and_kept(
             "interpolation 'conserving' cuts cells, and this mesh closes on itself in a seam, with two vertices in one "
             "place: take 'bilinear', or merge them"
         )
-    shape = None if mesh.shape is None else (mesh.shape[0] - 1, mesh.shape[1] - 1)
     values, smooth = linear_values_and_smooth(mesh, average)
     if mesh.parents is None:
         gradient = vertex_gradients(mesh, values)
@@ -108,7 +108,7 @@ def cut_and_kept(
         average = average[mesh.parents]
         average.setflags(write=False)
     held = None if walls is None else _held(mesh, *walls)
-    return mesh, keep_averages(mesh, values, average, smooth, vacuum, held, shape), average
+    return mesh, keep_averages(mesh, values, average, smooth, vacuum, held), average
 
 
 def keep_averages(
@@ -118,7 +118,6 @@ def keep_averages(
     smooth: np.ndarray,
     vacuum: float = -np.inf,
     held: tuple[np.ndarray, np.ndarray] | None = None,
-    shape: tuple[int, int] | None = None,
 ) -> np.ndarray:
     """Values near the given ones that keep the averages.
 
@@ -129,7 +128,6 @@ def keep_averages(
         smooth: Which of the flow's cells neither hold a captured shock nor touch one that does.
         vacuum: The value of no gas.
         held: Vertices whose values are known, and these.
-        shape: Rows and columns of the flow's cells; None where they lie in no such order.
     """
     own, cells = of_parents(mesh, average), cell_shares(mesh)
     low, high = _bounds(cells.share, cells.turned, own, smooth, values, vacuum)
@@ -149,7 +147,8 @@ def keep_averages(
     lacks = cells.lacks(own, found) * cells.size / np.where(room > 0.0, room, 1.0)
     cell = cells.turned.indices[cells.turned.indptr[alone]]
     found[alone] = np.clip(found[alone] + lacks[cell], low[alone], high[alone])
-    return keep_row_sums(cells, own, found, low, high, shape, edge_lines(mesh, own))
+    joined = None if mesh.whole is None else joined_across(mesh.whole)
+    return keep_row_sums(cells, own, found, low, high, joined, edge_lines(mesh, own))
 
 
 def _sweep(cells: CellShares, some, own, found, low, high, enough: float, sweeps: int) -> None:

@@ -123,6 +123,13 @@ class QuadMesh(Derived):
         cells = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1).reshape(-1, 4)
         return cls(np.stack([first.ravel(), second.ravel()], axis=1), cells, geometry, first.shape)
 
+    @property
+    def array_shapes(self) -> tuple[list[tuple[int, ...]], list[tuple[int, ...]]]:
+        """Shapes that arrays of one entry for each vertex, and for each cell, may have."""
+        rows = [] if self.shape is None else [self.shape]
+        at_vertices, in_cells = [(len(self.vertices),), *rows], [(len(self.cells),), *((m - 1, n - 1) for m, n in rows)]
+        return at_vertices, in_cells
+
     @cached_property
     def corners(self) -> np.ndarray:
         """Vertex coordinates of each cell [m], shape (cell_count, 4, 2)."""

@@ -22,6 +22,7 @@ from ..shown import shown
 from .grid import eq5_step
 from .kept_averages import what_is_lacking
 from .mesh import Places, QuadMesh
+from .rows_of_cells import AveragesLacking, averages_lacking
 from .vertex_values import of_parents, values_and_smooth, vertex_gradients
 
 MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw", "cells")
@@ -96,6 +97,13 @@ class MeshSamples(Derived):
         start, smooth = values_and_smooth(self.mesh, self.averages)
         unsure = lacks + 0.5 * what_is_lacking(self.mesh, self.averages, start)
         return self.mesh, np.asarray(lacks + np.where(smooth[self.mesh.parents], 0.0, unsure))
+
+    @cached_property
+    def averages_lacking(self) -> AveragesLacking | None:
+        """What rows of cells, and cells, lack of the averages; None without these, or of no bilinear interpolant."""
+        if self.averages is None or self.interpolation != "bilinear":
+            return None
+        return averages_lacking(self.mesh, self.averages, self.values)
 
     @cached_property
     def paper_step(self) -> np.ndarray:

@@ -8,11 +8,12 @@ as little as possible (in squares), such that
     sum_c A_c (a_c - mean_c(v)) = 0        along every row and every column of cells there,
 
 A_c the areas, which a line in the plane meets, and with them over every box whose sides these rows and columns cross
-whole. Cells without rows (triangles, polygons) are summed under hats in y and in z, as wide as cells. How a row's sum
-is shared among the lines in it is left open by that: sums along lines of edges (edge_lines.py) are asked for as well,
-and give way. No value leaves the bounds it had. A row that runs along the shock, in which more than half of the cells
-lack something, has no room to take from and is not asked for anything. What bounds forbid stays lacking, and
-`MeshSamples.lacking` tells it.
+whole. Rows of quadrilaterals are those of opposite_sides.py, in a mesh of any blocks. Cells without rows (triangles,
+polygons) are summed under hats in y and in z, as wide as cells. How a row's sum is shared among the lines in it is left
+open by that: in structured meshes sums along lines of edges (edge_lines.py) are asked for as well, and give way. No
+value leaves the bounds it had. A row that runs along the shock, in which more than half of the cells lack something,
+has no room to take from and is not asked for anything. What bounds forbid stays lacking, and `MeshSamples.lacking`
+tells it.
 """
 
 import numpy as np
@@ -20,6 +21,7 @@ import numpy as np
 from .bounded import least_change
 from .cell_shares import CellShares
 from .edge_lines import EdgeLines
+from .opposite_sides import row_numbers
 
 REACH = 8  # steps from cell to cell that what a cell lacks may go
 LACKING = 1e-6  # of the range of the averages: cells that lack less are kept
@@ -36,7 +38,7 @@ def keep_row_sums(
     values: np.ndarray,
     low: np.ndarray,
     high: np.ndarray,
-    shape: tuple[int, int] | None = None,
+    joined: tuple[np.ndarray, np.ndarray] | None = None,
     lines: EdgeLines | None = None,
 ) -> np.ndarray:
     """Values at the vertices, shape (vertex_count,), within their bounds, that keep sums across what cells lack.
@@ -47,7 +49,7 @@ def keep_row_sums(
         values: Values to begin with, within the bounds, shape (vertex_count,).
         low: Least values, shape (vertex_count,).
         high: Greatest values.
-        shape: Rows and columns of the flow's cells; None where they lie in no such order.
+        joined: Which of the flow's cells follow one another in rows (`joined_across`); None where there are no rows.
         lines: Lines of edges whose sums are kept too, or None.
     """
     from scipy.sparse.csgraph import connected_components
@@ -69,7 +71,7 @@ def keep_row_sums(
     for some in np.split(region[order], np.cumsum(np.bincount(part, minlength=count))[:-1]):
         if len(some) > MOST_CELLS:
             continue
-        sums = _lines(some, shape) if shape is not None else _hats(some, cells)
+        sums = _hats(some, cells) if joined is None else _stretches(some, joined, len(average))
         _place(cells, some, sums, lines, lacking, lacks / scale, found, inside, low, high, scale)
     return found
 
@@ -124,18 +126,10 @@ def _along_lines(lines: EdgeLines, edge: np.ndarray, lacking: np.ndarray):
     return csr_array((weight, (number, np.flatnonzero(kept))), shape=(int(crossed.sum()), len(edge)))
 
 
-def _lines(some: np.ndarray, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stretches of rows and of columns in a set of cells: number of the stretch, place in the set, and weight."""
-    first, second = some // shape[1], some % shape[1]
-    rows, of, count = [], [], 0
-    for along, across in ((first, second), (second, first)):
-        order = np.lexsort((along, across))
-        new = np.ones(len(some), dtype=bool)
-        new[1:] = (np.diff(across[order]) != 0) | (np.diff(along[order]) != 1)
-        rows.append(count + np.cumsum(new) - 1)
-        of.append(order)
-        count += int(new.sum())
-    return np.concatenate(rows), np.concatenate(of), np.ones(2 * len(some))
+def _stretches(some: np.ndarray, joined, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stretches of rows in a set of cells: number of the stretch, place in the set, and weight."""
+    rows = row_numbers(joined, count, some)
+    return rows, np.tile(np.arange(len(some)), 2), np.ones(len(rows))
 
 
 def _hats(some: np.ndarray, cells: CellShares) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

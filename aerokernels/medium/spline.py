@@ -26,14 +26,22 @@ def weights(interpolation: str, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Weights and their derivatives with respect to u, each of shape (support, *u.shape)."""
     v = 1.0 - u
     if interpolation == "linear":
-        return np.stack([v, u]), np.stack([-np.ones_like(u), np.ones_like(u)])
-    if interpolation == "cubic":
-        value = [v**3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (3 * v**3 - 6 * v**2 + 4) / 6, u**3 / 6]
+        slope = [-np.ones_like(u), np.ones_like(u)]
+    elif interpolation == "cubic":
         slope = [-(v**2) / 2, (3 * u**2 - 4 * u) / 2, -(3 * v**2 - 4 * v) / 2, u**2 / 2]
-        return np.stack(value), np.stack(slope)
-    value = [(1 + 2 * u) * v**2, u * v**2, u**2 * (3 - 2 * u), -(u**2) * v]
-    slope = [-6 * u * v, v * (1 - 3 * u), 6 * u * v, u * (3 * u - 2)]
-    return np.stack(value), np.stack(slope)
+    else:
+        slope = [-6 * u * v, v * (1 - 3 * u), 6 * u * v, u * (3 * u - 2)]
+    return values(interpolation, u), np.stack(slope)
+
+
+def values(interpolation: str, u: np.ndarray) -> np.ndarray:
+    """The weights alone, shape (support, *u.shape)."""
+    v = 1.0 - u
+    if interpolation == "linear":
+        return np.stack([v, u])
+    if interpolation == "cubic":
+        return np.stack([v**3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (3 * v**3 - 6 * v**2 + 4) / 6, u**3 / 6])
+    return np.stack([(1 + 2 * u) * v**2, u * v**2, u**2 * (3 - 2 * u), -(u**2) * v])
 
 
 def coefficients(samples: np.ndarray, interpolation: str, even_first_axis: bool) -> np.ndarray:

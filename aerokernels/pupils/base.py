@@ -40,10 +40,13 @@ class Pupil(ABC):
         object.__setattr__(self, "center", as_vector(self.center, f"{kind} center"))
         object.__setattr__(self, "normal", as_unit_vector(self.normal, f"{kind} normal"))
 
-    @property
+    @cached_property
     def axes(self) -> tuple[np.ndarray, np.ndarray]:
-        """The two unit vectors in the pupil's plane: x and y where it looks along z."""
-        return transverse_axes(self.normal)
+        """The two unit vectors in the pupil's plane, read-only: x and y where it looks along z."""
+        axes = transverse_axes(self.normal)
+        for axis in axes:
+            axis.setflags(write=False)
+        return axes
 
     @property
     @abstractmethod

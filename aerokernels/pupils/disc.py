@@ -192,6 +192,7 @@ def area_below(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
     turn = np.sqrt(1.0 - y * y)  # |t| at which the line y meets the circle
     inside = np.clip(x, -turn, turn)
-    middle = y * (inside + turn) + primitive(inside) + primitive(turn)
-    ends = primitive(np.minimum(x, -turn)) + 0.25 * np.pi + primitive(np.maximum(x, turn)) - primitive(turn)
+    at_turn = primitive(turn)
+    middle = y * (inside + turn) + primitive(inside) + at_turn
+    ends = primitive(np.minimum(x, -turn)) + 0.25 * np.pi + primitive(np.maximum(x, turn)) - at_turn
     return middle + np.where(y > 0.0, 2.0 * ends, 0.0)

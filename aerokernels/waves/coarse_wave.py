@@ -4,17 +4,17 @@ The finest phase that matters sets the pixels, and diffraction.py doubles the sl
 """
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..medium import IndexField
 from ..pupils import Pupil
-from ..wavefront import Wavefront
-from .diffraction import Ways, window_of
+from .diffraction import Ways, beside, window_of
 from .layers import span_of
-from .screens import Crossings, crossings_of, disturbed_length, fast_size, places_across, spread_along
+from .screens import Crossings, crossings_of, disturbance, fast_size, places_across, spread_along
 from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
-from .slabs import FINEST, LookingAlong, Slabs, disturbed_until, slabs_of
+from .slabs import FINEST, LookingAlong, Slabs, slabs_of
 from .verdict import Validity
 
 # Phase [rad rms] that may be left out of what counts as the finest, and lines either way on which that is looked for.
@@ -30,57 +30,66 @@ PER_FEATURE, LEAST_PIXELS, PER_REACH, COLUMN_PIXELS, SLAB_LINES = 4.0, 48, 32.0,
 SOME, MANY, RESOLVED = 0.01, 0.1, 4.0
 
 
+@dataclass(frozen=True)
+class TracedMap:
+    """What a wave asks of a traced wavefront.
+
+    Attributes:
+        strehl: Its Strehl ratio.
+        pixel: Side of its pixels [m].
+    """
+
+    strehl: float
+    pixel: float
+
+
 def by_waves(
     field: IndexField,
     pupil: Pupil,
     wavelength: float,
     feature: float | None,
     limit: float,
-    traced: Wavefront | None = None,
+    traced: TracedMap | None = None,
 ) -> Validity:
     """The verdict of a wave through slabs of the field, see diffraction.py; a finest phase of None is looked for.
 
-    `traced` is the wavefront of traced rays, where there is one: rays near their foci are those.
+    `traced` is the map of traced rays, where there is one: rays near their foci are those.
     """
     reach = max(pupil.half_extent)
     flat = is_one_column(field, pupil.normal)
     clear = is_clear(field, pupil, pupil.normal, wavelength)
     look = LookingAlong(pupil.center, pupil.normal, pupil.axes, reach)
     begin, end = span_of(field, look.center, look.normal, look.axes, *(2 * [(-look.half, look.half)]))
-    last = disturbed_until(field, look, begin, end, wavelength)
-    half = min(LEAST_WINDOW * reach + BESIDE * math.sqrt(wavelength * last), MOST_WINDOW * reach)
-    if not clear:
-        half = max(half, reach + fringes(field, wavelength))
-    look = LookingAlong(pupil.center, pupil.normal, pupil.axes, half)
+    look = replace(look, half=_half_window(reach, wavelength, end, 0.0 if clear else fringes(field, wavelength)))
     slabs: Slabs = (
         slabs_of(field, look, begin, end, wavelength) if clear else SlabsPastBody(field, look, begin, end, wavelength)
     )
+    half = _half_window(reach, wavelength, slabs.last, 0.0 if clear else fringes(field, wavelength))
     if feature is None:
-        window = window_of(pupil, reach, COLUMN_PIXELS[1] if flat else 2 * slabs.most_pixels // 3, flat)
-        path = slabs.taken(window.x, window.y, 1)[0]
-        _, passes = shadow_of(slabs, window, wavelength, end)
-        feature = finest_feature(np.where(passes, path, np.nan), window.pixel, wavelength)
+        feature = _finest_of(slabs, pupil, flat, wavelength)
     least, most = COLUMN_PIXELS if flat else (max(LEAST_PIXELS, PER_REACH * half / reach), slabs.most_pixels)
     # Fringes of a rim are as fine as the pixels allow.
-    pixels = fast_size(math.ceil(np.clip(2.0 * look.half * PER_FEATURE / feature, least, most))) if clear else most
-    window = window_of(pupil, look.half, pixels, flat)
+    pixels = fast_size(math.ceil(np.clip(2.0 * half * PER_FEATURE / feature, least, most))) if clear else most
+    window = window_of(pupil, half, pixels, flat)
     if clear:
-        distance = disturbed_length(field, pupil, pupil.normal)
+        distance = disturbance(field, pupil, pupil.normal).length
     else:
         distance = _slabs_length(slabs, pupil, flat)
     shadow, passes = shadow_of(slabs, window, wavelength, end)
+    near = beside(passes)
     path = slabs.taken(window.x, window.y, 1)[0]
-    crossings = crossings_of(path, window.pixel, window.amplitude * passes, distance)
+    crossings = crossings_of(path[near], window.pixel, (window.amplitude * passes)[near], distance)
     ways = Ways(
         window=window,
         slabs=slabs,
         passes=passes,
+        near=near,
         before=slabs.first,
         after=end - slabs.last,
         wavelength=wavelength,
         ambient_index=field.ambient_index,
         straight=crossings.near > MANY,
-        traced=strehl_of(traced) if traced is not None and clear else None,
+        traced=traced.strehl if traced is not None and clear else None,
         by_traced=traced is not None and clear and _by_traced(crossings, feature, traced.pixel),
     )
     change, error = ways.change(limit)
@@ -98,6 +107,29 @@ def by_waves(
     )
 
 
+def _half_window(reach: float, wavelength: float, last: float, beside: float) -> float:
+    """Half the width [m] of a window that holds the light of a pupil of half a width `reach` until `last` [m]."""
+    return max(min(LEAST_WINDOW * reach + BESIDE * math.sqrt(wavelength * last), MOST_WINDOW * reach), reach + beside)
+
+
+def _finest_of(slabs: Slabs, pupil: Pupil, flat: bool, wavelength: float) -> float:
+    """Half period of the finest phase [m] of straight lines through slabs, on some lines across the pupil."""
+    count = COLUMN_PIXELS[1] if flat else 2 * slabs.most_pixels // 3
+    pixel = 2.0 * max(pupil.half_extent) / count
+    place = pixel * (np.arange(count) - count // 2)
+    few = np.zeros(1) if flat else place[_some_of(count)]
+    lines = []
+    for x, y in ((few, place),) if flat else ((few, place), (place, few)):
+        path = slabs.taken(x, y, 1)[0]
+        lit = np.abs(y[:, None]) <= pupil.half_extent[1] if flat else pupil.transmission(*np.meshgrid(x, y)) > 0.0
+        opaque = slabs.opaque(x, y, FINEST)
+        if opaque is not None:
+            lit = lit & ~opaque.any(axis=0)
+        path = np.where(lit, path, np.nan)
+        lines.append(path.T if x is few else path)
+    return _finest_on(np.stack(lines), pixel, wavelength)[0]
+
+
 def _by_traced(crossings: Crossings, feature: float, pixel: float) -> bool:
     """Whether rays are known by a traced map alone: near their foci, of a map that holds the finest phase.
 
@@ -105,15 +137,6 @@ def _by_traced(crossings: Crossings, feature: float, pixel: float) -> bool:
     grating's phase before that may hide between pixels.
     """
     return crossings.crossed > 0.0 or (crossings.near > SOME and feature >= RESOLVED * pixel)
-
-
-def strehl_of(wavefront: Wavefront) -> float:
-    """A map's Strehl ratio as it stands, in a fraction of the time of `Wavefront.strehl`."""
-    lit = wavefront.weight > 0.0
-    weight = wavefront.weight[lit]
-    phase = wavefront.opd[lit] * (2.0 * math.pi / wavefront.wavelength)
-    parts = np.einsum("i,i->", weight, np.cos(phase)), np.einsum("i,i->", weight, np.sin(phase))
-    return float((parts[0] ** 2 + parts[1] ** 2) / np.einsum("i->", weight) ** 2)
 
 
 def is_one_column(field: IndexField, normal: np.ndarray) -> bool:
@@ -131,7 +154,7 @@ def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
     opaque = slabs.opaque(across, place, FINEST)
     if opaque is not None and (lit & ~opaque.any(axis=0)).any():
         lit &= ~opaque.any(axis=0)
-    return spread_along(slabs.spread(across, place)[:, lit], slabs.last - slabs.first)
+    return spread_along(slabs.taken(across, place, FINEST)[:, lit], slabs.first, slabs.last).length
 
 
 def finest_feature(path: np.ndarray, pixel: float, wavelength: float) -> float:
@@ -140,19 +163,32 @@ def finest_feature(path: np.ndarray, pixel: float, wavelength: float) -> float:
     By second differences at growing distance, which no tilt touches and no edge of the pupil: a component of period p
     holds its whole at a distance of p / 2.
     """
-    count, wave_number = len(path), 2.0 * np.pi / wavelength
+    return finest_and_squares(path, pixel, wavelength)[0]
+
+
+def finest_and_squares(path: np.ndarray, pixel: float, wavelength: float) -> tuple[float, float]:
+    """As `finest_feature`, and the mean square of its second differences [m2], which tells one map from another."""
     # Some lines either way say what all of them do: columns and, of a map of more than one, rows.
-    part = slice(None, None, max(1, count // FEATURE_LINES))
+    part = _some_of(len(path))
     ways = [path.T[part], path[part]] if path.shape[0] == path.shape[1] else [path.T[part]]
-    lines = np.stack(ways)
+    return _finest_on(np.stack(ways), pixel, wavelength)
+
+
+def _some_of(count: int) -> slice:
+    return slice(None, None, max(1, count // FEATURE_LINES))
+
+
+def _finest_on(lines: np.ndarray, pixel: float, wavelength: float) -> tuple[float, float]:
+    """`finest_and_squares` of lines of paths (ways, lines, n)."""
+    count, wave_number, squares = lines.shape[-1], 2.0 * np.pi / wavelength, 0.0
     for stride in (2**power for power in range(int(np.log2(max(count // 2, 1))) + 1)):
         # Of a coarse difference every second part of it is looked at: the rest says the same.
         step = max(1, stride // 2)
         squares = _mean_squares(lines[..., ::step], stride // step)
         # Of a component that is sampled at its extremes the second difference is four times the amplitude.
         if wave_number * math.sqrt(squares / 8.0) > 2.0 * UNSEEN:
-            return stride * pixel
-    return float("inf")
+            return stride * pixel, squares
+    return float("inf"), squares
 
 
 def _mean_squares(lines: np.ndarray, stride: int) -> float:

@@ -15,7 +15,7 @@ from ..pupils import Pupil
 from ..tracing.pupil_air import meets_wall
 from .diffraction import Window
 from .layers import mean_layers
-from .slabs import FINEST, LookingAlong, Slabs
+from .slabs import FINEST, LookingAlong, Slabs, without_piston
 from .wave import Wave
 
 # Lines along a side of the pupil by which it is told whether a body is near, and how far beside the pupil they go, in
@@ -44,7 +44,7 @@ class SlabsPastBody(Slabs):
 
             row, column = distance_transform_edt(dark, return_distances=False, return_indices=True)
             path = path[:, row, column]
-        return path
+        return without_piston(path)
 
     def opaque(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray | None:
         """See `Slabs.opaque`."""

@@ -18,11 +18,14 @@ import numpy as np
 from ..medium import IndexField, spline
 from ..medium.grid import UniformGrid
 from ..medium.tensor_points import contrast_without_gradient
+from ..one_core import product_on_one_core
 
 # Slabs that the disturbed air is divided into at first; layers of the box where no sum over coefficients can be had: so
 # many up to a few slabs, more for more. So many slabs are integrated together at least, and so many are held until
 # more of them are asked for.
 FINEST, LAYERS, FEW, TOGETHER, HELD = 64, 32, 8, 2, 16
+# Places of two Gauss points, of half a piece from its middle.
+GAUSS = np.array([[-1.0], [1.0]]) / math.sqrt(3.0)
 # Phase [rad] that the air left out at either end may hold.
 LEFT_OUT = 0.01
 
@@ -59,17 +62,16 @@ class Slabs(ABC):
 
     @abstractmethod
     def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
-        """Optical path [m] of `count` slabs, a power of two up to FINEST, shape (count, y, x).
+        """Optical path [m] of `count` slabs, a power of two up to FINEST, float32, shape (count, y, x).
+
+        Less that of one line, which is another for each slab: what delays all alike is of no account, and would take
+        the digits of what does not.
 
         Args:
             x: Places along the window's first axis [m], shape (m,).
             y: Places along its second, shape (n,).
             count: How many.
         """
-
-    def spread(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """What lines about places of a window hold in each of some slabs, to a common factor, (slabs, y, x)."""
-        return self.taken(x, y, FINEST)
 
     def opaque(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray | None:
         """Where light ends in `count` slabs, at places as for `taken`, shape (count, y, x); None: nowhere."""
@@ -88,31 +90,27 @@ def is_summed(field: IndexField, normal: np.ndarray) -> bool:
     return field.is_uniform and abs(abs(float(normal[2])) - 1.0) < 1e-15
 
 
-def disturbed_until(field: IndexField, look: LookingAlong, begin: float, end: float, wavelength: float) -> float:
-    """Where the air that disturbs a window ends, between two distances along its line of sight [m]."""
-    if not is_summed(field, look.normal):
-        return end
-    return SlabsAlongZ(field, look, begin, end, wavelength, held=0).last
+def without_piston(paths: np.ndarray) -> np.ndarray:
+    """Paths of slabs (count, y, x) less each one's first, float32."""
+    return (paths - paths[:, :1, :1]).astype(np.float32)
 
 
 class SlabsAlongZ(Slabs):
-    """Slabs of a uniform grid along its z axis, by its coefficients."""
+    """Slabs of a uniform grid along its z axis, by its coefficients; paths of single precision."""
 
     most_pixels = 192
 
-    def __init__(
-        self, field: IndexField, look: LookingAlong, begin: float, end: float, wavelength: float, held: int = HELD
-    ):
-        """Find what is disturbed, and integrate over so many slabs of it."""
+    def __init__(self, field: IndexField, look: LookingAlong, begin: float, end: float, wavelength: float):
+        """Find what is disturbed."""
         assert isinstance(field.samples, UniformGrid)
         self._field, self._grid, self._look = field, field.samples, look
         grid = self._grid
         self._across = tuple(self._window(axis) for axis in range(grid.samples.ndim - 1))
         self._held = grid.coefficients[tuple(slice(low, high) for low, high, _ in self._across)]
         self.first, self.last = self._disturbed(self._held, begin, end, wavelength)
-        self._means = self._slab_means(held) if held else np.empty(0)
+        self._integrated: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._latest: tuple[tuple[bytes, bytes, int], np.ndarray] | None = None
-        self._matrices: dict[tuple[int, bytes], tuple[Any, np.ndarray]] = {}
+        self._known: dict[tuple[int, bytes], tuple[Any, np.ndarray]] = {}
 
     def _window(self, axis: int) -> tuple[int, int, int]:
         """Coefficients along an axis that the window's values depend on: from, to, and the first one's cell."""
@@ -143,16 +141,31 @@ class SlabsAlongZ(Slabs):
         if low > high:
             low, high = 0, len(phase) - 1
         # A coefficient acts on the `support` cells that end with its own.
-        near = grid.origin[-1] + grid.spacing[-1] * np.clip([low // stride - support + 1, high // stride + 1], 0, cells)
-        depths = np.sort((near - look.center[2]) * look.normal[2])
-        first, last = max(float(depths[0]), begin), min(float(depths[1]), end)
+        near = (max(low // stride - support + 1, 0), min(high // stride + 1, cells))
+        start, sign = float(grid.origin[-1] - look.center[2]), float(look.normal[2])
+        depths = sorted(sign * (start + node * float(grid.spacing[-1])) for node in near)
+        first, last = max(depths[0], begin), min(depths[1], end)
         return (first, last) if last > first else (begin, end)
 
-    def _slab_means(self, count: int) -> np.ndarray:
-        """Means of the coefficients over so many slabs."""
-        look = self._look
-        edges = float(look.center[2]) + float(look.normal[2]) * np.linspace(self.first, self.last, count + 1)
-        return _slab_means(self._held, self._grid, edges)
+    def _means(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Means of the coefficients over so many slabs, float32, shape (..., count), less those of the first line.
+
+        They are integrated over no more slabs than it takes: over TOGETHER first, then over HELD, then over FINEST, of
+        which fewer are means. Returned with those of that line, shape (count,).
+        """
+        made = _made_for(count)
+        if made not in self._integrated:
+            look, stride = self._look, spline.STRIDE[self._grid.interpolation]
+            edges = float(look.center[2]) + float(look.normal[2]) * np.linspace(self.first, self.last, made + 1)
+            means = _slab_means(self._held, self._grid, edges)
+            line = means[(0,) * (means.ndim - 1)].copy()
+            # Weights of values add up to one; slopes, in between them, have nothing in common.
+            means[(slice(None, None, stride),) * (means.ndim - 1)] -= line
+            self._integrated[made] = means.astype(np.float32), line
+        means, line = self._integrated[made]
+        if made == count:
+            return means, line
+        return means.reshape(*means.shape[:-1], count, -1).mean(axis=-1), line.reshape(count, -1).mean(axis=-1)
 
     def _sees_past(self) -> bool:
         """Whether the window is wider than the box."""
@@ -166,104 +179,101 @@ class SlabsAlongZ(Slabs):
 
     def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
         """See `Slabs.taken`; few slabs are sums of TOGETHER, the last of which are held."""
-        key = (x.tobytes(), y.tobytes(), max(count, TOGETHER))
+        # One column costs less than the calls that make it.
+        made = max(count, TOGETHER) if len(x) > 1 else max(HELD, _made_for(count))
+        key = (x.tobytes(), y.tobytes(), made)
         if self._latest is None or self._latest[0] != key:
-            self._latest = key, self._integrals(x, y, key[2])
+            self._latest = key, self._integrals(x, y, made)
         held = self._latest[1]
-        return held.reshape(count, -1, *held.shape[1:]).sum(axis=1)
+        return held.copy() if made == count else held.reshape(count, -1, *held.shape[1:]).sum(axis=1)
 
     def _integrals(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
-        look, geometry = self._look, self._field.geometry
-        if count > self._means.shape[-1]:
-            self._means = self._slab_means(FINEST)
-        values = self._means.reshape(*self._means.shape[:-1], count, -1).mean(axis=-1)
+        look, geometry, (values, line) = self._look, self._field.geometry, self._means(count)
         across = look.center[0] + np.asarray(x) * look.axes[0][0]
         up = look.center[1] + np.asarray(y) * look.axes[1][1]
         if geometry == "volume":
-            part, inside_x = self._interpolated(across, values, 0)  # x, y coefficients, slab
-            part, inside_y = self._interpolated(up, np.swapaxes(part, 0, 1), 1)  # y, x, slab
-            potential, inside = np.moveaxis(part, -1, 0), inside_y[:, None] & inside_x
+            (columns, inside_x), (rows, inside_y) = (
+                self._matrix(points, values.shape[axis], axis) for axis, points in enumerate((across, up))
+            )
+            part = product_on_one_core(rows, np.ascontiguousarray(values.transpose(2, 1, 0)))
+            potential, inside = product_on_one_core(part, columns.T), inside_y[:, None] & inside_x
         elif geometry == "planar":
-            part, inside = self._interpolated(up, values, 0)
-            potential = np.broadcast_to(part.T[:, :, None], (count, len(up), len(across)))
-            inside = inside[:, None]
+            rows, inside = self._matrix(up, len(values), 0)
+            part = np.ascontiguousarray(product_on_one_core(rows, values).T)
+            potential, inside = np.repeat(part[:, :, None], len(across), axis=2), inside[:, None]
         else:
             # A window about the axis has every distance from it in four places or more.
             (up, row), (across, column) = (np.unique(np.abs(place), return_inverse=True) for place in (up, across))
             radius = np.hypot(up[:, None], across)
-            part, inside = self._interpolated(radius.ravel(), values, 0)
+            part, inside = self._interpolated(radius.ravel(), values)
             there = row[:, None], column
-            potential, inside = part.T.reshape(count, *radius.shape)[:, *there], inside.reshape(radius.shape)[there]
-        ambient = self._grid.ambient_index
-        index = np.sqrt(np.maximum(ambient**2 + 2.0 * potential, 0.0))
-        thickness = (self.last - self.first) / count
-        return np.where(inside, 2.0 * thickness * potential / (index + ambient), 0.0)
+            potential, inside = part.reshape(count, *radius.shape)[:, *there], inside.reshape(radius.shape)[there]
+        # The index less that of the line: potentials differ by half of the squares' difference.
+        ambient, thickness = self._grid.ambient_index, (self.last - self.first) / count
+        index = np.sqrt(np.maximum(ambient**2 + 2.0 * line, 0.0))[:, None, None]
+        potential *= np.float32(2.0)
+        sum_of_both = np.sqrt(np.maximum((index**2).astype(np.float32) + potential, np.float32(0.0)))
+        sum_of_both += index.astype(np.float32)
+        potential *= np.float32(thickness)
+        potential /= sum_of_both
+        return potential if inside.all() else np.where(inside, potential, np.float32(thickness) * (ambient - index))
 
-    def spread(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """See `Slabs.spread`: the coefficients at the nodes beside the lines."""
-        look, geometry = self._look, self._field.geometry
-        across = look.center[0] + np.asarray(x) * look.axes[0][0]
-        up = look.center[1] + np.asarray(y) * look.axes[1][1]
-        if geometry == "axisymmetric":
-            return np.moveaxis(self._means[self._nearest(np.hypot(up[:, None], across), 0)], -1, 0)
-        rows = self._nearest(up, 1 if geometry == "volume" else 0)
-        if geometry == "planar":
-            return np.repeat(self._means[rows].T[:, :, None], len(across), axis=2)
-        return np.moveaxis(self._means[self._nearest(across, 0)][:, rows], (0, 1, 2), (2, 1, 0))
+    def _interpolated(self, points: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values (n, count) along an axis at points [m], shape (count, points), and which of those lie in the box."""
+        key = (0, points.tobytes())
+        if key not in self._known:
+            self._known[key] = self._weights(points, len(values), 0)
+        (column, weight), inside = self._known[key]
+        values = np.ascontiguousarray(values.T)
+        return sum(each * values[:, place] for place, each in zip(column, weight, strict=True)), inside
 
-    def _nearest(self, points: np.ndarray, axis: int) -> np.ndarray:
-        """The coefficient that is held of the node beside points [m] along an axis of the grid."""
-        grid = self._grid
-        node = np.rint((points - grid.origin[axis]) / grid.spacing[axis]).astype(int) - self._across[axis][2]
-        first = 1 if grid.interpolation == "cubic" else 0
-        return np.clip(node * spline.STRIDE[grid.interpolation] + first, 0, self._means.shape[axis] - 1)
-
-    def _interpolated(self, points: np.ndarray, values: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
-        """Values along their first axis, an axis of the grid, at points [m], and which of those lie in the box."""
-        key = (axis, points.tobytes())
-        if key not in self._matrices:
-            self._matrices[key] = self._matrix(points, len(values), axis)
-        matrix, inside = self._matrices[key]
-        if isinstance(matrix, tuple):
-            column, weight = matrix
-            return sum(each[:, None] * values[place] for place, each in zip(column, weight, strict=True)), inside
-        product = matrix @ np.ascontiguousarray(values).reshape(len(values), -1)
-        return product.reshape(len(points), *values.shape[1:]), inside
-
-    def _matrix(self, points: np.ndarray, held: int, axis: int) -> tuple[Any, np.ndarray]:
+    def _matrix(self, points: np.ndarray, held: int, axis: int) -> tuple[np.ndarray, np.ndarray]:
         """What makes values at points [m] of so many coefficients along an axis, and which points lie in the box."""
-        from scipy.sparse import csr_array
+        key = (axis, points.tobytes())
+        if key not in self._known:
+            (column, weight), inside = self._weights(points, held, axis)
+            matrix = np.zeros((len(points), held), dtype=np.float32)
+            np.add.at(matrix, (np.arange(len(points)), column), weight)
+            self._known[key] = matrix, inside
+        return self._known[key]
 
-        grid = self._grid
+    def _weights(self, points: np.ndarray, held: int, axis: int) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+        """Which of so many coefficients along an axis points [m] take, their weights, and which lie in the box."""
+        grid, first = self._grid, self._across[axis][2]
         support, stride = spline.SUPPORT[grid.interpolation], spline.STRIDE[grid.interpolation]
         place = (points - grid.origin[axis]) / grid.spacing[axis]
         last = grid.shape[axis] - 1
         inside = (place >= -1e-12 * last) & (place <= last * (1.0 + 1e-12))
-        cell = np.clip(np.floor(place).astype(np.int64), self._across[axis][2], last - 1)
-        weight, _ = spline.weights(grid.interpolation, np.where(inside, place - cell, 0.0))
-        column = np.minimum((cell - self._across[axis][2]) * stride + np.arange(support)[:, None], held - 1)
-        if self._field.geometry != "volume":  # few numbers: a matrix of SciPy's takes longer to make than to use
-            return (column, weight), inside
-        start = np.arange(0, support * len(points) + 1, support)
-        return csr_array((weight.T.ravel(), column.T.ravel(), start), shape=(len(points), held)), inside
+        cell = np.minimum(np.maximum(np.floor(place).astype(np.int64), first), last - 1)
+        weight = spline.values(grid.interpolation, np.where(inside, place - cell, 0.0))
+        column = np.minimum((cell - first) * stride + np.arange(support)[:, None], held - 1)
+        return (column, weight.astype(np.float32)), inside
+
+
+def _made_for(count: int) -> int:
+    """How many slabs are integrated for so many."""
+    return next(made for made in (TOGETHER, HELD, FINEST) if count <= made)
 
 
 def _slab_means(held: np.ndarray, grid: UniformGrid, edges: np.ndarray) -> np.ndarray:
     """Mean over slabs between edges along z [m], of coefficients (..., z): shape (..., slabs)."""
     stride, support = spline.STRIDE[grid.interpolation], spline.SUPPORT[grid.interpolation]
     last, count = grid.shape[-1] - 1, len(edges) - 1
-    ends = np.clip((edges - grid.origin[-1]) / grid.spacing[-1], 0.0, float(last))
+    ends = np.minimum(np.maximum((edges - grid.origin[-1]) / grid.spacing[-1], 0.0), float(last))
     low, high = float(ends.min()), float(ends.max())
     # Pieces of one cell and one slab, two Gauss points in each.
     knots = np.sort(np.concatenate([ends, np.arange(math.floor(low) + 1, math.ceil(high))]))
-    middle, half = 0.5 * (knots[1:] + knots[:-1]), 0.5 * np.diff(knots)
-    slab = np.clip(((middle - ends[0]) / (ends[-1] - ends[0]) * count).astype(int), 0, count - 1)
-    cell = np.clip(np.floor(middle).astype(int), 0, last - 1)
-    gauss = middle - cell + half * np.array([[-1.0], [1.0]]) / math.sqrt(3.0)
-    weight = spline.weights(grid.interpolation, gauss)[0].sum(axis=1) * half * count / (high - low)
+    middle, half = 0.5 * (knots[1:] + knots[:-1]), 0.5 * (knots[1:] - knots[:-1])
+    slab = np.minimum(((middle - ends[0]) * (count / (ends[-1] - ends[0]))).astype(int), count - 1)
+    cell = np.minimum(middle.astype(int), last - 1)
+    gauss = middle - cell + half * GAUSS
+    weight = spline.values(grid.interpolation, gauss).sum(axis=1) * half * count / (high - low)
     column = cell * stride + np.arange(support)[:, None]
     length = held.shape[-1]
     total = np.bincount((slab * length + column).ravel(), weight.ravel(), count * length).reshape(count, length)
+    if held.ndim == 2:
+        return product_on_one_core(held, total.T)
+    # Of a volume each slab takes its own coefficients alone.
     used = total != 0.0
     first, last = used.argmax(axis=1), length - used[:, ::-1].argmax(axis=1)
     means = np.empty((*held.shape[:-1], count))
@@ -290,7 +300,7 @@ class SlabsOfLayers(Slabs):
         if key not in self._sampled:
             self._sampled = {key: self._layers(x, y, layers)}
         held = self._sampled[key]
-        return held.reshape(count, -1, *held.shape[1:]).sum(axis=1)
+        return without_piston(held.reshape(count, -1, *held.shape[1:]).sum(axis=1))
 
     def _layers(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
         look, thickness = self._look, (self.last - self.first) / count

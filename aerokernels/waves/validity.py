@@ -32,6 +32,7 @@ is no wavefront.
 
 import weakref
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -41,14 +42,18 @@ from ..pupils import Pupil
 from ..tracing.lines import box_size
 from ..wavefront import Wavefront
 from .bounds import GREATEST_BOUND, change_bound
-from .coarse_wave import RESOLVED, by_waves, finest_feature, fresnel_number, is_one_column
-from .screens import disturbed_length, screens_answer, stride_of
+from .coarse_wave import RESOLVED, TracedMap, by_waves, finest_and_squares, fresnel_number, is_one_column
+from .screens import MapPaths, disturbance, paths_of, screens_answer, stride_of
 from .shadows import is_clear
 from .slabs import is_summed
 from .verdict import FEWEST_MAPPED, GOOD, Validity
 
 # The share of the limit that the rays' own answer must stay below.
-CLEAR = 0.1
+CLEAR = 0.3
+# The least Fresnel number of the pupil, over the way to where the air is at rest again, times limit and Strehl ratio:
+# rays know nothing of the air beside the pupil's, and with strong phases much hangs on little light. Where the rays'
+# answer was off by 0.01 or more it was 0.13 at most. No less light than LEAST_STREHL counts.
+BESIDE_PUPIL, LEAST_STREHL = 0.16, 0.25
 # The least Fresnel number with which they answer: at 1.8 two screens have said -0.0009 of a wave's +0.039.
 FEWEST_FRESNEL = 4.0
 # Cells times rays beside which a wave through sampled layers is cheap: it takes 0.05 to 0.2 s, and a ray through a mesh
@@ -97,48 +102,55 @@ def validity(
     if not (np.isfinite(limit) and limit > 0.0):
         raise ValueError(f"limit must be positive, got {limit!r}")
     wavelength = field.wavelength_for(wavelength)
-    feature, look = None, pupil.normal
+    feature, look, paths, told_by = None, pupil.normal, None, None
     if wavefront is not None:
         if wavefront.pupil is not None and not _same_light(wavefront.pupil, pupil):
             raise ValueError(f"wavefront was traced for another pupil, {wavefront.pupil!r}: give that one")
         if wavefront.direction is not None:
             look = np.asarray(wavefront.direction)
-        # What is as fine as the map's own pixels may be finer: then waves look for it anew.
         if len(wavefront.opd) >= FEWEST_MAPPED:
-            found = finest_feature(wavefront.opd, wavefront.pixel, wavelength)
-            if found >= RESOLVED * wavefront.pixel:
-                feature = found
-                # A wave says more than two screens, and is asked at once where it costs next to nothing.
-                cheap = is_one_column(field, look) and len(wavefront.opd) >= COLUMN_WORTH
-                if waves is False or not cheap or not affordable(field, look, wavefront):
-                    answer = by_rays(field, pupil, look, wavefront, wavelength, feature, limit)
-                    if answer is not None:
-                        return answer
-    # What a wave says is kept with the field: it is one of the field and the light, and of how finely rays are known.
-    traced = wavefront is not None and _is_whole(wavefront, wavelength)
-    pixels = len(wavefront.opd) if wavefront is not None and traced else 0
-    key = ("verdict of a wave", weakref.ref(pupil), look.tobytes(), wavelength, feature, limit, pixels)
-    if wavefront is not None and field.held(key) is None:
+            paths = paths_of(wavefront)
+            found, squares = finest_and_squares(paths.path, paths.pixel, wavelength)
+            # What is as fine as the map's own pixels may be finer: then waves look for it anew.
+            feature = found if found >= RESOLVED * paths.pixel else None
+            told_by = (len(paths.path), squares, wavefront.wavelength, wavefront.blocked, wavefront.removed)
+    # A verdict is kept with the field: it is one of the field, the light, and the map, which its pixels and squares
+    # tell from one that was traced more or less exactly.
+    key = ("verdict", weakref.ref(pupil), look.tobytes(), wavelength, limit, told_by)
+    told: Validity | None = field.held(key)
+    if told is not None:
+        return told
+    seen = None
+    if wavefront is not None:
+        if paths is not None and feature is not None:
+            # A wave says more than two screens, and is asked at once where it costs next to nothing.
+            cheap = is_one_column(field, look) and len(wavefront.opd) >= COLUMN_WORTH
+            if waves is False or not cheap or not affordable(field, look, wavefront):
+                answer = by_rays(field, pupil, look, wavefront, paths, wavelength, feature, limit)
+                if answer is not None:
+                    return _kept(field, key, answer)
         if waves is None:
             waves = affordable(field, look, wavefront)
-        if not waves or len(wavefront.opd) < FEWEST_MAPPED:
+        if not waves or paths is None:
             answer = by_bounds(field, pupil, look, wavefront, wavelength, limit)
             if answer.decided or not waves:
                 return answer
+        if paths is not None and _is_whole(wavefront, wavelength):
+            seen = TracedMap(paths.strehl, paths.pixel)
+    through = pupil if look is pupil.normal else replace(pupil, normal=look)  # type: ignore[type-var]
+    return _kept(field, key, by_waves(field, through, wavelength, feature, limit, seen))
 
-    def ask() -> Validity:
-        seen = pupil if look is pupil.normal else replace(pupil, normal=look)  # type: ignore[type-var]
-        return by_waves(field, seen, wavelength, feature, limit, wavefront if traced else None)
 
-    told: Validity = field.derive(key, ask, KEPT)
-    return told
+def _kept(field: IndexField, key: tuple[Any, ...], answer: Validity) -> Validity:
+    """An answer, kept with the field."""
+    kept: Validity = field.derive(key, lambda: answer, KEPT)
+    return kept
 
 
 def _is_whole(wavefront: Wavefront, wavelength: float) -> bool:
     """Whether a wavefront's Strehl ratio is that of all the pupil's light, with nothing but piston taken out."""
-    is_fine = len(wavefront.opd) >= FEWEST_MAPPED
     removed = set(wavefront.removed) <= {"piston"}
-    return is_fine and removed and wavefront.wavelength == wavelength and wavefront.blocked <= 1e-3
+    return removed and wavefront.wavelength == wavelength and wavefront.blocked <= 1e-3
 
 
 def affordable(field: IndexField, look: np.ndarray, wavefront: Wavefront) -> bool:
@@ -194,6 +206,7 @@ def by_rays(
     pupil: Pupil,
     look: np.ndarray,
     wavefront: Wavefront,
+    paths: MapPaths,
     wavelength: float,
     feature: float,
     limit: float,
@@ -206,10 +219,15 @@ def by_rays(
         return None
     if not is_clear(field, pupil, look, wavelength):
         return None
-    # Two screens stand for what lies between them only where a feature keeps its shape on the way.
-    if fresnel_number(feature, wavelength, disturbed_length(field, pupil, look)) < FEWEST_FRESNEL:
+    # Two screens at the pupil stand for what lies between them and it only where its light is not spread before, and
+    # where a feature keeps its shape on the way.
+    air = disturbance(field, pupil, look)
+    of_pupil = fresnel_number(min(pupil.half_extent), wavelength, air.until)
+    if of_pupil * limit * LEAST_STREHL < BESIDE_PUPIL and of_pupil * limit * paths.strehl < BESIDE_PUPIL:
         return None
-    found = screens_answer(field, pupil, look, wavefront, wavelength, feature)
+    if fresnel_number(feature, wavelength, air.length) < FEWEST_FRESNEL:
+        return None
+    found = screens_answer(field, pupil, look, paths, feature)
     if found is None or not abs(found.change) <= CLEAR * limit:
         return None
     crossings = found.crossings

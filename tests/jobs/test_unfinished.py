@@ -68,6 +68,18 @@ def test_an_echo_that_cannot_be_ranged_is_a_result(changes, tmp_path: Path):
     )
 
 
+@pytest.mark.parametrize("interpolation", ["bilinear", "conserving"])
+def test_what_lines_lack_of_the_flows_averages_is_told(interpolation):
+    """Set-up: mach3, 20,000 cells. Expected: explain and the summary tell what the index field measures."""
+    scene = Scene.load("wind-tunnel-mach3", {**SMALL, "flow.interpolation": interpolation})
+    told = scene.density_field().index_field(905e-9, interpolation=interpolation).averages_lacking
+    assert told.in_words() in dict(explanation(scene))["averages"]
+    if interpolation == "bilinear":
+        summary = simulate(scene).summary["averages_lacking"]
+        assert summary["rows_max"] == pytest.approx(told.rows_max) and 1e-3 < told.rows_max < 1e-2
+        assert summary["row_path_m"] > 0.0 and summary["cells_max"] == pytest.approx(told.cells_max)
+
+
 def test_explain_predicts_how_much_the_flow_may_take():
     reported = dict(explanation(Scene.load("wind-tunnel-static", SMALL)))
     share = float(re.search(r"leaves ([\d.]+) of the peak", reported["predicted, range"])[1])
