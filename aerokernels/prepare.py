@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels.flow import CellDensity, ConicalFlow, DensityField, GridDensity, VertexDensity
-from aerokernels.medium import IndexField, ResamplingError
+from aerokernels.medium import AveragesLacking, IndexField, ResamplingError
 from aerokernels.pupils import Pupil
 from aerokernels.scene import Scene
 
@@ -33,6 +33,7 @@ class Prepared:
         field: The refractive index that is traced: `mesh_field` itself (route "mesh") or its resampled part.
         region: Lowest and highest (r, z) or (y, z) of `field` [m].
         seconds: Time for each stage.
+        lacking: What the interpolant on the flow's mesh lacks of the averages over its cells; None without such.
     """
 
     density: DensityField | None
@@ -40,6 +41,7 @@ class Prepared:
     field: IndexField
     region: Region
     seconds: dict[str, float]
+    lacking: AveragesLacking | None = None
 
     @property
     def resampling(self) -> ResamplingError | None:
@@ -155,6 +157,7 @@ def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) 
     start = time.perf_counter()
     whole = field if isinstance(field, IndexField) else _index_of(scene, density)
     whole.wavelength_for(scene.flow.wavelength)
+    lacking = whole.averages_lacking  # measured here, while the run's clock goes
     seconds["index"] = time.perf_counter() - start
 
     start = time.perf_counter()
@@ -170,7 +173,7 @@ def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) 
         first = 0.0 if whole.geometry == "axisymmetric" else float(low[0])
         region = ((first, float(low[1])), (float(high[0]), float(high[1])))
     seconds["resample"] = time.perf_counter() - start
-    return Prepared(density, whole, traced, region, seconds)
+    return Prepared(density, whole, traced, region, seconds, lacking)
 
 
 def _index_of(scene: Scene, density: DensityField | None) -> IndexField:
@@ -178,7 +181,7 @@ def _index_of(scene: Scene, density: DensityField | None) -> IndexField:
     flow, grid = scene.flow, scene.grid
     constant = flow.gladstone_dale
     if isinstance(density, (CellDensity, VertexDensity)):
-        interpolation: str = "bilinear" if grid.route == "uniform" else grid.interpolation
+        interpolation: str | None = "bilinear" if grid.route == "uniform" else grid.interpolation
         if interpolation == "bilinear" and isinstance(density, CellDensity):
             interpolation = flow.interpolation
         return density.index_field(flow.wavelength, flow.relation, constant=constant, interpolation=interpolation)

@@ -6,7 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels.echo.target_points import target_points
+from aerokernels.flow import CellDensity
+from aerokernels.flow.wall_density import WallDensity
 from aerokernels.jobs.run import scene_strehl
+from aerokernels.medium import QuadMesh
 from aerokernels.prepare import prepare_field, ray_region, view_radius
 from aerokernels.scene import Scene
 
@@ -131,3 +134,18 @@ def test_a_grid_that_makes_no_sense_is_refused_by_its_key(spacing):
     scene = Scene.load("wind-tunnel-mach3", {"grid.spacing": spacing})
     with pytest.raises(ValueError, match=r"^grid\.spacing = .* m: spacing .* region of 0\.\d+ by 0\.\d+ m.*give"):
         prepare_field(scene)
+
+
+def test_values_at_walls_count_in_a_scene_unless_it_says_otherwise():
+    """Set-up: averages of 1, a wall of 2. Expected: the index there is of 2; of 1 where a scene says "bilinear"."""
+    axis = np.linspace(-0.02, 0.02, 21)
+    mesh = QuadMesh.structured(*np.meshgrid(axis, axis, indexing="ij"))
+    wall = WallDensity(np.stack([axis, 0.0 * axis - 0.02], axis=1), np.full(21, 2.0))
+    density = 1.0 + 1e-3 * np.arange(400.0) / 400.0
+    field = CellDensity(mesh, density, 1.0, wall=wall)
+    at_wall = np.c_[0.0 * axis, axis, 0.0 * axis - 0.02][1:-1]
+    for said, told in (({}, 2.0), ({"flow.interpolation": "bilinear"}, 1.0)):
+        scene = Scene.load("wind-tunnel-mach3", {"grid.route": "mesh", **said})
+        index = prepare_field(scene, field).mesh_field
+        ratio = index.contrast_at(at_wall) / (index.ambient_index - 1.0) + 1.0
+        assert np.abs(ratio - told).max() < 0.01

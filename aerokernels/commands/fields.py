@@ -13,6 +13,7 @@ Picture = Annotated[
     Path | None, typer.Option("--picture", "--out", help="Write a picture of the density here (.png, .pdf, .svg).")
 ]
 
+MOST_MEASURED = 100_000  # cells whose averages are kept, for a second's sake
 PRICE = "a field takes some ten times the time to make, a run up to twice"
 
 
@@ -111,6 +112,9 @@ def _lacking_rows(flow: "DensityField") -> list[tuple[str, str]]:
 
     if not isinstance(flow, CellDensity):
         return []
+    slow = flow.mesh.parents is not None or flow.wall is not None  # averages are kept there, which takes longer
+    if slow and len(flow.mesh.cells) > MOST_MEASURED:
+        return [("averages", f"not measured here, of {len(flow.mesh.cells)} cells: IndexField.averages_lacking does")]
     try:
         index = flow.index_field()
     except ValueError as fault:

@@ -8,7 +8,7 @@ from aerokernels.echo.prediction import predict_echo
 from aerokernels.echo.return_paths import is_symmetric
 from aerokernels.flow import DensityField
 from aerokernels.jobs.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, pupil_samples
-from aerokernels.medium import IndexField
+from aerokernels.medium import AveragesLacking, IndexField
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import prepare_field
 from aerokernels.quantities import GREAT_ERROR, root_sum_square
@@ -44,7 +44,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ("flow", flow.provenance),
         ("free stream", f"{flow.ambient_density:.5g} kg/m3"),
         ("flow mesh", _mesh_in_words(flow)),
-        *_lacking(prepared.mesh_field),
+        *_lacking(prepared.lacking),
         (
             "part that rays can meet",
             f"{axes} from {low[0] * 1e3:.3g}, {low[1] * 1e3:.3g} mm to {high[0] * 1e3:.3g}, {high[1] * 1e3:.3g} mm",
@@ -169,9 +169,8 @@ def _return_path(scene: Scene, field: IndexField) -> str:
     return f"{start}{nodes} x {nodes} places, {receiver.ray_count:,} rays over the pupil each"
 
 
-def _lacking(field: IndexField) -> list[tuple[str, str]]:
+def _lacking(lacking: AveragesLacking | None) -> list[tuple[str, str]]:
     """What lines across cells lack of the averages over these, where the flow has such."""
-    lacking = field.averages_lacking
     return [] if lacking is None else [("averages", f"the interpolant between cells lacks {lacking.in_words()}")]
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from aerokernels import __version__
 from aerokernels.echo import EchoResult
 from aerokernels.jobs.run_parts import RunParts
-from aerokernels.medium import IndexField
+from aerokernels.medium import AveragesLacking
 
 # Keys of the echo's numbers, and what they are called in `EchoResult.quantities`.
 ECHO_KEYS = {
@@ -76,15 +76,14 @@ def summarise(result: RunParts) -> dict[str, Any]:
         "seconds": {**result.seconds, "prepare": dict(result.prepared.seconds)},
         "stage_seconds": dict(result.stages),
         "provenance": result.prepared.provenance,
-        "averages_lacking": _averages_lacking(result.prepared.mesh_field),
+        "averages_lacking": _averages_lacking(result.prepared.lacking),
         "scene_values": scene.as_dict(),
         "version": __version__,
     }
 
 
-def _averages_lacking(field: IndexField) -> dict[str, float]:
+def _averages_lacking(lacking: AveragesLacking | None) -> dict[str, float]:
     """What rows of cells and cells lack of averages; rows left out where cells lie in none."""
-    lacking = field.averages_lacking
     if lacking is None:
         return {}
     found = {

@@ -92,11 +92,12 @@ class FlowTable(Table):
         None, "Gladstone-Dale constant to use in place of the paper's K(wavelength), '2.24e-4 m3/kg' say."
     )
 
-    interpolation: Literal["bilinear", "conserving"] = key(
-        "bilinear",
+    interpolation: Literal["bilinear", "conserving"] | None = key(
+        None,
         'What rays see between the averages over the cells of a mesh: "bilinear" joins values at the cells\' corners; '
         '"conserving" does so on cells cut in four, such that cells keep their averages and, across a captured shock, '
-        "rows and columns of cells theirs, at two to five times the time to prepare. Values at points are joined as "
+        "rows and columns of cells theirs, at two to five times the time to prepare. Not given it is "
+        '"conserving" where a solver\'s file has values at walls, else "bilinear". Values at points are joined as '
         'they are. Where grid.route is "mesh" it counts beside grid.interpolation "bilinear".',
     )
 

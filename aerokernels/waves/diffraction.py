@@ -27,7 +27,7 @@ from .slabs import FINEST, Slabs
 FEWEST, SAME, DECIDED = 1, 0.05, 0.5
 # Fewer slabs than these are believed only where the change is below a share of its limit: one and two may be alike by
 # chance. So many are enough where nothing moves any more.
-FEW, CLEAR, MANY = 4, 0.5, 8
+FEW, CLEAR, MANY = 4, 0.5, 4
 # Pixels beside the rays that their curvature takes; numbers of screens that are looked at together.
 BESIDE, TOGETHER = 2, 1 << 14
 

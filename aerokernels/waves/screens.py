@@ -8,6 +8,7 @@ length, which is one of the field and the pupil, is kept with the field.
 import math
 import weakref
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -54,13 +55,11 @@ class ScreensAnswer:
 
     Attributes:
         change: Strehl ratio of the two screens less that of the whole phase at once.
-        strehl: That of the whole phase.
         length: The disturbed length [m].
         crossings: What the wavefront's rays do over it.
     """
 
     change: float
-    strehl: float
     length: float
     crossings: Crossings
 
@@ -73,31 +72,34 @@ class MapPaths:
         path: Optical path [m], float32, NaN where there is no light, shape (rows, columns).
         light: Weight of each pixel, float32, shape (rows, columns).
         pixel: Side of a pixel [m].
+        wavelength: In vacuum [m].
     """
 
     path: np.ndarray
     light: np.ndarray
     pixel: float
+    wavelength: float
 
-    def strehl(self, wavelength: float) -> float:
+    @cached_property
+    def strehl(self) -> float:
         """The Strehl ratio, in a small part of the time of `Wavefront.strehl`."""
         path = np.where(self.light > 0.0, self.path, np.float32(0.0))
-        return float(abs((self.light * phase_factor(path, wavelength)).sum()) ** 2 / self.light.sum() ** 2)
+        return float(abs((self.light * phase_factor(path, self.wavelength)).sum()) ** 2 / self.light.sum() ** 2)
 
     def every(self, stride: int) -> "MapPaths":
         """Every so many pixels either way."""
         part = slice(stride // 2, None, stride)
-        return MapPaths(self.path[part, part], self.light[part, part], stride * self.pixel)
+        return MapPaths(self.path[part, part], self.light[part, part], stride * self.pixel, self.wavelength)
 
 
 def paths_of(wavefront: Wavefront) -> MapPaths:
     """The paths of a wavefront's map."""
     path = wavefront.opd - wavefront.opd.flat[wavefront.weight.argmax()]
-    return MapPaths(path.astype(np.float32), wavefront.weight.astype(np.float32), wavefront.pixel)
+    return MapPaths(path.astype(np.float32), wavefront.weight.astype(np.float32), wavefront.pixel, wavefront.wavelength)
 
 
 def screens_answer(
-    field: IndexField, pupil: Pupil, look: np.ndarray, paths: MapPaths, wavelength: float, feature: float
+    field: IndexField, pupil: Pupil, look: np.ndarray, paths: MapPaths, feature: float
 ) -> ScreensAnswer | None:
     """What a map says whose finest phase has a half period of `feature` [m]; None where rays come near foci."""
     length = disturbance(field, pupil, look).length
@@ -105,8 +107,7 @@ def screens_answer(
     crossings = crossings_of(paths.path, paths.pixel, paths.light, length)
     if crossings.crossed > 0.0 or crossings.curvature > FLAT:
         return None
-    by_screens, at_once = _two_screens(paths, wavelength, field.ambient_index, length)
-    return ScreensAnswer(by_screens - at_once, at_once, length, crossings)
+    return ScreensAnswer(_two_screens(paths, field.ambient_index, length), length, crossings)
 
 
 @dataclass(frozen=True)
@@ -201,8 +202,8 @@ def spread_along(layers: np.ndarray, begin: float, end: float) -> Disturbance:
     return Disturbance(length, middle + 0.5 * length)
 
 
-def _two_screens(paths: MapPaths, wavelength: float, ambient_index: float, length: float) -> tuple[float, float]:
-    """Strehl ratio of half the phase, free space and the other half, and that of the whole phase at once.
+def _two_screens(paths: MapPaths, ambient_index: float, length: float) -> float:
+    """Strehl ratio of half the phase, free space and the other half, less that of the whole phase at once.
 
     Two sheets are as far apart as an even spread over the length is wide, twice its standard deviation. Light that
     leaves the pupil sideways meets no phase there. So the mean is taken out: what delays all alike is of no account,
@@ -210,7 +211,7 @@ def _two_screens(paths: MapPaths, wavelength: float, ambient_index: float, lengt
     """
     from scipy.fft import fft2, ifft2
 
-    path, light, pixel, count = paths.path, paths.light, paths.pixel, len(paths.path)
+    path, light, pixel, wavelength, count = paths.path, paths.light, paths.pixel, paths.wavelength, len(paths.path)
     # As much room beside the pupil as light diffracts into.
     beside = max(FEWEST_BESIDE, math.ceil(BESIDE * math.sqrt(wavelength * length) / pixel))
     size = fast_size(count + min(2 * beside, math.ceil(MOST_BESIDE * count)))
@@ -231,7 +232,7 @@ def _two_screens(paths: MapPaths, wavelength: float, ambient_index: float, lengt
     # Beside the pupil there is no phase, and free space leaves the sum of all alone.
     half -= np.float32(1.0)
     total = wave.sum() + np.einsum("ij,ij->", half, between)
-    return abs(complex(total)) ** 2 / whole_light**2, abs(complex(whole)) ** 2 / whole_light**2
+    return (abs(complex(total)) ** 2 - abs(complex(whole)) ** 2) / whole_light**2
 
 
 def fast_size(count: int) -> int:

@@ -179,8 +179,8 @@ class SlabsAlongZ(Slabs):
 
     def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
         """See `Slabs.taken`; few slabs are sums of TOGETHER, the last of which are held."""
-        # Of one column, whose pixels cost less than the calls that make them, as many as are integrated together.
-        made = max(count, TOGETHER) if len(x) > 1 else _made_for(count)
+        # One column costs less than the calls that make it.
+        made = max(count, TOGETHER) if len(x) > 1 else max(HELD, _made_for(count))
         key = (x.tobytes(), y.tobytes(), made)
         if self._latest is None or self._latest[0] != key:
             self._latest = key, self._integrals(x, y, made)
@@ -198,7 +198,8 @@ class SlabsAlongZ(Slabs):
             part = product_on_one_core(rows, np.ascontiguousarray(values.transpose(2, 1, 0)))
             potential, inside = product_on_one_core(part, columns.T), inside_y[:, None] & inside_x
         elif geometry == "planar":
-            part, inside = self._interpolated(up, values)
+            rows, inside = self._matrix(up, len(values), 0)
+            part = np.ascontiguousarray(product_on_one_core(rows, values).T)
             potential, inside = np.repeat(part[:, :, None], len(across), axis=2), inside[:, None]
         else:
             # A window about the axis has every distance from it in four places or more.

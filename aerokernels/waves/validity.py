@@ -136,7 +136,7 @@ def validity(
             if answer.decided or not waves:
                 return answer
         if paths is not None and _is_whole(wavefront, wavelength):
-            seen = TracedMap(paths.strehl(wavelength), paths.pixel)
+            seen = TracedMap(paths.strehl, paths.pixel)
     through = pupil if look is pupil.normal else replace(pupil, normal=look)  # type: ignore[type-var]
     return _kept(field, key, by_waves(field, through, wavelength, feature, limit, seen))
 
@@ -223,14 +223,12 @@ def by_rays(
     # where a feature keeps its shape on the way.
     air = disturbance(field, pupil, look)
     of_pupil = fresnel_number(min(pupil.half_extent), wavelength, air.until)
-    if of_pupil * limit < BESIDE_PUPIL:
+    if of_pupil * limit * LEAST_STREHL < BESIDE_PUPIL and of_pupil * limit * paths.strehl < BESIDE_PUPIL:
         return None
     if fresnel_number(feature, wavelength, air.length) < FEWEST_FRESNEL:
         return None
-    found = screens_answer(field, pupil, look, paths, wavelength, feature)
+    found = screens_answer(field, pupil, look, paths, feature)
     if found is None or not abs(found.change) <= CLEAR * limit:
-        return None
-    if of_pupil * limit * max(found.strehl, LEAST_STREHL) < BESIDE_PUPIL:
         return None
     crossings = found.crossings
     return Validity(

@@ -183,11 +183,22 @@ class Resampling:
                 else []
             ),
             *([] if self.body is None else [f"a body of {len(self.body.triangles)} triangles"]),
+            *_walls_in_words(reading),
             f"ambient {found.ambient_density:.6g} kg/m3",
         ]
         object.__setattr__(found, "composition", self._composition(reading, found.ambient_density))
         object.__setattr__(found, "provenance", f"{reading.path}: {'; '.join(said)}")
         return found
+
+
+def _walls_in_words(reading) -> list[str]:
+    """That walls are known by their cells alone, where the file may hold more of them than that."""
+    averages = all(where == "cell" for _, where in reading.densities)
+    walls = sorted({patch.name for patch in reading.dataset.patches if patch.kind == "wall"})
+    if not (averages and walls):
+        return []
+    named = ", ".join(walls[:3]) + (", ..." if len(walls) > 3 else "")
+    return [f"values that a solver holds at walls ({named}) are not taken from volumes: the cells beside them count"]
 
 
 def _first_numbers(blocks: Sequence[Block], moved: Sequence[np.ndarray]) -> list[int]:

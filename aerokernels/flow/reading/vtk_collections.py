@@ -75,7 +75,8 @@ def _within(path: Path, name: str) -> Path:
     plain = os.path.normpath(name)
     if "\0" in name or os.path.isabs(plain) or plain.split(os.sep)[0] == os.pardir:
         told = f"it lists {name!r}, which lies outside of its own folder"
-        raise ReadError(path, told, "move the file beside the list, and name it from there")
+        remedy = "lists may not open files there: move this one to a folder that holds them all, and name them from it"
+        raise ReadError(path, told, remedy)
     if Path(plain).suffix.lower() not in LISTED:
         raise ReadError(path, f"it lists {name!r}, which is no file of VTK", f"take one of {', '.join(LISTED)}")
     return path.parent / plain

@@ -1,6 +1,7 @@
 """Cases of OpenFOAM in parts and in other states, structured volumes, how a format is told, series of even grids."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from aerokernels.flow.reading.formats import format_of
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.read import field_of, reading_of
 from aerokernels.flow.series_sources import open_series
+from aerokernels.flow.wall_density import WallDensity
 
 
 def test_a_decomposed_case_is_read_whole(tmp_path):
@@ -202,15 +204,21 @@ def test_grids_that_make_no_series(given, told):
         open_series(given())
 
 
-def test_fields_tells_what_lines_will_lack(tmp_path):
+def test_fields_tells_what_lines_will_lack(tmp_path, monkeypatch):
     """Set-up: a plane case of OpenFOAM. Expected: `fields` tells the numbers of its index field, and the remedy.
 
-    A file of values at points has no averages, and nothing is told.
+    A file of values at points has no averages, and nothing is told; nor is it of many cells that take long to keep.
     """
     case = writers.foam_wedge(tmp_path / "case", wedge=False)
-    told = flow.read(case).index_field().averages_lacking
+    read, wall = flow.read, WallDensity([[0.0, 0.0]], [1.0])
+    told = read(case).index_field().averages_lacking
     assert told.rows_max > 1e-5
     shown = CliRunner(env={"COLUMNS": "1000"}).invoke(app, ["fields", str(case)])
     assert shown.exit_code == 0 and told.in_words() in shown.output and 'interpolation = "conserving"' in shown.output
+    monkeypatch.setattr("aerokernels.commands.fields.MOST_MEASURED", 10)
+    assert told.in_words() in CliRunner(env={"COLUMNS": "1000"}).invoke(app, ["fields", str(case)]).output
+    monkeypatch.setattr("aerokernels.flow.read", lambda *given, **named: replace(read(*given, **named), wall=wall))
+    assert "not measured here, of " in CliRunner(env={"COLUMNS": "1000"}).invoke(app, ["fields", str(case)]).output
+    monkeypatch.undo()
     points = CliRunner().invoke(app, ["fields", str(writers.tecplot_text(tmp_path / "a.dat"))])
     assert points.exit_code == 0 and "averages" not in points.output

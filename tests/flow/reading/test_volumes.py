@@ -136,6 +136,7 @@ def test_polyhedra_of_openfoam(tmp_path):
     found = flow.read(case, spacing=1.0 / 23.0)
     inner = np.random.default_rng(5).uniform(0.0, 1.0, (400, 3))
     assert np.abs(found.density_at(inner) - linear(inner)).max() < 1e-12
+    assert "at walls" not in found.provenance  # it has none
     assert POLYHEDRON in set(np.unique(flow.reading.formats.load(case, None, {}).blocks[0].cells.types))
 
 
@@ -164,6 +165,7 @@ def test_a_body_that_goes_on_beyond_the_field(tmp_path):
     ahead = found.body.crossings([centre + np.array([0.0, 0.0, 1.0])], [[0.0, 0.0, -1.0]])
     assert np.allclose(ahead, [[0.75, 1.25]], atol=1e-3)
     assert "a body of" in found.provenance
+    assert "values that a solver holds at walls (body) are not taken" in found.provenance
     with pytest.raises(flow.ReadError, match="no patch 'wings'"):
         flow.read(case, walls=["wings"], spacing=0.1)
 
