@@ -15,6 +15,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -142,6 +143,8 @@ def main() -> NoReturn:
     atexit.register(gc.freeze)  # and when all is done, what is left need not be looked through once more
     # A polite kill and a terminal that closes end like Ctrl-C does: what was half-written is cleared away.
     stopped = raise_interrupts()
+    interrupted: list[int] = []
+    atexit.register(_leave_at_once, interrupted)  # what is registered first is called last
     arguments, switches = taken_out(sys.argv[1:])
     asked.as_json, asked.quiet = "--json" in switches, "--quiet" in switches
     warnings.showwarning = _show_warning
@@ -157,8 +160,22 @@ def main() -> NoReturn:
         else:
             say(plain(f"error: {one_line(error)}"), err=True)
         status = exit_status(error, arguments)
-        raise SystemExit(128 + stopped[0] if status == INTERRUPTED and stopped else status) from None
-    if status == INTERRUPTED:  # the parser turns an interrupt of its own accord into this status
-        warn("interrupted")
+    else:
+        if status == INTERRUPTED:  # the parser turns an interrupt of its own accord into this status
+            warn("interrupted")
+    if status == INTERRUPTED:
         status = 128 + stopped[0] if stopped else status
+        interrupted.append(status)
     raise SystemExit(status if isinstance(status, int) else 0)
+
+
+def _leave_at_once(interrupted: list[int]) -> None:
+    """End an interrupted process here, when Python has put away all that is its own.
+
+    Libraries would put away theirs next: LLVM, within PoCL, aborts where it could not write to a closed terminal.
+    """
+    if interrupted:
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):
+                stream.flush()
+        os._exit(interrupted[0])

@@ -5,6 +5,7 @@ lock taken, for which other threads then wait for ever; raised in a callback, it
 that `exec` was given as text, it makes Python end by SIGINT whatever status it is told to leave with.
 """
 
+import atexit
 import signal
 import sys
 import threading
@@ -65,6 +66,7 @@ def raise_interrupts() -> list[int]:
         signal.signal(number, stop)
     if hasattr(signal, "setitimer"):
         signal.signal(signal.SIGALRM, again)
+        atexit.register(signal.setitimer, signal.ITIMER_REAL, 0.0)  # when Python leaves it forgets its handlers
     sys.unraisablehook = lost
     return raised
 

@@ -61,3 +61,16 @@ def test_imports_ahead_are_waited_for_and_not_begun_when_a_process_leaves(tmp_pa
         [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, encoding="utf-8", timeout=60.0
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "first\n", "")
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs on_exit of the C library")
+def test_a_signal_that_waits_when_a_process_leaves_changes_nothing_of_its_status(tmp_path: Path):
+    """It comes in an import that leaves, before libraries that take a second to do so: no SIGALRM ends the process."""
+    (tmp_path / "slow.py").write_text(
+        "import __main__, ctypes, sys\n"
+        "c = ctypes.CDLL(None)\n"
+        "c.on_exit(c.sleep, None)\n"  # called with the exit status: sleeps for a second
+        "__main__.send()\n"
+        "sys.exit(1)\n"
+    )
+    assert run_child(tmp_path, "import slow", signal.SIGTERM).returncode == 1

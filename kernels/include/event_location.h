@@ -84,6 +84,12 @@ static inline int clears_flat_faces(const Control *control, int3 cell, real3 fra
     return farthest < -greater(SURFACE_TOLERANCE, EVENT_LOCATION_NOISE);
 }
 
+// Whether surface k is a plane that no ray in the box can meet.
+static inline int is_out_of_reach(const Control *control, int k)
+{
+    return k == FACE_COUNT && !control->plane_in_box;
+}
+
 // The step that ends where the parabola first meets a surface, no longer than h; that surface or -1; whether the ray may
 // run in a face, so near that rounding decides.
 static inline real event_location(
@@ -98,7 +104,7 @@ static inline real event_location(
     const int is_clear = clears_flat_faces(control, cell, frac, along, bend, h);
 #pragma unroll
     for (int k = 0; k < SURFACE_COUNT; k++) {
-        if (k < 2 * FLAT_AXES && is_clear) {
+        if (k < 2 * FLAT_AXES ? is_clear : is_out_of_reach(control, k)) {
             continue;
         }
         const real4 s = oriented(control, k, side, cell, frac);
@@ -196,7 +202,7 @@ static inline int passed_surface(
     *nearest = is_inside ? -farthest : NO_ROOT;
 #pragma unroll
     for (int k = 0; k < SURFACE_COUNT; k++) {
-        if (k < 2 * FLAT_AXES && is_inside) {
+        if (k < 2 * FLAT_AXES ? is_inside : is_out_of_reach(control, k)) {
             continue;
         }
         const real allowance = rounding_of(control, k) + R(2.0) * SURFACE_TOLERANCE * surface_unit(control, k);

@@ -23,6 +23,8 @@ from ..unresolved import lookup_table
 
 # What is kept with a grid's places: of the last bodies and precisions.
 KEPT = 16  # speed only
+# A plane further than this from the box is met by no ray in there, however its last step rounds [cells].
+NEAR_BOX = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,6 +194,7 @@ def trace_members(
     control: dict[str, object] = {
         "plane_normal": np.zeros(3),
         "plane_offset": 0.0,
+        "plane_in_box": 0,
         "step": plan.sampling.spacing if plan.sample_count and plan.sampling else plan.step or 0.0,
         "tolerance": held_error(field, plan.tolerance * wavelength),
         "max_steps": plan.max_steps,
@@ -205,9 +208,18 @@ def trace_members(
         bounds |= {"plane_point": until.point, "plane_normal": until.normal}
         control["plane_normal"] = until.normal * data.spacing
         control["plane_offset"] = float(until.normal @ (until.point - data.origin))
+        control["plane_in_box"] = int(_comes_near(until, field.box, NEAR_BOX * float(np.max(data.spacing))))
     elif isinstance(until, ArcLength):
         bounds["length"] = until.length
     return bounds, control
+
+
+def _comes_near(plane: Plane, box: tuple[np.ndarray, np.ndarray], margin: float) -> bool:
+    """Whether a plane meets a box, which may have no end along an axis, or comes within a margin of it [m]."""
+    turned = plane.normal != 0.0
+    ends = np.stack(box)[:, turned] * plane.normal[turned]
+    offset = float(plane.normal @ plane.point)
+    return bool(ends.min(axis=0).sum() - offset <= margin and ends.max(axis=0).sum() - offset >= -margin)
 
 
 def _support_members(field: IndexField, data: FieldData, plan: TracePlan, wavelength: float) -> dict[str, object]:

@@ -90,6 +90,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("radius", "real", "in cells"),
         Value("plane_normal", "real3", "per cell, so that plane_normal . cells - plane_offset is in metres"),
         Value("plane_offset", "real"),
+        Value("plane_in_box", "int", "whether the plane comes near the box: else no step asks about it"),
         Value("cell_rate", "real3", "typical cells per metre, for limits on the step"),
         Value("step", "real", '"fixed": arc length; leapfrog: greatest distance of samples that step_bound holds for'),
         Value("step_limit", "real", "step in cells up to which step_bound is not asked"),

@@ -116,6 +116,11 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         return farthest < real(-clear_by)
 
     @wp.func
+    def is_out_of_reach(control: Control, k: int):
+        """Whether surface k is a plane that no ray in the box can meet."""
+        return k == face_count and control.plane_in_box == 0
+
+    @wp.func
     def event_location(
         control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
     ):
@@ -130,7 +135,10 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         bend = wp.cw_mul(force, rate)
         is_clear = clears_flat_faces(control, cell, frac, along, bend, h)
         for k in range(surface_count):
-            if k >= flat_count or not is_clear:
+            passed_by = is_out_of_reach(control, k)
+            if k < flat_count:
+                passed_by = is_clear
+            if not passed_by:
                 s = oriented(control, k, side, cell, frac)
                 normal = vec3(s[1], s[2], s[3])
                 curved = half_curve(control, k, normal, along, bend)
@@ -218,7 +226,10 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         if is_inside:
             nearest = -farthest
         for k in range(surface_count):
-            if k >= flat_count or not is_inside:
+            passed_by = is_out_of_reach(control, k)
+            if k < flat_count:
+                passed_by = is_inside
+            if not passed_by:
                 allowance = rounding_of(control, k) + real(2.0) * real(surface_tolerance) * surface_unit(control, k)
                 outside = oriented(control, k, side, cell, frac)[0]
                 is_behind = is_behind or (outside > allowance and k != event)
