@@ -6,8 +6,8 @@ Trans. A 210 (1911) 307). A shock inside a cell shows order 1, noise of the samp
 interpolant's own is not believed.
 
 Cells that were cut in four to keep averages are compared with those that they were cut from, under the values that
-these have by the same averages. For a mesh of which no vertices can be
-left out, the error is estimated on four times the cells: see refined.py.
+these have by the same averages. For a mesh of which no vertices can be left out, the error is estimated on four times
+the cells: see refined.py.
 """
 
 from dataclasses import dataclass, replace
