@@ -2,10 +2,12 @@
 
 A handler runs between any two steps of Python. An exception that it raises within an import can leave Python's import
 lock taken, for which other threads then wait for ever; raised in a callback, it is printed and lost; raised in code
-that `exec` was given as text, it makes Python end by SIGINT whatever status it is told to leave with.
+that `exec` was given as text, it makes Python end by SIGINT whatever status it is told to leave with. Libraries whose C
+code calls Python back may crash when they are left by it.
 """
 
 import atexit
+import os
 import signal
 import sys
 import threading
@@ -18,6 +20,8 @@ STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP
 """Signals by which a user, a batch system or a terminal that closes asks a command to end."""
 
 RUN_TEXT = "<module>", "<string>"  # name and file of code that `exec` was given as text
+# Libraries that are left to finish: a crash while results are written leaves them half-written.
+FINISHING = tuple(f"{os.sep}{name}{os.sep}" for name in ("h5py", "matplotlib"))
 AGAIN = 0.02  # seconds after which a signal that came at a bad moment is looked at again
 
 
@@ -72,10 +76,12 @@ def raise_interrupts() -> list[int]:
 
 
 def _would_harm(frame: FrameType | None, base: FrameType) -> bool:
-    """Whether an exception in this frame would break into an import, or into text that is run, above `base`."""
+    """Whether an exception in this frame would break into what it must not break into, above `base`."""
     while frame is not None and frame is not base:
         code = frame.f_code
         if code.co_filename.startswith("<frozen importlib") or (code.co_name, code.co_filename) == RUN_TEXT:
+            return True
+        if any(library in code.co_filename for library in FINISHING):
             return True
         frame = frame.f_back
     return False
