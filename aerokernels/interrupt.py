@@ -21,7 +21,7 @@ STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP
 
 RUN_TEXT = "<module>", "<string>"  # name and file of code that `exec` was given as text
 # Libraries that are left to finish: a crash while results are written leaves them half-written.
-FINISHING = tuple(f"{os.sep}{name}{os.sep}" for name in ("h5py", "matplotlib"))
+FINISHING = tuple(f"{os.sep}{name}{os.sep}" for name in ("h5py", "h5netcdf", "matplotlib"))
 AGAIN = 0.02  # seconds after which a signal that came at a bad moment is looked at again
 
 
