@@ -27,7 +27,7 @@ _NAMES_IN = {
     "sensor": ("Sensor",),
     "series": ("look_map", "optical_series", "statistics"),
     "strehl": ("StrehlEstimate", "strehl_marechal"),
-    "strehl_estimate": ("estimate_strehl", "prepare_strehl"),
+    "strehl.estimate": ("estimate_strehl", "prepare_strehl"),
     "tracing": ("ArcLength", "BackendInfo", "Plane", "RayStatus", "TraceResult", "available_backends", "trace"),
     "vtk_files": ("field_to_vtk", "rays_to_vtk"),
     "wavefront": ("Wavefront", "point_spread_function"),
@@ -131,7 +131,7 @@ if TYPE_CHECKING:
     from .sensor import Sensor
     from .series import look_map, optical_series, statistics
     from .strehl import StrehlEstimate, strehl, strehl_marechal
-    from .strehl_estimate import estimate_strehl, prepare_strehl
+    from .strehl.estimate import estimate_strehl, prepare_strehl
     from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends
     from .tracing.trace import trace
     from .vtk_files import field_to_vtk, rays_to_vtk

@@ -22,9 +22,9 @@ import typer
 
 from aerokernels import __version__, commands
 from aerokernels.commands._output import asked, say, silence, warn
-from aerokernels.interrupt import raise_interrupts
-from aerokernels.one_writer import NO_FILES
-from aerokernels.plain_text import plain
+from aerokernels.display.plain_text import plain
+from aerokernels.files.one_writer import NO_FILES
+from aerokernels.process.interrupt import raise_interrupts
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 SWITCHES = ("--debug", "--json", "--quiet")

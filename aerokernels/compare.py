@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arguments import Numbers, checked
-from .checks import as_finite_array, as_waveform, check_positive
+from .display.shown import shown
 from .echo.pulse_curve import PulseCurve
 from .echo.waveform import SPEED_OF_LIGHT
-from .shown import shown
+from .inputs.arguments import Numbers, checked
+from .inputs.checks import as_finite_array, as_waveform, check_positive
 
 # Table 5, made half-open: a degree holds for |r| from its own bound up to, but not at, the next.
 DEGREES = (

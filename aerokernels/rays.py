@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arguments import Numbers, checked
-from .checks import check_count
 from .device_arrays import DeviceArray, device_array, plain_array, read_on_touch
+from .display.shown import shown
+from .inputs.arguments import Numbers, checked
+from .inputs.checks import check_count
 from .pupils import (
     Annulus,
     Disc,
@@ -27,7 +28,6 @@ from .pupils.base import SAMPLINGS
 from .pupils.square_map import RING, SquareMap
 from .pupils.vectors import lengths
 from .read_only import ReadOnly
-from .shown import shown
 
 if TYPE_CHECKING:
     from .device_arrays.rays import Made

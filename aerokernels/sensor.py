@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .arguments import Numbers, checked
+from .inputs.arguments import Numbers, checked
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .arguments import checked
-from .checks import check_count
+from .inputs.arguments import checked
+from .inputs.checks import check_count
 from .medium import IndexField
 from .rays import RayBundle
 from .tracing import Plane, RayStatus, trace

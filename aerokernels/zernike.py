@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from .arguments import Numbers, checked
+from .inputs.arguments import Numbers, checked
 
 __all__ = [
     "ansi_to_nm",

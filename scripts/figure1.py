@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aerokernels.units import quantity
+from aerokernels.inputs.units import quantity
 from aerokernels.validation.paper import figure1
 from aerokernels.validation.report import filled, markdown_table, write_csv
 

@@ -36,7 +36,7 @@ from aerokernels.jobs.run import simulate, write_run
 from aerokernels.pupils import Disc
 from aerokernels.scene import Scene
 from aerokernels.schlieren.knife_edge import schlieren
-from aerokernels.strehl_estimate import estimate_strehl
+from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import available_backends
 from aerokernels.validation.recording.line import made_frames
 from aerokernels.validation.report import markdown_table

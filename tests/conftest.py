@@ -96,7 +96,7 @@ def command_line(
     """As `aerokernels`, but in this process, which saves its start: for refusals and what else needs no own process."""
     from aerokernels import cli
     from aerokernels.commands._output import asked
-    from aerokernels.interrupt import STOPPING
+    from aerokernels.process.interrupt import STOPPING
 
     def run(*arguments: object) -> subprocess.CompletedProcess[str]:
         monkeypatch.chdir(tmp_path)

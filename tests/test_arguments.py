@@ -1,4 +1,4 @@
-"""Arguments of a wrong kind are answered in words, by one look at all of them; see aerokernels/arguments.py."""
+"""Arguments of a wrong kind are answered in words, by one look at all of them; see aerokernels/inputs/arguments.py."""
 
 import warnings
 
@@ -20,10 +20,10 @@ from aerokernels import (
     strehl,
     zernike,
 )
-from aerokernels.arguments import Numbers, checked
 from aerokernels.echo import estimate_range
 from aerokernels.echo.pulses import GaussianPulse, HeliosPulse, SampledPulse
 from aerokernels.flow.vortex import Vortex
+from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.validation import argument_draws, refusals
 from aerokernels.wavefront.terms import fit_tilt
 

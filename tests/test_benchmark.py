@@ -162,7 +162,7 @@ def test_strehl_run(measured: dict[str, Any]):
 def test_fan_is_converged():
     """The value that stands for the truth, against a disc of rays: 4096 Sobol points, whose error is below 1e-4."""
     scene = strehl_scene()
-    from aerokernels.strehl_estimate import estimate_strehl
+    from aerokernels.strehl.estimate import estimate_strehl
 
     found = estimate_strehl(scene.field, scene.pupil, ray_count=4096, precision="float64")
     assert abs(radial_strehl(scene, choose_backend("auto", None)[:2]) - found.value) < 1e-4 + 4.0 * found.standard_error

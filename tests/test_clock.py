@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from aerokernels import IndexField, RayBundle, trace
-from aerokernels.clock import STAGES, clocked, processor_clocked, stage
+from aerokernels.process.clock import STAGES, clocked, processor_clocked, stage
 
 
 def test_a_stage_within_another_interrupts_it():

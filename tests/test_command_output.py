@@ -12,9 +12,9 @@ import typer
 
 from aerokernels import cli
 from aerokernels.commands import _output
+from aerokernels.display.plain_text import plain, plain_json
 from aerokernels.jobs.page import page, paragraph, table
 from aerokernels.jobs.store import check_output_folder, staged_folder, write_summary
-from aerokernels.plain_text import plain, plain_json
 from aerokernels.scene import Scene, SceneError, shipped_scenes
 
 

@@ -11,8 +11,8 @@ from aerokernels.flow.conical_averages import _divided, _gauss, bell, cell_avera
 from aerokernels.imaging.displacement_error import displacement_error
 from aerokernels.imaging.landing import pixel_rays
 from aerokernels.medium import Body
-from aerokernels.strehl_errors import estimate_quantities, phase_error
 from aerokernels.tracing.blocks import greatest_around, over_lines
+from aerokernels.wavefront.strehl_errors import estimate_quantities, phase_error
 
 
 def test_the_opd_error_of_an_estimate_is_its_phase_error_over_the_wave_number():

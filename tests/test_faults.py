@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import xarray
 
-from aerokernels.drafts import draft_of
+from aerokernels.files.drafts import draft_of
 from aerokernels.jobs.run_folder import read_run
 from aerokernels.jobs.store import staged_folder, write_summary
 
@@ -70,7 +70,8 @@ def test_a_sweep_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
     """
     code = (
         "import resource, sys; from pathlib import Path\n"
-        "from aerokernels.drafts import OutputError; from aerokernels.jobs.sweeps.records import CASES_FILE, Records\n"
+        "from aerokernels.files.drafts import OutputError\n"
+        "from aerokernels.jobs.sweeps.records import CASES_FILE, Records\n"
         "folder = Path(sys.argv[1])\n"
         "hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]\n"
         "for size in (1_500, resource.RLIM_INFINITY):\n"
@@ -195,7 +196,7 @@ def test_a_series_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
     pytest.importorskip("zarr")
     code = (
         "import resource, sys; from pathlib import Path; import numpy as np; import xarray\n"
-        "from aerokernels.drafts import OutputError\n"
+        "from aerokernels.files.drafts import OutputError\n"
         "from aerokernels.series.store import MAPS, NUMBERS, ZarrStore\n"
         "axis, path = np.linspace(-0.01, 0.01, 4), Path(sys.argv[1]) / 'maps.zarr'\n"
         "template = xarray.Dataset(coords={'time': np.arange(9.0), 'y': axis, 'x': axis})\n"
@@ -255,7 +256,7 @@ def test_a_place_where_no_file_can_be_made_is_told_at_once(name, tmp_path, monke
     code = """
 import sys
 from pathlib import Path
-from aerokernels.one_writer import only_writer
+from aerokernels.files.one_writer import only_writer
 try:
     with only_writer(Path(sys.argv[1])):
         pass

@@ -13,7 +13,7 @@ import pytest
 
 CHILD = """
 import os, signal, sys, time
-from aerokernels.interrupt import raise_interrupts
+from aerokernels.process.interrupt import raise_interrupts
 
 def send():
     os.kill(os.getpid(), {signal})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import one_core
-from aerokernels.one_core import product_on_one_core
+from aerokernels.process.one_core import product_on_one_core
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.complex128])

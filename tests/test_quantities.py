@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from aerokernels.quantities import Quantity, judge_strehl, listed
+from aerokernels.display.quantities import Quantity, judge_strehl, listed
 
 
 @pytest.mark.parametrize(

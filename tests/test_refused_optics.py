@@ -11,10 +11,10 @@ from aerokernels.fldi.response import FLDIResponse
 from aerokernels.imaging.camera import Camera
 from aerokernels.imaging.dots import Background, DotPattern
 from aerokernels.imaging.shift import check_view
+from aerokernels.inputs.wavelength import check_spectrum, check_wavelength
 from aerokernels.schlieren import Bench
 from aerokernels.sensor import Sensor, write_grey
-from aerokernels.strehl_errors import _likely_error, main_cause, phase_error
-from aerokernels.wavelength import check_spectrum, check_wavelength
+from aerokernels.wavefront.strehl_errors import _likely_error, main_cause, phase_error
 from aerokernels.zernike import nm_to_noll, noll_to_nm
 
 CAMERA = Camera(Disc(0.01), 0.1, 5e-6, 8)

@@ -7,7 +7,6 @@ import pytest
 import xarray
 
 from aerokernels import Body, DensityField, IndexField, QuadMesh, SolidBody, strehl
-from aerokernels.checks import as_finite_array, as_waveform
 from aerokernels.echo.pulses import as_pulse
 from aerokernels.echo.range_error import summarise_ranges
 from aerokernels.echo.ranging import _checked_samples
@@ -17,6 +16,7 @@ from aerokernels.flow.gas import check_density, isentropic, tunnel_conditions
 from aerokernels.flow.refractivity import index_contrast
 from aerokernels.flow.sampled_density import GridDensity, VertexDensity
 from aerokernels.flow.series import GridMesh, InOrder, times_of
+from aerokernels.inputs.checks import as_finite_array, as_waveform
 from aerokernels.medium.levels import refinement
 from aerokernels.medium.section import outlines
 from aerokernels.schlieren.bench import Bench

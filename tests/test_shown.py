@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, Wavefront, flow, trace
+from aerokernels.display.shown import described
 from aerokernels.hardware.csv_cells import csv_cell
-from aerokernels.shown import described
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, RayBundle, estimate_strehl, trace
-from aerokernels.strehl_errors import (
+from aerokernels.tracing import Plane
+from aerokernels.wavefront.strehl_errors import (
     greatest_strehl_error,
     main_cause,
     phase_error,
@@ -14,7 +15,6 @@ from aerokernels.strehl_errors import (
     strehl_error,
     strehl_errors,
 )
-from aerokernels.tracing import Plane
 
 PUPIL = Disc(4e-3, (0.0, 1e-3, -12e-3))
 # The media fade out toward both ends of their boxes as exp(-(z / 3 mm)^2): so much of them is on a ray.

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aerokernels.units import DIMENSIONS, quantity
+from aerokernels.inputs.units import DIMENSIONS, quantity
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from aerokernels import (
     strehl,
 )
 from aerokernels.echo.vacuum import vacuum_echo
-from aerokernels.strehl_estimate import plan_strehl
+from aerokernels.strehl.estimate import plan_strehl
 
 SAMPLES = np.arange(100.0)
 PULSE = 2.0 * np.exp(-(((SAMPLES - 50.0) / 6.0) ** 2))

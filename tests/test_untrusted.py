@@ -17,13 +17,13 @@ from aerokernels.hardware import export as exporting
 from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.store import EchoStore
+from aerokernels.inputs.written_units import in_brackets, written_unit
 from aerokernels.jobs.recorded import load_netcdf, recorded_labels
 from aerokernels.jobs.store import read_result
 from aerokernels.scene import Scene, SceneError
 from aerokernels.schlieren.picture_file import read_picture
 from aerokernels.validation import file_draws
 from aerokernels.validation.parser_draws import DRAWS
-from aerokernels.written_units import in_brackets, written_unit
 
 CORPUS = {"scene": (8380,), "override": (1018, 5030), "preamble": (1780,), "netcdf": (50,),
           "store": (9, 13, 18, 21, 30, 41, 61, 40010600, 50170604), "sweep": (41,), "row": (109, 149),
@@ -92,7 +92,7 @@ def test_what_happens_in_the_child_is_told_here(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(fragile, "_idle", lambda: idle)
     assert fragile.in_child(path, "math:sqrt", 4.0) == 2.0 and len(idle) == 1
     with pytest.raises(room.NoRoomError, match="it announces"):
-        fragile.in_child(path, "aerokernels.room:check_room", 1e30, "it")
+        fragile.in_child(path, "aerokernels.process.room:check_room", 1e30, "it")
     with pytest.raises(fragile.LibraryEndedError, match=r"a\.nc: the library that reads it ended with status 3: "):
         fragile.in_child(path, "os:_exit", 3)
     assert not idle and fragile.in_child(path, "os:getpid") == idle[0].process.pid
@@ -120,7 +120,7 @@ def test_large_arrays_of_a_netcdf_file_are_read_when_they_are_asked_for(tmp_path
     """
     import xarray
 
-    from aerokernels.netcdf_reading import open_netcdf
+    from aerokernels.files.netcdf_reading import open_netcdf
 
     path = tmp_path / "series.nc"
     data = xarray.Dataset({"rho": (("time", "x"), np.arange(20_000.0).reshape(2, -1), {"units": "kg/m3"}),

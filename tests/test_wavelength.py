@@ -20,9 +20,9 @@ from aerokernels import (
     strehl_marechal,
     trace,
 )
+from aerokernels.inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength, field_wavelength
 from aerokernels.schlieren import line_of_sight
-from aerokernels.strehl_estimate import plan_strehl
-from aerokernels.wavelength import DEFAULT_WAVELENGTH, check_wavelength, field_wavelength
+from aerokernels.strehl.estimate import plan_strehl
 
 GREEN = 532e-9
 # Too long, too short, in nm, um and mm.

@@ -2,7 +2,7 @@
 
 import pytest
 
-from aerokernels.written_units import in_brackets, unit_of, written_unit
+from aerokernels.inputs.written_units import in_brackets, unit_of, written_unit
 
 
 @pytest.mark.parametrize(

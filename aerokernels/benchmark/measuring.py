@@ -73,7 +73,7 @@ def clocks(count: int, kernel: Sequence[float], wall: Sequence[float], processor
 
 def kernel_clocks(timing: Timing, count: int, on_cpu: bool) -> dict:
     """`clocks` of a call whose results have kernel seconds of their own; per core where they ran on a processor."""
-    from aerokernels.machine import core_count
+    from aerokernels.process.machine import core_count
 
     kernel = [result.seconds["kernel"] for result in timing.results]
     per_core = rate(count / core_count(), kernel) if on_cpu else None
@@ -90,7 +90,7 @@ def installed(package: str) -> str | None:
 
 def machine() -> dict:
     """What was measured on."""
-    from aerokernels.machine import core_count
+    from aerokernels.process.machine import core_count
     from aerokernels.tracing import available_backends
 
     return {

@@ -18,7 +18,7 @@ from aerokernels.flow.shipped import PLANE_NAMES
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.strehl import StrehlEstimate, strehl
-from aerokernels.strehl_estimate import PreparedStrehl, estimate_strehl, prepare_strehl
+from aerokernels.strehl.estimate import PreparedStrehl, estimate_strehl, prepare_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.engines.choice import choose_backend
 from aerokernels.validation.cone import cone_field, cone_rays, cone_truth

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from aerokernels.checks import check_choice, check_count, check_positive
+from aerokernels.inputs.checks import check_choice, check_count, check_positive
 from aerokernels.tracing.engines.choice import available_backends, choose_backend
 from aerokernels.tracing.plan import METHODS, PRECISIONS
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import typer
 
-from aerokernels.plain_text import plain, plain_json
+from aerokernels.display.plain_text import plain, plain_json
 
 
 @dataclass

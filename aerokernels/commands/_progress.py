@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from aerokernels.commands._output import Screen, asked, note
-from aerokernels.plain_text import plain
+from aerokernels.display.plain_text import plain
 
 Progress = Callable[[str, float], None]
 

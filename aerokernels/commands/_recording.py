@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from aerokernels.commands._output import Screen, asked, silence
-from aerokernels.plain_text import plain
+from aerokernels.display.plain_text import plain
 
 if TYPE_CHECKING:
     from aerokernels.hardware.recorder import RecordingStatus

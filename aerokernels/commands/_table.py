@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from aerokernels.commands._output import asked, json_text, say
-from aerokernels.plain_text import plain
+from aerokernels.display.plain_text import plain
 
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], data: Any = None) -> None:

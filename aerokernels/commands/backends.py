@@ -7,7 +7,7 @@ def backends() -> None:
 
     from aerokernels.commands._output import asked, note, say
     from aerokernels.commands._table import print_table
-    from aerokernels.plain_text import plain
+    from aerokernels.display.plain_text import plain
     from aerokernels.tracing import available_backends
     from aerokernels.tracing.engines.choice import choose_backend
 

@@ -35,7 +35,6 @@ def board(
     seed: Annotated[int, typer.Option(min=0, help="Of the noise and the faults.")] = 0,
 ) -> None:
     """Simulate a digitiser board or an oscilloscope: try `record` without hardware."""
-    from aerokernels.checks import check_choice
     from aerokernels.commands._output import asked, result, say
     from aerokernels.hardware.board import run_board
     from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource
@@ -43,7 +42,8 @@ def board(
     from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS
     from aerokernels.hardware.pseudo_terminal import PseudoTerminal
     from aerokernels.hardware.scope_board import SimulatedScope, run_scope
-    from aerokernels.interrupt import interrupt_flag
+    from aerokernels.inputs.checks import check_choice
+    from aerokernels.process.interrupt import interrupt_flag
 
     check_choice(protocol, "--protocol", PROTOCOLS)
     check_choice(dialect, "--dialect", DIALECT_NAMES)

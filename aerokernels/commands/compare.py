@@ -37,12 +37,12 @@ def compare(
     from aerokernels.commands._output import asked, note, say, warn
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
+    from aerokernels.inputs.units import quantity
     from aerokernels.jobs.comparison import CompareOptions, compare_recording
     from aerokernels.jobs.comparison_report import TABLES, write_comparison
     from aerokernels.jobs.recorded import label_text
     from aerokernels.jobs.run_folder import read_run
     from aerokernels.jobs.store import check_output_folder
-    from aerokernels.units import quantity
 
     options = CompareOptions(
         align=align,

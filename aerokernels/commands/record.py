@@ -38,15 +38,15 @@ def record(
     """Record echoes from hardware until --count or Ctrl-C; a port that goes away is waited for."""
     from dataclasses import asdict
 
-    from aerokernels.checks import check_choice
     from aerokernels.commands._output import asked, result, say
     from aerokernels.commands._recording import describe, parse_labels, reporter
+    from aerokernels.display.plain_text import plain
     from aerokernels.hardware.port import PortError
     from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS
     from aerokernels.hardware.recorder import Recorder
     from aerokernels.hardware.store import EchoStore
-    from aerokernels.interrupt import interrupt_flag
-    from aerokernels.plain_text import plain
+    from aerokernels.inputs.checks import check_choice
+    from aerokernels.process.interrupt import interrupt_flag
 
     check_choice(protocol, "--protocol", PROTOCOLS)
     check_choice(dialect, "--dialect", ("auto", *DIALECT_NAMES))

@@ -84,10 +84,10 @@ def schlieren(
     from aerokernels.commands._output import note
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
+    from aerokernels.display.quantities import Quantity
+    from aerokernels.files.one_writer import only_writer
     from aerokernels.jobs.pictures import KINDS, PictureOptions, make_pictures, picture_scene, write_pictures
     from aerokernels.jobs.store import check_output_folder
-    from aerokernels.one_writer import only_writer
-    from aerokernels.quantities import Quantity
     from aerokernels.schlieren import read_picture
 
     options = PictureOptions(
@@ -160,7 +160,7 @@ def _direction(text: str) -> tuple[float, ...]:
 
 
 def _number(option: str, text: str, dimension: str) -> float:
-    from aerokernels.units import quantity
+    from aerokernels.inputs.units import quantity
 
     try:
         return quantity(text, dimension)

@@ -24,9 +24,9 @@ def series(
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._sweeping import thinned
     from aerokernels.commands._table import print_table
+    from aerokernels.display.quantities import Quantity
     from aerokernels.jobs.series_job import run_series
     from aerokernels.jobs.series_report import HEADLINES
-    from aerokernels.quantities import Quantity
 
     loaded = load_scene(scene, backend, device, precision, None, settings)
     with shown_progress(loaded.name) as shown:

@@ -69,7 +69,7 @@ def _as_warp(found: Any) -> Any:
     """An array on a device as one of Warp's numbers, not of its vectors."""
     import warp
 
-    from ..quiet_warp import start_warp
+    from ..process.quiet_warp import start_warp
 
     start_warp()
     if getattr(found, "requires_grad", False) and hasattr(found, "detach"):

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ..machine import core_count, host_memory
-from ..opened import OPENED
+from ..process.machine import core_count, host_memory
+from ..process.opened import OPENED
 
 # Arrays of fewer bytes are copied as they are.
 LEAST = 1 << 20

@@ -101,7 +101,7 @@ def made_rays(
     """
     import warp as wp
 
-    from ..quiet_warp import start_warp
+    from ..process.quiet_warp import start_warp
     from .kernels import make_rays
 
     start_warp()

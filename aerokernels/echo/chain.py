@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..checks import as_waveform, check_choice, check_count, check_positive
+from ..inputs.checks import as_waveform, check_choice, check_count, check_positive
 from .detector import RESPONSES, check_order, detect, memory_time
 from .digitiser import Digitiser, digitiser_of
 from .noise import NoiseSources, noise_bandwidth, noise_sources_of, sampled_noise_gain, white_noise

@@ -16,8 +16,8 @@ import math
 
 import numpy as np
 
-from ..checks import as_waveform, check_choice, check_positive
-from ..opened import OPENED
+from ..inputs.checks import as_waveform, check_choice, check_positive
+from ..process.opened import OPENED
 
 RESPONSES = ("first-order", "gaussian", "bessel", "butterworth")
 GREATEST_ORDER = 10

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..checks import as_finite_array, check_at_least
+from ..inputs.checks import as_finite_array, check_at_least
 
 if TYPE_CHECKING:
     from ..scene import Scene

@@ -20,11 +20,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..display.quantities import root_sum_square
 from ..medium import IndexField
-from ..quantities import root_sum_square
 from ..scene import Scene
 from ..strehl import StrehlEstimate
-from ..strehl_errors import strehl_error
+from ..wavefront.strehl_errors import strehl_error
 from .pulse_curve import PulseCurve, peak_height
 from .pupil_errors import own_phase_error, pupil_error
 from .rangefinder import Rangefinder

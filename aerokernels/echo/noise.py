@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..checks import as_finite_array, check_at_least, check_positive, check_share
+from ..inputs.checks import as_finite_array, check_at_least, check_positive, check_share
 
 if TYPE_CHECKING:
     from ..scene import Scene

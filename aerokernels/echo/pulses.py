@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from ..arguments import Numbers, checked
-from ..checks import as_finite_array, check_positive
+from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import as_finite_array, check_positive
 from .pulse_curve import PulseCurve
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..scene import Scene
-from ..strehl_estimate import estimate_strehl
+from ..strehl.estimate import estimate_strehl
 from .paths import trace_options
 from .pupil_reduction import reduce_pupils
 

@@ -25,8 +25,8 @@ import math
 
 import numpy as np
 
-from ..arguments import Numbers, checked
-from ..checks import as_finite_array, check_choice, check_positive, check_share, check_tilt
+from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import as_finite_array, check_choice, check_positive, check_share, check_tilt
 from .pulses import GaussianPulse, PulseShape, as_pulse
 from .reflectors import Reflector
 from .waveform import SPEED_OF_LIGHT

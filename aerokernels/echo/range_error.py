@@ -13,8 +13,8 @@ from functools import partial
 
 import numpy as np
 
-from ..arguments import Numbers, checked
-from ..checks import as_waveform, check_at_least, check_count, check_positive, check_share
+from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import as_waveform, check_at_least, check_count, check_positive, check_share
 from .chain import DetectorChain
 from .pulse_curve import PulseCurve
 from .ranging import Reading, Template

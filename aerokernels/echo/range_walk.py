@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks import as_waveform, check_positive
+from ..inputs.checks import as_waveform, check_positive
 from .pulse_curve import PulseCurve, peak_height
 from .waveform import SPEED_OF_LIGHT
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..checks import as_waveform
+from ..inputs.checks import as_waveform
 from ..scene import Scene
 from .chain import chain_of
 from .pulse_curve import PulseCurve

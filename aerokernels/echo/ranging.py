@@ -22,9 +22,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arguments import Numbers, checked
-from ..checks import as_finite_array, as_waveform, check_choice, check_positive
 from ..derived import Derived
+from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import as_finite_array, as_waveform, check_choice, check_positive
 from .pulse_curve import CENTROID_FLOOR, PulseCurve
 from .sampling_error import sampling_error, warn_of_sampling
 from .saturation import warn_of_saturation

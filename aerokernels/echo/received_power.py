@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..checks import check_aperture
+from ..inputs.checks import check_aperture
 from ..pupils.vectors import lengths
 from ..scene import Scene
 from .paths import TransmitPaths

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..checks import check_positive, check_share
+from ..inputs.checks import check_positive, check_share
 
 if TYPE_CHECKING:
     from ..scene import Scene

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..quantities import Quantity
-from ..shown import drawn_on, shown
+from ..display.quantities import Quantity
+from ..display.shown import drawn_on, shown
 from .pulse_curve import PulseCurve, peak_height
 from .range_error import RangeStatistics
 from .uncertainty import EchoErrors

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..netcdf_lazy import told_of
+from ..files.netcdf_lazy import told_of
 
 if TYPE_CHECKING:
     import xarray

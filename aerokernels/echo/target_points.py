@@ -22,8 +22,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..checks import check_choice
-from ..opened import OPENED
+from ..inputs.checks import check_choice
+from ..process.opened import OPENED
 from ..pupils.vectors import lengths
 from ..scene import Scene
 from .pulses import pulse_of

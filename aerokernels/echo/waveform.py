@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from ..checks import as_finite_array, check_positive
+from ..inputs.checks import as_finite_array, check_positive
 from .pulses import GaussianPulse, PulseShape, as_pulse
 
 SPEED_OF_LIGHT = 299_792_458.0  # in vacuum [m/s], exact

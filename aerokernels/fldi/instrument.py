@@ -18,10 +18,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arguments import Numbers, checked
-from ..checks import check_positive
+from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import check_positive
+from ..inputs.wavelength import check_wavelength
 from ..pupils import as_unit_vector, as_vector, transverse_axes
-from ..wavelength import check_wavelength
 
 
 @checked

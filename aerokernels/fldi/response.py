@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import Numbers, checked
+from ..display.shown import drawn_on
 from ..flow import DensityField, Series
+from ..inputs.arguments import Numbers, checked
 from ..medium import IndexField
-from ..shown import drawn_on
 from .grid_error import grid_error
 from .instrument import FLDI
 from .known_beams import truncated_share, warn_of_truncation

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import checked
-from ..checks import check_choice, check_positive
+from ..inputs.arguments import checked
+from ..inputs.checks import check_choice, check_positive
 
 LEAST_MACH = 1.5
 # geometry: (stand-off factor, its exponent, curvature factor, its exponent, power of M - 1)

@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..arguments import checked
-from ..checks import check_positive
+from ..inputs.arguments import checked
+from ..inputs.checks import check_positive
 from ..medium import Body
 from .billig import BowShock, bow_shock
 from .exact_field import MARGIN, ExactField, edges, rectangles, square_step

@@ -18,9 +18,9 @@ Reference: P. E. Ciddor, Refractive index of air: new equations for the visible 
 
 import math
 
-from ..arguments import checked
-from ..checks import check_positive
-from ..wavelength import SAME, check_wavelength
+from ..inputs.arguments import checked
+from ..inputs.checks import check_positive
+from ..inputs.wavelength import SAME, check_wavelength
 
 # Wavelengths that the equations were made for [m].
 RANGE = (0.3e-6, 1.69e-6)

@@ -10,11 +10,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arguments import checked
-from ..checks import check_positive
+from ..display.shown import shown
+from ..inputs.arguments import checked
+from ..inputs.checks import check_positive
+from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..medium import Body, IndexField
-from ..shown import shown
-from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .conical_averages import bell, cell_averages
 from .conical_profile import ConeShock
 from .density_field import DensityField, in_plane

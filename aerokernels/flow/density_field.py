@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from ..arguments import Numbers, checked, refuse_masked
-from ..checks import check_positive
+from ..display.shown import shown
+from ..inputs.arguments import Numbers, checked, refuse_masked
+from ..inputs.checks import check_positive
+from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..medium import Body, IndexField, QuadMesh, SolidBody
 from ..read_only import ReadOnly
-from ..shown import shown
-from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .gas import FreeStream, check_density, no_gas
 from .models import MODELS, one_constant, refractivity_model
 from .refractivity import RELATIONS

@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
-from ..checks import check_positive
+from ..display.shown import shown
+from ..inputs.checks import check_positive
 from ..medium import QuadMesh
-from ..shown import shown
 from .density_field import CellDensity, in_plane
 
 # More cells than a machine's memory should be asked for by a spacing given in the wrong unit.

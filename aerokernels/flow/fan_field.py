@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import checked
-from ..checks import check_positive
+from ..inputs.arguments import checked
+from ..inputs.checks import check_positive
 from ..medium import Body
 from .exact_averages import direction_averages
 from .exact_field import MARGIN, ExactField, edges, rectangles, square_step

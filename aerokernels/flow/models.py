@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import checked
-from ..checks import check_choice
+from ..inputs.arguments import checked
+from ..inputs.checks import check_choice
+from ..inputs.wavelength import LONGEST, SHORTEST
 from ..medium import Upstream
-from ..wavelength import LONGEST, SHORTEST
 from . import ciddor
 from .refractivity import RELATIONS, SHORTEST_WAVELENGTH, gladstone_dale_constant, index_contrast, refractivity
 from .species import WATER, Composition

@@ -10,9 +10,9 @@ near 1: at 1 kg/m3 the index differs from 1 by only 2e-4.
 
 import numpy as np
 
-from ..arguments import checked
-from ..checks import check_choice
-from ..wavelength import check_wavelength
+from ..inputs.arguments import checked
+from ..inputs.checks import check_choice
+from ..inputs.wavelength import check_wavelength
 
 RELATIONS = ("gladstone-dale", "lorentz-lorenz")
 # Eq 2 was fitted in the visible; below this, air absorbs and its index rises faster.

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import checked
-from ..checks import check_positive
+from ..inputs.arguments import checked
+from ..inputs.checks import check_positive
 from .gas import GAMMA_AIR, GAS_CONSTANT_AIR, check_gamma
 from .shocks import _bisect
 

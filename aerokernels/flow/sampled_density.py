@@ -4,13 +4,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arguments import Numbers, checked, refuse_masked
-from ..checks import check_choice
+from ..display.shown import shown
+from ..inputs.arguments import Numbers, checked, refuse_masked
+from ..inputs.checks import check_choice
 from ..medium import Body, IndexField, SolidBody
 from ..medium.grid import checked_axes
 from ..medium.mesh import GEOMETRIES
 from ..medium.mesh_samples import MeshSamples
-from ..shown import shown
 from .density_field import MeshDensity, SampledDensity, in_plane
 from .gas import FreeStream, check_density, no_gas
 from .species import Composition

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import seconds
-from ..checks import check_choice, check_positive
 from ..device_arrays import device_array, host_array
+from ..display.shown import shown
+from ..inputs.arguments import seconds
+from ..inputs.checks import check_choice, check_positive
 from ..medium import Body, QuadMesh, SolidBody
 from ..medium.mesh import GEOMETRIES
-from ..shown import shown
 from .density_field import CellDensity, DensityField
 from .gas import FreeStream, check_density
 from .sampled_density import GridDensity, VertexDensity

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import seconds
-from ..netcdf_reading import open_netcdf
-from ..room import check_file, check_room
-from ..written_units import unit_of
+from ..files.netcdf_reading import open_netcdf
+from ..inputs.arguments import seconds
+from ..inputs.written_units import unit_of
+from ..process.room import check_file, check_room
 from .reading.array_units import ambient_attribute
 from .reading.density import DENSITY_NAMES, plain_name
 from .series import GridMesh, Series

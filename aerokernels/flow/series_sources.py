@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import check_path
 from ..device_arrays import host_array
+from ..inputs.checks import check_path
 from ..medium import Body, QuadMesh
 from .density_field import DensityField
 from .gas import FreeStream

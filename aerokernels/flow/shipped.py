@@ -8,7 +8,7 @@ from typing import Literal, overload
 
 import numpy as np
 
-from ..arguments import checked
+from ..inputs.arguments import checked
 from ..medium import Body, QuadMesh, SolidBody
 from .density_field import CellDensity
 from .gas import FreeStream, tunnel_conditions

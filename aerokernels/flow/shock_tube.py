@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import checked
-from ..checks import check_choice, check_positive
+from ..inputs.arguments import checked
+from ..inputs.checks import check_choice, check_positive
 from .exact_averages import piecewise_means
 from .exact_field import DEFAULT_CELLS, LEAST_CELLS, ExactField, edges, rectangles, square_step
 from .gas import GAMMA_AIR

@@ -16,7 +16,7 @@ Reference: NACA Report 1135 (1953), eq 92-98, 138, 168, 171c. Air: g = 1.4.
 import math
 from dataclasses import dataclass
 
-from ..arguments import checked
+from ..inputs.arguments import checked
 from .gas import GAMMA_AIR, check_gamma, stagnation_ratio
 
 

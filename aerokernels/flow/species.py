@@ -19,8 +19,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arguments import checked
-from ..wavelength import SAME, check_wavelength
+from ..inputs.arguments import checked
+from ..inputs.wavelength import SAME, check_wavelength
 from . import ciddor
 
 GAS_CONSTANT = 8.314462618  # [J/(mol K)]

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..arguments import checked
-from ..checks import check_positive
+from ..inputs.arguments import checked
+from ..inputs.checks import check_positive
 from ..medium import Body, QuadMesh
 from .density_field import CellDensity
 from .gas import SEA_LEVEL_DENSITY

@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from ..arguments import checked
+from ..inputs.arguments import checked
 from .conical_profile import ConeShock, ConicalProfile, temperature_excess
 from .gas import GAMMA_AIR, stagnation_ratio
 from .shocks import _check_supersonic, maximum_deflection, oblique_shock

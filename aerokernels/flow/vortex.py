@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import Numbers, checked
-from ..checks import check_positive
+from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import check_positive
 from .exact_averages import smooth_averages
 from .exact_field import ExactField, edges, rectangles
 from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density, check_gamma

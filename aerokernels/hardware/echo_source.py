@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from scipy.constants import speed_of_light
 
-from aerokernels.checks import check_path
 from aerokernels.echo.stored import echo_of_result
+from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.hardware.frames import GREATEST_SAMPLE_COUNT, EchoFrame
-from aerokernels.netcdf_reading import open_netcdf
+from aerokernels.inputs.checks import check_path
 
 # What the simulated instruments play if nothing else is asked for.
 DEFAULT_SCENE = "wind-tunnel-static"
@@ -142,8 +142,8 @@ def _sample_times(sample_count: int, sample_period_ps: int) -> np.ndarray:
 
 def _drawn_on(time: np.ndarray, echo_time: np.ndarray, voltage: np.ndarray) -> np.ndarray:
     """An echo's voltage at other times [s], by the quintic spline; 0 V outside its record."""
-    from aerokernels.checks import as_waveform
     from aerokernels.echo.ranging import SampledTemplate
+    from aerokernels.inputs.checks import as_waveform
 
     echo_time, voltage, period = as_waveform(echo_time, voltage)
     return SampledTemplate(voltage, period)(time - echo_time[np.argmax(voltage)])

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.drafts import draft_of
+from aerokernels.files.drafts import draft_of
+from aerokernels.files.netcdf_file import RetryingFile
 from aerokernels.hardware.csv_cells import csv_cell
 from aerokernels.hardware.store import EchoStore, StoredEcho
 from aerokernels.hardware.transaction import StoreError
-from aerokernels.netcdf_file import RetryingFile
 
 ECHOES_AT_ONCE = 1024  # echoes written at a time, and
 SAMPLES_AT_ONCE = 2**23  # samples at most: one long curve makes rows of its length for all

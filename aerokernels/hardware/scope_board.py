@@ -5,11 +5,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from aerokernels.checks import check_choice
 from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.hardware.faults import FaultPlan
 from aerokernels.hardware.protocols import DIALECT_NAMES
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal
+from aerokernels.inputs.checks import check_choice
 
 _ZERO = -100  # count of 0 V, so that most of the 8 bits are for the echo
 _USED_COUNTS = 220

@@ -13,7 +13,6 @@ from operator import index
 from pathlib import Path
 from typing import Any, TypeVar
 
-from aerokernels.checks import check_path
 from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.preamble import ScopeCurve
@@ -21,6 +20,7 @@ from aerokernels.hardware.rows import READ_ECHOES, WRITE_ECHO, echo_of, label_of
 from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
 from aerokernels.hardware.store_file import store_address
 from aerokernels.hardware.transaction import KEEP_IT, DamagedStoreError, StoreError, Transaction, described_errors
+from aerokernels.inputs.checks import check_path
 
 Made = TypeVar("Made")
 _BUSY_TIME = 30.0  # [s] to wait for another recorder that is just committing to the same store

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import checked
-from ..checks import check_choice
+from ..files.netcdf_file import write_netcdf
+from ..inputs.arguments import checked
+from ..inputs.checks import check_choice
 from ..medium import IndexField
-from ..netcdf_file import write_netcdf
 from ..sensor import Sensor, write_grey
 from .camera import Camera
 from .dots import Background, DotPattern

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import checked
+from ..inputs.arguments import checked
 from ..pupils import Pupil
 
 GREATEST_PIXELS = 100_000_000

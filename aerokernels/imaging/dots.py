@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import checked
+from ..inputs.arguments import checked
 from .camera import Camera
 
 # Samples of the pattern to a pixel, along each side.

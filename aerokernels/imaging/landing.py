@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..medium import IndexField
+from ..process.threads import in_threads
 from ..rays import RayBundle
-from ..threads import in_threads
 from ..tracing import trace
 from ..tracing.result import TraceResult
 from ..tracing.status import reached

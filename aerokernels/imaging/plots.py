@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..shown import drawn_on
+from ..display.shown import drawn_on
 
 
 def plot_displacement(found: Any, axes: Any = None) -> Any:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..threads import in_threads
+from ..process.threads import in_threads
 from .spreads import SpreadGrid
 
 # Changes of the shift over the picture that count as none, and the greatest followed from node to pixel [pixels].

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arguments import checked
-from ..clock import clocked, stage
+from ..inputs.arguments import checked
 from ..medium import IndexField
+from ..process.clock import clocked, stage
 from ..tracing.pupil_air import GREATEST_SHARE
 from .camera import Camera, rows_and_columns
 from .displacement_error import blur_error, by_points, displacement_error

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..wavelength import check_spectrum
+from ..inputs.wavelength import check_spectrum
 
 
 @dataclass(frozen=True, eq=False)

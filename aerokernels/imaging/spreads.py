@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from ..medium import IndexField
-from ..one_core import product_on_one_core
+from ..process.one_core import product_on_one_core
+from ..process.threads import in_threads
 from ..rays import RayBundle
-from ..threads import in_threads
 from ..tracing import Plane, trace
 from ..tracing.lines import box_size
 from ..tracing.status import reached

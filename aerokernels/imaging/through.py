@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import Numbers, checked, refuse_masked
-from ..clock import clocked, stage
+from ..inputs.arguments import Numbers, checked, refuse_masked
 from ..medium import IndexField
+from ..process.clock import clocked, stage
 from ..sensor import Sensor, write_grey
 from ..wavefront.grid import pupil_grid
 from .camera import Camera

@@ -8,6 +8,7 @@ from typing import Any
 
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
+from aerokernels.display.quantities import Quantity
 from aerokernels.hardware.csv_cells import csv_cell
 from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
 from aerokernels.jobs.comparison_figure import ranges_figure, waveforms_figure
@@ -15,7 +16,6 @@ from aerokernels.jobs.figure_layout import png
 from aerokernels.jobs.page import bullets, page, picture, remarks, section, table
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
 from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, staged_folder, to_json, write_result, write_summary
-from aerokernels.quantities import Quantity
 
 TABLE_FILE, WAVEFORM_FILE, FIGURE_FILE = "compare.csv", "compare.nc", "compare.png"
 

@@ -2,6 +2,7 @@
 
 import math
 
+from aerokernels.display.quantities import GREAT_ERROR, root_sum_square
 from aerokernels.echo import RANGING_METHODS
 from aerokernels.echo.paths import target_plane, trace_options
 from aerokernels.echo.prediction import predict_echo
@@ -11,12 +12,11 @@ from aerokernels.jobs.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, pupil_sa
 from aerokernels.medium import AveragesLacking, IndexField
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import prepare_field
-from aerokernels.quantities import GREAT_ERROR, root_sum_square
 from aerokernels.scene import Scene
 from aerokernels.scene.pupil_table import in_words
-from aerokernels.strehl_errors import greatest_strehl_error, main_cause
-from aerokernels.strehl_estimate import plan_strehl
+from aerokernels.strehl.estimate import plan_strehl
 from aerokernels.tracing.plan import TracePlan
+from aerokernels.wavefront.strehl_errors import greatest_strehl_error, main_cause
 from aerokernels.waves import validity
 
 

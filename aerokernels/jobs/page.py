@@ -5,8 +5,8 @@ import html
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+from aerokernels.display.plain_text import plain
 from aerokernels.jobs.figure_layout import png_or_fault
-from aerokernels.plain_text import plain
 
 Picture = tuple[str, str, Callable]  # name, caption, a function that draws it
 WIDE = 850  # [pixels] of a picture of two panels

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.display.quantities import Quantity
+from aerokernels.display.shown import extent_of
 from aerokernels.jobs.figure_layout import styled_figure
 from aerokernels.jobs.plots import ACCENT
-from aerokernels.quantities import Quantity
 from aerokernels.schlieren import HalfComparison, ShockAngle
 from aerokernels.schlieren.picture import AnyPicture
-from aerokernels.shown import extent_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.display.quantities import Quantity
+from aerokernels.display.shown import extent_of
 from aerokernels.jobs.figure_layout import Panel, fitted_panel, panelled_figure
-from aerokernels.quantities import Quantity
-from aerokernels.shown import extent_of
 
 if TYPE_CHECKING:
     import xarray

@@ -15,9 +15,9 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from aerokernels.checks import as_waveform
 from aerokernels.echo import RANGING_METHODS
 from aerokernels.echo.ranging import Reading, template_curve
+from aerokernels.inputs.checks import as_waveform
 from aerokernels.jobs.run_folder import RunFolder
 
 

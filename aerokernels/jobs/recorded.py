@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.hardware.store import EchoStore
-from aerokernels.netcdf_reading import open_netcdf
-from aerokernels.units import quantity
+from aerokernels.inputs.units import quantity
 
 if TYPE_CHECKING:
     import xarray

@@ -10,11 +10,11 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from aerokernels.display.quantities import WORTHLESS, Quantity, listed
 from aerokernels.jobs import plots
 from aerokernels.jobs.figure_layout import png_or_fault
 from aerokernels.jobs.page import bullets, cards, named_values, page, paragraph, picture, remarks, section, text_block
 from aerokernels.jobs.store import to_json
-from aerokernels.quantities import WORTHLESS, Quantity, listed
 
 if TYPE_CHECKING:
     import xarray

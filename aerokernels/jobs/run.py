@@ -7,7 +7,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from aerokernels.clock import clocked
 from aerokernels.echo import EchoResult
 from aerokernels.echo.paths import trace_options
 from aerokernels.echo.prediction import check_echo
@@ -22,12 +21,13 @@ from aerokernels.jobs.summary import summarise
 from aerokernels.jobs.views import pupil_map, ray_fan
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field
+from aerokernels.process.clock import clocked
 from aerokernels.scene import Scene
 from aerokernels.strehl import StrehlEstimate
-from aerokernels.strehl_estimate import estimate_strehl
+from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing.engines.choice import choose_backend
 
-from ..shown import shown
+from ..display.shown import shown
 
 if TYPE_CHECKING:
     import xarray

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels import __version__
+from aerokernels.display.plain_text import plain_json
+from aerokernels.files.one_writer import only_writer
 from aerokernels.flow import GridMesh, Series, open_series
 from aerokernels.jobs.store import (
     MAPS_FILE,
@@ -22,8 +24,6 @@ from aerokernels.jobs.store import (
     to_json,
     write_text,
 )
-from aerokernels.one_writer import only_writer
-from aerokernels.plain_text import plain_json
 from aerokernels.pupils import direction_of
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.file_table import FileTable

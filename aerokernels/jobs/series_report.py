@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.figure_layout import Panel, panelled_figure
 from aerokernels.jobs.page import (
     Picture,
@@ -22,7 +23,6 @@ from aerokernels.jobs.page import (
 )
 from aerokernels.jobs.plots import axes_of
 from aerokernels.jobs.scene_text import scene_toml
-from aerokernels.quantities import Quantity
 from aerokernels.scene import Scene
 from aerokernels.tracing.pupil_air import GREATEST_SHARE
 

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.drafts import FULL, OutputError, draft_of
-from aerokernels.netcdf_file import write_netcdf
-from aerokernels.netcdf_reading import open_netcdf
-from aerokernels.one_writer import only_writer
-from aerokernels.plain_text import plain_json
+from aerokernels.display.plain_text import plain_json
+from aerokernels.files.drafts import FULL, OutputError, draft_of
+from aerokernels.files.netcdf_file import write_netcdf
+from aerokernels.files.netcdf_reading import open_netcdf
+from aerokernels.files.one_writer import only_writer
 
 if TYPE_CHECKING:
     import xarray

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arguments import checked
 from ..derived import Derived
-from ..shown import shown
+from ..display.shown import shown
+from ..inputs.arguments import checked
 from .crossings import crossings
 from .grid import check_finite
 from .wall_tree import WallTree, wall_tree

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import Numbers, checked
-from ..checks import check_choice, check_positive
 from ..derived import Derived
 from ..device_arrays import plain_array
-from ..shown import shown
-from ..wavelength import check_wavelength, field_wavelength
+from ..display.shown import shown
+from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import check_choice, check_positive
+from ..inputs.wavelength import check_wavelength, field_wavelength
 from .body import Body
 from .cell_averages import node_values
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite

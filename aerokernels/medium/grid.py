@@ -11,9 +11,9 @@ from itertools import product
 
 import numpy as np
 
-from ..checks import check_choice
 from ..derived import Derived
-from ..shown import shown
+from ..display.shown import shown
+from ..inputs.checks import check_choice
 from . import spline
 from .grid_places import GridPlaces
 

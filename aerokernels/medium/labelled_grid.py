@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..written_units import unit_of
+from ..inputs.written_units import unit_of
 
 GEOMETRIES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
 EVEN = 1e-6  # share of the spacing by which nodes may be off an even grid

@@ -9,9 +9,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arguments import Numbers, checked
 from ..derived import Derived
-from ..shown import shown
+from ..display.shown import shown
+from ..inputs.arguments import Numbers, checked
 from .bilinear import EDGE_TOLERANCE, bilinear_point, contains, invert_bilinear
 from .grid import check_finite
 

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from ..derived import Derived
-from ..shown import shown
+from ..display.shown import shown
 from .grid import eq5_step
 from .kept_averages import what_is_lacking
 from .mesh import Places, QuadMesh

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import are_numbers
-from ..checks import check_positive
+from ..inputs.arguments import are_numbers
+from ..inputs.checks import check_positive
 from ..sobol import sobol_points
 from .grid import UniformGrid
 from .resample_grid import NODE_LIMIT, node_counts

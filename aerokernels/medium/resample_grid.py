@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..machine import host_memory
+from ..process.machine import host_memory
 
 NODE_LIMIT = 200_000_000
 # Greatest memory that resampling takes for a node, measured on the shipped flows.

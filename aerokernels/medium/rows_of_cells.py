@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..shown import shown
+from ..display.shown import shown
 from .kept_averages import what_is_lacking
 from .mesh import QuadMesh
 from .opposite_sides import joined_across, row_numbers, ways_across

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..checks import check_choice, check_count
+from ..inputs.checks import check_choice, check_count
 from ..sobol import sobol_points
 from .square_map import SquareMap
 from .vectors import as_unit_vector, as_vector, transverse_axes

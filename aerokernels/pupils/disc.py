@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arguments import checked
-from ..checks import check_choice, check_count, check_positive
-from ..shown import shown
+from ..display.shown import shown
+from ..inputs.arguments import checked
+from ..inputs.checks import check_choice, check_count, check_positive
 from .base import SAMPLINGS, Pupil, cell_shares
 from .square_map import RING, SquareMap
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arguments import are_numbers, checked
-from ..checks import check_positive
-from ..shown import shown
+from ..display.shown import shown
+from ..inputs.arguments import are_numbers, checked
+from ..inputs.checks import check_positive
 from .base import Pupil
 from .square_map import PIXELS, SquareMap, cumulative
 

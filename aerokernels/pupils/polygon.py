@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arguments import checked
-from ..shown import shown
+from ..display.shown import shown
+from ..inputs.arguments import checked
 from .base import Pupil, cell_shares
 from .square_map import TRIANGLES, SquareMap, cumulative
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ..units import quantity, si_unit
+from ..inputs.units import quantity, si_unit
 from .errors import SceneError, scene_error
 from .key_units import dimension_of
 from .loading import override, toml_value

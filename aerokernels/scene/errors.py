@@ -6,8 +6,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from ..plain_text import cut
-from ..units import si_unit
+from ..display.plain_text import cut
+from ..inputs.units import si_unit
 from .key_units import dimension_of
 
 

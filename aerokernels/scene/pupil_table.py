@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from ..inputs.units import quantity
 from ..pupils import Annulus, Disc, Polygon, Pupil, Rectangle, direction_of
-from ..units import quantity
 from .echo_tables import ReceiverTable
 from .values import Length, Table, key, measured
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from pydantic import Field, ValidationError, model_validator
 
-from ..arguments import checked
 from ..flow import SEA_LEVEL_DENSITY, DensityField, read, shipped, shipped_names, uniform_air
+from ..inputs.arguments import checked
 from ..pupils import Pupil
 from .detector_table import DetectorTable
 from .echo_tables import AtmosphereTable, BeamTable, ReceiverTable, TargetTable

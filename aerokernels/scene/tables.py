@@ -14,7 +14,7 @@ from pydantic import AfterValidator, BeforeValidator, model_validator
 from ..flow import gladstone_dale_constant, refractivity_model, shipped_names
 from ..flow.gas import check_density
 from ..flow.refractivity import RELATIONS, refractivity
-from ..units import quantity
+from ..inputs.units import quantity
 from .file_table import FileTable
 from .values import Count, GladstoneDale, Length, Number, Table, key
 

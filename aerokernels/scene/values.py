@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 
-from ..units import quantity
+from ..inputs.units import quantity
 
 
 class Table(BaseModel):

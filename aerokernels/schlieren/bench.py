@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import checked
+from ..inputs.arguments import checked
 from ..pupils import Pupil
 from ..sensor import Sensor
 from .source_shape import check_source, light_below, light_in, shape_of

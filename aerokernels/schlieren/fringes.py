@@ -19,8 +19,8 @@ import numpy as np
 
 from aerokernels.medium import IndexField
 
-from ..arguments import checked
-from ..shown import shown
+from ..display.shown import shown
+from ..inputs.arguments import checked
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
 from .picture import traced_dataset

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..checks import check_choice, check_path
-from ..room import NoRoomError, check_room
+from ..inputs.checks import check_choice, check_path
+from ..process.room import NoRoomError, check_room
 from .picture import AnyPicture, Picture
 
 LEAST_PIXELS = 16  # along each side

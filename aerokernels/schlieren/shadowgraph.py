@@ -23,9 +23,9 @@ import numpy as np
 
 from aerokernels.medium import IndexField
 
-from ..arguments import checked
+from ..display.shown import shown
+from ..inputs.arguments import checked
 from ..pupils import Pupil
-from ..shown import shown
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset

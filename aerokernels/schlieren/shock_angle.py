@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks import check_choice
+from ..inputs.checks import check_choice
 from .fronts import LEAST_LINES, fit_curve, inner_bands, outer_fronts, smoothed
 from .picture import AnyPicture
 

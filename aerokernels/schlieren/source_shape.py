@@ -7,7 +7,7 @@ square. All that is asked of a shape is `Pupil.coverage`, the light in the cells
 
 import numpy as np
 
-from ..checks import check_choice
+from ..inputs.checks import check_choice
 from ..pupils import Disc, Pupil, Rectangle
 
 SOURCES = ("slit", "disc", "square")

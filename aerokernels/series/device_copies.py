@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..machine import core_count
+from ..process.machine import core_count
 
 PIECE = 1 << 22  # bytes copied at a time
 SLOTS = 4  # pieces of each thread in pinned memory
@@ -65,7 +65,7 @@ class Copies:
         """
         import warp as wp
 
-        from ..quiet_warp import start_warp
+        from ..process.quiet_warp import start_warp
 
         start_warp()
         self.device = device

@@ -17,13 +17,13 @@ import numpy as np
 
 from aerokernels import __version__
 
-from ..arguments import checked
 from ..flow import DensityField, Series
+from ..inputs.arguments import checked
+from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from ..medium import IndexField
 from ..pupils import direction_of
-from ..strehl_estimate import PreparedStrehl
+from ..strehl.estimate import PreparedStrehl
 from ..tracing.radial_quadrature import asymmetry
-from ..wavelength import DEFAULT_WAVELENGTH
 from .look_batch import batch_looks, can_batch
 
 if TYPE_CHECKING:

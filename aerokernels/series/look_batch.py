@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..medium import IndexField
-from ..opened import OPENED
+from ..process.opened import OPENED
 from ..pupils.vectors import transverse_frames
 from ..rays import RayBundle
 from ..tracing.known_air import may_be_lost
@@ -142,7 +142,7 @@ class _Traced:
         """Put the field and the points of the pupil there."""
         import warp as wp
 
-        from ..quiet_warp import start_warp
+        from ..process.quiet_warp import start_warp
         from .look_kernels import build_kernels
 
         start_warp()

@@ -11,14 +11,14 @@ import numpy as np
 
 from aerokernels import __version__
 
-from ..arguments import checked
-from ..checks import check_choice, check_positive
 from ..flow import GridMesh, Series
+from ..inputs.arguments import checked
+from ..inputs.checks import check_choice, check_positive
+from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..rays import as_unit_vector
 from ..tracing.plan import PRECISIONS
 from ..tracing.pupil_air import GREATEST_SHARE, PupilAir, TruncationWarning
 from ..wavefront import check_terms
-from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .pupil_grid import PupilGrid, Reading, pupil_grid
 from .snapshot import METHODS, Found, Snapshots, Way
 from .store import FIRST, NUMBERS, MemoryStore, ZarrStore

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import check_count
+from ..inputs.checks import check_count
 from ..pupils import Pupil
 from ..wavefront import exact_weights, remove_terms, weighted_mean
 from .map_errors import MapErrors, PixelErrors

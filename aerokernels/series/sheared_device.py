@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..opened import OPENED
+from ..process.opened import OPENED
 from .warp_launch import launch
 
 LANES = 4  # neighbouring lines of one thread, which share most of their nodes
@@ -24,7 +24,7 @@ class DeviceLattice:
         """
         import warp as wp
 
-        from ..quiet_warp import start_warp
+        from ..process.quiet_warp import start_warp
         from .shear_kernels import build_kernels
 
         start_warp()

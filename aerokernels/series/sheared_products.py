@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..machine import core_count
+from ..process.machine import core_count
 
 BEYOND = 3  # cells beyond an edge up to which samples go on, as a cubic through the last four
 PARTS = (1, 2, 3, 4, 6, 8)  # of the planes; speed only

@@ -108,7 +108,7 @@ def gpu_of(backend: str | None, device: str | None) -> str | None:
         return None
     import warp
 
-    from ..quiet_warp import start_warp
+    from ..process.quiet_warp import start_warp
 
     start_warp()
     if not warp.is_cuda_available():

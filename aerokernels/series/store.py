@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.drafts import FULL, OutputError
-from aerokernels.one_writer import only_writer
-from aerokernels.plain_text import cut
+from aerokernels.display.plain_text import cut
+from aerokernels.files.drafts import FULL, OutputError
+from aerokernels.files.one_writer import only_writer
 
 if TYPE_CHECKING:
     import xarray

@@ -8,10 +8,10 @@ import numpy as np
 
 from aerokernels import __version__
 
-from ..arguments import checked, seconds
-from ..checks import check_count, check_positive
 from ..flow import Series
-from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
+from ..inputs.arguments import checked, seconds
+from ..inputs.checks import check_count, check_positive
+from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .modes import orthogonal_modes
 from .pupil_grid import MapReader
 from .statistic_parts import (

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from ..machine import core_count
-from ..threads import in_threads
+from ..process.machine import core_count
+from ..process.threads import in_threads
 
 CHUNKS = 4  # for each thread
 

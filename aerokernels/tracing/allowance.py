@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..checks import check_positive
+from ..inputs.checks import check_positive
 from ..medium import IndexField
 from .lines import box_size
 

@@ -24,8 +24,8 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..medium.grid_places import known
+from ..process.threads import in_threads
 from ..rays import RayBundle
-from ..threads import in_threads
 from .lever_arms import lever_arms_of, obliquity
 from .lines import FACES, SIDE, BoxSpan, box_size, box_span
 from .mesh_rim import mesh_crossings, mesh_rim

@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from ..clock import stage
 from ..device_arrays import DeviceArray, rows_where
 from ..medium import IndexField
 from ..medium.grid_places import known
+from ..process.clock import stage
 from ..rays import RayBundle
 from .coherence import coherent_order
 from .engines import OUTPUT_TYPES, Prepared, engine_of

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..checks import check_choice
+from ..inputs.checks import check_choice
 from ..medium import IndexField
 from .allowance import check_tolerance, step_allowance
 from .engines.choice import choose_backend

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..clock import stage
 from ..medium.grid_places import known
+from ..process.clock import stage
 from ..rays import RayBundle
 from .engines import OUTPUT_TYPES, engine_of
 from .lattice_quadrature import smoothed_axes

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ..clock import clocked, stage
 from ..device_arrays import DeviceArray, read_on_touch
+from ..display.quantities import Quantity
+from ..display.shown import drawn_on, shown
+from ..process.clock import clocked, stage
 from ..pupils import transverse_axes
-from ..quantities import Quantity
-from ..shown import drawn_on, shown
 from .status import RayStatus, reached
 
 # Per-ray arrays: unit and meaning, in the order of results.

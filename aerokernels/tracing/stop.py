@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arguments import checked
+from ..inputs.arguments import checked
 from ..rays import as_unit_vector, as_vector
 
 

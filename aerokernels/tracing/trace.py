@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import checked
-from ..checks import check_choice
-from ..clock import clocked, stage
 from ..device_arrays import rows_where
+from ..inputs.arguments import checked
+from ..inputs.checks import check_choice
 from ..medium import IndexField
+from ..process.clock import clocked, stage
 from ..rays import RayBundle
 from .budget import Retrace, error_budget
 from .bundle.run import Asked, trace_bundle

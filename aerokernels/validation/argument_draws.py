@@ -23,7 +23,7 @@ from ..scene import Scene
 from ..schlieren import interferogram, shadowgraph
 from ..schlieren.knife_edge import schlieren
 from ..strehl import strehl, strehl_marechal
-from ..strehl_estimate import estimate_strehl
+from ..strehl.estimate import estimate_strehl
 from ..tracing import ArcLength, Plane
 from ..tracing.trace import trace
 from ..wavefront import point_spread_function

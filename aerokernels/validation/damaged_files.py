@@ -11,7 +11,7 @@ import numpy as np
 from numpy.random import Generator
 
 from ..flow import DensityField, read
-from ..fragile import LibraryEndedError
+from ..process.fragile import LibraryEndedError
 from .damaged_structure import damage_structure, has_structure
 
 

@@ -17,7 +17,7 @@ from ..flow.reading.calling import read_here
 from ..flow.reading.dataset import Dataset, ReadError
 from ..flow.reading.density import Reference, beside_the_flow, block_density, choose_density
 from ..flow.reading.foam_file import FoamFile
-from ..opened import OPENED
+from ..process.opened import OPENED
 from . import sound_files
 from .input_draws import Draw
 from .refusals import told

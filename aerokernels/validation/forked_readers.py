@@ -1,6 +1,6 @@
 """Readers of fragile files forked from this process, which has their libraries: milliseconds where a new one takes 1 s.
 
-For drawing files by the thousand; bounds and answers are those of aerokernels/fragile.py.
+For drawing files by the thousand; bounds and answers are those of aerokernels/process/fragile.py.
 """
 
 import gc
@@ -9,7 +9,7 @@ import signal
 import time
 from pathlib import Path
 
-from .. import fragile
+from ..process import fragile
 
 COMPUTING = 1.0  # [s], as `fragile.LEAST_COMPUTING`: a forked reader has nothing to import
 

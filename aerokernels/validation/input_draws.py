@@ -25,7 +25,7 @@ from ..hardware.blocks import Block, BlockDecoder, TextLine
 from ..hardware.decoder import DamagedPiece, FrameDecoder
 from ..hardware.frames import GREATEST_FRAME_LENGTH, EchoFrame
 from ..hardware.preamble import PreambleError, parse_rigol, parse_tektronix
-from ..opened import OPENED
+from ..process.opened import OPENED
 from ..scene import Scene, SceneError
 from ..scene.errors import known_keys
 from ..scene.loading import shipped_scene_text, shipped_scenes

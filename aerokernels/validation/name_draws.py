@@ -21,10 +21,10 @@ from ..flow.reading.foam_case import times_of, unit_in_words
 from ..flow.reading.fractions import species_arrays
 from ..flow.reading.tecplot_text import coordinate_columns
 from ..flow.reading.vtk_collections import collection
+from ..inputs.units import DIMENSIONS, quantity
+from ..inputs.written_units import DIMENSIONS as WRITTEN
+from ..inputs.written_units import in_brackets
 from ..series.store import NUMBERS, ZarrStore
-from ..units import DIMENSIONS, quantity
-from ..written_units import DIMENSIONS as WRITTEN
-from ..written_units import in_brackets
 from .input_draws import NUMBERS as WILD
 from .input_draws import Draw
 from .refusals import told

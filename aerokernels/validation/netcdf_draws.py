@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from ..echo.stored import echo_of_result
+from ..files.netcdf_lazy import FarVariable, dataset_of, told_of
 from ..flow.reading.labelled import labelled_dataset
 from ..flow.series_files import series_of_dataset
 from ..jobs.recorded import waveforms
 from ..jobs.run_folder import RunFolder, RunWithoutEcho, match_runs, run_of
 from ..medium import IndexField
-from ..netcdf_lazy import FarVariable, dataset_of, told_of
 from ..wavefront import Wavefront
 from ..wavefront.data import SIGN_CONVENTION
 from .flow_draws import looked_at

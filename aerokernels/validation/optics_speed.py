@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.clock import STAGES
 from aerokernels.imaging import Camera, ImageThrough, background_displacement, image_through
 from aerokernels.medium import IndexField
+from aerokernels.process.clock import STAGES
 from aerokernels.pupils import Disc
 
 # Nodes of the volume, and pixels of the map and of the scene, by default; spreads of the scene along a side, their

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from aerokernels.medium import IndexField
+from aerokernels.process.quiet_warp import start_warp
 from aerokernels.pupils import Disc
-from aerokernels.quiet_warp import start_warp
 from aerokernels.series import look_map
 from aerokernels.series.line_integrals import LineIntegrals
 from aerokernels.series.pupil_grid import pupil_grid

@@ -18,7 +18,7 @@ import numpy as np
 
 from aerokernels.jobs.sweeps.gpus import visible_gpus
 from aerokernels.jobs.sweeps.run import sweep
-from aerokernels.machine import core_count
+from aerokernels.process.machine import core_count
 
 SCENE, FLOWS = "wind-tunnel-mach3", ("mach2", "mach3", "mach4")
 GREATEST_TILT = 30.0  # [degrees]

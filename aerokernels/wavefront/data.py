@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import checked, refuse_masked
-from ..clock import clocked, stage
+from ..inputs.arguments import checked, refuse_masked
+from ..inputs.wavelength import check_wavelength
+from ..process.clock import clocked, stage
 from ..pupils import Pupil
-from ..wavelength import check_wavelength
 
 SIGN_CONVENTION = "OPD is positive where light is delayed"
 

@@ -6,7 +6,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ..shown import shown
+from ..display.shown import shown
 from ..zernike import zernike_modes
 from .data import WavefrontMap
 from .pixel_weights import derivative_weights

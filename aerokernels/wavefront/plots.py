@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..shown import drawn_on, extent_of
+from ..display.shown import drawn_on, extent_of
 from .data import WavefrontMap
 
 

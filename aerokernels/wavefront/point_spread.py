@@ -12,10 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arguments import Numbers, checked
-from ..shown import shown
-from ..strehl_errors import strehl_errors
-from ..wavelength import check_wavelength
+from ..display.shown import shown
+from ..inputs.arguments import Numbers, checked
+from ..inputs.wavelength import check_wavelength
+from .strehl_errors import strehl_errors
 
 COLUMNS_AT_ONCE = 64  # that are padded and transformed; speed only
 BLOCK = 32  # rows and columns of a product of matrices: so small a one is never shared out among threads; speed only

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..wavelength import check_spectrum
+from ..inputs.wavelength import check_spectrum
 from .point_spread import PointSpread
 
 # Angles, at most, along a side of a grid that is chosen here.

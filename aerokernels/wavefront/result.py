@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import Numbers, checked
+from ..display.quantities import Quantity
+from ..display.shown import shown
+from ..inputs.arguments import Numbers, checked
 from ..pupils import Pupil
-from ..quantities import Quantity
-from ..shown import shown
-from ..strehl_errors import strehl_error
 from .data import WavefrontMap
 from .image_errors import encircled_errors, grid_errors, transfer_errors
 from .modes import (
@@ -27,6 +26,7 @@ from .pixel_errors import pixel_errors
 from .point_spread import PointSpread, point_spread_function
 from .spot_width import spot_width, spot_width_error
 from .spread_errors import spread_errors
+from .strehl_errors import strehl_error
 from .terms import check_metres, mean_phasor, remove_terms, weighted_mean
 from .transfer import EncircledEnergy, Transfer, encircled, normalised_sensitivity, transfer_function
 

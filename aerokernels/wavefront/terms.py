@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import Numbers, checked
+from ..inputs.arguments import Numbers, checked
 
 # What can be removed.
 TERMS = ("piston", "tilt", "focus")

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from ..arguments import Numbers, checked
+from ..inputs.arguments import Numbers, checked
 from ..medium import IndexField
 from ..pupils import Pupil, as_unit_vector
 from ..rays import RayBundle

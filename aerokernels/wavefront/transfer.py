@@ -18,8 +18,8 @@ from functools import cached_property
 
 import numpy as np
 
+from ..display.shown import shown
 from ..pupils import Disc
-from ..shown import shown
 from .data import WavefrontMap
 
 # Of the long-exposure exp(-3.44 (r / r0)^(5/3)): D. L. Fried, J. Opt. Soc. Am. 56 (1966) 1372.

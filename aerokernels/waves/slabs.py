@@ -18,7 +18,7 @@ import numpy as np
 from ..medium import IndexField, spline
 from ..medium.grid import UniformGrid
 from ..medium.tensor_points import contrast_without_gradient
-from ..one_core import product_on_one_core
+from ..process.one_core import product_on_one_core
 
 # Slabs that the disturbed air is divided into at first; layers of the box where no sum over coefficients can be had: so
 # many up to a few slabs, more for more. So many slabs are integrated together at least, and so many are held until

@@ -15,10 +15,10 @@ from functools import partial
 
 import numpy as np
 
-from ..arguments import checked
-from ..checks import check_choice
-from ..clock import clocked, stage
+from ..inputs.arguments import checked
+from ..inputs.checks import check_choice
 from ..medium import IndexField
+from ..process.clock import clocked, stage
 from ..pupils import Pupil
 from ..wavefront.grid import LEAST_COVER
 from .angular_spectrum import transfer_exponent

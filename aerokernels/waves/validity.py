@@ -36,7 +36,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import checked
+from ..inputs.arguments import checked
 from ..medium import IndexField
 from ..pupils import Pupil
 from ..tracing.lines import box_size

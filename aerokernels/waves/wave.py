@@ -4,11 +4,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..display.shown import drawn_on, shown
+from ..inputs.wavelength import check_wavelength
 from ..pupils import as_unit_vector, as_vector, transverse_axes
-from ..shown import drawn_on, shown
 from ..wavefront import PointSpread
 from ..wavefront.point_spread import far_field
-from ..wavelength import check_wavelength
 from .angular_spectrum import angular_spectrum
 
 

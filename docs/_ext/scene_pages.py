@@ -45,8 +45,8 @@ def page() -> str:
         "The scenes that ship are written to be copied: `aerokernels scenes copy wind-tunnel-mach3`. What the keys of the echo do together is told in "
         "[The echo](../echo.md).\n",
     ]
+    from aerokernels.inputs.units import si_unit
     from aerokernels.scene.changes import key_dimension
-    from aerokernels.units import si_unit
 
     for table, model in tables().items():
         words = re.sub(r"^\[[\w.]+\]:\s*", "", (model.__doc__ or "").strip().split("\n\n")[0]) if table else ""

@@ -15,8 +15,8 @@ import pytest
 import xarray
 
 import aerokernels
+from aerokernels.files.one_writer import only_writer
 from aerokernels.jobs.sweeps.records import CASES_FILE, DATASET_FILE
-from aerokernels.one_writer import only_writer
 
 SMALL = {
     "strehl.ray_count": "1024",

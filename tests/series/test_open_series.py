@@ -192,7 +192,7 @@ def test_the_classic_form_is_read_as_scipy_reads_it(tmp_path: Path, form: str):
 
     Expected: what xarray makes of it with SciPy, all at once, by times, and by numbers in any order.
     """
-    from aerokernels.netcdf_classic import open_classic
+    from aerokernels.files.netcdf_classic import open_classic
 
     draw = np.random.default_rng(0)
     plain = dataset().assign(

@@ -11,7 +11,7 @@ import pytest
 
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import Disc, RayBundle
-from aerokernels.strehl_estimate import estimate_strehl
+from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, RayStatus, TraceResult, trace
 from tests.bodies import local, plate, star, stepped
 

@@ -225,7 +225,7 @@ def test_what_warp_keeps_is_built_anew_where_it_does_not_load():
 
 def test_what_a_crash_left_of_warps_kernels_is_compiled_again(tmp_path: Path):
     """Set-up: a whole module, one being made, and four that are not whole. Expected: those four go, and no other."""
-    from aerokernels.warp_cache import remove_damaged
+    from aerokernels.process.warp_cache import remove_damaged
 
     contents = {"wp_whole": b"{}", "wp_made_p12_t34": b"", "wp_empty": b"", "wp_list": b"[]", "wp_bytes": b"\xff",
                 "wp_deep": b"[" * 100_000}  # fmt: skip
@@ -240,7 +240,7 @@ def test_what_a_crash_left_of_warps_kernels_is_compiled_again(tmp_path: Path):
     # And where Warp itself keeps its kernels: a module without a byte is gone once it has started.
     code = (
         "import sys, warp as wp; from pathlib import Path; wp.config.kernel_cache_dir = sys.argv[1]\n"
-        "from aerokernels.quiet_warp import start_warp; start_warp()\n"
+        "from aerokernels.process.quiet_warp import start_warp; start_warp()\n"
         "print(sorted(path.name for path in Path(wp.config.kernel_cache_dir).iterdir()))\n"
     )
     (tmp_path / "wp_whole" / "wp_whole.o").write_bytes(b"")

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerokernels.clock import clocked
 from aerokernels.device_arrays import on_host
 from aerokernels.medium import Body, IndexField
+from aerokernels.process.clock import clocked
 from aerokernels.rays import Disc, RayBundle
-from aerokernels.strehl_estimate import estimate_strehl
+from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
 from aerokernels.tracing.engines.opencl.tables import cell_polynomials
 from aerokernels.tracing.launch import launch

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels.rays import Disc, RayBundle
-from aerokernels.strehl_estimate import estimate_strehl
+from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.leapfrog import LEAST_RAYS
 from aerokernels.validation.random_fields import uniform_field

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from aerokernels.quiet_warp import start_warp
+from aerokernels.process.quiet_warp import start_warp
 from aerokernels.tracing.engines.warp.kernels.native_lookup import build_volume_lookup
 from aerokernels.tracing.engines.warp.library import library_of
 

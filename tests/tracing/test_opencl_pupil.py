@@ -89,7 +89,7 @@ def test_points_are_those_of_warp(device: Device, shape: str):
     The places are NumPy's of the same points of the unit square, which their own map gives.
     """
     wp = pytest.importorskip("warp")
-    from aerokernels.quiet_warp import start_warp
+    from aerokernels.process.quiet_warp import start_warp
     from aerokernels.tracing.engines.warp.kernels.pupil import launch_pupil
 
     start_warp()

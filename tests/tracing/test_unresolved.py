@@ -9,7 +9,7 @@ from aerokernels.benchmark.scenes import strehl_scene
 from aerokernels.device_arrays import on_host
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.strehl_estimate import estimate_strehl
+from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.held import held_error
 from aerokernels.tracing.launch import launch

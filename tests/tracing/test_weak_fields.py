@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels.medium import IndexField
 from aerokernels.rays import Disc, RayBundle
-from aerokernels.strehl_estimate import estimate_strehl
+from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.held import SHARE, greatest_path, held_error
 

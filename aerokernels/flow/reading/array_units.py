@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...units import quantity
-from ...written_units import WrittenUnit, in_brackets, is_no_unit, unit_of, written_unit
+from ...inputs.units import quantity
+from ...inputs.written_units import WrittenUnit, in_brackets, is_no_unit, unit_of, written_unit
 from .dataset import ReadError
 
 

@@ -5,7 +5,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ...room import NoRoomError
+from ...process.room import NoRoomError
 from .dataset import Dataset, ReadError
 
 Reader = Callable[[Path, Any, dict[str, Any]], Dataset]

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...checks import check_positive
-from ...units import quantity
+from ...inputs.checks import check_positive
+from ...inputs.units import quantity
 from ..gas import GAS_CONSTANT_AIR, no_gas
 from .array_units import in_si_units
 from .dataset import FLAT, SOLID, Block, Dataset, ReadError

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...medium import spline
 from ...medium.vertex_values import SHOCK_SHARE
-from ...threads import in_threads
+from ...process.threads import in_threads
 from .point_values import LEAST_SHARE
 
 # The c_k of one and of three slopes on either side: M F = 1 + O(w^4) and O(w^8) for a wave exp(i w x / h), with M the

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...room import check_room
+from ...process.room import check_room
 from .dataset import ReadError, whole_number
 
 _BLANK = re.compile(rb"(?:\s+|//[^\n]*\n?|/\*.*?\*/)*", re.DOTALL)

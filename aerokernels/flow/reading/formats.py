@@ -1,7 +1,7 @@
 """Which reader reads a path: by what lies there, its first bytes and the end of its name.
 
 A reader is a function of (path, time, options) that returns a `Dataset`, or raises `ReadError`. Those that stand on
-libraries in C or C++ run in a child process (aerokernels/fragile.py), which may crash without harm.
+libraries in C or C++ run in a child process (aerokernels/process/fragile.py), which may crash without harm.
 """
 
 import math
@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ...fragile import LibraryEndedError
-from ...fragile import in_child as call_in_child
+from ...process.fragile import LibraryEndedError
+from ...process.fragile import in_child as call_in_child
 from .calling import read_here
 from .dataset import Dataset, ReadError, chosen_time
 from .vtk_collections import LISTED, SUFFIXES

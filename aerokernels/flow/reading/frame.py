@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ...units import quantity
+from ...inputs.units import quantity
 
 AXES = {"x": 0, "y": 1, "z": 2}
 FLAT_SHARE = 1e-6  # of the greatest extent: thinner is a plane

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ...arguments import seconds
-from ...netcdf_classic import is_classic
-from ...room import NoRoomError, check_file
+from ...files.netcdf_classic import is_classic
+from ...inputs.arguments import seconds
+from ...process.room import NoRoomError, check_file
 from .coordinates import COLUMNS
 from .dataset import Dataset, ReadError
 from .density import plain_name

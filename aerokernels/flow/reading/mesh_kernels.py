@@ -6,9 +6,9 @@ They run over host threads in chunks: Warp's CPU device runs a launch in one thr
 import numpy as np
 import warp as wp
 
-from ...machine import core_count
-from ...quiet_warp import start_warp
-from ...threads import in_threads
+from ...process.machine import core_count
+from ...process.quiet_warp import start_warp
+from ...process.threads import in_threads
 
 CHUNK = 1 << 18  # of what a kernel goes through, at a time
 LEAST_CHUNK = 1 << 10

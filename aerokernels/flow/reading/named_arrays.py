@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ...room import NoRoomError, check_room
+from ...process.room import NoRoomError, check_room
 from .array_units import length_of, unit_of_array
 from .coordinates import COLUMNS
 from .dataset import Block, Dataset, ReadError, chosen_time

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...machine import core_count
+from ...process.machine import core_count
 from .dataset import Block
 from .solids import Solids, solid_chunks
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...checks import check_positive
+from ...inputs.checks import check_positive
+from ...inputs.units import quantity
+from ...inputs.written_units import DIMENSIONS, written_unit
 from ...medium import Body
-from ...units import quantity
-from ...written_units import DIMENSIONS, written_unit
 from ..density_field import CellDensity, DensityField
 from ..gas import check_density
 from ..sampled_density import VertexDensity

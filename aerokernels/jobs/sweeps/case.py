@@ -13,14 +13,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from aerokernels import __version__
-from aerokernels.clock import clocked, processor_clocked
 from aerokernels.echo.prediction import check_echo
 from aerokernels.flow import DensityField
 from aerokernels.flow.shared_geometry import on_known_geometry
 from aerokernels.jobs.run import RunResult, echo_with_errors, scene_strehl
 from aerokernels.jobs.store import to_json
-from aerokernels.opened import OPENED
 from aerokernels.prepare import Prepared, prepare_field, view_extent, view_radius
+from aerokernels.process.clock import clocked, processor_clocked
+from aerokernels.process.opened import OPENED
 from aerokernels.scene import Scene
 from aerokernels.strehl import StrehlEstimate
 from aerokernels.tracing.engines.choice import choose_backend

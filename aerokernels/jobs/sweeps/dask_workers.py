@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from aerokernels import __version__
-from aerokernels.machine import child_environment
+from aerokernels.process.machine import child_environment
 
 if TYPE_CHECKING:
     from distributed import Client

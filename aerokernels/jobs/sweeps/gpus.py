@@ -3,7 +3,7 @@
 import ctypes
 import os
 
-from aerokernels.machine import core_count
+from aerokernels.process.machine import core_count
 from aerokernels.tracing.engines.info import cuda_driver_loads
 
 VISIBLE = "CUDA_VISIBLE_DEVICES"

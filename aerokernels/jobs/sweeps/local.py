@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection, wait
 from typing import IO, Any
 
 from aerokernels.jobs.sweeps.case import Case
-from aerokernels.machine import child_environment
+from aerokernels.process.machine import child_environment
 
 ATTEMPTS = 2  # workers that may die at a case, or one after another before any is ready
 

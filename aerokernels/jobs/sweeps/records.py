@@ -12,9 +12,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from aerokernels.drafts import FULL, OutputError
+from aerokernels.display.plain_text import cut, plain_json
+from aerokernels.files.drafts import FULL, OutputError
 from aerokernels.jobs.store import to_json, write_text
-from aerokernels.plain_text import cut, plain_json
 
 DEFINITION_FILE, CASES_FILE, DATASET_FILE = "sweep.json", "cases.jsonl", "sweep.nc"
 _REMEDY = "take another --out, or remove that folder"

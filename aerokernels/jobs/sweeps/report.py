@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.figure_layout import Panel, panelled_figure
 from aerokernels.jobs.page import Picture, page, pictures, section, table, text_block
 from aerokernels.jobs.sweeps.definition import CASE, Definition
-from aerokernels.quantities import Quantity
 
 if TYPE_CHECKING:
     import xarray

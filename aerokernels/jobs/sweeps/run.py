@@ -9,7 +9,8 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerokernels.checks import check_path
+from aerokernels.files.one_writer import only_writer
+from aerokernels.inputs.checks import check_path
 from aerokernels.jobs.store import REPORT_FILE, check_output_folder, read_result, replace_result, write_text
 from aerokernels.jobs.sweeps.definition import Definition, checked_scenes, define
 from aerokernels.jobs.sweeps.records import (
@@ -21,7 +22,6 @@ from aerokernels.jobs.sweeps.records import (
     read_definition,
     write_definition,
 )
-from aerokernels.one_writer import only_writer
 from aerokernels.scene import Scene
 
 if TYPE_CHECKING:

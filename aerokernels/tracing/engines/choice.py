@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
-from ...opened import OPENED
+from ...process.opened import OPENED
 from .info import NO_CUDA, BackendInfo, cuda_driver_loads, known_memory, warp_processor
 
 BACKENDS = ("auto", "warp", "opencl", "reference")

@@ -5,8 +5,8 @@ import math
 import sys
 from dataclasses import dataclass
 
-from ...machine import core_count, host_memory
-from ...opened import OPENED
+from ...process.machine import core_count, host_memory
+from ...process.opened import OPENED
 
 NO_CUDA = "no CUDA device"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...arguments import checked
+from ...inputs.arguments import checked
 from ..data import WavefrontMap
 from .packages import package
 from .poppy import poppy_opd

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...wavelength import check_spectrum
+from ...inputs.wavelength import check_spectrum
 from ..polychromatic import mixed_weights
 
 if TYPE_CHECKING:

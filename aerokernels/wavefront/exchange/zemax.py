@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...arguments import checked
-from ...checks import check_choice
+from ...inputs.arguments import checked
+from ...inputs.checks import check_choice
 from ..data import WavefrontMap
 
 KINDS = ("phase", "sag")

@@ -13,8 +13,8 @@ import sys
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ....machine import patient_threads
-from ....opened import OPENED
+from ....process.machine import patient_threads
+from ....process.opened import OPENED
 from ..info import BackendInfo
 from .drivers import broken_drivers
 from .linker import linker_trouble

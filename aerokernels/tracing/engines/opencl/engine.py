@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pyopencl as cl
 
-from ....clock import stage
 from ....device_arrays import is_one_row
 from ....medium import IndexField
+from ....process.clock import stage
 from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 
-from ....machine import child_environment
+from ....process.machine import child_environment
 from .pocl_cache import LEAST_SPACE
 
 _TRIAL = """

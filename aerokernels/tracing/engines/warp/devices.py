@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from ....quiet_warp import start_warp
+from ....process.quiet_warp import start_warp
 from ..info import NO_CUDA, BackendInfo, warp_processor
 
 

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ....clock import stage
 from ....device_arrays import DeviceArray, in_reach, is_one_row
 from ....device_arrays.fetching import Fetching
 from ....device_arrays.pinned import bring
-from ....machine import core_count, host_memory
 from ....medium import IndexField
-from ....opened import OPENED
-from ....quiet_warp import start_warp
-from ....threads import in_threads
+from ....process.clock import stage
+from ....process.machine import core_count, host_memory
+from ....process.opened import OPENED
+from ....process.quiet_warp import start_warp
+from ....process.threads import in_threads
 from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable, Hashable
 from typing import Any
 
-from ....opened import OPENED
+from ....process.opened import OPENED
 from .types import types
 
 

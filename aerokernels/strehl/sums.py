@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from .medium import IndexField
-from .tracing.lines import box_size
-from .tracing.meeting import greatest_contrast
-from .tracing.pupil_fit import fit_terms
+from ..medium import IndexField
+from ..tracing.lines import box_size
+from ..tracing.meeting import greatest_contrast
+from ..tracing.pupil_fit import fit_terms
 
 # The share of the tolerance below which an optical path difference is none.
 UNSEEN = 1e-3

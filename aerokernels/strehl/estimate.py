@@ -10,21 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import Numbers, checked
-from .clock import clocked, stage
-from .medium import IndexField
-from .rays import Pupil, as_unit_vector
-from .strehl import StrehlEstimate
-from .strehl_budget import StrehlBudget
-from .strehl_errors import estimate_quantities
-from .strehl_sums import combined, met_nothing
-from .threads import in_turn
-from .tracing.engines import engine_of
-from .tracing.plan import TracePlan
-from .tracing.pupil_fit import fit_moments
-from .tracing.pupil_job import REPLICATES, PupilJob, make_job
-from .tracing.retrace import report_rejected
-from .wavefront import check_terms
+from ..inputs.arguments import Numbers, checked
+from ..medium import IndexField
+from ..process.clock import clocked, stage
+from ..process.threads import in_turn
+from ..rays import Pupil, as_unit_vector
+from ..tracing.engines import engine_of
+from ..tracing.plan import TracePlan
+from ..tracing.pupil_fit import fit_moments
+from ..tracing.pupil_job import REPLICATES, PupilJob, make_job
+from ..tracing.retrace import report_rejected
+from ..wavefront import check_terms
+from ..wavefront.strehl_errors import estimate_quantities
+from .budget import StrehlBudget
+from .ratio import StrehlEstimate
+from .sums import combined, met_nothing
 
 
 @checked

@@ -64,7 +64,7 @@ def child_environment(own: Mapping[str, str] | None = None) -> dict[str, str]:
 
     Packages may have been added to `sys.path` while this process ran; this package itself may be one of them.
     """
-    paths = dict.fromkeys([*filter(None, sys.path), str(Path(__file__).resolve().parents[1])])
+    paths = dict.fromkeys([*filter(None, sys.path), str(Path(__file__).resolve().parents[2])])
     return {**os.environ, **(own or {}), "PYTHONPATH": os.pathsep.join(paths)}
 
 

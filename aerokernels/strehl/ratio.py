@@ -3,7 +3,7 @@ r"""The Strehl ratio: exact, by Marechal's approximation, and estimated over mil
     exact       |sum w exp(i k OPD)|^2                   (M. Born, E. Wolf, Principles of Optics, 9.1)
     Marechal    exp(-(k sigma)^2), sigma the rms OPD     fails for shocks, where the OPD is not small
 
-`estimate_strehl` (strehl_estimate.py) launches scrambled Sobol points over the pupil in independent replicates, traces
+`estimate_strehl` (estimate.py) launches scrambled Sobol points over the pupil in independent replicates, traces
 and reduces them where the rays are; the spread of the replicates gives the standard error. A symmetric set-up is traced
 by radial quadrature, with far fewer rays (tracing/radial_quadrature.py).
 """
@@ -15,14 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import Numbers, checked
-from .callable_module import make_callable
-from .clock import clocked, stage
-from .quantities import Quantity, Verdict, judge_strehl, listed
-from .shown import shown
-from .strehl_errors import main_cause, phase_error
-from .wavefront import check_metres, check_terms, check_wavefront, map_points, mean_phasor, remove_terms, weighted_mean
-from .wavelength import check_wavelength
+from ..display.quantities import Quantity, Verdict, judge_strehl, listed
+from ..display.shown import shown
+from ..inputs.arguments import Numbers, checked
+from ..inputs.wavelength import check_wavelength
+from ..process.clock import clocked, stage
+from ..wavefront import check_metres, check_terms, check_wavefront, map_points, mean_phasor, remove_terms, weighted_mean
+from ..wavefront.strehl_errors import main_cause, phase_error
 
 
 @checked
@@ -175,6 +174,3 @@ class StrehlEstimate:
         ]
         verdict = self.verdict
         return "\n".join([*lines, f"  {verdict.level}: {verdict.reason}"] if verdict else lines)
-
-
-make_callable(__name__)

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .fragile import in_child
+from ..process.fragile import in_child
+from ..process.room import check_file
 from .netcdf_classic import is_classic, open_classic
 from .netcdf_lazy import FarVariable, dataset_of, held_still, state_of, told_of
-from .room import check_file
 
 if TYPE_CHECKING:
     import xarray

@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from io import TextIOWrapper
 from pathlib import Path
 
-from .opened import OPENED
+from ..process.opened import OPENED
 
 WRITING = "writing"
 # Faults of a place where no file can be made, whatever is done about it: a file system such as /proc has the first.

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .fragile import DAMAGED, LibraryEndedError
-from .room import NoRoomError
+from ..process.fragile import DAMAGED, LibraryEndedError
+from ..process.room import NoRoomError
 
 if TYPE_CHECKING:
     import xarray

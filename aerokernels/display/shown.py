@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from .arguments import units_in
+from ..inputs.arguments import units_in
 from .plain_text import cut
 
 C = TypeVar("C", bound=type)

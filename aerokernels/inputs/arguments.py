@@ -21,6 +21,7 @@ import typing
 from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from numbers import Real
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, SupportsFloat, TypeVar, Union
 
 import numpy as np
@@ -37,7 +38,7 @@ else:
 F = TypeVar("F", bound=Callable[..., Any])
 # Beyond it squares and products of four leave float64's range; no quantity of physics comes near.
 GREAT, SMALL = 1e60, 1e-60
-_PACKAGE = __file__.rpartition("arguments")[0]
+_PACKAGE = str(Path(__file__).resolve().parents[1])
 _SHOWN = 60  # characters of a value in a message
 _UNIT = re.compile(r"^\s*`{0,2}(\w+)`{0,2}:[^\[\n]*\[([^\]\d,][^\],]*)\]", re.MULTILINE)
 # What Python and NumPy say where a number is none any more, without a name.

@@ -28,8 +28,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .quantities import Quantity, root_sum_square
-from .tracing.pupil_fit import fit_moments, fit_terms
+from ..display.quantities import Quantity, root_sum_square
+from ..tracing.pupil_fit import fit_moments, fit_terms
 
 # The error of a mean over replicates that a budget tells is so many standard errors: two would be too few in one
 # estimate of sixteen, three are in one of a hundred (Student's t of 15 degrees of freedom).

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .medium import IndexField
-from .rays import Pupil, RayBundle
-from .strehl_errors import STANDARD_ERRORS, strehl_error
-from .tracing import Plane
-from .tracing.budget import CAUSES, SAFETY, column_error, combine, faintly_lost, float64_rounding, opd_errors
-from .tracing.budget_rays import SUBSET
-from .tracing.pupil_air import PupilAir
-from .tracing.trace import retracer
+from ..medium import IndexField
+from ..rays import Pupil, RayBundle
+from ..tracing import Plane
+from ..tracing.budget import CAUSES, SAFETY, column_error, combine, faintly_lost, float64_rounding, opd_errors
+from ..tracing.budget_rays import SUBSET
+from ..tracing.pupil_air import PupilAir
+from ..tracing.trace import retracer
+from ..wavefront.strehl_errors import STANDARD_ERRORS, strehl_error
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,8 @@
+"""The Strehl ratio: of a wavefront, and estimated over a pupil of millions of rays (`estimate`)."""
+
+from ..callable_module import make_callable
+from .ratio import StrehlEstimate, strehl, strehl_marechal
+
+__all__ = ["StrehlEstimate", "strehl", "strehl_marechal"]
+
+make_callable(__name__)
