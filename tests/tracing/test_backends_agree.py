@@ -70,6 +70,21 @@ def test_adaptive_meets_its_tolerance_at_every_stop(geometry, stop, engine):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("geometry", ["volume", "planar", "axisymmetric"])
+@pytest.mark.parametrize("stop", STOPS)
+def test_straight_rays_end_at_the_same_place_on_every_backend(geometry, stop, engine):
+    """The same first- and second-order terms: they differ by third-order terms and the tolerance, 1e-3 wave."""
+    backend = on(engine)
+    field, rays, until = small_field(geometry, "cubic", 3, 0.1), small_rays(2), STOPS[stop]
+    expected = trace(field, rays, until=until, method="straight", backend="reference", tolerance=1e-6)
+    result = trace(field, rays, until=until, method="straight", tolerance=1e-3, **backend)
+    assert np.array_equal(result.status, expected.status) and result.ok.all()
+    assert np.abs(result.opd - expected.opd).max() < 1e-3 * WAVE
+    assert np.abs(result.position - expected.position).max() < 5e-9
+    assert np.abs(result.arc_length - expected.arc_length).max() < 2e-3 * WAVE
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_straight_is_right_to_second_order(engine):
     """The straight method's OPD error falls with the cube of the contrast, on a plane square to the rays.
 

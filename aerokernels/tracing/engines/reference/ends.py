@@ -220,7 +220,9 @@ class Ends:
         flight.cell[rows[entering]] = cell[entering]
         integrator.enter(flight, rows[entering])
 
-    def finish(self, interval: Interval, rows, flight: Flight | None, turn, start, heading) -> dict[str, np.ndarray]:
+    def finish(
+        self, interval: Interval, rows, flight: Flight | None, turn, start, heading, straight: bool
+    ) -> dict[str, np.ndarray]:
         """The results of all rays; `rows` are those that flew, `turn` their tangent less the first direction."""
         count = len(start)
         along, work, stretch, error = (np.zeros(count) for _ in range(4))
@@ -250,6 +252,14 @@ class Ends:
             distance = np.where(flies & reaches, distance, 0.0)
             along += distance
             q += distance[:, None] * turned
+        elif straight and flight is not None:
+            # The undisturbed line has met a face there; the ray, which is ahead of it or behind, flies on to a face.
+            leaves = rows[flight.left]
+            place, tangent = start[leaves] + along[leaves, None] * heading[leaves] + q[leaves], (heading + turned)[leaves]
+            near, far = self.span(place, tangent)
+            distance = np.where(near <= far, far, 0.0)
+            along[leaves] += distance
+            q[leaves] += distance[:, None] * turned[leaves]
         good = (status == RayStatus.OK) & interval.has_stop
         further = np.zeros(count)
         further[good] = along[good] - interval.stop[good]

@@ -51,5 +51,5 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
             integrator.enter(flight, inside)
             integrator.run(flight)
             turn = integrator.turn(flight.direction, flight.momentum)
-    found = ends.finish(interval, rows, flight, turn, start, heading)
+    found = ends.finish(interval, rows, flight, turn, start, heading, plan.method == "straight")
     return {name: found[name] for name in [*RAY_OUTPUTS, "status"] if name in outputs | {"status"}}
