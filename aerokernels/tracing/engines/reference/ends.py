@@ -255,8 +255,8 @@ class Ends:
         elif straight and flight is not None:
             # The undisturbed line has met a face there; the ray, which is ahead of it or behind, flies on to a face.
             leaves = rows[flight.left]
-            place, tangent = start[leaves] + along[leaves, None] * heading[leaves] + q[leaves], (heading + turned)[leaves]
-            near, far = self.span(place, tangent)
+            place = start[leaves] + along[leaves, None] * heading[leaves] + q[leaves]
+            near, far = self.span(place, heading[leaves] + turned[leaves])
             distance = np.where(near <= far, far, 0.0)
             along[leaves] += distance
             q[leaves] += distance[:, None] * turned[leaves]
