@@ -77,7 +77,8 @@ def high_pass(
     is_small = np.prod([grid.shape[axis] for axis in axes]) <= MOST_KEPT
     key = "shares of a high pass", rates.tobytes(), spacing, edges, kind
     shares = known(grid, key, find, KEPT) if is_small else find()
-    found = dctn(values, 1, axes=axes)
+    # Several sample counts are tried on one field, and each asks for the same transform of it.
+    found = grid.derive(("transform", tuple(axes), kind), lambda: dctn(values, 1, axes=axes), 1)
     return [idctn(share * found, 1, axes=axes, overwrite_x=True) for share in shares]
 
 
