@@ -1,14 +1,14 @@
-"""The measuring instrument: speed, with the error beside it, on any device; written as JSON and as a table.
+"""Benchmarks: measure speed together with the error on any device, and write JSON and a table.
 
-    suite     what is done again and again
+    suite     what is measured
     cone      a million rays along z through the cone's volume: `trace(..., outputs=("direction", "optical_path"))`
     strehl    the Strehl ratio of the shipped Mach 3 field, from launch to value
     sweep     a Strehl ratio for every shipped flow at three densities, for new values of a known field, and anew
     bundles   a million rays of any kind through the cone's volume and a turbulent one, interpolated and ray by ray
 
 docs/performance-bench.md describes the file. The modules: `scenes` (what is traced) and `errors` (against the true
-rays), `targets` (what runs where), `measuring` (clocks), `ceiling` (what the device could do), `suites`, `peers`,
-`table`.
+rays), `targets` (which backends and devices), `measuring` (clocks), `ceiling` (the greatest rates of a device),
+`suites`, `peers`, `table`.
 """
 
 from collections.abc import Callable
@@ -23,14 +23,14 @@ __all__ = ["SCHEMA", "SUITES", "Settings", "find_targets", "run_bench"]
 
 
 def run_bench(settings: Settings, report: Callable[[str], None] = lambda line: None) -> dict[str, Any]:
-    """Measure what was asked for; a dictionary that JSON holds, described in docs/performance-bench.md.
+    """Measure the requested suites; return a dictionary for JSON, described in docs/performance-bench.md.
 
     Args:
         settings: What to run.
-        report: Told what begins, one line each.
+        report: Called with a line of text when a part begins.
 
     Raises:
-        ValueError: A backend or device that is not here, before anything is measured.
+        ValueError: A backend or device that is not available; nothing is measured then.
     """
     from aerokernels.benchmark.ceiling import measure_ceiling
     from aerokernels.benchmark.measuring import machine
@@ -55,7 +55,7 @@ def run_bench(settings: Settings, report: Callable[[str], None] = lambda line: N
             made = run["settings"]
             report(f"  {made['method']}, {made['precision']} on {made['backend']} {made['device']}: done")
             runs.append(run)
-    if settings.peers and settings.wanted != ("bundles",):  # those of the bundles are in their suite
+    if settings.peers and settings.wanted != ("bundles",):  # the suite "bundles" measures its own peers
         for peer in peer_runs(settings):
             report(f"  peer {peer['peer']}: {peer['scheme'] if peer['available'] else peer['reason']}")
             peers.append(peer)

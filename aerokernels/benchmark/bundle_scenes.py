@@ -27,12 +27,12 @@ TURBULENT_AMBIENT = 1.00027
 
 @dataclass(frozen=True, eq=False)
 class BundleScene:
-    """What is traced.
+    """A field and bundles of rays through it.
 
     Attributes:
-        kind: Of KINDS.
-        make_field: Makes the field, anew at every call.
-        make_rays: Makes rays of the same bundle by a seed: (ray_count, seed).
+        kind: A name from KINDS.
+        make_field: Returns a new field at every call.
+        make_rays: Returns rays of the same bundle for (ray_count, seed).
         until: Where they stop.
     """
 
@@ -43,7 +43,7 @@ class BundleScene:
 
 
 def bundle_scene(kind: str) -> BundleScene:
-    """One of KINDS."""
+    """Return the scene of a kind from KINDS."""
     if kind == "turbulence":
         end = 0.5 * TURBULENT_NODES * TURBULENT_SPACING
         return BundleScene(kind, turbulent_field, turbulent_rays, Plane(np.array([0.0, 0.0, end]), TURBULENT_SLOPE))
@@ -66,7 +66,7 @@ def bundle_rays(kind: str, ray_count: int, seed: int) -> RayBundle:
 
 
 def turbulent_field() -> IndexField:
-    """Random phases under |k|^(-11/6), faded out at the faces of the box."""
+    """Random phases with the amplitude spectrum |k|^(-11/6), faded out at the faces of the box."""
     count, spacing = TURBULENT_NODES, TURBULENT_SPACING
     cycles = np.fft.fftfreq(count) * count
     size = np.sqrt(sum(axis**2 for axis in np.meshgrid(cycles, cycles, cycles, indexing="ij")))

@@ -1,7 +1,7 @@
-"""The suite "bundles": rays of any kind, interpolated between traced ones and traced one by one, beside Dr.Jit.
+"""The suite "bundles": rays of any kind, interpolated between traced rays, traced one by one, and traced by Dr.Jit.
 
-Three clocks for each: a new field (all is worked out anew, kernels are compiled), a new seed (other rays of the same
-bundle), and the same call again. Kernel and processor times are those of the last.
+Three clocks for each: a new field (everything is computed anew, kernels are compiled), a new seed (other rays of the
+same bundle), and the same call again. Kernel and CPU times are those of the last.
 """
 
 import importlib.util
@@ -26,14 +26,14 @@ from aerokernels.validation.cone import cone_truth
 from aerokernels.validation.truth import Truth
 
 OUTPUTS = ("direction", "opd")
-# The tolerance of the float64 traces that stand for the truth where there is no formula, as a share of that asked for.
+# The tolerance of the float64 traces that serve as the truth where there is no formula, over the requested tolerance.
 TIGHT = 0.02
 WAYS = ("auto", "off")
-PEER_STEPS = (24, 32)  # the first miss the tolerance, the second hold it
+PEER_STEPS = (24, 32)  # the first miss the tolerance, the second meet it
 
 
 def bundle_runs(settings: Settings, targets: list[tuple[str, str]], ceilings: dict[str, dict]) -> Iterator[dict]:
-    """Every bundle on every target, interpolated and ray by ray; by Dr.Jit where it is installed and asked for."""
+    """Every bundle on every target, interpolated and ray by ray; by Dr.Jit where it is installed and requested."""
     for kind in KINDS:
         scene = bundle_scene(kind)
         field, rays = scene.make_field(), scene.make_rays(settings.ray_count, 1)

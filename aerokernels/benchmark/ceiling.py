@@ -1,10 +1,10 @@
-r"""What a device can do at best in float32, measured, and the share of it that a tracer uses.
+r"""Measure the greatest rates of a device in float32, and the share of them that a tracer uses.
 
 Two ceilings, each by an OpenCL kernel that does nothing else: fused multiply-adds in independent chains, counted as two
 operations each, and vector loads from a few KiB that stay in the first cache.
 
-How an evaluation of the field is counted (kernels/include/grid.h; where steps differ the ray equation around it is left
-out, so the share is a lower bound):
+Operations of an evaluation of the field (kernels/include/grid.h; where steps differ, the ray equation around it is not
+counted, so the share is a lower bound):
 
     cubic volume          64 loads of 4 B. 16 rows of 4 coefficients: value and slope along y, 2 x 64 multiply-adds;
                           then along x, 3 x 16; along z, 4 x 4: 192 multiply-adds = 384 operations, and 3 axes x 24 for
@@ -13,7 +13,7 @@ out, so the share is a lower bound):
     linear volume         8 loads; 2 x 8 + 3 x 4 + 4 x 2 multiply-adds = 72 operations, 3 x 1 for the weights: 75
     linear, two axes      4 loads; 2 x 4 + 3 x 2 multiply-adds = 28 operations, 2 x 1 for the weights: 30
     monotone              as cubic
-    leapfrog samples      the same and the ray equation, which is as much for every sample (kernels/leapfrog.cl):
+    leapfrog samples      the same and the ray equation, which is the same for every sample (kernels/leapfrog.cl):
                           place 20, force 16, momentum and w 15, sums 15, course 21, fourth-order ends 18, and the third
                           of 36 that comes with every third sample: 117
     on a mesh             not counted: the share is null
@@ -33,7 +33,7 @@ COSTS = {(3, "cubic"): (456, 64), (2, "cubic"): (136, 16), (3, "linear"): (75, 8
 LEAPFROG_OPERATIONS = 117
 GROUP = 64
 CHAINS = 8  # independent sums, to hide the latency of a multiply-add
-LOADED = 1024  # float32 values that are loaded again and again: 4 KiB
+LOADED = 1024  # float32 values that are loaded repeatedly: 4 KiB
 REPEATS = 5
 LEAST_SECONDS = 0.05
 
@@ -92,7 +92,7 @@ def absent(reason: str) -> dict:
 def measure_ceiling(backend: str, device: str) -> dict:
     """The ceilings of a device: float32 operations and 4-byte loads a second, or None with a reason.
 
-    Warp's "cpu" and the reference stand for OpenCL's CPU, Warp's GPUs for the first GPU that OpenCL finds.
+    For Warp's "cpu" and the reference OpenCL's CPU is measured, for Warp's GPUs the first GPU that OpenCL finds.
     """
     from aerokernels.tracing.engines.opencl.devices import OpenCLUnavailable, session
 
@@ -104,7 +104,7 @@ def measure_ceiling(backend: str, device: str) -> dict:
         return absent(f"no OpenCL device to measure it on: {error}")
     try:
         return _measure(opened)
-    except Exception as error:  # a driver's own trouble must not take the benchmark with it
+    except Exception as error:  # a failing driver must not end the benchmark
         return absent(f"{opened.name}: {type(error).__name__}: {' '.join(str(error).split())[:200]}")
 
 
@@ -146,7 +146,7 @@ def _measure(opened: Any) -> dict:
 
 
 def _rounds_per_second(launch: Callable[[int], Any]) -> float:
-    """The best of some launches, each long enough for the clock."""
+    """The best of some launches, each long enough to be timed."""
 
     def seconds(rounds: int) -> float:
         begin = time.perf_counter()
@@ -167,12 +167,12 @@ def share(
     ceiling: dict,
     leapfrog: bool = False,
 ) -> dict:
-    """The share of the ceilings that so many evaluations of a field a second are, or None with a reason.
+    """The share of the ceilings that a number of field evaluations a second uses, or None with a reason.
 
-    `field` is None where rays are not traced through it but interpolated; `leapfrog` where samples are even, so that
-    the ray equation is counted too.
+    `field` is None if rays are interpolated and not traced through it; `leapfrog` says that samples are evenly spaced,
+    so that the ray equation is counted too.
 
-    A ceiling belongs to all cores of a device; Warp's CPU device uses one thread a launch and shows it.
+    A ceiling is for all cores of a device; Warp's CPU device uses one thread a launch, which lowers its share.
     """
     cost = evaluation_cost(field) if field is not None else None
     if cost is not None and leapfrog:

@@ -1,4 +1,4 @@
-"""How far a tracer is from the true rays of the cone scene."""
+"""The deviation of a tracer from the true rays of the cone scene."""
 
 from typing import Any
 
@@ -14,12 +14,12 @@ UNDISTURBED = CONE_AMBIENT * 2.0 * CONE_HALF[2]
 
 
 def chosen_rays(ray_count: int) -> np.ndarray:
-    """Up to TRUTH_RAYS row numbers, in order: those that are compared with the truth, the same ones at every call."""
+    """Up to TRUTH_RAYS row numbers, sorted, of the rays compared with the truth; the same at every call."""
     return np.sort(np.random.default_rng(905).choice(ray_count, min(TRUTH_RAYS, ray_count), replace=False))
 
 
 def errors(truth: Truth, direction: Any, opd: Any, good: Any = None) -> dict:
-    """OPD errors in waves, no piston taken out, and the greatest angle error [urad], over the rays that are good.
+    """OPD errors in waves, without removing piston, and the greatest angle error [urad], over the rays that arrived.
 
     Args:
         truth: The true ends.

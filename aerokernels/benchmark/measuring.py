@@ -1,4 +1,4 @@
-"""Clocks, their spread, the machine, and numbers that JSON can hold."""
+"""Clocks, their spread, and a description of the machine, as values for JSON."""
 
 import os
 import platform
@@ -21,9 +21,9 @@ class Timing:
     Attributes:
         first_seconds: Wall time of the first call.
         wall_seconds: Wall time of each other call.
-        cpu_seconds: Processor time of each, all threads of this process.
+        cpu_seconds: CPU time of each, of all threads of this process.
         results: What each returned.
-        first: What the first returned.
+        first: What the first call returned.
     """
 
     first_seconds: float
@@ -34,7 +34,7 @@ class Timing:
 
 
 def measure(call: Callable[[], Any], repeats: int) -> Timing:
-    """Call once, then `repeats` times by the clock."""
+    """Call once, then time `repeats` calls."""
     begin = time.perf_counter()
     first = call()
     first_seconds = time.perf_counter() - begin
@@ -48,14 +48,14 @@ def measure(call: Callable[[], Any], repeats: int) -> Timing:
 
 
 def spread(values: Sequence[float]) -> dict:
-    """Median and standard error of the mean; the error is None where there is one value only."""
+    """Median and standard error of the mean; the error is None for a single value."""
     numbers = np.asarray(values, dtype=np.float64)
     error = float(numbers.std(ddof=1) / np.sqrt(len(numbers))) if len(numbers) > 1 else None
     return {"median": float(np.median(numbers)), "standard_error": error}
 
 
 def rate(count: float, seconds: Sequence[float]) -> dict | None:
-    """`count` per second, spread over the repeats; None where a clock saw no time pass."""
+    """`count` per second, with the spread over the repeats; None if a clock shows no time."""
     return spread([count / value for value in seconds]) if all(value > 0.0 for value in seconds) else None
 
 
@@ -72,7 +72,7 @@ def clocks(count: int, kernel: Sequence[float], wall: Sequence[float], processor
 
 
 def kernel_clocks(timing: Timing, count: int, on_cpu: bool) -> dict:
-    """`clocks` of a call whose results have kernel seconds of their own; per core where they ran on a processor."""
+    """`clocks` of a call whose results contain kernel seconds; also per core where they ran on a CPU."""
     from aerokernels.process.machine import core_count
 
     kernel = [result.seconds["kernel"] for result in timing.results]
@@ -81,7 +81,7 @@ def kernel_clocks(timing: Timing, count: int, on_cpu: bool) -> dict:
 
 
 def installed(package: str) -> str | None:
-    """Version of an installed distribution, None where it is absent."""
+    """Version of an installed distribution, None if it is not installed."""
     try:
         return version(package)
     except PackageNotFoundError:
@@ -89,7 +89,7 @@ def installed(package: str) -> str | None:
 
 
 def machine() -> dict:
-    """What was measured on."""
+    """Describe the machine that is measured."""
     from aerokernels.process.machine import core_count
     from aerokernels.tracing import available_backends
 

@@ -1,10 +1,10 @@
-"""Other libraries on the cone scene: the same rays, the same truth, each as its own documentation would have it.
+"""Trace the cone scene by other libraries: the same rays, the same truth, each used as its documentation recommends.
 
-All of them read the library's own B-spline coefficients of the gridded field and integrate the equations of
-validation/truth.py in deviation form, so that a peer is not blamed for a coarser interpolant or for float32's rounding
-of a long path.
-Their kernel time ends when results are ready on the device; the wall time goes on to float64 arrays on the host. Rays
-are on the device before the clock starts.
+All of them read this package's own B-spline coefficients of the gridded field and integrate the equations of
+validation/truth.py in deviation form, so that a peer has no disadvantage by a coarser interpolant or by float32's
+rounding of a long path.
+Their kernel time ends when results are ready on the device; the wall time includes float64 arrays on the host. Rays are
+on the device before the clock starts.
 
     SciPy      DOP853 over all rays as one system, float64, NumPy lookups
     diffrax    jit(vmap(diffeqsolve)), float32; Tsit5 with adaptive steps, and with fixed ones
@@ -39,7 +39,7 @@ from aerokernels.validation.cone import (
 from aerokernels.validation.truth import SIZES, Truth, end_direction, integrate, slopes
 
 PIP = "pip install 'aerokernels[bench]'"
-# Rays of a peer at most: a run of each takes seconds on two cores.
+# Greatest number of rays of a peer: a run takes seconds on two cores.
 MOST_RAYS = {"scipy": 2048, "diffrax": 16384, "drjit": 1_000_000}
 SCIPY_TOLERANCE = 1e-6
 DIFFRAX_TOLERANCE = 1e-5
@@ -49,13 +49,13 @@ DRJIT_STEPS = (24, 32, 64)
 
 @dataclass(frozen=True, eq=False)
 class RayEnds:
-    """Rays on the face z = +8 mm.
+    """The ends of rays on the face z = +8 mm.
 
     Attributes:
         direction: Unit tangents, shape (ray_count, 3).
         opd: Optical path less that of the undisturbed ray [m], shape (ray_count,).
         evaluations: Field evaluations of a ray.
-        seconds: Time for tracing alone, before results were brought into this form.
+        seconds: Time for tracing alone, before results are converted to this form.
     """
 
     direction: np.ndarray
@@ -72,7 +72,7 @@ def ray_ends(momentum_x: Any, momentum_y: Any, opd: Any, potential: Any, evaluat
 
 @dataclass(frozen=True, eq=False)
 class Scheme:
-    """One way of a peer: what it is in words, its precision and device, and a call that traces all rays."""
+    """One scheme of a peer: its description, precision and device, and a call that traces all rays."""
 
     text: str
     precision: str
@@ -81,7 +81,7 @@ class Scheme:
 
 
 def peer_runs(settings: Settings) -> Iterator[dict]:
-    """Every peer that is installed, scheme by scheme; an absent one says so."""
+    """Measure every installed peer, scheme by scheme; for an absent one, report the reason."""
     field = cone_field()
     for peer, schemes in PEERS.items():
         missing = [name for name in NEEDS[peer] if importlib.util.find_spec(name) is None]
@@ -93,7 +93,7 @@ def peer_runs(settings: Settings) -> Iterator[dict]:
         try:
             for scheme in schemes(field, rays):
                 yield measured_scheme(peer, scheme, rays, truth, settings.repeats)
-        except Exception as error:  # a foreign package: anything may come, and the others go on
+        except Exception as error:  # a foreign package may raise anything; the other peers are still measured
             yield _absent(peer, f"failed: {type(error).__name__}: {' '.join(str(error).split())[:200]}")
 
 
@@ -216,13 +216,13 @@ def diffrax_schemes(field: IndexField, rays: RayBundle) -> Iterator[Scheme]:
 
 
 def drjit_schemes(field: IndexField, rays: RayBundle, step_counts: Iterable[int] = DRJIT_STEPS) -> Iterator[Scheme]:
-    """Dr.Jit's textures, on a CUDA GPU where it has one, by LLVM on the CPU otherwise; rays of any directions."""
+    """Dr.Jit's textures, on a CUDA GPU where it has one, otherwise by LLVM on the CPU; rays of any directions."""
     import drjit as dr
 
     on_gpu = dr.has_backend(dr.JitBackend.CUDA)
     kind = importlib.import_module("drjit.cuda" if on_gpu else "drjit.llvm")
     grid = _grid(field)
-    # Textures have z, y, x, channel; the spline has a coefficient before the first node of each axis and one behind.
+    # Textures have the axes z, y, x, channel; the spline has one coefficient before the first and behind the last node.
     spline = np.ascontiguousarray(grid.coefficients.transpose(2, 1, 0)[..., None], dtype=np.float32)
     cubic_shape = np.array(grid.shape) + 2
     nodes = np.meshgrid(*(np.arange(count) * CONE_SPACING for count in grid.shape), indexing="ij")
@@ -234,7 +234,7 @@ def drjit_schemes(field: IndexField, rays: RayBundle, step_counts: Iterable[int]
         return kind.Texture3f(kind.TensorXf(values), use_accel=False)
 
     def placed(shape, first):
-        """Texture coordinates: node `first` + i of an axis is the middle of its texel."""
+        """Return the map to texture coordinates: node `first` + i of an axis is the middle of its texel."""
         scale = [1.0 / (CONE_SPACING * count) for count in shape]
         shift = [(half / CONE_SPACING + first + 0.5) / count for half, count in zip(CONE_HALF, shape, strict=True)]
         return lambda x, y, z: kind.Array3f(*(dr.fma(axis, scale[k], shift[k]) for k, axis in enumerate((x, y, z))))
@@ -245,7 +245,7 @@ def drjit_schemes(field: IndexField, rays: RayBundle, step_counts: Iterable[int]
 
     def cubic_lookup(x, y, z):
         values, gradients = spline_texture.eval_cubic_grad(spline_place(x, y, z))
-        # Gradients are by texture coordinates.
+        # The gradients are with respect to texture coordinates.
         return values[0], gradients[0][0] * across[0], gradients[0][1] * across[1]
 
     def linear_lookup(x, y, z):
@@ -258,7 +258,7 @@ def drjit_schemes(field: IndexField, rays: RayBundle, step_counts: Iterable[int]
             *rays.position[:, :2].T,
             *(CONE_AMBIENT * rays.direction[:, :2]).T,
             CONE_AMBIENT * along,
-            CONE_AMBIENT * (1.0 - 1.0 / along),  # what the undisturbed ray's path is more than n along z
+            CONE_AMBIENT * (1.0 - 1.0 / along),  # excess of the undisturbed ray's path over n along z
         )
     )
 

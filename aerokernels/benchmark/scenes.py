@@ -1,4 +1,4 @@
-"""What the Strehl suites look through: shipped flows behind a forward pupil. The cone is in validation/cone.py."""
+"""The scenes of the Strehl suites: shipped flows in front of a forward pupil. The cone is in validation/cone.py."""
 
 from dataclasses import dataclass
 
@@ -24,11 +24,11 @@ class PupilScene:
 
 
 def strehl_scene(flow: str = "mach3", ambient_density: float | None = None) -> PupilScene:
-    """The part of a shipped flow that the forward pupil looks through, resampled; a new field at every call.
+    """The part of a shipped flow seen by the forward pupil, resampled; a new field at every call.
 
     Args:
         flow: A shipped flow's name.
-        ambient_density: Free stream's density [kg/m3], None for the flow's own.
+        ambient_density: Density of the free stream [kg/m3], None for the flow's own.
     """
     density = shipped(flow)
     if ambient_density is not None:

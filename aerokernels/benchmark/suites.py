@@ -24,7 +24,7 @@ from aerokernels.tracing.engines.choice import choose_backend
 from aerokernels.validation.cone import cone_field, cone_rays, cone_truth
 
 OUTPUTS = ("direction", "optical_path")
-# Of the radial quadrature whose Strehl ratio stands for the truth.
+# Rays of the radial quadrature whose Strehl ratio serves as the truth.
 TRUTH_RAYS = 1 << 15
 TRUTH_TOLERANCE = 1e-5  # [waves]
 # Free-stream densities of the sweep, as multiples of the shipped flow's.
@@ -40,7 +40,7 @@ def cone_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -
     for options in _choices(settings, targets):
         timing = measure(partial(trace, field, rays, outputs=OUTPUTS, **options), settings.repeats)
         result = timing.results[-1]
-        # The counts are an output of their own, which the timed calls do not ask for.
+        # The counts are a separate output, which the timed calls do not request.
         counted = trace(field, rays, outputs=("evaluation_count",), **options)
         assert counted.evaluation_count is not None
         evaluations = float(counted.evaluation_count.mean())
@@ -60,7 +60,7 @@ def cone_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -
 
 
 def strehl_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -> Iterator[dict]:
-    """The Strehl ratio of the shipped Mach 3 field, from launch to value, with symmetry taken and not."""
+    """The Strehl ratio of the shipped Mach 3 field, from launch to value, with and without using the symmetry."""
     scene = strehl_scene()
     # The reference would take an hour for the radial quadrature.
     fast = [target for target in targets if target[0] != "reference"]
@@ -88,10 +88,10 @@ def strehl_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict])
 
 
 def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -> Iterator[dict]:
-    """A Strehl ratio for every shipped flow and some densities, each with a field of its own that is uploaded anew.
+    """A Strehl ratio for every shipped flow and some densities, each with a new field that is uploaded.
 
-    Once the pupil has been made ready, by `PreparedStrehl.for_fields` and one after the other by `with_field`, and once
-    anew for each.
+    They are computed with a prepared pupil, by `PreparedStrehl.for_fields` and one after the other by `with_field`, and
+    without one, anew for each.
     """
     cases = [
         (name, shipped(name).ambient_density * factor if factor != 1.0 else None)
@@ -130,7 +130,7 @@ def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) 
 
 
 def _estimates(scenes: list[PupilScene], known: PreparedStrehl | None, **options: Any) -> list[StrehlEstimate]:
-    """A Strehl ratio of each scene, by a pupil made ready or anew; new objects hold nothing of what was worked out."""
+    """A Strehl ratio of each scene, by a prepared pupil or anew; the fields are new objects without cached results."""
     found = []
     for scene in scenes:
         field = _new_values(scene)
@@ -140,12 +140,12 @@ def _estimates(scenes: list[PupilScene], known: PreparedStrehl | None, **options
 
 
 def _overlapped_estimates(scenes: list[PupilScene], known: PreparedStrehl) -> list[StrehlEstimate]:
-    """A Strehl ratio of each scene, two of them in work at a time where that is quicker."""
+    """A Strehl ratio of each scene, computing two at a time where that is faster."""
     return list(known.for_fields(map(_new_values, scenes)))
 
 
 def _new_values(scene: PupilScene) -> IndexField:
-    """A field that holds nothing of what was worked out of the scene's."""
+    """A copy of the scene's field without cached results."""
     return replace(scene.field, samples=replace(scene.field.samples))
 
 
@@ -153,14 +153,14 @@ RUNS = {"cone": cone_runs, "strehl": strehl_runs, "sweep": sweep_runs, "bundles"
 
 
 def radial_strehl(scene: PupilScene, target: tuple[str, str]) -> float:
-    """The Strehl ratio of an axisymmetric scene from rays along a radius, equal shares of the area.
+    """The Strehl ratio of an axisymmetric scene from rays along a radius, for equal shares of the area.
 
-    By a route of its own: single rays in float64 held to TRUTH_TOLERANCE, summed here by the midpoint rule in r^2.
+    It is computed independently: single rays in float64 to TRUTH_TOLERANCE, summed here by the midpoint rule in r^2.
     """
     pupil, (low, high) = scene.pupil, scene.field.box
     radius = pupil.radius * np.sqrt((np.arange(TRUTH_RAYS) + 0.5) / TRUTH_RAYS)
     start = pupil.center + np.c_[np.zeros(TRUTH_RAYS), radius, np.zeros(TRUTH_RAYS)]
-    # The plane on which `estimate_strehl` stops rays: a pupil's radius and a hair beyond the box.
+    # The plane at which `estimate_strehl` stops rays: a pupil's radius and a little beyond the box.
     beyond = float(high[2] + pupil.radius + 1e-3 * np.linalg.norm(high - low))
     result = trace(
         scene.field,

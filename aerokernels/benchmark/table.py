@@ -1,4 +1,4 @@
-"""A benchmark as rows of texts."""
+"""A benchmark as rows of a table of text."""
 
 from typing import Any
 

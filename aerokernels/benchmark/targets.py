@@ -1,4 +1,4 @@
-"""What runs where: the choices of a benchmark, checked before anything is measured."""
+"""The choices of a benchmark and the backends and devices to measure, checked before anything is measured."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from aerokernels.tracing.plan import METHODS, PRECISIONS
 SUITES = ("cone", "strehl", "sweep", "bundles")
 DEFAULT_METHODS = ("auto", "adaptive", "straight")
 RAY_COUNT = 1_000_000
-# One ray at a time in Python: more would take hours.
+# The reference traces one ray at a time in Python: more rays would take hours.
 REFERENCE_RAYS = 10_000
 
 
@@ -18,12 +18,12 @@ class Settings:
     """The choices of a benchmark.
 
     Attributes:
-        suites: Of SUITES, none for all.
-        backends: Names of backends; none for every one that is here, but for the reference.
+        suites: Names from SUITES, none for all.
+        backends: Names of backends; none for all that are available except the reference.
         device: A device's name, None for the best of each backend.
-        precisions: Of "float32", "float64".
+        precisions: "float32", "float64" or both.
         methods: Tracing methods, see `trace`.
-        tolerance: OPD error asked for [waves].
+        tolerance: Requested OPD error [waves].
         ray_count: Rays of a trace or of a Strehl ratio.
         repeats: Timed calls of each run, after one that compiles.
         peers: Whether other ray tracers are measured on the cone scene as well.
@@ -68,17 +68,17 @@ class Settings:
 
 
 def find_targets(settings: Settings) -> list[tuple[str, str]]:
-    """Pairs of backend and device.
+    """Pairs of backend and device to measure.
 
     Raises:
-        ValueError: A named backend or device is not here.
+        ValueError: A named backend or device is not available.
     """
     backends = settings.backends or _present(settings.device)
     return [choose_backend(backend, settings.device)[:2] for backend in dict.fromkeys(backends)]
 
 
 def _present(device: str | None) -> tuple[str, ...]:
-    """The backends that are here and have the device, the reference left out."""
+    """The available backends that have the device, except the reference."""
     here = {info.backend for info in available_backends() if info.available} - {"reference"}
     found = []
     for backend in sorted(here, reverse=True):  # warp, then opencl
@@ -88,13 +88,13 @@ def _present(device: str | None) -> tuple[str, ...]:
             continue
         found.append(backend)
     if not found:
-        choose_backend("auto", device)  # says what there is
+        choose_backend("auto", device)  # raises an error that names what is available
         raise ValueError(f"device {device!r} is not there: see `aerokernels backends`")
     return tuple(found)
 
 
 def on_processor(backend: str, device: str) -> bool:
-    """Whether a device is the computer's own processor."""
+    """Whether a device is the computer's own CPU."""
     return device == "cpu" or any(
         (info.backend, info.device) == (backend, device) and info.description.startswith("CPU")
         for info in available_backends()

@@ -1,4 +1,4 @@
-"""Rays through a field: plan, trace, result and status; the backends are in engines/."""
+"""Trace rays through a field: plan, trace, result and status. The backends are in engines/."""
 
 from .engines.choice import available_backends
 from .engines.info import BackendInfo

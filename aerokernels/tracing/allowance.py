@@ -1,4 +1,4 @@
-"""How many steps a ray may take, and which tolerances make sense."""
+"""Bound the number of steps of a ray, and check tolerances."""
 
 import numpy as np
 
@@ -11,13 +11,17 @@ FINEST = 0.02
 
 
 def check_tolerance(tolerance: float) -> float:
-    """The tolerance [waves], or a refusal of one that is not a positive number."""
+    """Return the tolerance [waves].
+
+    Raises:
+        ValueError: It is not a positive number.
+    """
     check_positive(tolerance, "tolerance", "waves")
     return tolerance
 
 
 def step_allowance(field: IndexField, method: str, step, path_length) -> int:
-    """The greatest number of steps: ten times what a ray across the box needs, so that only trapped rays reach it."""
+    """The greatest number of steps: ten times the need of a ray across the box, so that only trapped rays reach it."""
     diagonal = box_size(field)
     if path_length is not None:
         diagonal = max(diagonal, path_length)

@@ -1,4 +1,4 @@
-"""What the rays of a bundle may miss between leapfrog samples, and how many samples it takes to miss less."""
+"""Bound the structure that a bundle's rays miss between leapfrog samples, and find how many samples suffice."""
 
 import math
 
@@ -14,30 +14,30 @@ from .straight_lines import lines_through
 from .support import support_box
 from .unresolved import Sampling, disturbed_ends, greatest_error, missed_along
 
-# So many more samples than a field before are taken rather than a closer look at a field.
+# Up to this factor more samples are taken in preference to computing the sharper bound of a field.
 A_FEW_MORE = 1.25
 
-# The pilot's greatest error is held MARGIN times below the tolerance. What lies between samples may cost the rest
+# The pilot's greatest error is kept MARGIN times below the tolerance. Structure between samples may use up the rest
 # without being bounded for each ray.
 MARGIN = 4.0
 NEGLIGIBLE = 1.0 - 1.0 / MARGIN
-# Elsewhere counts are tried in steps of this factor; a ray is expected to be rejected from this share of the tolerance
+# Otherwise counts are tried in steps of this factor; a ray is expected to be rejected from this share of the tolerance
 # on.
 FINER = 1.3
 REJECTED = 0.7
-# Single precision is seen in a bound for tolerances below this share of the field's greatest optical path difference.
+# Rounding to single precision is visible in a bound for tolerances below this share of the field's greatest OPD.
 FINE_SHARE = 3e-5
-# The longest of all rays may be this many times as long as the longest of those looked at.
+# The longest of all rays may be this many times as long as the longest examined ray.
 SPACING_MARGIN = 1.02
-# Lines kept with a grid's places: of the last pilots, supports and bodies.
+# Lines cached with a grid's node positions: for the last pilots, supports and bodies.
 KEPT = 16  # speed only
 
 
 class Between:
-    """What the rays of a bundle may miss between their samples."""
+    """The structure that the rays of a bundle may miss between their samples."""
 
     def __init__(self, field: IndexField, spread: RayBundle, until, held: float, lever_arms: LeverArms | None):
-        """Find the lines of the rays, `spread`, which show where the bundle goes; `held` is their OPD error [m]."""
+        """Compute the lines of `spread`, rays that show the extent of the bundle; `held` is their allowed error [m]."""
         self.field, self.held = field, held
         low, high = support_box(field, held, lever_arms)
         place = "lines of rays", field.geometry, field.body, spread, stop_key(until), low.tobytes(), high.tobytes()
@@ -48,13 +48,13 @@ class Between:
         length = float(self.lines.length.max(initial=0.0))
         steepness = np.abs(self.lines.direction).max(axis=0, initial=0.0)
         x, y, z = (float(size) for size in np.minimum(steepness, 1.0))
-        # Where the stop is met head on, a deflection still counts in second order.
+        # Where the stop is met at a right angle, a deflection still counts in second order.
         lever_arm = math.sqrt(0.5 * self.held * length)
         is_fine = path_exceeds(self.field, self.held / FINE_SHARE)
         return Sampling(SPACING_MARGIN * length / count, (x, y, z), lever_arm, is_fine, self.ends)
 
     def least_count(self, count: int, is_worth_it, cost_again) -> int:
-        """The number of samples, at least `count`, with the least cost, rays that are traced again included.
+        """The number of samples, at least `count`, with the least cost including that of rays that are traced again.
 
         Args:
             count: The least number.
@@ -78,7 +78,7 @@ class Between:
         return best
 
     def enough(self, count: int, most: int) -> int:
-        """The least number of samples from `count` to `most` between which nothing lies; 0 where there is none."""
+        """The least number of samples from `count` to `most` that miss no structure; 0 where there is none."""
         found = self._greatest(count)
         if found <= NEGLIGIBLE * self.held:
             return count
@@ -87,14 +87,14 @@ class Between:
         return self._between_counts((count, found), (most, found_most)) if enough else 0
 
     def fewest(self, count: int, most: int) -> int:
-        """As `enough`, looked for one by one from there: what is missed falls faster at first than by a power law."""
+        """As `enough`, then reduced one step at a time: the error at first falls faster than by a power law."""
         best = self.enough(count, most)
         while best - 3 > count and self._greatest(best - 3) <= NEGLIGIBLE * self.held:
             best -= 3
         return best
 
     def _between_counts(self, few: tuple[int, float], many: tuple[int, float]) -> int:
-        """The number of samples between one too small and one great enough, by a power law through what both miss."""
+        """The number of samples between one too small and one sufficient, by a power law through both errors."""
         if few[0] and many[1] > 0.0:
             order = math.log(few[1] / many[1]) / math.log(many[0] / few[0])
             count = in_threes(few[0] * (few[1] / (NEGLIGIBLE * self.held)) ** (1.0 / order))
@@ -103,15 +103,15 @@ class Between:
         return many[0]
 
     def _greatest(self, count: int) -> float:
-        """The most that any ray misses between this many samples [m]."""
+        """The greatest error of any ray with this many samples [m]."""
         if not len(self.lines.length):
             return 0.0
         return greatest_error(self.field, self._sampled(count), self.lines, allowed=NEGLIGIBLE * self.held)
 
     def sufficient(self, count: int) -> int:
-        """This number of samples, or a few more, between which nothing lies; 0 where there is something.
+        """This number of samples, or a few more, that miss no structure; 0 where they would.
 
-        By the rule's own bound if a few more are enough: what it leaves of the rest takes longer to find than they do.
+        The rule's own bound is taken if a few more samples suffice for it: they cost less than computing a sharper one.
         """
         if not len(self.lines.length):
             return count
@@ -125,11 +125,11 @@ class Between:
         return self.enough(count, in_threes(A_FEW_MORE * count))
 
     def _by_rule(self, count: int) -> float:
-        """The same by the rule's own bound, which is greater and sooner found."""
+        """The same by the rule's own bound, which is greater but faster to compute."""
         return greatest_error(self.field, self._sampled(count), self.lines, by_rule=True)
 
     def sampling(self, count: int) -> Sampling | None:
-        """How this many samples lie along the rays; None where nothing lies between them."""
+        """How this many samples are distributed along the rays; None where they miss no structure."""
         return None if self._greatest(count) <= NEGLIGIBLE * self.held else self._sampled(count)
 
 

@@ -1,23 +1,23 @@
-"""What nodes of a uniform grid hold, block by block of its cells: the greatest, or the mean along an axis.
+"""Reduce values at the nodes of a uniform grid over blocks of its cells: the greatest, or the mean along an axis.
 
-A block's nodes are those of its cells, shared with its neighbours; the last node along an axis is repeated until blocks
-are whole.
+The nodes of a block are those of its cells; adjacent blocks share the nodes between them. Along an axis the last node
+is repeated until the last block is whole.
 """
 
 from collections.abc import Iterable
 
 import numpy as np
 
-# Values that are looked at together.
+# Number of values that are reduced together.
 SLAB = 1 << 16  # speed only
 
 
 def block_maxima(values: np.ndarray, block: int, axes: Iterable[int] | None = None) -> np.ndarray:
-    """The greatest over the nodes of each block of `block` cells along some axes, all of them by default."""
+    """The greatest value over the nodes of each block of `block` cells along some axes, by default along all."""
     for axis in range(values.ndim) if axes is None else axes:
         count = values.shape[axis]
         blocks = (count - 2) // block + 1
-        # The first nodes of all blocks, the second ones, and so on: a row of blocks is compared at once.
+        # The first nodes of all blocks, then the second ones, and so on, so that a row of blocks is compared at once.
         found = _along(values, axis, slice(0, count - 1, block)).copy(order="K")
         for place in range(1, block + 1):
             nodes = _along(values, axis, slice(place, None, block))
@@ -29,7 +29,7 @@ def block_maxima(values: np.ndarray, block: int, axes: Iterable[int] | None = No
 
 
 def _along(values: np.ndarray, axis: int, places: slice) -> np.ndarray:
-    """Some places along an axis."""
+    """A view of some entries along an axis."""
     return values[(slice(None),) * axis + (places,)]
 
 
@@ -41,7 +41,7 @@ def block_means(values: np.ndarray, block: int, axis: int) -> np.ndarray:
     np.add(_along(values, axis, slice(count - 1)), _along(values, axis, slice(1, None)), out=between)
     between *= 0.5
     _along(cells, axis, slice(count - 1, None))[...] = _along(values, axis, slice(count - 1, None))
-    # Cell after cell of all blocks, as np.mean adds them.
+    # In the order of cells in which np.mean adds them.
     total = _along(cells, axis, slice(0, None, block)).copy(order="K")
     for place in range(1, block):
         total += _along(cells, axis, slice(place, None, block))
@@ -50,7 +50,7 @@ def block_means(values: np.ndarray, block: int, axis: int) -> np.ndarray:
 
 
 def greatest_of_neighbors(values: np.ndarray, count: int, axis: int) -> np.ndarray:
-    """The greatest of each run of `count` entries along an axis, of all of them where there are no more."""
+    """The greatest of each run of `count` entries along an axis; of all entries where there are fewer."""
     from numpy.lib.stride_tricks import sliding_window_view
 
     return np.asarray(sliding_window_view(values, min(count, values.shape[axis]), axis=axis).max(axis=-1))
@@ -59,7 +59,7 @@ def greatest_of_neighbors(values: np.ndarray, count: int, axis: int) -> np.ndarr
 def greatest_around(values: np.ndarray, low: int, high: int, axis: int) -> np.ndarray:
     """For each entry the greatest at offsets from `low` to `high` along an axis; beyond the ends there are zeros.
 
-    By runs of 2, 4, 8 ... entries, of which two that overlap make up any other width.
+    Runs of 2, 4, 8 ... entries are reduced first; two overlapping runs make up any other width.
     """
     count = values.shape[axis]
     low, high = max(-count, min(low, count)), max(-count, min(high, count))
@@ -76,9 +76,9 @@ def greatest_around(values: np.ndarray, low: int, high: int, axis: int) -> np.nd
 
 
 def over_lines(values: np.ndarray, reduce: np.ufunc) -> list[np.ndarray]:
-    """For each axis the sizes of all values along it, added (np.add) or the greatest of them (np.maximum).
+    """For each axis the absolute values along it, summed (np.add) or their greatest (np.maximum).
 
-    Slab by slab: what a processor's cache holds is looked at once for all axes.
+    The values are read in slabs that fit a processor's cache, once for all axes.
     """
     shape = values.shape
     found = [np.zeros(shape[:axis] + shape[axis + 1 :]) for axis in range(values.ndim)]

@@ -4,24 +4,24 @@ r"""The error budget of a trace's optical path difference, by cause, measured on
     step            float64 steps against float64 steps with a far smaller tolerance (of the curved ray, also if the run
                     was along straight lines)
     interpolation   through every second and every fourth node of the field, extrapolated (medium/levels.py)
-    resampling      through the field that was resampled, to the same stop; what the interpolant between averages over
-                    cells lacks of them along the ray (lacking.py); of a volume, what resampling the flow's cells
-                    changed on lines through it (`IndexField.upstream`)
+    resampling      for a resampled field, its difference from the original field, to the same stop; for an interpolant
+                    of cell averages, the deficit of the averages along the ray (lacking.py); for a volume, the change
+                    by resampling the flow's cells, on lines through it (`IndexField.upstream`)
     sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
-    bundle          what interpolating between traced rays leaves, as estimated while they were chosen (bundle/)
-    truncation      what rays may have lost where the known air ends (known_air.py)
+    bundle          the error of interpolating between traced rays, as estimated while they were chosen (bundle/)
+    truncation      the OPD that rays may have lost where the known air ends (known_air.py)
     refractivity    the uncertainty of the model that made the index from a density: a share of the OPD. A finer
-                    computation would not reduce it, so it stands beside the total and is not part of it
+                    computation would not reduce it, so it is given beside the total and is not part of it
     total           root sum of squares of the others
 
 Each cause up to "sampling" is the greatest over the rays of the subset. All but "bundle" and "refractivity", which
-have factors of their own, are multiplied by SAFETY, for the rays outside the subset and for what an estimate cannot
-see. Rays are traced to the run's own stop, so that an error of direction counts as it does there. A cause that cannot
-be measured (no ray arrived, or the field before resampling was not kept) is nan, and so is the total. For a resampled
-field "interpolation" is that of the field it was made from.
+have factors of their own, are multiplied by SAFETY, to cover the rays outside the subset and errors that an estimate
+cannot see. Rays are traced to the run's own stop, so that an error of direction counts as it does there. A cause that
+cannot be measured (no ray arrived, or the field before resampling was not kept) is nan, and so is the total. For a
+resampled field "interpolation" is that of the field it was made from.
 
-The steps of the reference backend are better than those that would have to serve as the truth. Where it chooses them,
-their error is its own estimate: the sum of its embedded formulae.
+The steps of the reference backend are more accurate than the trace that would have to serve as the truth. Where this
+backend chooses its steps, the step error is its own estimate: the sum of its embedded formulae.
 """
 
 from collections.abc import Callable
@@ -41,13 +41,13 @@ from .status import reached
 from .stop import Plane
 
 SAFETY = 3.0
-# The tolerance of the trace that serves as the truth, as a share of the one asked for; a tolerance above
-# TIGHTEST_ASKED [waves] counts as that. Where the gradient jumps at every cell, a far smaller one cannot be reached.
+# The tolerance of the trace that serves as the truth, as a share of the requested one; a requested tolerance above
+# TIGHTEST_ASKED [waves] counts as that. Where the gradient jumps at every cell, far smaller ones cannot be reached.
 TIGHTER = {"linear": 1.0 / 8.0, "bilinear": 1.0 / 8.0}
 TIGHTER_ELSEWHERE = 1.0 / 64.0
 TIGHTEST_ASKED = 1e-3
 CAUSES = ("step", "interpolation", "resampling", "precision", "sampling", "bundle", "truncation", "refractivity")
-# Rays that leave through the curved side of a field's box and are each traced to a plane of their own.
+# Of the rays that leave through the curved side of a field's box, this many are traced, each to a plane of its own.
 SIDE_RAYS = 16
 # (field, rays, plan, until, wavelength) -> OPD [m], status and the trace's own estimate of its error [m], each of shape
 # (ray_count,)
@@ -71,14 +71,15 @@ class Retrace:
 def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace) -> dict[str, np.ndarray]:
     """Estimated OPD errors [m] of the rays: "step", "precision", "interpolation", "resampling", "refractivity".
 
-    Rays that do not arrive in every trace are left out, so arrays may differ in length; an empty one is not known.
+    Rays that do not arrive in every trace are left out, so the arrays may differ in length. An empty array means that
+    the error is not known.
     """
     tight = _tight(field, plan)
     truth = retrace(field, rays, tight)
     run = retrace(field, rays, plan)
     if plan.backend == "reference":
         found = {"step": run[2][reached(run[1])], "precision": np.zeros(1)}
-        if plan.method != "adaptive":  # the steps, or the line, are not the method's own choice
+        if plan.method != "adaptive":  # the steps, or the straight line, are not chosen by error control
             found["step"] = np.maximum(_greatest(found["step"]), np.abs(_change(run, truth)))
     else:
         exact = run if plan.precision == "float64" else retrace(field, rays, replace(plan, precision="float64"))
@@ -92,7 +93,7 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
 
 
 def _tight(field: IndexField, plan: TracePlan) -> TracePlan:
-    """The plan of the trace that serves as the truth in this field."""
+    """Return the plan of the trace that serves as the truth in this field."""
     return replace(
         plan,
         method="adaptive",
@@ -106,7 +107,7 @@ def _tight(field: IndexField, plan: TracePlan) -> TracePlan:
 
 
 def _interpolation(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace, truth) -> np.ndarray:
-    """The interpolation error of the field, from its coarser versions; `truth` is the trace through the field."""
+    """Estimate the field's interpolation error from its coarser versions; `truth` is the trace through the field."""
     levels = field.refinement
     if levels is None:
         return np.zeros(0)
@@ -122,7 +123,7 @@ def _interpolation(field: IndexField, rays: RayBundle, plan: TracePlan, retrace:
 
 
 def _against_source(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace, truth) -> dict:
-    """The change against the field that was resampled, first of all, and what that field's own samples leave."""
+    """Return the change against the field that was resampled, and that field's own interpolation error."""
     source = field.source
     if source is None:
         return {"interpolation": np.zeros(0), "resampling": np.zeros(0)}
@@ -144,8 +145,8 @@ def _against_source(field: IndexField, rays: RayBundle, plan: TracePlan, retrace
 def _common_stops(field: IndexField, rays: RayBundle, until) -> list[tuple[np.ndarray, object]]:
     """Rows of the rays, and the stops at which two fields of different boxes can be compared.
 
-    Without a stop rays end on the faces of a box, which the other field does not have: they are compared on the planes
-    of those faces. Some of the rays that leave through a curved side stand for all that do.
+    Without a stop rays end on the faces of the box. The other field does not have these faces, so the rays are compared
+    on the planes of the faces. Of the rays that leave through a curved side only some are compared.
     """
     if until is not None:
         return [(np.arange(rays.ray_count), until)]
@@ -164,7 +165,7 @@ def _common_stops(field: IndexField, rays: RayBundle, until) -> list[tuple[np.nd
 
 
 def float64_rounding(field: IndexField, rays: RayBundle) -> float:
-    """What float64 itself leaves of an OPD [m]: a few roundings of the lengths, which nothing better checks."""
+    """Rounding of an OPD in float64 [m]: a few roundings of the greatest length, which no better trace can measure."""
     low, high = field.box
     lengths = np.concatenate([low, high, rays.position.ravel()])
     return float(4.0 * np.finfo(np.float64).eps * np.abs(lengths[np.isfinite(lengths)]).max())
@@ -180,7 +181,8 @@ def error_budget(
 ) -> dict[str, float]:
     """The budget of a trace [m of OPD]: the greatest error of each cause over the rays that arrived.
 
-    `good` says which arrived, `lost` what each may have lost where the known air ends [m], both of shape (ray_count,).
+    `good` says which arrived, `lost` is the OPD that each may have lost where the known air ends [m], both of shape
+    (ray_count,).
     """
     chosen = subset(field, rays, good) if good.any() else None
     if chosen is None:
@@ -202,7 +204,7 @@ def column_error(field: IndexField) -> float:
 
 
 def faintly_lost(field: IndexField, rays: RayBundle, until) -> np.ndarray:
-    """What each ray of a few may lose where the known air ends [m], however little it is, shape (ray_count,)."""
+    """OPD that each of a few rays may lose where the known air ends [m], down to rounding, shape (ray_count,)."""
     return may_be_lost(field, rays, until, float64_rounding(field, rays))[0]
 
 

@@ -1,12 +1,12 @@
-"""Which rays of a bundle an error budget traces again: some evenly spread, and those that meet the sharpest air.
+"""Choose the rays of a bundle that an error budget traces again: some evenly spread, and those in the sharpest air.
 
-A few rays in a thousand may pass a feature about one cell wide, and the greatest error is theirs: an even subset misses
-them. So rays are compared on straight lines by how sharp the samples are that they pass,
+A few rays in a thousand may pass a feature about one cell wide and have the greatest error; an evenly spread subset
+misses them. Rays are therefore compared by the sharpness of the samples along their straight lines,
 
     roughness = sum over places on the line, and over the axes, of |d4 m| (cubic) or |d2 m| (other interpolants)
 
-with d2 and d4 the second and fourth difference of the samples about the node nearest to the place: what the coarser
-versions of the field get wrong there, to lowest order. For a field on a mesh the subset is evenly spread.
+where d2 and d4 are the second and fourth difference of the samples about the node nearest to the place. To lowest order
+this is the error of the field's coarser versions there. For a field on a mesh the subset is evenly spread.
 """
 
 import numpy as np
@@ -16,19 +16,19 @@ from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .lines import box_span
 
-# Rays that a budget traces, and how many of them are those of the sharpest air.
+# Rays that a budget traces, and how many of them are the rays in the sharpest air.
 SUBSET = 192
 SHARPEST = 64
 # Rays that are compared, and places along each.
 COMPARED = 4096
 PLACES = 192
-# Weights of the differences; the fields of the other interpolants are piecewise linear, or locally so at extremes.
+# Weights of the differences; the other interpolants are piecewise linear, or locally so at extremes.
 DIFFERENCES = {"cubic": (1.0, -4.0, 6.0, -4.0, 1.0)}
 OTHER_DIFFERENCES = (1.0, -2.0, 1.0)
 
 
 def subset(field: IndexField, rays: RayBundle, good: np.ndarray) -> RayBundle:
-    """Up to SUBSET of the rays that arrived; `good` says which did, shape (ray_count,)."""
+    """Return up to SUBSET of the rays that arrived; `good` says which did, shape (ray_count,)."""
     arrived = np.flatnonzero(good)
     rows = _evenly(arrived, SUBSET)
     if len(arrived) > SUBSET and field.is_uniform:
@@ -41,14 +41,14 @@ def subset(field: IndexField, rays: RayBundle, good: np.ndarray) -> RayBundle:
 
 
 def _evenly(rows: np.ndarray, count: int) -> np.ndarray:
-    """Up to `count` of some rows, evenly spread."""
+    """Return up to `count` of some rows, evenly spread."""
     if len(rows) <= count:
         return rows
     return rows[np.linspace(0, len(rows) - 1, count).round().astype(int)]
 
 
 def roughness(field: IndexField, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """How sharp the samples of a uniform grid are along straight lines, by the formula of this page, shape (n,)."""
+    """Roughness of a uniform grid's samples along straight lines, by the formula of the module, shape (n,)."""
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     span = box_span(field, position, direction)
@@ -58,7 +58,7 @@ def roughness(field: IndexField, position: np.ndarray, direction: np.ndarray) ->
     weights = DIFFERENCES.get(field.interpolation, OTHER_DIFFERENCES)
     half = len(weights) // 2
     found = np.zeros(len(position))
-    for share in (np.arange(PLACES) + 0.5) / PLACES:  # place by place: arrays of one number a ray stay small
+    for share in (np.arange(PLACES) + 0.5) / PLACES:  # one place at a time, so that arrays stay small
         local = field.local_coordinates(position + (enter + share * length)[:, None] * direction)
         node = np.rint((local - grid.origin) / grid.spacing).astype(np.int64)
         node = np.clip(node, 0, np.array(grid.shape) - 1)

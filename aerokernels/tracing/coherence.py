@@ -1,26 +1,26 @@
-"""An order of rays in which those that follow each other share the field's cells from end to end.
+"""Order rays so that successive ones share the field's cells from end to end.
 
 A processor moves some rays in step, a packet (kernels/include/packet.h). Where all of them are in one column of cells,
-they share its coefficients; else each gathers its own, which takes some times as long. Rays are ordered by the cells in
-which their lines cross the two faces of the field's box that they run between, wider cells first.
+they share its coefficients; otherwise each gathers its own, which takes several times as long. Rays are ordered by the
+cells in which their lines cross the two faces of the field's box that they run between, wider cells first.
 """
 
 import numpy as np
 
 from ..medium import IndexField
 
-# Fewer rays are left as they are.
+# Bundles of fewer rays keep their order.
 LEAST_RAYS = 4096  # speed only
-# A packet's rays, packets that are looked at, and the cells that they may spread over as they are.
+# Rays of a packet, packets that are sampled, and the cells over which a packet may spread in the bundle's own order.
 PACKET, PACKETS, SPREAD = 16, 64, 1.0  # speed only
-# Rays run along an axis if this much of their directions does.
+# Rays run along an axis if their directions have at least this component along it.
 LEAST_COMPONENT = 0.2  # speed only
-# Bits of a cell's number that tell cells of a wide cell apart, and those of the wide cell's number.
+# Bits of a cell's number that distinguish cells within a wide cell, and bits of the wide cell's number.
 FINE_BITS, WIDE_BITS = 3, 12  # speed only
 
 
 def coherent_order(field: IndexField, position: np.ndarray, direction: np.ndarray) -> np.ndarray | None:
-    """Row numbers of rays (n, 3) in such an order, shape (n,); None where they are so already, or need not be."""
+    """Row numbers of rays (n, 3) in a coherent order, shape (n,); None if they already are or ordering does not pay."""
     count = len(position)
     if count < LEAST_RAYS or not field.is_uniform:
         return None
@@ -42,7 +42,7 @@ def coherent_order(field: IndexField, position: np.ndarray, direction: np.ndarra
 
 
 def _main_axis(field: IndexField, direction: np.ndarray) -> int | None:
-    """The axis that rays run along, of those on which the box ends; None where there is none."""
+    """The axis that all rays run along, among those along which the box ends; None where there is none."""
     low, high = field.box
     steep = np.abs(direction).min(axis=0) * (np.isfinite(low) & np.isfinite(high))
     if field.geometry == "axisymmetric":

@@ -1,13 +1,13 @@
-r"""Cubic polynomials of cubes of cells: a volume's potential by 20 numbers that lie side by side, in place of 64.
+r"""Cubic polynomials of cubes of cells: a volume's potential from 20 adjacent numbers in place of 64.
 
-A ray that is traced by itself asks memory for 64 coefficients of the spline a sample, in 16 pieces. Where the field is
+A ray that is traced by itself loads 64 coefficients of the spline for each sample, in 16 pieces. Where the field is
 smooth on the scale of two cells, one polynomial of degree 3 for each cube of CUBE_SIDE x CUBE_SIDE x CUBE_SIDE cells is
-as good as the tolerance needs: one piece of 64 bytes, which is a processor's cache line. Numbers of the third degree
-are cut to the upper halves of floats for it.
+accurate enough for the tolerance: one piece of 64 bytes, which is a processor's cache line. To fit, coefficients of the
+third degree are rounded to the upper halves of floats.
 
-A polynomial is the spline's projection (least squares), so that what it is off changes its sign within the cube, and
-most of it cancels along a ray. How far off it may be stands beside the numbers: a ray adds that up over the very cubes
-that it samples, as if nothing cancelled, and the sum is part of its own error estimate.
+A polynomial is the spline's projection (least squares), so its deviation from the spline changes sign within the cube,
+and most of it cancels along a ray. A bound of the deviation is stored with the coefficients: a ray sums it over the
+cubes that it samples, as if nothing cancelled, and the sum is part of the ray's own error estimate.
 """
 
 from collections.abc import Iterator
@@ -24,26 +24,26 @@ from .scheme import CUBE_ROW, CUBE_SIDE
 from .straight_lines import Lines
 
 DEGREE = 3
-# Powers of the three coordinates of each number, in the order in which kernels take them: those of the third degree
-# last, each by powers of the third coordinate, then of the second.
+# Powers of the three coordinates of each coefficient, in the kernels' order: the third degree last, each group ordered
+# by powers of the third coordinate, then of the second.
 POWERS = sorted(
     ((i, j, k) for k in range(DEGREE + 1) for j in range(DEGREE + 1 - k) for i in range(DEGREE + 1 - k - j)),
     key=lambda powers: sum(powers) == DEGREE,
 )
 WHOLE = sum(sum(powers) < DEGREE for powers in POWERS)
-# Points of a Gauss rule in each cell, by which the projection is exact.
+# Points of a Gauss rule in each cell, for which the projection is exact.
 GAUSS = 4
-# Windows of coefficients that are looked at together.
+# Windows of coefficients that are processed together.
 SLAB = 1 << 14  # speed only
-# The greatest deviation of the potential anywhere over that at the points which are looked at: nodes and the middles of
+# The greatest deviation of the potential anywhere over the greatest at the tested points: nodes and the middles of
 # cells.
 BETWEEN_POINTS = 1.5
-# What a number of the third degree may lose of itself.
+# Relative rounding of a coefficient of the third degree.
 CUT = 2.0**-9
-# Places along a line by which it is told whether a table is worth making.
+# Places along a line at which is estimated whether a table is worth making.
 PLACES = 24
-# The share of the greatest deviation of a slope that counts for each sample in a cube. That is reached at corners; the
-# rms is about a fifth of it.
+# The share of the greatest deviation of a slope that counts for each sample in a cube. The greatest deviation occurs at
+# corners; the rms is about a fifth of it.
 OFTEN = 0.5
 
 
@@ -58,15 +58,15 @@ def may_have_cubes(grid: UniformGrid, memory: float) -> bool:
 def cube_polynomials(grid: UniformGrid) -> np.ndarray:
     """The polynomials of a grid that `may_have_cubes`, float32, shape (cubes along each axis, CUBE_ROW).
 
-    Numbers belong to the powers of coordinates that run from -1 to 1 in a cube, in the order of POWERS. From WHOLE on
-    two share a float, of which the first has the lower bits; the last float has the greatest deviation from the
-    spline's potential, and OFTEN times the greatest from its slope along any axis [1/m]. Kept while the grid lives.
+    Coefficients belong to powers of coordinates that run from -1 to 1 in a cube, in the order of POWERS. From WHOLE on
+    two share a float, of which the first has the lower bits. The last float holds the greatest deviation from the
+    spline's potential, and OFTEN times the greatest deviation from its slope along any axis [1/m]. Cached on the grid.
     """
     return grid.derive("cube polynomials", lambda: _cube_polynomials(grid))
 
 
 def cubes_of(field: IndexField) -> np.ndarray:
-    """The numbers of `cube_polynomials` of a field's grid, flat."""
+    """The coefficients of `cube_polynomials` of a field's grid, flat."""
     assert isinstance(field.samples, UniformGrid)
     return cube_polynomials(field.samples).ravel()
 
@@ -75,7 +75,7 @@ def _cube_polynomials(grid: UniformGrid) -> np.ndarray:
     cells = [count - 1 for count in grid.shape]
     shape = tuple(-(-count // CUBE_SIDE) for count in cells)
     width = CUBE_SIDE + SUPPORT["cubic"] - 1
-    # Beyond the last cell there is nothing: a window's coefficients there have no weight.
+    # Windows reach beyond the last cell; their coefficients there have no weight.
     missing = [(0, CUBE_SIDE * cubes - count) for cubes, count in zip(shape, cells, strict=True)]
     padded = np.pad(grid.coefficients.astype(np.float32), missing)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (width,) * 3)[::CUBE_SIDE, ::CUBE_SIDE, ::CUBE_SIDE]
@@ -95,15 +95,15 @@ def _cube_polynomials(grid: UniformGrid) -> np.ndarray:
 
 
 def _value_bound(numbers: np.ndarray, deviation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far polynomials are off the spline at most, by deviations at some points; how much of it is by cutting."""
+    """Bound the deviation of polynomials from the spline, given deviations at some points; and its part by rounding."""
     cut = CUT * np.abs(numbers[WHOLE:]).sum(axis=0)
     return BETWEEN_POINTS * deviation.max(axis=0) + cut, cut
 
 
 def roughly_off(grid: UniformGrid, lines: Lines) -> np.ndarray:
-    """The sum of what polynomials of cubes would be off the spline along some lines [m of OPD], about, shape (n,).
+    """Approximate sum of the polynomials' deviation from the spline along some lines [m of OPD], shape (n,).
 
-    By PLACES cubes of each line, which are made for this only: the table is for rays that may use it.
+    PLACES cubes of each line are evaluated, only for this purpose: the table itself is made only if rays may use it.
     """
     whole = np.array([(count - 1) // CUBE_SIDE for count in grid.shape])
     share = (np.arange(PLACES) + 0.5) / PLACES
@@ -113,45 +113,45 @@ def roughly_off(grid: UniformGrid, lines: Lines) -> np.ndarray:
     node = [CUBE_SIDE * cube[:, axis, None] + np.arange(width) for axis in range(3)]
     windows = grid.coefficients[node[0][:, :, None, None], node[1][:, None, :, None], node[2][:, None, None, :]]
     operators, points = _operators([CUBE_SIDE] * 3, grid.spacing)
-    # Of no line there is nothing: the rays meet no disturbed air.
+    # Without lines the arrays are empty: the rays meet no disturbed air.
     made = operators[: len(POWERS) + points] @ windows.reshape(len(cube), width**3).astype(np.float32).T
     value, _ = _value_bound(made[: len(POWERS)], np.abs(made[len(POWERS) :]))
     return value.reshape(-1, PLACES).mean(axis=1) * lines.length
 
 
 def _packed(numbers: np.ndarray, value: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Rows of a table, shape (n, CUBE_ROW), of numbers in the order of POWERS, shape (20, n), and of bounds, (n,)."""
+    """Pack coefficients in the order of POWERS, shape (20, n), and bounds (n,) into rows of a table, (n, CUBE_ROW)."""
     bits = np.concatenate([numbers[WHOLE:], [value, slope]]).astype(np.float32).view(np.uint32)
-    up = np.full((len(bits), 1), 0x8000, np.uint32)  # to the nearest; bounds are rounded up
+    up = np.full((len(bits), 1), 0x8000, np.uint32)  # round to nearest; bounds are rounded up
     up[-2:] = 0xFFFF
     halves = bits + up >> np.uint32(16)
     return np.concatenate([numbers[:WHOLE], (halves[0::2] | halves[1::2] << np.uint32(16)).view(np.float32)]).T
 
 
 def _parts(cells: int) -> list[tuple[slice, int]]:
-    """Cubes along an axis, and how many of their cells lie in the grid: whole ones, then the last where it is not."""
+    """Cubes along an axis, and how many of their cells are in the grid: whole cubes, then the last if it is partial."""
     whole, rest = divmod(cells, CUBE_SIDE)
     parts = [(slice(0, whole), CUBE_SIDE), (slice(whole, whole + 1), rest)]
     return [part for part in parts if part[0].stop > part[0].start and part[1]]
 
 
 def _slabs(cubes: slice, count: int) -> Iterator[slice]:
-    """Some layers of cubes at a time."""
+    """Yield some layers of cubes at a time."""
     layers = max(1, (cubes.stop - cubes.start) * SLAB // max(count, 1))  # speed only
     for first in range(cubes.start, cubes.stop, layers):
         yield slice(first, min(first + layers, cubes.stop))
 
 
 def _operators(inside: list[int], spacing: np.ndarray) -> tuple[np.ndarray, int]:
-    """What makes a cube's numbers of its window of coefficients, and what is left of the spline then.
+    """The operator from a window of coefficients to a cube's polynomial and its deviations from the spline.
 
     Args:
-        inside: Cells of the cube that lie in the grid, along each axis; the others are not fitted to.
+        inside: Cells of the cube that are in the grid, along each axis; the fit ignores the others.
         spacing: Node spacing [m].
 
     Returns:
-        A matrix, float32: rows for the numbers of POWERS, for deviations of the potential at some points, and for those
-        of its slopes there [1/m]; and how many points there are.
+        A matrix, float32, with rows for the coefficients of POWERS, for deviations of the potential at some points, and
+        for deviations of its slopes there [1/m]; and the number of points.
     """
     axes = [_axis(count) for count in inside]
     projected = np.stack([_tensor([axis.moments[n] for axis, n in zip(axes, row, strict=True)]) for row in POWERS], 1)
@@ -173,14 +173,14 @@ def _operators(inside: list[int], spacing: np.ndarray) -> tuple[np.ndarray, int]
 
 @dataclass(frozen=True, eq=False)
 class _Axis:
-    """Along one axis of a cube, of which some cells lie in the grid.
+    """Factors along one axis of a cube, of which some cells are in the grid.
 
     Attributes:
-        moments: Shares of the window's coefficients in each Legendre polynomial over those cells, (4, coefficients).
+        moments: Weights of the window's coefficients in each Legendre polynomial over those cells, (4, coefficients).
         in_powers: Those polynomials in powers of the cube's coordinate, (4, 4).
         spline: At the nodes, and in the middles of the cells: weights of the coefficients in the value and in the slope
             per cell, each of shape (coefficients, points).
-        cubic: The same of the powers, (4, points).
+        cubic: The same for the powers, (4, points).
     """
 
     moments: np.ndarray
@@ -207,7 +207,7 @@ def _axis(inside: int) -> _Axis:
 
 
 def _window_weights(place: np.ndarray, inside: int) -> tuple[np.ndarray, np.ndarray]:
-    """Weights of a window's coefficients at places in cells from its first node, and of their slopes."""
+    """Weights of a window's coefficients at places in cells from its first node, in the values and in the slopes."""
     cell = np.minimum(place.astype(int), inside - 1)
     made = np.zeros((2, CUBE_SIDE + SUPPORT["cubic"] - 1, len(place)))
     for kind, rows in enumerate(weights("cubic", place - cell)):

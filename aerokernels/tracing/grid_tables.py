@@ -1,9 +1,9 @@
-"""What planning asks of a grid's values, worked out on the engine's device: where new values come again and again.
+"""Compute the tables of a grid that planning needs on the engine's device, for fields whose values change repeatedly.
 
-The spline's coefficients, the greatest of their fourth differences by blocks (step_bound.py), of the potential by
-blocks (unresolved.py) and of the coefficients in each plane across an axis (support.py): half of what it takes to make
-a known pupil ready for other values. What is found is kept with the grid, where NumPy's would be, and is the same but
-for rounding.
+These are the spline's coefficients, the greatest of their fourth differences in blocks (step_bound.py), of the
+potential in blocks (unresolved.py) and of the coefficients in each plane across an axis (support.py): half of the work
+of preparing a known pupil for new values. The results are cached on the grid under the keys that NumPy's results would
+have, and are the same except for rounding.
 """
 
 from collections.abc import Callable
@@ -19,17 +19,17 @@ from .engines import Engine
 from .engines.kernel_table import GRID_KERNELS
 from .step_bound import block_size
 
-# Grids of fewer nodes are as quick on the host: volumes, and those of two axes, of which a processor makes the spline.
+# Grids of fewer nodes are as fast on the host: volumes, and those of two axes, for which a CPU makes the spline.
 LEAST_NODES = 1 << 15  # speed only
 LEAST_FLAT = 1 << 12  # speed only
-# Nodes along an axis at least: elimination takes four.
+# Least number of nodes along an axis: the elimination needs four.
 LEAST_COUNT = 4
-# What elimination takes, kept with a grid's places.
+# Pivots of the elimination that are cached with a grid's node positions.
 KEPT = 6  # speed only
 
 
 def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
-    """Work out on a device what planning asks of a cubic grid: of a volume, or the spline of one of two axes.
+    """Compute on a device the tables of a cubic volume that planning needs, or the spline of a grid of two axes.
 
     Raises:
         ValueError: The grid does not fit the device.
@@ -55,14 +55,14 @@ def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
 
 
 class _Tables:
-    """A grid on a device, and the launches that look at it."""
+    """A grid on a device, and the launches that reduce it."""
 
     def __init__(self, engine: Engine, grid: UniformGrid, names: tuple[str, ...]):
         self.engine, self.grid, self.kernels = engine, grid, engine.grid_kernels(names)
         self.shape = grid.shape
         self.block = block_size(grid)
         self.samples = engine.share(grid.samples.reshape(-1))
-        # On a processor the coefficients are there for the host as well: new memory takes as long as a spline does.
+        # On a CPU the coefficients share memory with the host: allocating memory takes as long as a spline.
         self.on_host = None if engine.is_gpu else np.empty(int(np.prod(grid.coefficient_shape)))
         *others, last = self.shape
         self.spare = engine.empty(int(np.prod(np.array(others) + 2)) * last)
@@ -101,7 +101,7 @@ class _Tables:
         return found
 
     def found(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """Tables by name, of which all that they are made of is launched before any of it is waited for."""
+        """Tables by name; all launches are started before any result is awaited."""
         makers: dict[str, tuple[Callable[[], list], Callable[..., Any]]] = {
             "roughness": (self._roughness, self._by_axis),
             "potential by blocks": (self._potential, lambda found: found),
@@ -117,7 +117,7 @@ class _Tables:
         return {name: makers[name][1](*(next(read) for _ in each)) for name, each in parts.items()}
 
     def _roughness(self) -> list[tuple[Any, np.ndarray]]:
-        """Fourth differences along each axis, the greatest of each block: where they will be, and what for."""
+        """Launch the greatest fourth differences in blocks along each axis; return buffers and host arrays for them."""
         first, second, third = self.shape
         fourth = []
         for axis in range(3):
@@ -128,19 +128,19 @@ class _Tables:
         return fourth
 
     def _by_axis(self, *fourth: np.ndarray) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
-        """See step_bound.roughness_of_blocks."""
+        """Convert to the form of step_bound.roughness_of_blocks."""
         scales = [self.grid.ambient_index * spacing**4 for spacing in self.grid.spacing]
         derivatives = [part / scale for part, scale in zip(fourth, scales, strict=True)]
         return self.block, derivatives, [np.zeros_like(part) for part in fourth]
 
     def _potential(self) -> list[tuple[Any, np.ndarray]]:
-        """Greatest size of the potential over the ambient index in each block."""
+        """Launch the greatest absolute potential over the ambient index in each block."""
         return [self._by_blocks(self.samples, list(self.shape), (0, 1, 2), self.grid.ambient_index)]
 
     def _peaks(self) -> list[tuple[Any, np.ndarray]]:
-        """Of the coefficients' sizes the greatest along the first axis, and along the second.
+        """Launch the greatest absolute coefficients along the first axis, and along the second.
 
-        Lines of the last one lie in memory one behind the other, which takes longer.
+        Lines of the last axis are contiguous in memory, which would be slower.
         """
         first, second, third = (count + 2 for count in self.shape)
         planes = self._maxima(self.coefficients, second * third, 1, first, first, 0.0)
@@ -150,7 +150,7 @@ class _Tables:
     def _by_blocks(
         self, values: Any, shape: list[int], axes: tuple[int, ...], ambient: float = 0.0
     ) -> tuple[Any, np.ndarray]:
-        """Greatest sizes of values of that shape over the nodes of each block along some axes; what they will fill."""
+        """Launch the greatest absolute values over the nodes of blocks along axes; return buffer and host array."""
         for axis in axes:
             pitch, outer = int(np.prod(shape[axis + 1 :])), int(np.prod(shape[:axis]))
             values = self._maxima(values, pitch, outer, shape[axis], self.block, ambient)
@@ -165,10 +165,10 @@ class _Tables:
 
 
 def _peaks_of(over_first: np.ndarray, over_second: np.ndarray) -> list[np.ndarray]:
-    """See support.py: the greatest size of the coefficients of each plane across an axis."""
+    """Convert to the form of support.py: the greatest absolute coefficient in each plane across an axis."""
     return [over_second.max(axis=1), over_first.max(axis=1), over_first.max(axis=0)]
 
 
 def _blocks(count: int, block: int) -> int:
-    """Blocks of the cells between so many nodes."""
+    """Number of blocks of the cells between so many nodes."""
     return (count - 2) // block + 1

@@ -1,8 +1,8 @@
-"""The OPD error that rays are held to: the tolerance asked for, or less in a field whose own OPD is hardly greater.
+"""The OPD error allowed to a ray: the requested tolerance, or less in a field whose own OPD is hardly greater.
 
 The tolerance is the greatest OPD error allowed. In a field whose greatest OPD is no larger than the tolerance, an OPD
 of 0 would be within it, and the field would be ignored. The error is therefore also limited to a share of the greatest
-line integral of the field, however weak it is, and the result is right to that share.
+line integral of the field, however weak it is, and the result is accurate to that share.
 """
 
 import numpy as np
@@ -13,14 +13,14 @@ from .blocks import over_lines
 
 # The share of the field's greatest optical path difference that a ray may lose.
 SHARE = 1e-3
-# Numbers below this are no optical paths [m]: their products in single precision vanish.
+# Smaller numbers are no meaningful optical paths [m]: their products in single precision vanish.
 LEAST = 1e-24
-# Of the lines along the last axis, those that are summed first; and what sums in another order differ by.
+# Every so many of the lines along the last axis are summed first; relative difference of sums in another order.
 EVERY, ROUNDING = 4, 1e-9
 
 
 def held_error(field: IndexField, tolerance: float) -> float:
-    """The OPD error [m] that a ray is held to, at most `tolerance` [m], the one asked for."""
+    """The OPD error [m] allowed to a ray, at most the requested `tolerance` [m]."""
     if path_exceeds(field, tolerance / SHARE):
         return tolerance
     greatest = greatest_path(field)
@@ -28,7 +28,7 @@ def held_error(field: IndexField, tolerance: float) -> float:
 
 
 def path_exceeds(field: IndexField, size: float) -> bool:
-    """Whether the greatest path is above a size [m]; all lines are summed only where neither some nor a bound tell."""
+    """Whether the greatest path is above a size [m]; all lines are summed only if neither a bound nor some decide."""
     grid = field.samples
     if not isinstance(grid, UniformGrid):
         return False

@@ -4,16 +4,17 @@ A component of frequency f [1/m] has along a unit vector u at most the frequency
 
     phi = min(|f|, sum |u_i| f_i),     in r and z: f_r sqrt(u_x^2 + u_y^2) + f_z |u_z|
 
-(cos(2 pi f sqrt(b^2 + t^2)) is an entire function of t of that type, so that this holds off the axis too), and by
-samples H apart it is passed from about phi = edge / H on. The field is even about its faces, as an
-axisymmetric one is about its axis.
+(cos(2 pi f sqrt(b^2 + t^2)) is an entire function of t of that type, so this holds off the axis too), and samples H
+apart do not resolve it from about phi = edge / H on. The field is even about its faces, as an axisymmetric field is
+about its axis.
 
-Through nodes h apart a cubic spline holds, of what oscillates between them at v cycles a cell, v below 1 / 2, the share
-B(v) at that frequency and the share B(v + m) at each image v + m,
+A cubic spline through nodes h apart, whose values oscillate at v cycles a cell, v below 1 / 2, contains the share B(v)
+of the oscillation at that frequency and the share B(v + m) at each image v + m,
 
-    B(v) = 3 (sin(pi v) / (pi v))^4 / (2 + cos(2 pi v)),
+    B(v) = 3 (sin(pi v) / (pi v))^4 / (2 + cos(2 pi v)).
 
-and that is what rays meet: it falls off fast beyond what the nodes resolve, where H is below two cells.
+This is the spectrum that rays meet: it falls off fast beyond the frequencies that the nodes resolve, where H is below
+two cells.
 """
 
 import numpy as np
@@ -26,15 +27,16 @@ from .step_bound import block_size, potential_at_nodes
 # The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at
 # x = 0.8 and 0.99 at x = 0.98.
 MOST_OVER_EDGE = 2.0
-# With lower edges it is 1 - exp(-(x / edge)^3): as the error of a rule of fourth order at a line's end grows.
+# With lower edges it is 1 - exp(-(x / edge)^3), which grows like the error of a rule of fourth order at a line's end.
 STEEP_FROM = 0.5
 # Cells between samples from which on the nearest image is the only one that they do not resolve.
 COARSE = 1.35
-# Less than this much of phi H is no frequency along the rays; images along an axis count from this much a cycle on.
+# Axes on which phi H over cycles a cell is smaller do not count; images count along axes on which it is above the
+# second.
 LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
-# Shares of the last transforms are kept with a grid's places, where they are no more numbers than this.
+# Weights of the last transforms are cached with a grid's node positions, if they are no more numbers than this.
 KEPT, MOST_KEPT = 6, 1 << 21  # speed only
-# Nodes along an axis up to which matrices take less time than transforms, and how many pairs of matrices are kept.
+# Nodes along an axis up to which matrices are faster than transforms, and number of pairs of matrices in the cache.
 MOST_ALONG, KEPT_ALONG = 512, 24  # speed only
 
 
@@ -46,23 +48,24 @@ def high_pass(
     is_fine: bool,
     wanted: np.ndarray | None = None,
 ) -> list[np.ndarray]:
-    """For each edge, what is left of the potential over the ambient index without low frequencies along the rays [1].
+    """For each edge, the potential over the ambient index without low frequencies along the rays [1].
 
-    A grid that shares its places takes matrices where all rays run along one axis: the same but for rounding.
+    A grid that shares its node positions takes matrices where all rays run along one axis: the same except for
+    rounding.
 
     Args:
         grid: The samples.
-        steepness: Greatest size of the components of the rays' unit vectors along the grid's axes.
+        steepness: Greatest absolute components of the rays' unit vectors along the grid's axes.
         spacing: H, distance of samples [m].
-        edges: Frequencies times H from about which on components are left.
-        is_fine: Whether single precision would be seen.
-        wanted: Blocks (blocks.py) at whose nodes the second edge's is wanted, where not all are; 0 may stand elsewhere.
+        edges: Frequencies times H from about which on components are passed.
+        is_fine: Whether rounding to single precision would be visible.
+        wanted: Blocks (blocks.py) at whose nodes the second edge's result is needed, if not at all; 0 may be elsewhere.
     """
     from scipy.fft import dctn, idctn
 
     kind = np.dtype(np.float64 if is_fine else np.float32)
     values = potential_at_nodes(grid).astype(kind)
-    rates = steepness * spacing / grid.spacing  # phi H by cycles a cell
+    rates = steepness * spacing / grid.spacing  # phi H over cycles a cell
     axes = [axis for axis, count in enumerate(grid.shape) if count > 1 and rates[axis] > LEAST_ALONG]
     if not axes:
         return [np.zeros_like(values) for _ in edges]
@@ -85,7 +88,7 @@ def high_pass(
 def _along(
     values: np.ndarray, axis: int, passes: list[PassAlong], wanted: np.ndarray | None, block: int
 ) -> list[np.ndarray]:
-    """What passes along an axis: all of it for the first, where it is wanted for the others."""
+    """Pass values along an axis: all nodes for the first edge, the wanted ones for the others."""
     moved = np.ascontiguousarray(np.moveaxis(values, axis, -1))
     found = [passes[0].of_all(moved)]
     for each in passes[1:]:
@@ -102,7 +105,7 @@ def _along(
 def _shares(
     grid: UniformGrid, rates: np.ndarray, axes: list[int], spacing: float, edges: tuple[float, ...], kind: np.dtype
 ) -> list[np.ndarray]:
-    """For each edge the shares of the cosines along some axes that are passed; `rates` are phi H by cycles a cell."""
+    """For each edge the weights of the cosines along some axes; `rates` are phi H over cycles a cell."""
     # Frequencies of the cosines of a type I transform, in cycles a cell, along the axes.
     cycles = []
     for axis in axes:
@@ -110,7 +113,7 @@ def _shares(
         shape = [count if other == axis else 1 for other in range(len(grid.shape))]
         cycles.append((np.arange(count) / (2.0 * (count - 1))).reshape(shape))
     shares = [np.zeros((), kind) for _ in edges]
-    rest = np.ones((), kind)  # what no image holds
+    rest = np.ones((), kind)  # the share that is in no image
     for imaged, image in (*_images(rates[axes]), (None, 0)):
         square, along, weight = np.zeros((), kind), np.zeros((), kind), np.ones((), kind)
         for number, axis in enumerate(axes):
@@ -142,9 +145,10 @@ def _share_left(square: np.ndarray, edge: float) -> np.ndarray:
 
 
 def _images(rates: np.ndarray) -> list[tuple[int, int]]:
-    """Axes, and along each the numbers m of images that count, of phi H a cycle; those along two axes at once do not.
+    """Axes, and along each the numbers m of the images that count; images along two axes at once do not.
 
-    By interpolation all shares add up to 1: what they hold is counted at the frequency itself, which is hardly lower.
+    Interpolation keeps the sum of all shares at 1: the shares of the other images are counted at the frequency itself,
+    which is hardly lower.
     """
     main = int(np.argmax(rates))
     near = [(number, -1) for number, rate in enumerate(rates) if rate > LEAST_IMAGED]
@@ -152,5 +156,5 @@ def _images(rates: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _held_share(cycles: np.ndarray) -> np.ndarray:
-    """B: the share that a cubic spline through nodes holds of a cosine with these cycles a cell, also of an image."""
+    """B: the share of a cosine with these cycles a cell in a cubic spline through nodes, also for an image."""
     return 3.0 * np.sinc(cycles) ** 4 / (2.0 + np.cos(2.0 * np.pi * cycles))

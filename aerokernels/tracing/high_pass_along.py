@@ -1,26 +1,26 @@
-"""A high pass along one axis of a grid as products with matrices, which are kept: rays that run along that axis.
+"""A high pass along one axis of a grid as products with cached matrices, for rays that run along that axis.
 
-A cosine transform, shares of its components and the transform back are linear, and the same read from either end of
-the axis. So of values that are even about its middle and of those that are odd each has a matrix of half the size.
-Where few nodes are wanted, only their columns are taken.
+A cosine transform, weights of its components and the inverse transform form a linear operator that is symmetric under
+reversal of the axis. Values that are even about the axis's middle and values that are odd therefore each have a matrix
+of half the size. Where only some nodes are requested, only their columns are used.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-# Multiplications from which on the linear algebra library wakes other cores for a product, and then waits for them.
+# Multiplications from which on the linear algebra library distributes a product over other cores and waits for them.
 ONE_CORE = 1 << 18  # speed only
 
 
 @dataclass(frozen=True, eq=False)
 class PassAlong:
-    """What a high pass along an axis makes of values at its nodes.
+    """The matrices of a high pass along an axis, applied to values at its nodes.
 
     Attributes:
-        even: Of sums of values and their mirror images, shape (nodes + 1) // 2 squared.
-        odd: Of their differences, shape nodes // 2 squared.
-        whole: Of values themselves, shape (nodes, nodes).
+        even: For sums of values and their mirror images, shape (nodes + 1) // 2 squared.
+        odd: For their differences, shape nodes // 2 squared.
+        whole: For the values themselves, shape (nodes, nodes).
     """
 
     even: np.ndarray
@@ -29,7 +29,7 @@ class PassAlong:
 
     @classmethod
     def of_shares(cls, share: np.ndarray) -> "PassAlong":
-        """Matrices for the shares of the cosines that are passed, shape (nodes,)."""
+        """Make the matrices from the weights of the cosines that are passed, shape (nodes,)."""
         from scipy.fft import dct, idct
 
         count = len(share)
@@ -40,7 +40,7 @@ class PassAlong:
         return cls(*(np.ascontiguousarray(part, share.dtype) for part in (even, odd, whole)))
 
     def of_all(self, values: np.ndarray) -> np.ndarray:
-        """What is passed, of values along the last axis."""
+        """Return the passed part of values along the last axis."""
         count = values.shape[-1]
         half = count // 2
         rows = values.reshape(-1, count)
@@ -56,7 +56,7 @@ class PassAlong:
         return found.reshape(values.shape)
 
     def of_some(self, values: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-        """What is passed at some nodes of the last axis, 0 at the others; `nodes` are their numbers."""
+        """Return the passed part at some nodes of the last axis, given by number, and 0 at the others."""
         rows = values.reshape(-1, values.shape[-1])
         found = np.zeros_like(rows)
         found[:, nodes] = _product(rows, np.ascontiguousarray(self.whole[:, nodes]))
@@ -64,7 +64,7 @@ class PassAlong:
 
 
 def _product(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Rows times a matrix, in pieces for which one core is enough."""
+    """Rows times a matrix, in pieces small enough for one core."""
     size = max(1, ONE_CORE // max(1, matrix.size))
     found = np.empty((len(rows), matrix.shape[1]), rows.dtype)
     for first in range(0, len(rows), size):

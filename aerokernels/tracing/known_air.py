@@ -1,20 +1,20 @@
-r"""What each ray may lose of its optical path where the known air ends.
+r"""Estimate the optical path that each ray may lose where the known air ends.
 
 Outside its samples a field is ambient. Where the air at a face of the box (or at the rim of a mesh) is still disturbed,
-the real air goes on beyond that face, and the optical path of a ray that crosses it holds the known part only. The loss
-is estimated on straight lines from the air just inside the face (tails.py). It is the optical path through the missing
-air and, where the stop is a plane at an angle to the ray, the deflection by that air times the lever arm up to the stop
-(lever_arms.py). A ray that passes beside the box, no farther away than the box is large, may lose as much as one that
-leaves through the nearest point of the box, less what falls off between that point and the ray.
+the real air continues beyond that face, and the optical path of a ray that crosses it includes the known part only. The
+loss is estimated on straight lines from the air just inside the face (tails.py). It is the optical path through the
+missing air and, where the stop is a plane at an angle to the ray, the deflection by that air times the lever arm up to
+the stop (lever_arms.py). A ray that passes beside the box, no farther away than the box is large, may lose as much as a
+ray that leaves through the nearest point of the box, reduced by the decay between that point and the ray.
 
-Lines are straight. Where a field may displace rays by more than a cell, and where the traced ends are known, straight
-lines from those ends back to the box are taken.
+Where a field may displace rays by more than a cell, and where the traced ends are known, straight lines from those ends
+back to the box are taken instead of undisturbed lines.
 
-A box whose faces are all undisturbed costs nothing: no ray is looked at. The known air does not end at a wall, at the
-axis, or in x in a planar field.
+If all faces of a box are undisturbed, no ray is examined. The known air does not end at a wall, at the axis, or in x in
+a planar field.
 
-Of a resampled field, its source decides whether the air at a face is disturbed: what a grid that is too coarse makes of
-undisturbed air beside a shock layer is an error of resampling, and counts as such.
+For a resampled field, its source decides whether the air at a face is disturbed: errors of a grid that is too coarse,
+in undisturbed air beside a shock layer, are resampling errors and count as such.
 """
 
 from dataclasses import dataclass
@@ -33,31 +33,31 @@ from .prediction import greatest_turn
 from .stop import ArcLength, Plane, stop_distance
 from .tails import contrast_tail, drift_beyond, extent, path_beyond, slope_tail
 
-# No ray is looked at where all that could be lost is below this share of the tolerance, or of GREATEST_TOLERANCE [m]
-# where that is less.
+# No ray is examined if the greatest possible loss is below this share of the tolerance, or of GREATEST_TOLERANCE [m] if
+# that is less.
 NOTHING = 0.1
 GREATEST_TOLERANCE = 1e-9
-# An end that lies outside the box by less than this share of the box's size counts as lying on its face.
+# An end that is outside the box by less than this share of the box's size counts as lying on its face.
 ON_FACE = 1e-6
-# Rays that are looked at together: their arrays stay in a core's cache.
+# Rays that are examined together: their arrays fit a core's cache.
 CHUNK = 1 << 13  # speed only
-# Places along a ray that passes beside the box, over twice the box's size; one that has so many of them at one distance
-# from the box runs along a face.
+# Places along a ray that passes beside the box, over twice the box's size. A ray runs along a face if at least
+# PLACES_ALONG of them are at one distance from the box.
 PLACES_BESIDE, PLACES_ALONG = 16, 3
-# Bundles of one chunk whose crossings of a box are kept with a grid's places.
+# Bundles of one chunk whose crossings of a box are cached with a grid's node positions.
 KEPT = 2  # speed only
-BESIDE = -1  # instead of a face: of a ray that passes beside the box, or crosses the rim of a mesh
+BESIDE = -1  # in place of a face, for a ray that passes beside the box or crosses the rim of a mesh
 
 
 @dataclass(frozen=True, eq=False)
 class KnownAir:
-    """What some rays may lose where the known air ends, computed when it is asked for.
+    """The OPD that some rays may lose where the known air ends, computed on request.
 
     Attributes:
         field: The refractive index.
         rays: The rays.
         until: Their stop.
-        tolerance: OPD error asked for [m].
+        tolerance: Requested OPD error [m].
     """
 
     field: IndexField
@@ -66,8 +66,8 @@ class KnownAir:
     tolerance: float
 
     def lost(self, ends: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
-        """What each ray may have lost [m], shape (ray_count,); `ends` are traced end points [m] and directions."""
-        # Straight lines are taken wherever they suffice, so that the answer does not depend on the outputs asked for.
+        """OPD that each ray may have lost [m], (ray_count,); `ends` are traced end points [m] and directions."""
+        # Straight lines are taken wherever they suffice, so that the answer does not depend on the requested outputs.
         ends = ends if ends is not None and may_bend(self.field) else None
         return may_be_lost(self.field, self.rays, self.until, self.tolerance, ends)[0]
 
@@ -107,15 +107,15 @@ def _find_face_strengths(field: IndexField) -> np.ndarray:
 def may_be_lost(
     field: IndexField, rays: RayBundle, until, tolerance: float, ends: tuple[np.ndarray, np.ndarray] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What each ray may lose [m] where the known air ends, and the face where most of it is lost, both (ray_count,).
+    """OPD that each ray may lose [m] where the known air ends, and the face with the greatest loss, both (ray_count,).
 
     Args:
         field: The refractive index.
         rays: The rays.
-        until: Their stop; None for rays that go on for ever once they have left the field.
-        tolerance: OPD error asked for [m].
-        ends: Where the traced rays ended [m] and their directions there, both (ray_count, 3), if known; else rays are
-            taken to be straight.
+        until: Their stop; None for rays that continue without end once they have left the field.
+        tolerance: Requested OPD error [m].
+        ends: Where the traced rays ended [m] and their directions there, both (ray_count, 3), if known; otherwise rays
+            are assumed to be straight.
     """
     lost, face = np.zeros(rays.ray_count), np.full(rays.ray_count, BESIDE)
     strongest = face_strengths(field).max()
@@ -139,7 +139,7 @@ def may_be_lost(
 
 
 def _span(field: IndexField, rays: RayBundle, rows: slice) -> BoxSpan:
-    """Where some of the rays cross the field's box."""
+    """Where some of the rays cross the field's box; cached for a bundle of one chunk."""
 
     def find() -> BoxSpan:
         return box_span(field, rays.position[rows], rays.direction[rows])
@@ -153,7 +153,7 @@ def _span(field: IndexField, rays: RayBundle, rows: slice) -> BoxSpan:
 def _direction_weight(field: IndexField, rays: RayBundle, until) -> float:
     """The loss by missing deflections over the loss of optical path: at most the lever arm over a cell.
 
-    It only decides whether the air is disturbed enough to matter, so that some of the rays are enough.
+    It only decides whether the air is disturbed enough to matter, so a part of the rays is sufficient.
     """
     some = rays[:: -(-rays.ray_count // CHUNK)] if isinstance(until, Plane) and rays.ray_count else None
     lever_arms = None if some is None else lever_arms_of(field, some, until)
@@ -161,7 +161,7 @@ def _direction_weight(field: IndexField, rays: RayBundle, until) -> float:
 
 
 def _lost_by(field, position, direction, span, until, ends, weakest: float) -> tuple[np.ndarray, np.ndarray]:
-    """What each of some rays may lose [m], and the face where most of it is lost; `span` is theirs of the box."""
+    """OPD that each of some rays may lose [m], and the face with the greatest loss; `span` is their span of the box."""
     stop = stop_distance(position, direction, until)
     lost, face = np.zeros(len(position)), np.full(len(position), BESIDE)
 
@@ -200,9 +200,9 @@ def _lost_by(field, position, direction, span, until, ends, weakest: float) -> t
 
 
 def _exits(field, position, direction, span, stop, until, ends):
-    """Rows of the rays that leave the box, where and in which direction back, the chord, the path outside, the face.
+    """Yield for rays that leave the box: rows, exit points, directions back, chords, path lengths outside, faces.
 
-    By the traced ends where they are known, drawn straight back to the box.
+    Where the traced ends are known, straight lines from the ends back to the box are used.
     """
     margin = ON_FACE * box_size(field)
     straight = span.meets & (span.exit_face >= 0) & (stop > span.leave + margin)
@@ -225,16 +225,16 @@ def _exits(field, position, direction, span, stop, until, ends):
 
 
 def _beside(field: IndexField, position, direction, stop, until) -> np.ndarray:
-    """What rays beside the box may lose [m], estimated at the point of the box that they pass nearest, shape (n,).
+    """OPD that rays beside the box may lose [m], estimated at the point of the box that they pass nearest, shape (n,).
 
-    A ray along a face passes many points at one distance: of those, the one of the strongest air counts, over as much
-    of the way as their mean is of it.
+    A ray along a face passes many points at one distance. The strongest air among them is taken, over a length reduced
+    by the ratio of their mean to it.
     """
     if len(position) == 0:
         return np.zeros(0)
     size = box_size(field)
     along = np.zeros(len(position))
-    for _ in range(24):  # projections on the line and on the box in turn
+    for _ in range(24):  # alternating projections on the line and on the box
         nearest = _into_box(field, position + along[:, None] * direction)
         along = np.clip(np.sum((nearest - position) * direction, axis=1), 0.0, stop)
     length = np.minimum(extent(field, direction), stop)
@@ -256,9 +256,9 @@ def _beside(field: IndexField, position, direction, stop, until) -> np.ndarray:
 
 
 def _strongest(field: IndexField, position, direction, stop, along, length) -> tuple[np.ndarray, np.ndarray]:
-    """Of rays along a face, where the air there is strongest, and the length over which it counts [m], both (n,).
+    """For rays along a face: where the air there is strongest, and the length over which it counts [m], both (n,).
 
-    Other rays keep the place `along` and the `length` that they have.
+    Other rays keep their place `along` and their `length`.
     """
     begin = np.maximum(along - box_size(field), 0.0)
     step = (np.minimum(along + box_size(field), stop) - begin) / PLACES_BESIDE

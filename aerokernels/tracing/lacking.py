@@ -1,8 +1,8 @@
-"""What the interpolant of a flow given by averages over cells lacks of those averages, along undisturbed rays.
+"""Integrate the deficit of an interpolant of cell averages along undisturbed rays.
 
-A continuous interpolant keeps the average of a cell but for what medium/kept_averages.py leaves: much beside a captured
-shock, next to nothing elsewhere. Each cell's lack over the ray's way in it is what the interpolant misses of the line
-integral, as far as averages define one: where in a cell the gas is, they do not say.
+A continuous interpolant does not keep the average of every cell exactly (medium/kept_averages.py): the deficit is large
+beside a captured shock, and nearly zero elsewhere. The deficit of each cell times the length of the ray in it is the
+error of the line integral, as far as averages define one: they do not say where in a cell the gas is.
 """
 
 import numpy as np
@@ -14,9 +14,9 @@ from .stop import stop_distance
 
 
 def lacking_columns(field: IndexField, rays: RayBundle, until) -> np.ndarray:
-    """Integrals of what the cells lack, from the rays' starts to their stop [m], shape (ray_count,).
+    """Integrals of the cells' deficits, from the rays' starts to their stop [m], shape (ray_count,).
 
-    Zero of fields on uniform grids, of values at vertices, and of rays that never leave a planar field.
+    Zero for fields on uniform grids, for values at vertices, and for rays that never leave a planar field.
     """
     found = np.zeros(rays.ray_count)
     known = None if field.is_uniform else field.samples.lacking_by_cell

@@ -1,4 +1,4 @@
-r"""Quadrature over a pupil by as many rays as its wavefront needs: randomly shifted lattices, periodic by substitution.
+r"""Quadrature over a pupil with no more rays than its wavefront needs, by randomly shifted and periodised lattices.
 
 A mean over the pupil is one over the unit square (pupils/square_map.py). Along an axis of the square on which the
 integrand is not periodic the smooth substitution u = p(t) makes it so,
@@ -9,13 +9,13 @@ and a replicate takes the points of a Fibonacci lattice of n points and generato
 
     t_i = (i + a) / n,  s_i = {i g / n + b},   a, b in (0, 1), n and g neighbours among the Fibonacci numbers,
 
-which is free of bias: no other shift of the lattice is left out. Of a smooth wavefront the error falls about as n^-3
-(I. H. Sloan, S. Joe, Lattice Methods for Multiple Integration (1994)), where that of Sobol points falls as n^-1 to
-n^-1.5. The replicates' spread is the error; where it is not small enough, as at an edge that cuts the pupil, Sobol
-points are taken, as many as were asked for.
+which is free of bias because every shift of the lattice is equally likely. For a smooth wavefront the error falls about
+as n^-3 (I. H. Sloan, S. Joe, Lattice Methods for Multiple Integration (1994)), compared with n^-1 to n^-1.5 for Sobol
+points. The spread of the replicates gives the error; where it is not small enough, as at an edge that cuts the pupil,
+Sobol points are taken, in the requested number.
 
 A structure narrower than the distance of rays could lie between the rays of all replicates. A lattice is therefore
-taken only where its rays are so many that none of the field's cells is passed over.
+taken only if its rays are so close that each of the field's cells is met.
 """
 
 import numpy as np
@@ -27,20 +27,20 @@ from ..rays import Pupil
 
 # Points of a replicate's lattices, each with its generator; in steps of 1.6 and 2.6.
 LATTICES = {144: 89, 233: 144, 610: 377, 1597: 987, 4181: 2584, 10946: 6765, 28657: 17711}
-# So many rays have to be asked for: of fewer, each is traced.
+# Lattices are tried only if at least this many rays are requested.
 LEAST_ASKED = 100_000
-# A lattice has to save so much: its rays, over those asked for.
+# The greatest number of rays of a lattice, over the requested number.
 WORTH = 0.5
-# The distance of rays over the width of a cell: nothing that a grid holds is narrower.
+# The distance of rays over the width of a cell: a grid holds nothing narrower.
 RESOLVED = 0.75
-# A standard error of the Strehl ratio up to which a lattice is enough, where it is chosen and at any seed.
+# Standard errors of the Strehl ratio up to which a lattice is sufficient: where it is chosen, and at any seed.
 ENOUGH, ACCEPTED = 3e-6, 6e-6
-# The greatest power of the number of points by which the error is expected to fall where it is still too great.
+# The greatest power of the number of points by which an error that is still too great is expected to fall.
 FALL = 4.0
 
 
 def lattice_sizes(field: IndexField, pupil: Pupil, per_replicate: int, replicates: int, bundle: str) -> tuple[int, ...]:
-    """Points of the lattices that may be tried for a replicate, in ascending order; none where that does not pay.
+    """Points of the lattices that may be tried for a replicate, in ascending order; none where lattices do not pay.
 
     Raises:
         ValueError: `bundle` is neither "auto" nor "off".
@@ -50,7 +50,7 @@ def lattice_sizes(field: IndexField, pupil: Pupil, per_replicate: int, replicate
     asked = per_replicate * replicates
     if bundle == "off" or asked < LEAST_ASKED:
         return ()
-    # Rays that leave obliquely are closer than their points: the area counts as it is.
+    # Rays that leave obliquely are closer than their points, so the area of the pupil itself is taken.
     width, height = (2.0 * extent for extent in pupil.half_extent)
     share = 1.0 if pupil.inner_ratio is None else 0.25 * np.pi * (1.0 - pupil.inner_ratio**2)
     least = share * width * height / (RESOLVED * float(np.min(field.spacing))) ** 2
@@ -63,7 +63,7 @@ def smoothed_axes(of_square: SquareMap) -> int:
 
 
 def may_still_settle(errors: dict[int, float], size: int) -> bool:
-    """Whether a lattice of `size` points might be enough, by the standard errors of smaller ones (by their sizes)."""
+    """Whether a lattice of `size` points might be sufficient, by the standard errors of smaller lattices by size."""
     if not errors:
         return True
     last = max(errors)

@@ -1,4 +1,4 @@
-"""Launches a bundle on the engine of its plan: in chunks that fit the device's memory, uploaded, traced and fetched."""
+"""Launch a bundle on the engine of its plan, in chunks that fit the device's memory: upload, trace and download."""
 
 from typing import Any
 
@@ -14,17 +14,18 @@ from .engines import OUTPUT_TYPES, Prepared, engine_of
 from .plan import TracePlan
 from .status import RayStatus, is_any_rejected
 
-# What a kernel is given: an array on the host, or one on its device.
+# Kernel arguments: an array on the host, or one on its device.
 Numbers = np.ndarray | DeviceArray
 
-# Bytes for one ray when all is asked for, and its start.
+# Bytes of a ray's start and of all its outputs.
 RAY_BYTES = 6 * 8 + sum(width * np.dtype(kind).itemsize for width, kind in OUTPUT_TYPES.values())
-# Rays in one chunk at most, and at least; and the share of the device's memory that a chunk may take.
+# Most and fewest rays in one chunk.
 CHUNK, LEAST_CHUNK = 1 << 21, 64  # speed only
-# So few rays come from a GPU in less time than it takes to ask for one array after the other.
+# Up to this many rays, fetching all arrays from a GPU together is faster than one after the other.
 FEW = 1 << 14  # speed only
-# Pilots whose rays are kept on a device with a grid's places.
+# Number of pilots whose rays are cached on a device with a grid's node positions.
 KEPT = 4  # speed only
+# Share of the device's memory that a chunk may take.
 MEMORY_SHARE = 0.25
 
 
@@ -37,10 +38,10 @@ def launch(
     outputs: frozenset,
     are_read: bool = False,
 ) -> dict[str, Any]:
-    """Trace each ray of a bundle once as its plan says; returns per-ray arrays by name.
+    """Trace each ray of a bundle once as its plan says; return per-ray arrays by name.
 
-    Where some rays are above the tolerance, "step_error" is among the arrays. Where the arrays of few rays `are_read`
-    at once, they come to the host together.
+    Where some rays are above the tolerance, "step_error" is among the arrays. `are_read` says that the caller reads all
+    arrays at once: those of few rays are then fetched together.
     """
     if plan.backend == "reference":
         from .engines.reference.engine import trace
@@ -48,7 +49,7 @@ def launch(
         with stage("kernel"):
             return trace(field, rays, plan, until, wavelength, outputs)
     engine = engine_of(plan.backend, plan.device)
-    # Step bounds are made for the directions that there are; what leapfrog samples needs none of Warp's engine.
+    # Step bounds are made for the directions of the rays; the leapfrog kernels of Warp need no step bounds.
     needs_none = plan.backend == "warp" and plan.sample_count > 0
     directions = rays.held("direction")[:1] if needs_none else rays.direction
     prepared = engine.prepare(field, plan, until, wavelength, outputs, directions)
@@ -65,19 +66,19 @@ def launch(
 
 
 def starts_of(rays: RayBundle) -> tuple[Numbers, Numbers]:
-    """What a kernel takes of each ray, on the device where it lies there."""
+    """Positions and directions of the rays, on the device if they are stored there."""
     return rays.held("position"), rays.held("direction")
 
 
 def in_chunks(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
-    """Launch a kernel over rays, chunk by chunk; returns per-ray arrays by name.
+    """Launch a kernel over rays, chunk by chunk; return per-ray arrays by name.
 
     They stay on the device, as DeviceArrays, where the engine keeps them there.
 
     Args:
         prepared: The kernel.
-        starts: What it takes of each ray (position, direction), each of shape (ray_count, 3).
-        outputs: Names of the arrays to be fetched; the status always is, and "step_error" where rays are rejected.
+        starts: Its per-ray arguments (position, direction), each of shape (ray_count, 3).
+        outputs: Names of the arrays to fetch; the status always is, and "step_error" where rays are rejected.
     """
     engine, ray_count = prepared.engine, len(starts[0])
     if engine.keeps(ray_count * RAY_BYTES):
@@ -111,12 +112,12 @@ def in_chunks(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozense
 
 
 class Trials:
-    """A few rays that are traced again and again by leapfrog, with other numbers of samples and scales of the error."""
+    """Trace a few rays repeatedly by leapfrog, with different numbers of samples and scales of the error."""
 
     def __init__(
         self, field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset
     ):
-        """Upload and compile; the plan has samples."""
+        """Upload the rays and compile the kernel; the plan has samples."""
         engine = engine_of(plan.backend, plan.device)
         self.names = [name for name in OUTPUT_TYPES if name in outputs or name == "status"]
         self.plan, self.count = plan, rays.ray_count
@@ -130,9 +131,9 @@ class Trials:
             )
 
     def __call__(self, *asked: tuple[int, float, float]) -> list[dict[str, np.ndarray]]:
-        """The outputs for each number of samples and the scales that follow it, see TracePlan; all are started at once.
+        """Return the outputs for each (number of samples, quadrature scale, trajectory scale), see TracePlan.
 
-        On a GPU they come to the host together.
+        All are started at once. On a GPU they are fetched together.
         """
         prepared, engine = self.prepared, self.prepared.engine
         found = [self._arrays() for _ in asked]
@@ -158,11 +159,11 @@ class Trials:
         return [{name: next(read).copy() for name in self.names} for _ in asked]
 
     def _arrays(self) -> dict[str, np.ndarray]:
-        """Arrays for the outputs, by name."""
+        """Make host arrays for the outputs, by name."""
         return {name: _empty(name, self.count) for name in self.names}
 
     def _buffers(self, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
-        """Buffers for the outputs, by name: a processor's lie in the memory of the arrays."""
+        """Make buffers for the outputs, by name; on a CPU they share the memory of the arrays."""
         prepared, engine = self.prepared, self.prepared.engine
         if engine.is_gpu:
             return prepared.allocate(self.count)
@@ -171,7 +172,7 @@ class Trials:
 
 
 def _together(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
-    """The same of few rays on a GPU: nothing is waited for before all arrays are on their way to the host."""
+    """Launch few rays on a GPU and fetch all arrays together, waiting only at the end."""
     engine, ray_count = prepared.engine, len(starts[0])
     wanted = [name for name in OUTPUT_TYPES if name in outputs | prepared.computed]
     with stage("upload"):
@@ -186,13 +187,13 @@ def _together(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozense
 
 
 def _empty(name: str, ray_count: int) -> np.ndarray:
-    """An array for an output of so many rays."""
+    """Return an empty array for an output of `ray_count` rays."""
     width, kind = OUTPUT_TYPES[name]
     return np.empty((ray_count, width) if width > 1 else ray_count, dtype=kind)
 
 
 def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
-    """The same on an engine that keeps all results: nothing is waited for that is on its way to the host."""
+    """Launch rays on an engine that keeps all results, without waiting for copies that are under way to the host."""
     engine, ray_count = prepared.engine, len(starts[0])
     wanted = [name for name in OUTPUT_TYPES if name in outputs or name == "status"]
     with stage("upload"):
@@ -218,6 +219,6 @@ def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -
 
 
 def chunk_size(memory: tuple[float, float], ray_count: int) -> int:
-    """Number of rays in a chunk, so that all its arrays fit the device; `memory` is that of an Engine."""
+    """Number of rays in a chunk, so that all its arrays fit the device; `memory` is an Engine's."""
     whole, piece = memory
     return max(LEAST_CHUNK, int(min(ray_count, CHUNK, MEMORY_SHARE * whole / RAY_BYTES, piece / (3 * 8))))

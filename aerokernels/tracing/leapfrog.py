@@ -1,9 +1,9 @@
-"""How many leapfrog samples a bundle of nearly straight rays takes, see engines/warp/kernels/leapfrog.py.
+"""Choose the number of leapfrog samples of a bundle of nearly straight rays (engines/warp/kernels/leapfrog.py).
 
-A pilot of some of the rays is traced with N, 3 N and 9 N samples. From their differences follow the order of
-convergence and the least N that holds the tolerance; the pilot is traced with this N too and compared with the finest.
-Each ray's own error estimate, which costs nothing, is scaled so that it covers the pilot's errors with a margin for the
-other rays. Rays whose estimate is above the tolerance even so are traced again (retrace.py).
+A pilot of some of the rays is traced with N, 3 N and 9 N samples. Their differences give the order of convergence and
+the least N that meets the tolerance; the pilot is traced with this N too and compared with the finest trace. Each ray's
+own error estimate, which costs nothing, is scaled so that it covers the pilot's errors with a margin for the other
+rays. Rays whose estimate is above the tolerance nevertheless are traced again (retrace.py).
 """
 
 import math
@@ -34,38 +34,38 @@ from .unresolved import Sampling
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096
 PILOT_RAYS = 512
-# Greatest distance of samples in cells. What lies between them is bounded from the field as well.
+# Greatest distance of samples in cells. Structure between the samples is bounded from the field as well.
 WIDEST = 6.0
 LEAST_SAMPLES = 36
 # Up to CHEAP samples leapfrog is always taken. Above that it is taken where the samples are at most WORTH times the
-# evaluations predicted for error control: a sample costs less than an evaluation, much less on OpenCL, where the lanes
-# of a CPU share it.
+# evaluations predicted for error control: a sample costs less than an evaluation, and much less on OpenCL, where the
+# lanes of a CPU share it.
 CHEAP = {"opencl": 450, "warp": 120}
 WORTH = {"opencl": 5.0, "warp": 1.2}
 MOST_SAMPLES = 3000
 
-# Polynomials of cubes are made where rays take this many samples for each node of the grid, on a processor (False) and
-# on a GPU (True), where a sample costs less. They are taken where the rays that have to be traced again for it cost
-# less than the share CUBES_GAIN of the samples, which is what they save at least.
+# Polynomials of cubes are made where rays take this many samples for each node of the grid, on a CPU (False) and on a
+# GPU (True), where a sample costs less. They are used where retracing rays because of them costs less than the share
+# CUBES_GAIN of the samples, which is their least saving.
 CUBES_WORTH = {False: 4.0, True: 16.0}
 CUBES_GAIN = 0.5
 CUBES_MORE = 1.4
-# Lines by which it is told whether a table is worth making.
+# Number of lines from which is estimated whether a table is worth making.
 CUBES_LINES = 64
-# The share of the greatest piece of the device's memory that they may take.
+# The greatest share of the device's largest allocation that they may take.
 CUBES_MEMORY = 0.25
-# The greatest change of a pilot ray's direction by them [rad].
+# The greatest change of a pilot ray's direction caused by them [rad].
 CUBES_ANGLE = 5e-7
 
-# What is kept with a grid's places: of the last pilots.
+# Number of pilots whose results are cached with a grid's node positions.
 KEPT = 4  # speed only
-# Rays of a bundle whose lines are looked at, and what makes them.
+# Number of a bundle's rays whose lines are examined, and the function that makes these rays.
 SPREAD_RAYS = 8192
 Spread = Callable[[], RayBundle]
 
 
 def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
-    """Whether this many rays may take leapfrog samples: on a cubic uniform grid, out of the box or to a plane."""
+    """Whether so many rays may be traced by leapfrog: on a cubic uniform grid, out of the box or to a plane."""
     if not (isinstance(field.samples, UniformGrid) and field.interpolation == "cubic"):
         return False
     return ray_count >= LEAST_RAYS and not isinstance(until, ArcLength)
@@ -78,7 +78,7 @@ def pilot_of(rays: RayBundle) -> RayBundle:
 
 
 def spread_of(rays: RayBundle) -> RayBundle:
-    """More of the rays, with the outermost in place and direction among them."""
+    """Return more of the rays, including those that are outermost in position and in direction."""
     if rays.ray_count <= SPREAD_RAYS:
         return rays
     rows = np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int)
@@ -95,17 +95,17 @@ def fit_leapfrog(
     like: TracePlan | None = None,
     ray_count: int = 0,
 ) -> TracePlan | None:
-    """The plan with the number of leapfrog samples that holds its tolerance; None where error control costs less.
+    """Return the plan with the number of leapfrog samples that meets its tolerance; None if error control is cheaper.
 
     Args:
-        field: One that `may_be_leapfrog`.
+        field: A field for which `may_be_leapfrog` is true.
         pilot: Some of the rays.
         plan: Backend, device, precision and tolerance; method "leapfrog".
         until: The stop.
         wavelength: Vacuum wavelength [m].
-        spread: Makes enough of the rays to show where the bundle goes.
-        like: A plan of such rays through a field like this one: its number is taken where the pilot confirms it.
-        ray_count: How many rays will take these samples at least.
+        spread: Returns enough of the rays to show the extent of the bundle.
+        like: A plan of such rays through a field like this one; its number is taken where the pilot confirms it.
+        ray_count: Least number of rays that will take these samples.
     """
     stop = stop_key(until)
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
@@ -153,7 +153,7 @@ def _fit(
 ) -> tuple[int, tuple, float, Sampling | None]:
     """Samples of each ray (0: no number fits), the scales of its error estimate, and the pilot's greatest error [m].
 
-    The last entry says how far apart the samples are, where what lies between them counts.
+    The last entry is the distance of the samples, where structure between them counts.
     """
     held = held_error(field, plan.tolerance * wavelength)
     budget = held / MARGIN
@@ -193,7 +193,7 @@ def _fit(
 
 
 def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
-    """Whether polynomials of cubes can be made for a field, and so many samples are worth it."""
+    """Whether polynomials of cubes can be made for a field, and pay for so many samples."""
     grid, engine = field.samples, engine_of(plan.backend, plan.device)
     if plan.precision != "float32" or not isinstance(grid, UniformGrid):
         return False
@@ -205,10 +205,10 @@ def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
 def _with_cubes(
     field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: Spread, count: int
 ) -> tuple[int, tuple, float, Sampling | None] | None:
-    """What `_fit` returns, for samples of polynomials of cubes; None where the tolerance needs the spline.
+    """Return the same as `_fit`, for samples of polynomials of cubes; None where the tolerance needs the spline.
 
-    Two things have to agree: a pilot, compared with the spline at three times as many samples, and each ray's own bound
-    of how far the polynomials are off the spline where it samples them, as the pilot has it.
+    Two conditions must be met: the pilot agrees with the spline at three times as many samples, and so does each pilot
+    ray's own bound of the polynomials' deviation from the spline where it samples them.
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
@@ -218,8 +218,8 @@ def _with_cubes(
     some = between.lines.every(max(1, len(between.lines.length) // CUBES_LINES))
     rough = np.count_nonzero(roughly_off(grid, some) > held) / max(1, len(some.length))
     if rough * cost_again > CUBES_GAIN * count:
-        return None  # before a table is made
-    # A sample costs so little that some more are taken rather than looking up what lies between them.
+        return None  # decided before a table is made
+    # A sample costs so little that taking some more is cheaper than looking up the bound on structure between them.
     count = between.fewest(count, in_threes(CUBES_MORE * count)) or count
     sampling = between.sampling(count)
     plan = replace(plan, sample_count=count)
@@ -239,14 +239,14 @@ def _with_cubes(
 
 
 def _cost_again(field: IndexField, pilot: RayBundle, plan: TracePlan, held: float) -> float:
-    """The cost of a ray that is traced again, in samples."""
+    """The cost of tracing a ray again, in samples."""
     return max(CHEAP[plan.backend], WORTH[plan.backend] * predict_evaluations(field, held, pilot.direction))
 
 
 def _confirm(
     field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: Spread, count: int
 ) -> tuple[int, tuple, float, Sampling | None] | None:
-    """What `_fit` returns, for this number of samples; None where it does not hold, or rays may miss what counts."""
+    """Return the same as `_fit`, for this number of samples; None if it is inaccurate or may miss structure."""
     assert isinstance(field.samples, UniformGrid)
     prepare_grid(engine_of(plan.backend, plan.device), field.samples)
     held, plan = held_error(field, plan.tolerance * wavelength), replace(plan, few_rays=True)
@@ -268,7 +268,7 @@ def _trials(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelen
 
 
 def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, lever_arms: LeverArms | None) -> int:
-    """The number of samples that are WIDEST cells apart on the longest path through the field's support."""
+    """The number of samples for which they are WIDEST cells apart on the longest path through the field's support."""
     low, high = support_box(field, tolerance, lever_arms)
     place = "cells of a pilot", field.geometry, pilot, low.tobytes(), high.tobytes()
     cells: float = known(field.samples, place, lambda: _greatest_cells(field, pilot, low, high), KEPT)
@@ -276,7 +276,7 @@ def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, lever_
 
 
 def _greatest_cells(field: IndexField, pilot: RayBundle, low: np.ndarray, high: np.ndarray) -> float:
-    """The cells of the longest path through a part of the field, given by its corners along the local axes [m]."""
+    """Cells on the longest path through a part of the field, given by its corners along the local axes [m]."""
     grid, size = field.samples, np.zeros(3)
     size[-len(low) :] = high - low
     if field.geometry == "axisymmetric":
@@ -287,7 +287,7 @@ def _greatest_cells(field: IndexField, pilot: RayBundle, low: np.ndarray, high: 
         spacing[:2] = grid.spacing[0]
     steep = np.maximum(np.abs(pilot.direction), 1e-12)
     length = np.where(size > 0.0, size / steep, np.inf).min(axis=1)
-    length[~np.isfinite(length)] = 0.0  # nothing is disturbed
+    length[~np.isfinite(length)] = 0.0  # the support is empty
     cells = length * np.linalg.norm(pilot.direction / spacing, axis=1)
     return float(cells.max(initial=0.0))
 

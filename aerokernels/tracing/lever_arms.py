@@ -1,8 +1,8 @@
-"""How far rays fly through a field and beyond it, and how much of an error in their direction ends up in their path.
+"""Lever arms: how far rays fly, and how an error of their direction changes their optical path.
 
-Where a ray meets its stop at an angle to the normal, an error of its direction becomes one of its optical path: it is
-multiplied by the distance from the error to the stop and the tangent of that angle. This product is the lever arm. Air
-that is left out of a trace must be judged by it as well, not by its own optical path alone (support.py).
+Where a ray meets its stop at an angle to the normal, an error of its direction becomes an error of its optical path: it
+is multiplied by the distance from the error to the stop and by the tangent of that angle. This product is the lever
+arm. Air that is left out of a trace must be judged by it as well, not by its own optical path alone (support.py).
 """
 
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class LeverArms:
 
 
 def lever_arms_of(field: IndexField, rays: RayBundle, until) -> LeverArms | None:
-    """The lever arms of a bundle on its way to a stop; None where no ray meets the field's box before it.
+    """The lever arms of a bundle up to its stop; None where no ray meets the field's box before it.
 
     Args:
         field: The refractive index.
@@ -62,10 +62,10 @@ def lever_arms_of(field: IndexField, rays: RayBundle, until) -> LeverArms | None
 
 
 def obliquity(direction: np.ndarray, until) -> np.ndarray:
-    """The change of a ray's path length to its stop for a displacement x of the ray: it is x . obliquity.
+    """Return the vector o for which a displacement x of a ray changes its path length to the stop by x . o.
 
-    The vector lies across the ray. Its length is the tangent of the angle between the ray and the stop's normal, at
-    most that of rays that graze the stop (LEAST_COSINE).
+    The vector is perpendicular to the ray. Its length is the tangent of the angle between the ray and the stop's
+    normal, at most the tangent for rays that graze the stop (LEAST_COSINE).
 
     Args:
         direction: Unit vectors, shape (n, 3).

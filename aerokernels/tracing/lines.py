@@ -1,8 +1,8 @@
-"""Straight lines and the box of a field: where each line enters it, where it leaves it, and through which face.
+"""Cross straight lines with the box of a field: where each line enters and leaves it, and through which face.
 
 The box of a volume field has six faces, that of a planar field four (it has no ends in x), and that of an axisymmetric
-field is a cylinder: its side r = R and its two ends. A line p + t d touches the box over t_enter <= t <= t_leave; a
-start inside the box is no entry, so t_enter is at least 0 there.
+field is a cylinder: its side r = R and its two ends. A line p + t d touches the box over t_enter <= t <= t_leave. For a
+start inside the box there is no entry, and t_enter is 0.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from ..medium import IndexField
 # Names of the faces by number: 2 axis + (0 low, 1 high); the side of a cylinder is SIDE.
 FACES = ("low x", "high x", "low y", "high y", "low z", "high z", "r")
 SIDE = 6
-# Share of the box's size by which a line may lie outside a face and still counts as running in it: rounding.
+# A line outside a face by less than this share of the box's size counts as running in the face: rounding.
 ROUNDING = 1e-9
 
 
@@ -41,13 +41,13 @@ class BoxSpan:
 
 
 def box_size(field: IndexField) -> float:
-    """Diagonal of the field's box [m]; an axis without ends counts as nothing."""
+    """Diagonal of the field's box [m]; an axis without ends is ignored."""
     low, high = field.box
     return float(np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0)))
 
 
 def cell_along(field: IndexField, direction: np.ndarray) -> np.ndarray:
-    """How far lines along unit vectors (n, 3) go through a cell of the field [m], (n,); infinite where none ends."""
+    """Length of lines along unit vectors (n, 3) within a cell of the field [m], (n,); infinite where no cell ends."""
     spacing = np.asarray(field.spacing)
     first = {"volume": (), "planar": (np.inf,), "axisymmetric": (spacing[0],)}[field.geometry]
     with np.errstate(divide="ignore"):
@@ -55,7 +55,7 @@ def cell_along(field: IndexField, direction: np.ndarray) -> np.ndarray:
 
 
 def box_span(field: IndexField, position: np.ndarray, direction: np.ndarray) -> BoxSpan:
-    """Where straight lines from `position` [m] along unit vectors `direction`, both (n, 3), cross the field's box."""
+    """Return where lines from `position` [m] along unit vectors `direction`, both (n, 3), cross the field's box."""
     low, high = field.box
     tolerance = ROUNDING * box_size(field)
     round_box = field.geometry == "axisymmetric"
@@ -78,8 +78,8 @@ def box_span(field: IndexField, position: np.ndarray, direction: np.ndarray) -> 
         narrow(first, last, 2 * axis + np.where(forward, 0, 1), 2 * axis + np.where(forward, 1, 0))
     if round_box:
         narrow(*cylinder_span(position, direction, float(high[0]), tolerance), SIDE, SIDE)
-    # A line in a face, or past an edge by no more than rounding, meets the box there.
-    with np.errstate(invalid="ignore"):  # inf - inf of a miss is no touch
+    # A line in a face, or one that passes an edge outside by no more than rounding, meets the box there.
+    with np.errstate(invalid="ignore"):  # the difference inf - inf of a miss is not a touch
         rounding = 2.0 * tolerance + 16.0 * np.finfo(np.float64).eps * np.abs(near)
         touched = (far < near) & (near - far <= rounding) & np.isfinite(near)
     far = np.where(touched, near, far)
@@ -88,9 +88,9 @@ def box_span(field: IndexField, position: np.ndarray, direction: np.ndarray) -> 
 
 
 def slab_span(place: np.ndarray, rate: np.ndarray, low: float, high: float, tolerance: float = 0.0):
-    """Where lines place + t rate enter and leave the slab from `low` to `high`; (inf, -inf) for a miss.
+    """Return where lines place + t rate enter and leave the slab from `low` to `high`; (inf, -inf) for a miss.
 
-    Only a line along the slab is given `tolerance` on either side.
+    `tolerance` widens the slab on either side, for lines along the slab only.
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         to_low, to_high = (low - place) / rate, (high - place) / rate
@@ -102,7 +102,7 @@ def slab_span(place: np.ndarray, rate: np.ndarray, low: float, high: float, tole
 
 
 def cylinder_span(position, direction, radius: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where lines enter and leave an endless cylinder about the z axis [m]; (inf, -inf) for a miss."""
+    """Return where lines enter and leave an endless cylinder about the z axis [m]; (inf, -inf) for a miss."""
     px, py, dx, dy = position[:, 0], position[:, 1], direction[:, 0], direction[:, 1]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore", under="ignore"):
         square = dx * dx + dy * dy
@@ -117,7 +117,7 @@ def cylinder_span(position, direction, radius: float, tolerance: float) -> tuple
 
 
 def face_text(field: IndexField, face: int) -> str:
-    """A face in words, such as "z = 6 mm"."""
+    """Describe a face in words, such as "z = 6 mm"."""
     low, high = field.box
     if face == SIDE:
         return f"r = {1e3 * high[0]:.6g} mm"
@@ -125,9 +125,9 @@ def face_text(field: IndexField, face: int) -> str:
 
 
 def crossing_of_box(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str):
-    """Where rays enter and leave a box [m along them], and the cosine with the normal of the face they leave by.
+    """Return where rays enter and leave a box [m along them], and the cosine with the normal of the exit face.
 
-    As `box_span`, but of any box, given by its corners along the field's own axes: r and z, y and z, or x, y and z.
+    Like `box_span`, for any box, given by its corners along the field's own axes: r and z, y and z, or x, y and z.
     """
     enter, leave, cosine = np.zeros(len(p)), np.full(len(p), np.inf), np.ones(len(p))
     is_round = geometry == "axisymmetric"
@@ -135,7 +135,7 @@ def crossing_of_box(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndar
         axis = k + 3 - len(low)
         if is_round and k == 0:
             first, last = cylinder_span(p, d, float(high[0]), 0.0)
-            with np.errstate(invalid="ignore", over="ignore"):  # where a line never leaves it
+            with np.errstate(invalid="ignore", over="ignore"):  # for a line that never leaves it
                 out = p[:, :2] + last[:, None] * d[:, :2]
                 slope = np.abs((out * d[:, :2]).sum(axis=1)) / high[0]
         else:

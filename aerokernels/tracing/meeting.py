@@ -1,4 +1,4 @@
-"""Refuses a bundle of which no ray meets the field: its result would be that of empty air."""
+"""Reject a bundle of which no ray meets the field: its result would be that of empty air."""
 
 from itertools import chain
 
@@ -11,7 +11,7 @@ from ..rays import RayBundle
 from .lines import box_span
 
 FEW, CHUNK = 1 << 7, 1 << 14
-# Bundles whose meeting is kept with a grid's places.
+# Bundles whose test result is cached with a grid's node positions.
 KEPT = 4  # speed only
 
 
@@ -25,19 +25,19 @@ def greatest_contrast(field: IndexField) -> float:
 
 
 def is_any_meeting(field: IndexField, rays: RayBundle) -> bool:
-    """Whether a ray of a bundle meets the field's box ahead of its start."""
+    """Whether any ray of a bundle meets the field's box ahead of its start."""
     chunks = (slice(first, first + CHUNK) for first in range(0, rays.ray_count, CHUNK))
-    return any(  # some are nearly always enough
+    return any(  # the first few rays are nearly always enough
         box_span(field, rays.held("position")[rows], rays.held("direction")[rows]).meets.any()
         for rows in chain([slice(0, FEW)], chunks)
     )
 
 
 def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
-    """Refuse a bundle of which no ray meets the field's box ahead of its start; a field without contrast is accepted.
+    """Reject a bundle of which no ray meets the field's box ahead of its start; a field without contrast is accepted.
 
     Raises:
-        ValueError: No ray meets the box; the message has the places of box and rays and says what to check.
+        ValueError: No ray meets the box; the message gives the positions of box and rays and says what to check.
     """
     if known(field.samples, ("meeting", field.geometry, rays), lambda: is_any_meeting(field, rays), KEPT):
         return

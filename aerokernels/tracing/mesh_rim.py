@@ -1,7 +1,7 @@
 """The rim of a mesh: the edges at which the known air of a field on a mesh ends, and where straight rays cross them.
 
-No rim: the wall of the body, the axis, a seam (edges that lie on other edges of the boundary), and edges in air that is
-undisturbed. A ray from p along d crosses the edge from a to b, with e = b - a, in the plane of the mesh where
+The rim excludes the wall of the body, the axis, seams (edges that coincide with other edges of the boundary), and edges
+in undisturbed air. A ray from p along d crosses the edge from a to b, with e = b - a, in the plane of the mesh where
 
     planar          p + t d = a + s e,  0 <= s <= 1                                        [y, z]
     axisymmetric    r e_z = (z - a_z) e_r + a_r e_z,  r^2 = x^2 + y^2                       a quadratic in t
@@ -15,9 +15,9 @@ import numpy as np
 from ..medium import IndexField
 from .lines import box_size, cylinder_span, slab_span
 
-# Pairs of rays and edges that are looked at together.
+# Pairs of rays and edges that are tested together.
 PAIRS = 1_000_000  # speed only
-# An edge both of whose ends are this near to the wall, over its length, lies on the wall.
+# An edge is on the wall if both of its ends are nearer to the wall than this, over the edge's length.
 ON_WALL = 0.2
 SAME_PLACE = 1e-8
 
@@ -30,7 +30,7 @@ class MeshRim:
         start: Start of each edge [m], shape (e, 2); the mesh lies to the left of start to end.
         end: Its end [m].
         strength: Greatest |contrast| of each edge, shape (e,).
-        cell: Size of the cell within [m], shape (e,).
+        cell: Size of the cell inside the edge [m], shape (e,).
     """
 
     start: np.ndarray
@@ -45,7 +45,7 @@ class MeshRim:
 
     @cached_property
     def tree(self):
-        """The middles of the edges, to be searched."""
+        """Search tree of the edges' midpoints."""
         from scipy.spatial import cKDTree
 
         return cKDTree(0.5 * (self.start + self.end))
@@ -57,7 +57,7 @@ class Crossings:
 
     Attributes:
         ray: Number of the ray, shape (k,).
-        point: Where [m], shape (k, 3).
+        point: Crossing points [m], shape (k, 3).
         inward: Unit vector along the ray into the mesh, shape (k, 3).
         path: Length of the path outside the mesh, from the start or to the stop [m], shape (k,).
         contrast: |contrast| at the crossing, shape (k,).
@@ -73,7 +73,7 @@ class Crossings:
 
 
 def mesh_rim(field: IndexField) -> MeshRim:
-    """The rim of a field's mesh; kept as long as the field lives."""
+    """The rim of a field's mesh, cached on the field."""
     return field.derive("mesh rim", lambda: _find_rim(field))
 
 
@@ -99,7 +99,7 @@ def _edges_of(field: IndexField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     if field.geometry == "axisymmetric":
         kept &= np.maximum(start[:, 0], end[:, 0]) > near
     if len(start) > 1:
-        # The other side of a seam runs the other way round, through the same places.
+        # The edge on the other side of a seam has the same ends in reverse order.
         distance, other = cKDTree(0.5 * (start + end)).query(0.5 * (start + end), k=2)
         facing = np.linalg.norm(start - end[other[:, 1]], axis=1) <= near
         kept &= ~((distance[:, 1] <= near) & facing)
@@ -112,7 +112,7 @@ def _edges_of(field: IndexField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def rim_contrast(field: IndexField, points: np.ndarray) -> np.ndarray:
-    """|contrast| of the rim nearest to each point (n, 3); 0 where it is farther off than two lengths of its edge."""
+    """|contrast| of the rim nearest to each point (n, 3); 0 if it is farther away than two lengths of its edge."""
     rim = mesh_rim(field)
     if len(rim.start) == 0 or len(points) == 0:
         return np.zeros(len(points))
@@ -124,9 +124,9 @@ def rim_contrast(field: IndexField, points: np.ndarray) -> np.ndarray:
 def mesh_crossings(
     field: IndexField, position: np.ndarray, direction: np.ndarray, stop: np.ndarray, weakest: float
 ) -> Crossings:
-    """Where straight rays (n, 3) cross the rim ahead of their start and of their stop `stop` [m], shape (n,).
+    """Return where straight rays (n, 3) cross the rim between their start and their stop `stop` [m], shape (n,).
 
-    Edges whose |contrast| is nowhere above `weakest` are left out.
+    Edges whose |contrast| is nowhere above `weakest` are ignored.
     """
     rim = mesh_rim(field).part(weakest)
     margin = SAME_PLACE * box_size(field)
@@ -160,7 +160,7 @@ def mesh_crossings(
 
 
 def _may_cross(field: IndexField, rim: MeshRim, position, direction, margin: float) -> np.ndarray:
-    """Which rays meet the smallest box about the edges, a cylinder if they are turned about the axis."""
+    """Which rays meet the bounding box of the edges: a cylinder in an axisymmetric field."""
     low = np.minimum(rim.start, rim.end).min(axis=0) - margin
     high = np.maximum(rim.start, rim.end).max(axis=0) + margin
     enter, leave = slab_span(position[:, 2], direction[:, 2], low[1], high[1])
@@ -181,7 +181,7 @@ def _flat(rim: MeshRim, position: np.ndarray, direction: np.ndarray):
 
 
 def _round(rim: MeshRim, position: np.ndarray, direction: np.ndarray):
-    """The same of edges that are turned about the axis; two of each."""
+    """The same for edges of an axisymmetric field, which rays may meet twice; yields both."""
     px, py, pz = position.T[..., None]
     dx, dy, dz = direction.T[..., None]
     (ar, az), (er, ez) = rim.start.T, (rim.end - rim.start).T
@@ -192,13 +192,13 @@ def _round(rim: MeshRim, position: np.ndarray, direction: np.ndarray):
     c = ez * ez * near - base * base
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         rest = b * b - a * c
-        once = np.abs(rest) <= 1e-12 * b * b  # of edges across the axis
+        once = np.abs(rest) <= 1e-12 * b * b  # for edges across the axis
         root = np.sqrt(np.where(once, 0.0, np.maximum(rest, 0.0)))
         none = (rest < 0.0) & ~once
         pivot = -(b + np.where(b < 0.0, -root, root))
         for distance in (pivot / a, np.where(once, np.nan, c / pivot)):
             r = np.hypot(px + distance * dx, py + distance * dy)
             share = ((pz + distance * dz - az) * ez + (r - ar) * er) / (er * er + ez * ez)
-            # The quadratic holds the mirror image of the edge too, at -r.
+            # The quadratic also describes the mirror image of the edge, at -r.
             mirrored = (base + distance * slope) * ez < -1e-9 * r * ez * ez
             yield distance, np.where(none | mirrored, np.nan, share)

@@ -1,4 +1,4 @@
-"""A pilot's rays by several numbers of leapfrog samples, and what their differences tell of all other rays."""
+"""Trace a pilot's rays with several numbers of leapfrog samples, and scale all rays' error estimates accordingly."""
 
 import math
 
@@ -7,36 +7,36 @@ import numpy as np
 from .launch import Trials
 from .status import reached
 
-# A ray's estimate is SAFETY times the pilot's greatest error.
+# A ray's estimate is scaled to SAFETY times the pilot's greatest error.
 SAFETY = 3.0
-# The error as a share of the difference from the sum over every third sample: for order 4, which is the rule's own, and
+# The error as a share of the difference from the sum over every third sample: for order 4, the order of the rule, and
 # for order 2.
 LEAST_SHARE, GREATEST_SHARE = 1.0 / 80.0, 1.0 / 8.0
-# The trajectory error as a share of int P^2 / p_t dt: it is never greater than what bending adds to the path.
+# The trajectory error as a share of int P^2 / p_t dt: it never exceeds the path that bending adds.
 GREATEST_BEND = 0.5
 # The share of the pilot's rays that may be unfit for leapfrog.
 UNFIT = 0.1
 
 
 def shares_of(level: "Level", worst: float, bends: float) -> tuple[float, float]:
-    """The scales of a ray's own error estimate, by which it covers the pilot's greatest error [m]; see `bends_of`."""
+    """Scales of a ray's own error estimate that cover the pilot's greatest error `worst` [m]; see `bends_of`."""
     share = SAFETY * worst / level.difference if level.difference > 0.0 else GREATEST_SHARE
     trajectory_error_scale = SAFETY * worst / bends if bends > 0.0 else 0.0
     return min(max(share, LEAST_SHARE), GREATEST_SHARE), min(trajectory_error_scale, GREATEST_BEND)
 
 
 def levels_of(trials: Trials, *counts: int) -> list["Level"]:
-    """The pilot with each of these numbers of samples; estimates of its errors are whole differences."""
+    """The pilot with each of these numbers of samples; its error estimates are the unscaled differences."""
     return [Level(*made) for made in zip(trials(*((count, 1.0, 0.0) for count in counts)), counts, strict=True)]
 
 
 def bends_of(trials: Trials, count: int) -> float:
-    """The greatest int P^2 / p_t dt of the pilot's rays, by so many samples [m]."""
+    """The greatest int P^2 / p_t dt of the pilot's rays with so many samples [m]."""
     return Level(trials((count, 0.0, 1.0))[0], count).difference
 
 
 def known_levels(trials: Trials, count: int) -> tuple["Level", "Level", float]:
-    """The pilot with so many samples, with three times as many, and `bends_of`, all at once."""
+    """The pilot with `count` samples, with three times as many, and `bends_of`, all launched together."""
     level, finest, bending = trials((count, 1.0, 0.0), (3 * count, 1.0, 0.0), (count, 0.0, 1.0))
     return Level(level, count), Level(finest, 3 * count), Level(bending, count).difference
 
@@ -45,7 +45,7 @@ class Level:
     """The pilot, traced with `count` samples a ray."""
 
     def __init__(self, arrays: dict[str, np.ndarray], count: int):
-        """What it was traced to, by name."""
+        """Take the traced arrays by name."""
         self.count = count
         self.opd, self.step_error, self.direction = arrays["opd"], arrays["step_error"], arrays["direction"]
         self.good = reached(arrays["status"]) & np.isfinite(arrays["step_error"])

@@ -1,11 +1,11 @@
-"""What a trace will do, and the reasons in words. This module holds data only; planning.py makes the plans."""
+"""The plan of a trace: the choices and the reasons in words. This module holds data only; planning.py makes plans."""
 
 from dataclasses import asdict, dataclass, field
 
 from .lever_arms import LeverArms
 from .unresolved import Sampling
 
-# What a caller may ask for.
+# Methods that a caller may request.
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
 # What "auto" may take besides "adaptive": a fixed count of leapfrog steps a ray (leapfrog.py).
 LEAPFROG = "leapfrog"
@@ -14,14 +14,14 @@ PRECISIONS = ("float32", "float64")
 
 @dataclass(frozen=True)
 class BundleCounts:
-    """How many rays of a bundle were traced and how many were interpolated between those (bundle/).
+    """How many rays of a bundle were traced and how many were interpolated between the traced ones (bundle/).
 
     Attributes:
         traced: Rays traced to interpolate between; they need not be rays of the bundle.
         delivered: Rays of the bundle that were interpolated.
         one_by_one: Rays of the bundle that were traced.
         error: Greatest estimated OPD error of the interpolation [m].
-        refused: Why rays were traced one by one, and about how many, by reason.
+        refused: Approximate number of rays traced one by one, by reason.
     """
 
     traced: int
@@ -31,7 +31,7 @@ class BundleCounts:
     refused: dict[str, float] = field(default_factory=dict)
 
     def sentence(self, converges: bool, wavelength: float) -> str:
-        """One for the reasons of a plan."""
+        """Describe the counts in a sentence for the reasons of a plan."""
         kind = "lines through a point" if converges else "parallel lines"
         text = (
             f"bundle: the rays are {kind}, a map of two parameters: {self.traced} lines were traced, {self.delivered} "
@@ -47,31 +47,32 @@ class TracePlan:
     """The choices for one trace.
 
     Attributes:
-        method: What runs: "straight", "adaptive", "paper" or "fixed", whichever was asked for, or what "auto" took:
-            "adaptive" or "leapfrog" (as many steps for every ray, bending included). Rays that leapfrog cannot hold to
-            the tolerance are traced by "adaptive".
+        method: The method that runs: the requested one of "straight", "adaptive", "paper" or "fixed", or the choice of
+            "auto", which is "adaptive" or "leapfrog" (equally many steps for every ray, bending included). Rays that
+            leapfrog cannot keep within the tolerance are traced by "adaptive".
         backend: "warp", "opencl" or "reference".
         device: Device of the backend.
         precision: "float32" or "float64".
         max_steps: Steps after which a ray is given up.
         step: Step of "fixed" [m of arc length], else None.
-        tolerance: OPD error asked for [waves].
+        tolerance: Requested OPD error [waves].
         reasons: One sentence for each choice.
         sample_count: Leapfrog samples of each ray, evenly spaced, see leapfrog.py; 0 for every other method.
-        cubes: Whether leapfrog samples look up polynomials of cubes of cells instead of the spline, see
+        cubes: Whether leapfrog samples evaluate polynomials of cubes of cells instead of the spline, see
             cube_polynomials.py.
         quadrature_error_scale: Estimated error of a ray's sum, as a share of its difference from the sum over every
             third sample.
-        trajectory_error_scale: Estimated error by the ray's displacement, as a share of int P^2 / p_t dt; P is the
-            momentum across the ray, p_t that along it.
-        sampling: Distance of the leapfrog samples, by which a ray's error includes what lies between them, see
+        trajectory_error_scale: Estimated error caused by the ray's displacement, as a share of int P^2 / p_t dt, where
+            P is the momentum across the ray and p_t the momentum along it.
+        sampling: Distance of the leapfrog samples, from which a ray's error includes structure between them, see
             unresolved.py; None where that is negligible.
         lever_arms: How far the rays fly and at what angle they meet the stop, see lever_arms.py; None where it was not
             needed.
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
-        predicted_error: OPD error predicted [waves]: what a pilot bundle made, or the tolerance.
+        predicted_error: Predicted OPD error [waves]: the error of a pilot bundle, or the tolerance.
         bundle: How many rays were traced and how many interpolated; None where each was traced.
-        few_rays: Whether so few rays follow it that no table is made which pays for many (cell_polynomials of OpenCL).
+        few_rays: Whether so few rays follow the plan that tables which pay only for many rays are not made
+            (cell_polynomials of OpenCL).
     """
 
     method: str
@@ -95,26 +96,26 @@ class TracePlan:
 
     @property
     def controls_error(self) -> bool:
-        """Whether the method itself keeps rays within the tolerance, or says which are not."""
+        """Whether the method itself keeps rays within the tolerance, or marks those that are not."""
         return self.method not in ("fixed", "paper")
 
     @property
     def looks_up_cubes(self) -> bool:
-        """Whether this trace looks up cubes: those of a plan in float64 are looked up in the spline."""
+        """Whether this trace evaluates polynomials of cubes; in float64 such a plan evaluates the spline."""
         return self.cubes and self.sample_count > 0 and self.precision == "float32"
 
     @property
     def compiled_method(self) -> str:
-        """The method that kernels are compiled for: "straight" for those of leapfrog."""
+        """The method that kernels are compiled for: leapfrog uses those of "straight"."""
         return "straight" if self.method == LEAPFROG else self.method
 
     def __str__(self) -> str:
-        """One line of choices, then one line for each reason."""
+        """One line of choices, followed by one line for each reason."""
         head = f"{self.method} on {self.backend} ({self.device}), {self.precision}"
         return "\n".join([head, *(f"  {reason}" for reason in self.reasons)])
 
     def as_dict(self) -> dict:
-        """The plan for a summary file."""
+        """Return the plan as a dictionary for a summary file."""
         names = ("method", "backend", "device", "precision", "max_steps", "step", "tolerance", "sample_count", "cubes")
         plain = {name: getattr(self, name) for name in (*names, "predicted_evaluations", "predicted_error")}
         bundle = None if self.bundle is None else asdict(self.bundle)

@@ -1,7 +1,8 @@
-"""The one file that decides: from what the caller asked for to the plan of a trace.
+"""Make the plan of a trace from the caller's choices. All decisions about a trace are made in this file.
 
-The order of "auto": leapfrog where a pilot of the rays says so; error control otherwise. Any other method is what it
-is, however many rays there are. The backend is chosen by the fixed order of engines/choice.py.
+"auto" takes leapfrog where a pilot of the rays shows that it is accurate enough and cheaper, and error control
+otherwise. Any other method is kept, however many rays there are. The backend is chosen in the fixed order of
+engines/choice.py.
 """
 
 from dataclasses import replace
@@ -23,10 +24,10 @@ STRAIGHT = "; along the undisturbed line, with the second-order correction of th
 
 
 def backend_for(field: IndexField, backend: str) -> str:
-    """The backend asked for, or "reference" instead of "auto" for cells without an interpolant.
+    """Return the requested backend, or "reference" instead of "auto" for cells without an interpolant.
 
     Raises:
-        ValueError: Another backend is asked for such a field.
+        ValueError: Another backend is requested for such a field.
     """
     if field.interpolation != "cells" or backend == "reference":
         return backend
@@ -51,11 +52,12 @@ def plan_rays(
     sure_count: int | None = None,
     **choices,
 ) -> TracePlan:
-    """The plan of a bundle, by leapfrog where that holds its tolerance; `pilot()` makes some of its rays.
+    """Return the plan of a bundle: leapfrog where that meets the tolerance; `pilot()` makes some of its rays.
 
-    `spread()` makes as many as show where all of them go; None where the pilot does. `like` is the plan of such rays
-    through a field like this one, whose number of samples is taken where the pilot confirms it. `sure_count` of the
-    rays are traced for sure, where others may not be: by them it is told whether a table pays.
+    `spread()` returns enough rays to show the extent of the whole bundle; None if the pilot rays already show it.
+    `like` is the plan of such rays through a field like this one; its number of samples is taken if the pilot confirms
+    it. `sure_count` is the number of rays that are traced in any case, where others may not be: it decides whether a
+    table pays.
 
     The other arguments are those of `make_plan`.
 
@@ -63,13 +65,14 @@ def plan_rays(
         ValueError: An unknown name or a number that makes no sense, with the remedy.
     """
     if field.geometry == "planar" and choices["path_length"] is None:
-        # Along x the box is endless: a ray may fly far longer through it than across its other axes.
+        # The box has no end in x: a ray may fly much farther in it than across its other axes.
         lever_arms = lever_arms_of(field, pilot(), until)
         choices["path_length"] = None if lever_arms is None else lever_arms.path_length
     if method == "auto" and may_be_leapfrog(field, ray_count, until):
-        trial = make_plan(field, method="straight", wavelength=wavelength, **choices)  # predicts nothing: a pilot will
+        # Its number of evaluations is not predicted: the pilot will show it.
+        trial = make_plan(field, method="straight", wavelength=wavelength, **choices)
         if trial.backend != "reference":
-            trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without that of the method
+            trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without the reason for the method
             plan = fit_leapfrog(
                 field, pilot(), trial, until, wavelength, spread or pilot, like, sure_count or ray_count
             )
@@ -109,7 +112,7 @@ def make_plan(
             raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")
     elif step is not None:
         raise ValueError(f"step belongs to method 'fixed', not to {method!r}: leave it out or choose 'fixed'")
-    # Names from an array are NumPy's strings, which the caches of kernels would take for other keys.
+    # Names taken from an array are NumPy strings, which the caches of kernels would treat as different keys.
     method, precision = str(method), str(precision)
     reasons = []
     predicted = None

@@ -1,8 +1,8 @@
-"""What error control costs, predicted before any ray is traced.
+"""Predict the number of field evaluations under error control, before any ray is traced.
 
     evaluations   OVERHEAD 3 int dl / (step bound there) + FIRST along the diagonal of the box
 
-with the step bounds of step_bound.py; OVERHEAD and FIRST were chosen to fit traces of five fields.
+with the step bounds of step_bound.py; OVERHEAD and FIRST were fitted to traces of five fields.
 """
 
 import numpy as np
@@ -14,12 +14,12 @@ from .step_bound import CONES, cones_of, step_bound
 
 OVERHEAD = 1.5
 FIRST = 15.0
-# Evaluations for each cell where the interpolant has kinks between cells, chosen to fit the same fields.
+# Evaluations for each cell where the interpolant has kinks between cells, fitted to the same fields.
 PIECEWISE_SMOOTH_COST = {"linear": 2.0, "monotone": 3.0, "bilinear": 12.0}
 
 
 def predict_evaluations(field: IndexField, budget: float, directions: np.ndarray) -> float:
-    """Field evaluations of a ray across the box under error control.
+    """Predict the field evaluations of a ray across the box under error control.
 
     Args:
         field: The refractive index.

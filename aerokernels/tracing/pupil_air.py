@@ -11,25 +11,25 @@ from .lines import box_span, face_text
 from .meeting import check_meeting
 
 SAMPLE_RAYS = 4096
-# The greatest share of a pupil's weight that may see through the ends of the known air unasked.
+# The greatest share of a pupil's weight that may look through the ends of the known air without allow_truncation.
 GREATEST_SHARE = 1e-3
 MOVE_IT = "The pupil itself stands outside the field: move it (in a scene: pupil.center, or receiver.aperture_z). "
 
 
 class TruncationWarning(UserWarning):
-    """More than a thousandth of a pupil looks through the ends of the known air; an answer was given all the same."""
+    """More than a thousandth of a pupil looks through the ends of the known air; an answer was given nevertheless."""
 
 
 @dataclass(frozen=True, eq=False)
 class PupilAir:
-    """What a pupil may lose where the known air ends.
+    """The OPD that a pupil's rays may lose where the known air ends.
 
     Attributes:
         share: Share of the pupil's weight that may lose more than the tolerance.
-        lost_rms: Root mean square over the pupil of what its rays may lose [m].
-        place: The face at which most of the concerned rays leave the known air, in words.
-        stands_outside: Whether the pupil's centre lies outside the field: a mistake more often than not.
-        rays: The sample of its rays that was looked at.
+        lost_rms: Root mean square over the pupil of the OPD that its rays may lose [m].
+        place: The face at which most of these rays leave the known air, in words.
+        stands_outside: Whether the pupil's centre is outside the field, which is usually a mistake.
+        rays: The sample of the pupil's rays.
     """
 
     share: float
@@ -49,7 +49,7 @@ class PupilAir:
         return f"{100.0 * self.share:.3g} % of the pupil looks through disturbed air that ends {self.place}"
 
     def check(self, allowed: bool) -> None:
-        """Refuse a pupil that is truncated unless that is allowed.
+        """Reject a pupil that is truncated unless that is allowed.
 
         Raises:
             ValueError: It is truncated and not allowed; the message has the share, the face and the remedies.
@@ -66,9 +66,9 @@ class PupilAir:
 def pupil_air(
     field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: float, rays: RayBundle | None = None
 ) -> PupilAir:
-    """What a pupil may lose along straight rays toward `look`; `tolerance` is the OPD error asked for [m].
+    """Estimate the OPD that a pupil's straight rays toward `look` may lose; `tolerance` is the requested OPD error [m].
 
-    `rays` are some of the pupil's; None makes them.
+    `rays` are some of the pupil's rays; None makes them.
 
     Raises:
         ValueError: None of its rays meets the field.
@@ -95,7 +95,7 @@ def pupil_air(
 
 
 def meets_wall(field: IndexField, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Which straight rays end on the body: they get into it, or never out of it where they start in it."""
+    """Which straight rays end on the body: they enter it, or they start in it and never leave it."""
     assert field.body is not None
     span = box_span(field, position, direction)
     walls = field.body.crossings(position, direction)
@@ -103,7 +103,7 @@ def meets_wall(field: IndexField, position: np.ndarray, direction: np.ndarray) -
     before = np.count_nonzero((walls <= span.enter[:, None]) & np.isfinite(walls), axis=1)
     inside = before % 2 == 1
     if field.geometry == "planar":
-        # Lines along x cross no wall.
+        # A line along x crosses no wall.
         inside |= field.body.contains(field.local_coordinates(position)) & (np.abs(direction[:, 0]) == 1.0)
     rows = np.arange(len(walls))
     leaves, enters = walls[rows, before], walls[rows, before + inside]

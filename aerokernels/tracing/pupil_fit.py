@@ -1,4 +1,4 @@
-"""What the moments of a pupil's rays define: in metres, and the surface of piston, tilt and focus that fits best."""
+"""Evaluate the moments of a pupil's rays: convert them to metres, and fit piston, tilt and focus."""
 
 import math
 
@@ -6,9 +6,9 @@ import numpy as np
 
 from .pupil_sums import MOMENT_COUNT, PupilTask
 
-# Coordinates of the surfaces: x, y and q = x^2 + y^2. Which of them a term is.
+# Coordinates of the surfaces are x, y and q = x^2 + y^2; these are the coordinates of each term.
 COLUMNS = {"piston": (), "tilt": (0, 1), "focus": (2,)}
-# Powers of a length in each of the moments.
+# The power of length in each of the moments.
 LENGTHS = np.array([0, 1, 1, 0, 2, 2, 2, 1, 1, 0, 0, 0, 3, 3, 4, 2])
 assert len(LENGTHS) == MOMENT_COUNT
 # Moments that are zero where everything is symmetric about the axis.
@@ -16,9 +16,9 @@ ODD = np.array([1, 2, 5, 7, 8, 12, 13])
 
 
 def fit_surface(moments: np.ndarray, terms: tuple[str, ...]) -> np.ndarray:
-    """The surface that phases are measured from, from all replicates' moments: height, both rises, focus, shape (4,).
+    """Fit the surface from which phases are measured to all replicates' moments: height, two slopes, focus, shape (4,).
 
-    The height is in the unit of W, the rises in that over the unit of x and y, the focus in that over its square.
+    The height is in the unit of W, the slopes in that unit over the unit of x and y, the focus over its square.
     """
     total = moments.sum(axis=0)
     slopes, _ = fit_terms(total, terms)
@@ -27,9 +27,9 @@ def fit_surface(moments: np.ndarray, terms: tuple[str, ...]) -> np.ndarray:
 
 
 def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
-    """Moments (replicates, MOMENT_COUNT) whose x and y are in units of the pupil's reach, in metres.
+    """Convert moments (replicates, MOMENT_COUNT), whose x and y are in units of the pupil's reach, to metres.
 
-    Moments of radial quadrature, whose points all lie along x, become the moments of the disc that they stand for.
+    Moments of radial quadrature, whose points all lie along x, are converted to those of the whole disc.
     """
     moments = moments * task.pupil.reach**LENGTHS
     if task.is_radial:
@@ -41,7 +41,7 @@ def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
 
 def fit_moments(total: np.ndarray) -> tuple[float, np.ndarray, float, float]:
     """Piston, tilt, rms about the piston and rms about the plane of a wavefront from its summed moments."""
-    # In Python's own numbers: an estimate of a symmetric pupil takes no longer than some NumPy calls.
+    # In Python floats: for a symmetric pupil a few NumPy calls would take as long as the whole estimate.
     count, *sums = total[:10].tolist()
     if count == 0:
         return 0.0, np.zeros(2), 0.0, 0.0
@@ -51,7 +51,7 @@ def fit_moments(total: np.ndarray) -> tuple[float, np.ndarray, float, float]:
     determinant = a * c - b * b
     if determinant > 1e-12 * max(a, c) ** 2:
         tilt = np.array([(c * right - b * up) / determinant, (a * up - b * right) / determinant])
-    else:  # points on a line, or one
+    else:  # all points on one line, or a single point
         tilt = np.linalg.lstsq(np.array([[a, b], [b, c]]), np.array([right, up]), rcond=1e-12)[0]
     variance = max(ww - w * w, 0.0)
     about_plane = variance - float(tilt[0]) * right - float(tilt[1]) * up
@@ -59,7 +59,7 @@ def fit_moments(total: np.ndarray) -> tuple[float, np.ndarray, float, float]:
 
 
 def fit_terms(total: np.ndarray, terms: tuple[str, ...]) -> tuple[np.ndarray, float]:
-    """Slopes of the surface of these terms that fits best, along x, y and x^2 + y^2, shape (3,), and the rms about it.
+    """Fit a surface of these terms: slopes along x, y and x^2 + y^2, shape (3,), and the rms about the surface.
 
     Slopes of terms that are not named are 0. The mean is always fitted; whether "piston" is named changes nothing.
     """
@@ -79,7 +79,7 @@ def fit_terms(total: np.ndarray, terms: tuple[str, ...]) -> tuple[np.ndarray, fl
     mean = np.array([x, y, q])
     matrix = np.array([[xx, xy, xq], [xy, yy, yq], [xq, yq, qq]]) - np.outer(mean, mean)
     right = np.array([xw, yw, qw]) - mean * w
-    size = math.sqrt(q) or 1.0  # in units of which all columns are alike
+    size = math.sqrt(q) or 1.0  # the unit in which all columns are of similar size
     scale = np.array([size, size, size * size])
     matrix, right = matrix / np.outer(scale, scale), right / scale
     found = np.linalg.lstsq(matrix[np.ix_(chosen, chosen)], right[chosen], rcond=1e-12)[0]

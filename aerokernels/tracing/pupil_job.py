@@ -1,4 +1,4 @@
-"""A pupil job: a pupil's rays planned, and made ready on the backend of the plan."""
+"""Pupil jobs: plan a pupil's rays and prepare them on the backend of the plan."""
 
 import weakref
 from collections.abc import Callable
@@ -23,33 +23,33 @@ from .radial_quadrature import RADIAL_RAYS, SETTLED, choose_radial, fewer_rays, 
 from .stop import Plane
 
 REPLICATES = 16
-# The seed of the points by which a lattice is chosen.
+# The seed of the points that decide which lattice is taken.
 PILOT_SEED = 0x1A771CE
-# Plans of pupils, and what they lose where the air ends, that a field keeps: those of the last ones.
+# Plans of pupils, and losses where the known air ends, that are cached on a field.
 KEPT = 4  # speed only
-# A pupil's reach over half of the diagonal of the field's box.
+# The greatest reach of a pupil, over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
-# A number of samples that is known is confirmed by one in so many of the rays by which it is sought.
+# A known number of samples is confirmed by one in this many of the rays that were used to find it.
 CONFIRMING = 2
-# Of a symmetric pupil the rays of a sample lie along a radius, so that fewer show as much: this share of them.
+# The sample rays of a symmetric pupil lie along a radius, so that this share of them is enough.
 ALONG_RADIUS = 0.25
 
 
 @dataclass(eq=False)
 class PupilJob:
-    """A pupil to be traced, for any number of seeds.
+    """A planned pupil that can be traced for any number of seeds.
 
     Attributes:
         plan: How the rays of the first run are traced.
-        plan_of: How so many rays of it are; tables are made only where they are enough to pay.
-        until: Where its rays stop.
-        per_replicate: Rays of a replicate that were asked for.
-        task: What is traced; fewer rays where radial quadrature takes the place of the disc.
-        air: What the rays may lose where the known air ends.
+        plan_of: Returns the plan for a number of rays; tables are made only if there are enough rays for them to pay.
+        until: The plane at which its rays stop.
+        per_replicate: Requested rays of a replicate.
+        task: The pupil to trace; with fewer rays if radial quadrature replaces the disc.
+        air: The OPD that the rays may lose where the known air ends.
         pilot: Some of its rays.
-        sizes: Points of the lattices that may take the place of the points of `task`, see lattice_quadrature.py.
-        is_known: Whether the first of them is taken without being tried.
-        is_alike: Whether it was made like a job for another field.
+        sizes: Points of the lattices that may replace the points of `task`, see lattice_quadrature.py.
+        is_known: Whether the first of them is taken without a trial.
+        is_alike: Whether the job was made from a job for another field.
     """
 
     plan: TracePlan
@@ -65,7 +65,7 @@ class PupilJob:
 
     @property
     def predicted_ray_count(self) -> int:
-        """Rays of the first run, before any is traced."""
+        """Rays of the first run, predicted before any is traced."""
         return (self.sizes[0] if self.sizes else self.task.per_replicate) * REPLICATES
 
     @property
@@ -75,18 +75,18 @@ class PupilJob:
 
     @property
     def is_radial(self) -> bool:
-        """Whether radial quadrature takes the place of the disc: field, pupil and rays are symmetric about the axis."""
+        """Whether radial quadrature replaces the disc: field, pupil and rays are symmetric about the axis."""
         return self.task.is_radial
 
     def settled(self, run: PupilRun) -> float:
-        """The standard error of the Strehl ratio of a run above which the next finer one is traced."""
+        """The standard error of the Strehl ratio of a run above which the next finer run is traced."""
         if run.task.generator:
             return ACCEPTED
         return SETTLED if run.task.per_replicate >= RADIAL_RAYS else ENOUGH
 
     @cached_property
     def samples(self) -> tuple[RayBundle | None, RayBundle | None]:
-        """The pilot, and the rays along which the ends of the air are looked at, for jobs that are like this one."""
+        """The pilot rays, and the rays on which the ends of the known air are examined, for jobs made from this one."""
         if self.is_alike:
             return self.pilot, self.air.rays
         if not self.is_radial:
@@ -97,9 +97,10 @@ class PupilJob:
 
     @cached_property
     def run(self) -> PupilRun:
-        """Traces the points of a seed and sums; uploads and compiles when it is first asked for.
+        """The function that traces and sums the points of a seed; uploads and compiles when first read.
 
-        It takes the smallest lattice that is enough for the points of PILOT_SEED, so that no answer depends on others.
+        The smallest lattice is taken that is accurate enough for the points of PILOT_SEED, so that no answer depends on
+        other calls.
         """
         errors: dict[int, float] = {}
         for size in self.sizes:
@@ -115,25 +116,25 @@ class PupilJob:
 
     @cached_property
     def finer_runs(self) -> list[Callable[[], PupilRun]]:
-        """Those with more rays than the first, up to as many as were asked for; made when they are first called."""
+        """Runs with more rays than the first, up to the requested number; each is made when it is first called."""
         known = {RADIAL_RAYS, self.per_replicate} if self.is_radial else {self.per_replicate}
         sizes = sorted(size for size in known if self.run.task.per_replicate < size <= self.per_replicate)
         return [cache(partial(_finer_run, self.task, self.plan_of, size)) for size in sizes]
 
     @cached_property
     def planned(self) -> TracePlan:
-        """The plan of the first run, with what its rays over the pupil were chosen by."""
+        """The plan of the first run, including the reasons for its choice of rays."""
         plan = self.run.task.plan
         return replace(plan, reasons=(*plan.reasons, *self._chosen))
 
     def planned_for(self, run: PupilRun, *more: str) -> TracePlan:
-        """The plan of a run, with what the rays over the pupil were chosen by, and why there are more of them."""
+        """The plan of a run, including the reasons for its choice of rays and for taking more of them."""
         plan = run.task.plan
         return self.planned if run is self.run else replace(plan, reasons=(*plan.reasons, *self._chosen, *more))
 
     @property
     def _chosen(self) -> tuple[str, ...]:
-        """What the rays over the pupil were chosen by, in words."""
+        """The reasons for the choice of rays, in words."""
         size = self.run.task.per_replicate if self.run.task.generator else 0
         asked = f"{self.per_replicate * REPLICATES:,} over the pupil"
         if size:
@@ -153,9 +154,9 @@ def make_job(
     like: PupilJob | None = None,
     **choices,
 ) -> PupilJob:
-    """A pupil planned; `choices` are those of `make_plan`.
+    """Plan a pupil; `choices` are those of `make_plan`.
 
-    `like` is a job with the same choices through a field like this one: what it found is confirmed, not sought again.
+    `like` is a job with the same choices through a field like this one: its results are confirmed, not searched again.
 
     Raises:
         ValueError: A name or number that makes no sense; symmetry=True without symmetry; no ray that meets the field.
@@ -165,7 +166,7 @@ def make_job(
         share_places(field, like.task.field)
     tolerance = check_tolerance(choices["tolerance"])
     pilot, air_rays = (None, None) if like is None else like.samples
-    seen = (weakref.ref(pupil), tuple(look.tolist()), like is None)  # what a field keeps for the next seed
+    seen = (weakref.ref(pupil), tuple(look.tolist()), like is None)  # cache key for the same pupil with other seeds
     air = field.derive(
         ("air of a pupil", *seen, tolerance * wavelength),
         lambda: pupil_air(field, pupil, look, tolerance * wavelength, air_rays),
@@ -183,12 +184,12 @@ def make_job(
     radial_rays, why = choose_radial(field, pupil, look, per_replicate, REPLICATES, symmetry, most)
     count = min(per_replicate, RADIAL_RAYS) if radial_rays else per_replicate
     is_sparse = 0 < radial_rays < RADIAL_RAYS and like is not None
-    known_plan = None if like is None else like.plan  # of a job that need not live as long as this one
+    known_plan = None if like is None else like.plan  # so that `like` itself need not stay alive
 
     def plan_of(rays: int) -> TracePlan:
         plan = field.derive(
-            # A plan that was confirmed for other values is not the one sought for these: answers depend on no other
-            # call.
+            # `seen` separates plans confirmed from another job from plans searched for this one, so that no answer
+            # depends on other calls.
             ("plan of a pupil", *seen, count, rays, wavelength, tuple(choices.values())),
             lambda: plan_rays(
                 field,
@@ -222,7 +223,7 @@ def make_job(
         REPLICATES,
         # A symmetric wavefront has no tilt, and the piston changes no Strehl ratio.
         terms=tuple(term for term in remove if term == "focus" or (term == "tilt" and not radial_rays)),
-        # About the axis of an axisymmetric field neighbours are rays of one radius, wherever they lie.
+        # In an axisymmetric field, rays at one radius from a pupil centre on the axis meet the same air.
         by_radius=field.geometry == "axisymmetric"
         and pupil.inner_ratio is not None
         and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.reach,
@@ -232,13 +233,13 @@ def make_job(
 
 
 def share_places(field: IndexField, other: IndexField) -> None:
-    """Let a field on a uniform grid use what was worked out of the nodes' places for another one on this grid."""
+    """Share results that depend only on the nodes' positions between two fields on the same uniform grid."""
     if isinstance(field.samples, UniformGrid) and isinstance(other.samples, UniformGrid):
         field.samples.share_places(other.samples)
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:
-    """Refuse a pupil so much larger than the field that hardly one ray in a hundred would meet it.
+    """Reject a pupil so much larger than the field that hardly one ray in a hundred would meet it.
 
     Raises:
         ValueError: The pupil is more than ten times as large as the field.
@@ -252,7 +253,7 @@ def _check_size(field: IndexField, pupil: Pupil) -> None:
 
 
 def _runner(task: PupilTask):
-    """A task made ready on the backend of its plan."""
+    """Prepare a task on the backend of its plan."""
     if task.plan.backend == "reference":
         from .engines.reference.pupil import PupilRun as ReferencePupilRun
 
@@ -261,13 +262,13 @@ def _runner(task: PupilTask):
 
 
 def _finer_run(task: PupilTask, plan_of: Callable[[int], TracePlan], per_replicate: int):
-    """The same with so many rays of a replicate."""
+    """Prepare the task with so many rays of a replicate."""
     plan = replace(plan_of(per_replicate * REPLICATES), few_rays=False)
     return _runner(replace(task, plan=plan, per_replicate=per_replicate))
 
 
 def plane_beyond(field: IndexField, pupil: Pupil, look: np.ndarray) -> Plane:
-    """Where the rays of a pupil stop: the plane across the unit vector `look` just beyond the box and the pupil."""
+    """The plane at which a pupil's rays stop: across the unit vector `look`, just beyond the box and the pupil."""
     low, high = field.box
     finite = np.isfinite(low) & np.isfinite(high)
     corner = np.where(finite, np.where(look > 0.0, high, low), pupil.center)

@@ -1,4 +1,4 @@
-"""A pupil of millions of rays on the engine of its plan: launched, traced and summed there; no ray is fetched."""
+"""Run a pupil of millions of rays on an engine: make, trace and sum the rays there, without downloading any."""
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
@@ -30,9 +30,9 @@ from .pupil_sums import (
 from .retrace import retrace_rejected
 from .status import RayStatus
 
-# Bytes for a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
+# Bytes of a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
 KEPT_BYTES = 16 + 8 + 4
-# Constants of pupils that are kept on a device with a grid's places.
+# Constants of pupils that are cached on a device with a grid's node positions.
 KEPT = 8  # speed only
 
 
@@ -41,12 +41,13 @@ class Batch:
     """Some replicates with their rays on the device.
 
     Attributes:
-        rows: Which replicates.
-        count: How many rays.
-        position: Where they start.
-        direction: Where they point.
-        place: Where on the pupil.
-        weight: Their shares, `weight_count` of them: one for all, or one a ray.
+        rows: The replicates, as a slice.
+        count: Number of rays.
+        position: Start points.
+        direction: Directions.
+        place: Pupil coordinates.
+        weight: Weights of the rays in means.
+        weight_count: Number of weights: one for all rays, or one for each.
         results: Outputs by name.
     """
 
@@ -61,17 +62,17 @@ class Batch:
 
 
 class PupilRun:
-    """A pupil made ready on a device, to be traced any number of times, each with points of another seed.
+    """A pupil prepared on a device, to be traced any number of times, each with points of another seed.
 
-    Replicates are traced in batches. Where tilt or focus is to be removed, all replicates are needed to find it: what
-    the phasor sums need then stays on the device. Otherwise phasors are summed batch by batch.
+    Replicates are traced in batches. Fitting a tilt or focus that is removed needs all replicates, so the data for the
+    phasor sums then stay on the device. Otherwise phasors are summed batch by batch.
 
     Raises:
         ValueError: A device that does not open; a field, or so many rays, that do not fit it.
     """
 
     def __init__(self, task: PupilTask):
-        """Upload and compile what the task needs."""
+        """Upload and compile everything that the task needs."""
         self.task = task
         self.engine = engine = engine_of(task.plan.backend, task.plan.device)
         self.prepared = engine.prepare(
@@ -82,7 +83,7 @@ class PupilRun:
         together = self.widest * task.per_replicate
         kept = task.replicates * task.per_replicate if task.terms else together
         check_memory(engine.device, engine.memory, together, kept)
-        needed = ("sum_moments", "sum_phasors", "reduce_sums")  # rays along a radius are made by the host
+        needed = ("sum_moments", "sum_phasors", "reduce_sums")  # rays along a radius are made on the host
         self.kernels = engine.pupil_kernels(needed if task.is_radial else ("launch_pupil", *needed))
         with stage("upload"):
             self.one = self._constant("one", lambda: np.ones(1))
@@ -99,11 +100,11 @@ class PupilRun:
         if self.prepared.rejected is not None:
             buffers, arrays = [*buffers, self.prepared.rejected], [*arrays, np.zeros(1, np.int32)]
         self.reading = engine.fetched(buffers, arrays)
-        # One batch, whose rays are made on the device, is the same work each time.
+        # A single batch, whose rays are made on the device, repeats the same launches for each seed.
         self.repeat = engine.recorded() if len(self.batches) == 1 and not task.is_radial else None
 
     def _starts(self, seeds: Any) -> list:
-        """What the kernel launch_pupil is given before the rays, the seeds of a batch among them."""
+        """Arguments of the kernel launch_pupil ahead of the rays, including the seeds of a batch."""
         task, pupil = self.task, self.task.pupil
         of_square = pupil.square_map
         vectors = [pupil.center, *(pupil.reach * axis for axis in pupil.axes), task.look]
@@ -114,7 +115,7 @@ class PupilRun:
         return [*vectors, *shape, seeds, order, task.per_replicate, task.generator, smoothed_axes(of_square)]
 
     def _constant(self, key: Hashable, make: Callable[[], np.ndarray]) -> Any:
-        """A buffer that nobody writes to, which other fields on the grid have as well."""
+        """A buffer that is never written to, shared with other fields on the grid."""
         engine = self.engine
         return known(
             self.task.field.samples,
@@ -124,7 +125,7 @@ class PupilRun:
         )
 
     def __call__(self, seed: int | None) -> PupilSums:
-        """Trace the points of a seed, and sum."""
+        """Trace and sum the points of a seed."""
         with stage("kernel"):
             return self._run(seed)
 
@@ -154,7 +155,7 @@ class PupilRun:
         return PupilSums(moments, phasors, task.replicates * task.per_replicate, rejected)
 
     def _buffers(self, number: int) -> dict[str, Any]:
-        """Buffers of a batch: the later ones have only what the second sum needs for themselves."""
+        """Buffers of a batch: later batches own only those that the second sum needs."""
         engine, task = self.engine, self.task
         rays = self.widest * task.per_replicate
         if number == len(self.buffers):
@@ -168,7 +169,7 @@ class PupilRun:
         return self.buffers[number]
 
     def _place(self, rows: slice, points: Any, buffers: dict[str, Any]) -> Batch:
-        """Some replicates: rays along a radius on the device, of others what they will be made of sent there."""
+        """Make a batch: upload the rays along a radius, or the seeds from which other rays are made on the device."""
         task, engine = self.task, self.engine
         count = (rows.stop - rows.start) * task.per_replicate
         results = {name: buffers[name] for name in OUTPUT_TYPES}
@@ -181,7 +182,7 @@ class PupilRun:
         return Batch(rows, count, position, direction, place, weight, weights, results)
 
     def _trace(self, batch: Batch) -> None:
-        """Start all that a batch takes, up to its sums on their way to the host."""
+        """Start all launches of a batch, including the copy of its sums to the host."""
         if self.seeds is not None:
             assert self.starts is not None
             self.seeds.send()
@@ -192,7 +193,7 @@ class PupilRun:
         self.reading.start()
 
     def _phasor_numbers(self, surface: np.ndarray) -> list:
-        """What the kernel sum_phasors is given first; numbers that are the same objects need not be set again."""
+        """First arguments of the kernel sum_phasors; arguments that are the same objects need not be set again."""
         return [2.0 * np.pi / self.task.wavelength, surface[:3], float(surface[3]), self.task.per_replicate]
 
     def _sums(self, batch: Batch, numbers: list) -> np.ndarray:
@@ -205,7 +206,7 @@ class PupilRun:
     def _start_sums(self, batch: Batch, numbers: list) -> None:
         """Sum groups of the replicates of a batch, then groups of groups.
 
-        `numbers` are those of `_phasor_numbers`: phases are measured from their surface.
+        `numbers` are those of `_phasor_numbers`; they define the surface from which phases are measured.
         """
         per_replicate, engine, results = self.task.per_replicate, self.engine, batch.results
         replicates = batch.rows.stop - batch.rows.start
@@ -219,7 +220,7 @@ class PupilRun:
             engine.launch(self.kernels["reduce_sums"], [rows, joined], [*sums], replicates * joined * SUM_COUNT)
 
     def _retrace(self, batch: Batch) -> int:
-        """Trace again the rays of a batch that are above the tolerance; returns how many are so still."""
+        """Trace again the rays of a batch that are above the tolerance; return the number that still are."""
         task, engine = self.task, self.engine
         arrays: dict[str, np.ndarray] = {}
         for name in ("opd", "step_error", "status", "evaluation_count"):
@@ -236,7 +237,11 @@ class PupilRun:
 
 
 def check_memory(device: str, memory: tuple[float, float], together: int, kept: int) -> None:
-    """Refuse more rays than the device has room for, before it fails half-way; `memory` is that of an Engine."""
+    """Reject more rays than the device has memory for, before any is traced; `memory` is an Engine's.
+
+    Raises:
+        ValueError: The rays do not fit; the message has their size and the device's.
+    """
     whole, piece = memory
     needed = together * RAY_BYTES + kept * KEPT_BYTES
     if needed > whole or 24 * together > piece:

@@ -1,4 +1,4 @@
-"""Sums over a pupil's rays that every backend delivers alike, and the order of the rays."""
+"""Sums over a pupil's rays, which every backend computes alike, and the order of the rays."""
 
 import math
 from dataclasses import dataclass
@@ -34,18 +34,18 @@ def replicate_seeds(seed: int | None, replicates: int) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class PupilTask:
-    """A pupil to be traced and summed.
+    """A pupil to trace and sum.
 
     Attributes:
         field: The refractive index.
         pupil: The pupil.
         look: Direction of its rays, a unit vector, shape (3,).
-        until: The plane on which they stop.
+        until: The plane at which they stop.
         plan: How they are traced.
         wavelength: Vacuum wavelength [m].
         per_replicate: Rays of a replicate.
-        replicates: How many there are.
-        terms: Terms of the surface, fitted best, that phases are measured from: "tilt", "focus", both, or nothing.
+        replicates: Number of replicates.
+        terms: Terms of the fitted surface from which phases are measured: "tilt", "focus", both, or none.
         by_radius: Whether rays are ordered by their distance from the pupil's centre alone, see `point_order`.
         is_radial: Whether the rays lie along one radius of the pupil, for radial quadrature (radial_quadrature.py).
         generator: Generator of the lattice of a replicate's rays (lattice_quadrature.py); 0 for Sobol points.
@@ -72,7 +72,7 @@ class PupilTask:
         return order
 
     def points(self, seed: int | None) -> Any:
-        """What a seed makes: seeds of the scramble (replicates, 2), or the points and weights of radial quadrature."""
+        """What a seed determines: seeds of the scramble (replicates, 2), or points and weights of radial quadrature."""
         if self.is_radial:
             return radial_points(self.per_replicate, self.replicates, seed)
         return replicate_seeds(seed, self.replicates)
@@ -80,13 +80,13 @@ class PupilTask:
 
 @dataclass(frozen=True, eq=False)
 class PupilSums:
-    """What a pupil's rays sum up to.
+    """The sums over a pupil's rays.
 
     Attributes:
         moments: Shape (replicates, MOMENT_COUNT); x and y in metres.
-        phasors: Sums of exp(i k (OPD - surface)), `terms` of the task being the surface, shape (replicates,).
+        phasors: Sums of exp(i k (OPD - surface)) with the surface fitted to the task's `terms`, shape (replicates,).
         ray_count: Rays that were traced.
-        rejected_count: How many of them are above the tolerance by their own error estimate, though traced again.
+        rejected_count: Number of rays whose own error estimate is above the tolerance even after tracing them again.
     """
 
     moments: np.ndarray
@@ -117,7 +117,7 @@ class PupilSums:
 
 
 def holds_tolerance(sums: np.ndarray, task: PupilTask) -> bool:
-    """Whether no ray that arrived is above the tolerance, by rows of sums; true for steps of the caller's own."""
+    """Whether all rays that arrived are within the tolerance, by rows of sums; true without error control."""
     budget = task.plan.tolerance * task.wavelength
     return not task.plan.controls_error or bool(sums[:, GREATEST_ERROR].max() <= budget)
 
@@ -125,9 +125,9 @@ def holds_tolerance(sums: np.ndarray, task: PupilTask) -> bool:
 def point_order(count: int, by_radius: bool) -> np.ndarray:
     """An order of the first `count` Sobol points in which neighbours are close, int32, shape (count,).
 
-    The scramble keeps the intervals of leading digits together, so the order may be made without it. `by_radius` sorts
-    by the distance from the pupil's centre alone, which is all that counts in an axisymmetric field about it; else
-    points of one of some rings are sorted by their angle.
+    The scramble keeps points together that share leading digits, so the order can be made without it. `by_radius` sorts
+    by the distance from the pupil's centre alone, which is sufficient in a field that is axisymmetric about it;
+    otherwise the points are divided into rings and sorted by angle within each.
     """
     index = np.arange(count, dtype=np.uint32)
     radius = _reverse_bits(index)
@@ -160,9 +160,9 @@ def _second_axis(index: np.ndarray) -> np.ndarray:
 
 
 def radial_rays(task: PupilTask, points: tuple[np.ndarray, np.ndarray], rows: slice) -> tuple[np.ndarray, ...]:
-    """Starts [m] (n, 3), places on the pupil (n, 2) and weights (n,) of the rays of some radial replicates.
+    """Starts [m] (n, 3), pupil coordinates (n, 2) and weights (n,) of the rays of some radial replicates.
 
-    The rays leave from the pupil's first axis; `points` are those of `radial_points`.
+    The rays start on the pupil's first axis; `points` are those of `radial_points`.
     """
     squared, weight = (array[rows].reshape(-1, 1) for array in points)
     hole = (task.pupil.inner_ratio or 0.0) ** 2
@@ -170,7 +170,7 @@ def radial_rays(task: PupilTask, points: tuple[np.ndarray, np.ndarray], rows: sl
     place = np.sqrt(squared)
     position = np.empty((len(place), 3))
     for column, along, origin in zip(position.T, task.pupil.axes[0], task.pupil.center, strict=True):
-        np.multiply(task.pupil.reach * place[:, 0], along, out=column)  # by rows of three it takes twice as long
+        np.multiply(task.pupil.reach * place[:, 0], along, out=column)  # twice as fast as by rows of three
         column += origin
     flat = np.zeros((len(place), 2))
     flat[:, :1] = place
@@ -178,12 +178,12 @@ def radial_rays(task: PupilTask, points: tuple[np.ndarray, np.ndarray], rows: sl
 
 
 def group_count(per_replicate: int) -> int:
-    """Groups of rays that a replicate is summed in."""
+    """Number of groups in which a replicate's rays are summed."""
     return -(-per_replicate // GROUP)
 
 
 def joined_counts(per_replicate: int) -> list[int]:
-    """Rows of sums that a replicate has, from its groups on, joined and joined again until one is left."""
+    """Rows of sums of a replicate: the number of its groups, then after each joining, down to one."""
     counts = [group_count(per_replicate)]
     while counts[-1] > 1:
         counts.append(-(-counts[-1] // REDUCTION_WIDTH))
@@ -191,6 +191,6 @@ def joined_counts(per_replicate: int) -> list[int]:
 
 
 def batches_of(replicates: int, per_replicate: int) -> list[slice]:
-    """Replicates that are traced together."""
+    """Slices of the replicates that are traced together."""
     size = max(1, BATCH_RAYS // per_replicate)  # speed only
     return [slice(first, min(first + size, replicates)) for first in range(0, replicates, size)]

@@ -1,16 +1,15 @@
 r"""Radial quadrature of a symmetric pupil: axisymmetric field, pupil on its axis, rays along it.
 
-The optical path difference W then depends on the distance r from the axis alone, and with u = (r / R)^2 a mean over the
-disc is one over a line, of which the smooth substitution u = p(t) makes one over a period:
+The optical path difference W then depends only on the distance r from the axis, and with u = (r / R)^2 a mean over the
+disc becomes one over a line, which the smooth substitution u = p(t) makes periodic:
 
     1 / (pi R^2) \int f dA = \int_0^1 f(u) du = \int_0^1 f(p(t)) p'(t) dt,    p = t^3 (10 - 15 t + 6 t^2)
     <x> = <y> = <x y> = <x W> = <y W> = 0,    <x^2> = <y^2> = <r^2> / 2
 
-On an annulus u runs from the square of its inner over its outer radius on. A replicate takes equidistant t at a random
-offset, which is free of bias, and weights p'(t), which are scaled to sum to the number of its rays. With n points the
-error falls as n^-3 where W is smooth, as n^-2 where it has a kink, and as
-n^-1 where it jumps or rays are lost at an edge (on such substitutions: I. H. Sloan, S. Joe, Lattice Methods for
-Multiple Integration (1994)).
+On an annulus u runs from the square of the ratio of its radii to 1. A replicate takes equidistant t at a random offset,
+which is free of bias, and weights p'(t), which are scaled to sum to the number of its rays. With n points the error
+falls as n^-3 where W is smooth, as n^-2 where it has a kink, and as n^-1 where it jumps or rays are lost at an edge (on
+such substitutions: I. H. Sloan, S. Joe, Lattice Methods for Multiple Integration (1994)).
 """
 
 import numpy as np
@@ -20,15 +19,16 @@ from ..rays import Pupil, RayBundle
 
 # Rays of a replicate: on the shipped fields their sampling error is below that of a million rays over the disc.
 RADIAL_RAYS = 512
-# Fewer rays than this do not know the sum of the weights to 1e-6: the disc is then as good.
+# Fewer rays than this do not give the sum of the weights to 1e-6: the disc is then as accurate.
 LEAST_RAYS = 32
-# Rays of a replicate that are tried first for new values of a field: errors of the shipped fields are 6e-8 to 2e-6.
+# Rays of a replicate that are tried first for new values of a field: errors on the shipped fields are 6e-8 to 2e-6.
 FEWER_RAYS = 128
-# The greatest distance of the rays of all replicates [cells], and it over the pupil's radius divided by their number.
+# The greatest distance of the rays of all replicates: in cells, and as a multiple of the pupil's radius over the number
+# of rays.
 RESOLVED, WIDEST = 0.75, 1.7
-# A standard error of the Strehl ratio above this shows an edge: then as many rays are taken as were asked for.
+# A standard error of the Strehl ratio above this indicates an edge: then the requested number of rays is taken.
 SETTLED = 1e-5
-# How far from the axis, over the pupil's radius, and how far off its direction [rad] counts as rounding.
+# Distances from the axis, over the pupil's radius, and angles with it [rad] that count as rounding.
 ROUNDING = 1e-9
 
 
@@ -57,7 +57,7 @@ def choose_radial(
     symmetry,
     most: int = RADIAL_RAYS,
 ) -> tuple[int, str]:
-    """Rays of a replicate in radial quadrature, at most `most`, 0 for the whole disc, and the reason in words.
+    """Rays of a replicate in radial quadrature, at most `most`, or 0 for the whole disc, and the reason in words.
 
     Raises:
         ValueError: `symmetry` is not "auto", "off", True or False; or True where the set-up is not symmetric.
@@ -92,13 +92,13 @@ def radial_points(count: int, replicates: int, seed: int | None) -> tuple[np.nda
 
 
 def fewer_rays(field: IndexField, pupil: Pupil, replicates: int) -> int:
-    """FEWER_RAYS, or RADIAL_RAYS where so few would be further apart than a field's cells let them."""
+    """FEWER_RAYS, or RADIAL_RAYS where so few rays would be too far apart for the field's cells."""
     widest = WIDEST * pupil.reach / (replicates * FEWER_RAYS)
     return FEWER_RAYS if widest <= RESOLVED * float(np.min(field.spacing)) else RADIAL_RAYS
 
 
 def radial_bundle(pupil: Pupil, look: np.ndarray, count: int) -> RayBundle:
-    """Parallel rays along the pupil's first axis, each in the middle of an equal share of its area."""
+    """Parallel rays along the pupil's first axis, each in the middle of an equal share of the pupil's area."""
     hole = (pupil.inner_ratio or 0.0) ** 2
     place = np.sqrt(hole + (1.0 - hole) * (np.arange(count) + 0.5) / count)
     return RayBundle(pupil.center + pupil.reach * place[:, None] * pupil.axes[0], look[None])

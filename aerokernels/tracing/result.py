@@ -1,4 +1,4 @@
-"""What a trace returns."""
+"""The result of a trace: per-ray arrays, statuses and the error budget."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -24,14 +24,14 @@ RAY_OUTPUTS = {
     "step_count": ("1", "accepted steps"),
     "evaluation_count": ("1", "field evaluations"),
 }
-# What `on_device` gives out.
+# Names that `on_device` accepts.
 ON_DEVICE = (*RAY_OUTPUTS, "status", "start_position", "start_direction")
-# Kernels are given the wanted outputs as a number with one bit for each.
+# Kernels receive the requested outputs as an integer with one bit for each.
 OUTPUT_BITS = {name: 1 << bit for bit, name in enumerate(RAY_OUTPUTS)}
 
 
 def output_mask(outputs: frozenset) -> int:
-    """The bits of the wanted outputs."""
+    """Return the bits of the requested outputs."""
     return sum(bit for name, bit in OUTPUT_BITS.items() if name in outputs)
 
 
@@ -39,10 +39,10 @@ def output_mask(outputs: frozenset) -> int:
 @read_on_touch(*RAY_OUTPUTS, "traced_status", "start_position", "start_direction")
 @dataclass(eq=False, repr=False)
 class TraceResult:
-    """Traced rays, float64 whatever the kernel's precision. Arrays that were not asked for are None.
+    """Traced rays, in float64 whatever the kernel's precision. Arrays that were not requested are None.
 
-    What Warp traced stays on its device: `on_device` gives it out there, and an attribute is copied to the host when it
-    is first read. A pickle holds what the host reads.
+    Results of Warp stay on its device: `on_device` returns them there, and an attribute is copied to the host when it
+    is first read. A pickle contains the host's copies.
 
     Attributes:
         position: End points [m], shape (ray_count, 3).
@@ -55,7 +55,7 @@ class TraceResult:
         step_count: Accepted steps.
         evaluation_count: Field evaluations.
         traced_status: RayStatus codes set by the tracer, first failure wins; `status` adds LEFT_DISTURBED_AIR.
-        plan: What was chosen, skipped and why.
+        plan: The choices made for this trace, with reasons.
         seconds: Wall time by stage: see STAGES in clock.py.
         wavelength: Wavelength of the tolerance [m].
         weight: Share of each ray in means over the bundle.
@@ -87,14 +87,14 @@ class TraceResult:
         return len(self.__dict__["traced_status"])
 
     def on_device(self, name: str) -> Any:
-        """An output, "status" or "start_position" or "start_direction", where it lies; nothing is copied.
+        """Return an output, "status", "start_position" or "start_direction" where it is stored, without a copy.
 
-        A warp.array, of numbers or of vectors, of what Warp traced; a NumPy array of what OpenCL or the reference did.
-        Both have DLPack, and what lies on a GPU has `__cuda_array_interface__`: CuPy, PyTorch and JAX take them as they
-        are (`torch.from_dlpack(result.on_device("opd"))`). "status" holds the tracer's codes, those of `traced_status`.
+        Results of Warp are a warp.array of numbers or vectors; those of OpenCL and of the reference are NumPy arrays.
+        Both support DLPack, and arrays on a GPU have `__cuda_array_interface__`: CuPy, PyTorch and JAX accept them as
+        they are (`torch.from_dlpack(result.on_device("opd"))`). "status" holds the tracer's codes, as `traced_status`.
 
         Raises:
-            ValueError: No such output, or one that was not asked for.
+            ValueError: No such output, or one that was not requested.
         """
         found = self.__dict__.get("traced_status" if name == "status" else name) if name in ON_DEVICE else None
         if found is None:
@@ -104,10 +104,10 @@ class TraceResult:
 
     @cached_property
     def truncation(self) -> np.ndarray:
-        """What each ray may have lost where the known air ends [m], shape (ray_count,): see known_air.py.
+        """OPD that each ray may have lost where the known air ends [m], shape (ray_count,): see known_air.py.
 
         It is estimated on straight lines. Where the field bends rays by more than a cell, it is estimated at the traced
-        ends, if both `position` and `direction` were asked for. Computed when first read.
+        ends, if both `position` and `direction` were requested. Computed when first read.
         """
         if self.known_air is None:
             return np.zeros(self.ray_count)
@@ -151,8 +151,8 @@ class TraceResult:
         """The bundle's numbers with their errors: "opd_rms" [m], where "opd" is among the outputs.
 
         "opd_rms" is the rms of the OPD about its mean over the rays that reached the stop, weighted by their shares of
-        the bundle; NaN where no ray reached it. Its error is the budget's total: that is the greatest OPD error of a
-        ray, and the rms cannot be further off.
+        the bundle; NaN where no ray reached it. Its error is the budget's total, which is the greatest OPD error of a
+        ray: the error of the rms cannot be greater.
         """
         good = self.ok
         share = self.weight[good] if np.ndim(self.weight) else np.ones(int(good.sum()))
@@ -161,7 +161,7 @@ class TraceResult:
         if not share.sum() > 0.0:
             return {"opd_rms": Quantity(float("nan"), unit="m")}
         opd = self.opd[good]
-        mean = float(np.sum(share * opd) / share.sum())  # no BLAS: its last bits depend on the threads
+        mean = float(np.sum(share * opd) / share.sum())  # not by BLAS, whose last bits depend on the number of threads
         rms = float(np.sqrt(share @ (opd - mean) ** 2 / share.sum()))
         return {"opd_rms": Quantity(rms, self.error.get("total", float("nan")), "m")}
 
@@ -192,7 +192,7 @@ class TraceResult:
         return "\n".join([*lines, f"  {str(self.plan).splitlines()[0]}"])
 
     def status_summary(self) -> dict[str, int]:
-        """Number of rays by status name, those that occur."""
+        """Number of rays of each status that occurs, by the status's name."""
         code, count = np.unique(self.status, return_counts=True)
         return {RayStatus(int(c)).name: int(n) for c, n in zip(code, count, strict=True)}
 

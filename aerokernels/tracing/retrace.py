@@ -1,9 +1,9 @@
-"""Rays whose own error estimate is above the tolerance are traced again here; those that stay above it are reported.
+"""Trace again the rays whose own error estimate is above the tolerance, and report those that stay above it.
 
 Every method estimates the error of each ray's optical path. "fixed" and "paper" take the caller's steps, and their rays
-stay as they are. With every other method a ray above the tolerance is traced again under error control: first in the
-precision asked for, if it was not traced so already, then in float64 with the tolerance times a power of RETRACE_SHARE.
-A ray that is above the tolerance even then gets the status TOLERANCE_NOT_MET.
+are not traced again. With every other method a ray above the tolerance is traced again under error control: first in
+the requested precision, if it was not traced so already, then in float64 with the tolerance times a power of
+RETRACE_SHARE. A ray that is above the tolerance even then gets the status TOLERANCE_NOT_MET.
 """
 
 import warnings
@@ -19,22 +19,23 @@ from .launch import launch
 from .plan import TracePlan
 from .status import RayStatus, reached
 
-# A further attempt asks for this share of the last one's tolerance, since error control may end a little above what is
-# asked for. Rays that were further above the tolerance get a power of it, at least LEAST_SHARE: ten times the steps.
+# A further attempt requests this share of the last attempt's tolerance, since error control may end a little above the
+# requested tolerance. Rays that were further above it get a power of the share, at least LEAST_SHARE: ten times the
+# steps.
 RETRACE_SHARE = 0.5
 LEAST_SHARE = 1e-4
-# Waves from which on an error estimate says no more than that there is no bound.
+# From this many waves on, an error estimate means only that there is no bound.
 UNBOUNDED = 1e6
 
 
 class ToleranceWarning(RuntimeWarning):
-    """Some rays were traced again, and their own error estimate is still above the tolerance asked for."""
+    """Some rays were traced again, and their own error estimate is still above the requested tolerance."""
 
 
 def retrace_rejected(
     field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, arrays: dict
 ) -> None:
-    """Trace again those rays whose "step_error" is above the tolerance; others are not read from the device.
+    """Trace again those rays whose "step_error" is above the tolerance; other rays are not copied from the device.
 
     Args:
         field: The refractive index.
@@ -42,8 +43,8 @@ def retrace_rejected(
         plan: How the rays were traced; its method controls its error.
         until: The stop.
         wavelength: Vacuum wavelength [m].
-        arrays: Per-ray results by name, "step_error" and "status" among them, which are changed; NumPy's or
-            DeviceArrays.
+        arrays: Per-ray results by name, NumPy arrays or DeviceArrays, "step_error" and "status" among them. They are
+            changed in place.
     """
     held = held_error(field, plan.tolerance * wavelength)
     rows = rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET, arrays["step_error"], held)
@@ -58,8 +59,8 @@ def retrace_rejected(
 def _retrace(
     field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, arrays: dict, held: float
 ) -> None:
-    """The same for rays all of which may have to be traced again."""
-    # A trace along undisturbed lines stays one; leapfrog stands for bent rays.
+    """Trace again those of the given rays that are above the allowed error `held` [m]; change `arrays` in place."""
+    # A trace along undisturbed lines remains one; leapfrog is replaced by another method for bent rays.
     asked = "straight" if plan.method == "straight" and not plan.sample_count else "adaptive"
     controlled = replace(plan, method=asked, sample_count=0, sampling=None)
 
@@ -68,7 +69,7 @@ def _retrace(
             field, rays.rows(rows), attempt, until, wavelength, frozenset(arrays) - {"status"}, are_read=True
         )
         others = on_host(found)
-        # A ray that fared worse, or is lost this time, keeps what it had.
+        # A ray that got worse, or was lost in this attempt, keeps its previous results.
         lost = ~reached(arrays["status"][rows]) | ~np.isfinite(arrays["step_error"][rows])
         ended = reached(others["status"]) | (others["status"] == RayStatus.STOP_NOT_REACHED)
         better = ended & (others["step_error"] < arrays["step_error"][rows])
@@ -76,7 +77,7 @@ def _retrace(
         for name, array in arrays.items():
             array[rows[taken]] = others[name][taken]
 
-    if plan.looks_up_cubes:  # the spline's samples are right where its polynomials may not be
+    if plan.looks_up_cubes:  # the spline may be accurate where the polynomials of cubes are not
         rows = np.flatnonzero(_rejected(arrays, held) & np.isfinite(arrays["step_error"]))
         if len(rows):
             trace_again(rows, replace(plan, cubes=False))
@@ -84,9 +85,9 @@ def _retrace(
         rows = np.flatnonzero(_rejected(arrays, held))
         if len(rows):
             trace_again(rows, controlled)
-    # An estimate in single precision may be rounding alone: it says nothing about steps in float64.
+    # An estimate in single precision may be rounding alone: it does not show which steps float64 needs.
     is_known = plan.precision == "float64" and asked == plan.method
-    share = np.ones(rays.ray_count)  # of the tolerance, that each ray was traced by
+    share = np.ones(rays.ray_count)  # of the tolerance, by which each ray was traced
     for round_number in range(2 if is_known else 3):
         rejected = _rejected(arrays, held)
         powers = _powers(arrays["step_error"], held) if is_known or round_number else 1.0
@@ -100,9 +101,9 @@ def _retrace(
 
 
 def _powers(error: np.ndarray, held: float) -> np.ndarray:
-    """The power of RETRACE_SHARE that brings each ray's error estimate below what it is held to; 1 at least.
+    """The power of RETRACE_SHARE that brings each ray's error estimate below the allowed error; at least 1.
 
-    Each step may use the share of the tolerance that it has of the undisturbed ray's path through the field. A ray that
+    Each step may use up a share of the tolerance: its share of the undisturbed ray's path through the field. A ray that
     is turned so far that its path is a hundred times longer ends a hundred times above the tolerance.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -111,7 +112,7 @@ def _powers(error: np.ndarray, held: float) -> np.ndarray:
 
 
 def _rejected(arrays: dict, budget: float) -> np.ndarray:
-    """Which rays are to be traced again: above the budget [m], or outside what the method can estimate (infinite)."""
+    """Which rays must be traced again: above the budget [m], or outside what the method can estimate (infinite)."""
     error, status = arrays["step_error"], arrays["status"]
     # A ray that passes beside its stop by an error above the budget may meet it.
     return ~(error <= budget) & (reached(status) | (status == RayStatus.STOP_NOT_REACHED) | np.isinf(error))
@@ -120,13 +121,13 @@ def _rejected(arrays: dict, budget: float) -> np.ndarray:
 def report_rejected(plan: TracePlan, count: int, ray_count: int, greatest: float | None, wavelength: float):
     """Warn of rays that are still above the tolerance, and return the plan with a sentence about them.
 
-    Without such rays the plan is returned unchanged, and nobody is warned.
+    Without such rays the plan is returned unchanged, without a warning.
 
     Args:
         plan: The plan.
         count: Number of rays with the status TOLERANCE_NOT_MET.
         ray_count: Number of all rays.
-        greatest: The greatest error estimate of the former [m]; None where it was not kept.
+        greatest: The greatest error estimate of these rays [m]; None where it was not kept.
         wavelength: Vacuum wavelength [m].
     """
     if not count:

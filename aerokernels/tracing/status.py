@@ -1,4 +1,4 @@
-"""What became of a ray. The first failure wins; one ray's failure never touches another."""
+"""Status codes of rays. The first failure wins, and the failure of one ray does not affect the others."""
 
 from enum import IntEnum
 
@@ -66,10 +66,10 @@ _TEXT = {
     ),
 }
 
-# What the kernels that interpolate rays say of one that they have nothing for, until it is traced: no RayStatus.
+# Code by which the kernels that interpolate rays mark one without a patch, until it is traced; not a RayStatus.
 NOT_DELIVERED = -1
 
-# Rays with these statuses reached the stop: their numbers can be used, under the reservation that the status states.
+# Rays with these statuses reached the stop: their results can be used, with the reservation that the status states.
 REACHED = (RayStatus.OK, RayStatus.LEFT_DISTURBED_AIR, RayStatus.TOLERANCE_NOT_MET)
 
 
@@ -84,5 +84,5 @@ def reached(status: np.ndarray) -> np.ndarray:
 
 
 def is_any_rejected(status: np.ndarray) -> bool:
-    """Whether any of the status codes is that of a ray above the tolerance."""
+    """Whether any of the status codes is TOLERANCE_NOT_MET."""
     return bool((status == RayStatus.TOLERANCE_NOT_MET).any())

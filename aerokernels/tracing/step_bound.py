@@ -1,4 +1,4 @@
-r"""How long a step may be at each place, so that nothing between its samples is missed.
+r"""Bound the length of a step at each place, so that nothing between its samples is missed.
 
 The field is divided into blocks of some cells a side. In each the roughness is bounded by differences of the
 interpolant's coefficients: the fourth derivative G of the potential along the rays (for "cubic", whose third derivative
@@ -7,10 +7,10 @@ H errs in optical path by no more than about C H^5 G, so that over a path of len
 
     H <= (SHARE budget / (C L G))^(1/4)       and, at kinks,      K / 12 <= KINK_SHARE budget / L
 
-where G and K are the greatest that a ray can meet within H ahead of the block: all that lies in the cone of directions
-about the coordinate axis that the ray runs along, or on all sides where it runs along none. Widening H and looking
-again gives each block its reach. Steps up to STEP_LIMIT cells are taken in any case: four samples a step are then never
-further apart than a sample's support.
+where G and K are the greatest that a ray can meet within H ahead of the block: the maximum over the cone of directions
+about the coordinate axis that the ray runs along, or over all directions if it runs along none. H is increased step by
+step, and each block gets the greatest H for which this holds. Steps of up to STEP_LIMIT cells are taken in any case:
+four samples a step are then never further apart than a sample's support.
 
 With k_i = G_i^(1/4) along axis i, G along a direction u of a structure with one normal is (sum |u_i| k_i)^4.
 """
@@ -25,26 +25,27 @@ from .blocks import block_maxima, greatest_around
 BLOCK = 4
 BLOCK_COUNT_LIMIT = 300_000
 # Above 1, since the formula's own constant is far below C on smooth fields (it is exact to degree four) and errors of
-# steps differ in sign; set where tolerances still held on smooth fields and shocks (docs/accuracy.md, what was tried).
+# steps differ in sign; chosen so that tolerances still held on smooth fields and shocks (docs/accuracy.md lists
+# trials).
 SHARE = 12.0
 # Kinks may all deflect to one side: their errors add up.
 KINK_SHARE = 0.05
-# Of a rule that is exact for cubics, with room for knots anywhere in the step.
+# The error constant of a rule that is exact for cubics, with room for knots anywhere in the step.
 CONSTANT = 1.0 / 720.0
-# The deflection up to which the table holds for a ray [rad].
+# The deflection of a ray up to which the table is valid [rad].
 TURN = 0.02
-# Sines of the angles with a coordinate axis within which rays look ahead in a cone; others look around on all sides.
+# Sines of the angles with a coordinate axis within which rays look ahead in a cone; other rays use all directions.
 CONE_SINES = (0.02, 0.2)
 
-# Tables kept for a grid: of two precisions, some tolerances, some cones.
+# Tables cached on a grid: for two precisions, some tolerances and some cones.
 KEPT = 32  # speed only
 
 
 @dataclass(frozen=True)
 class Cone:
-    """A cone of directions about a coordinate axis that a ray's own first direction picks; axis None: all directions.
+    """A cone of directions about a coordinate axis, chosen by a ray's own first direction; axis None: all directions.
 
-    The cone, and so the steps, of a ray depend on this ray alone and not on the others of its bundle.
+    The cone of a ray, and so its steps, depend on this ray alone and not on the others of its bundle.
     """
 
     axis: int | None
@@ -60,7 +61,8 @@ class Cone:
         return way
 
 
-# By number: all directions, then for each axis, each sense, each sine of CONE_SINES one. Kernels number them alike.
+# The cones by number: all directions, then one for each axis, each sign, each sine of CONE_SINES. Kernels use these
+# numbers too.
 CONES = (
     Cone(None, 0.0, np.pi),
     *(
@@ -73,7 +75,7 @@ CONES = (
 
 
 def cones_of(directions: np.ndarray, geometry: str) -> np.ndarray:
-    """Number in CONES of unit vectors (n, 3), shape (n,)."""
+    """Numbers in CONES of unit vectors (n, 3), shape (n,)."""
     size = np.abs(directions)
     axis = np.argmax(size, axis=1)
     rows = np.arange(len(directions))
@@ -83,21 +85,21 @@ def cones_of(directions: np.ndarray, geometry: str) -> np.ndarray:
     number = 1 + (2 * axis + (ahead < 0.0)) * len(CONE_SINES) + level
     usable = level < len(CONE_SINES)
     if geometry != "volume":
-        # A step along x, or across the axis of symmetry, is no straight line in the plane of the samples.
+        # A step along x, or across the axis of symmetry, is not a straight line in the plane of the samples.
         usable &= axis == 2 if geometry == "axisymmetric" else axis > 0
     return np.where(usable, number, 0)
 
 
 @dataclass(frozen=True, eq=False)
 class StepBound:
-    """Safe steps [m], one axis per axis of the grid, each entry for a block of `block` cells a side."""
+    """Safe steps [m], one array axis per axis of the grid, each entry for a block of `block` cells a side."""
 
     length: np.ndarray
     block: int
 
 
 def step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> StepBound:
-    """The table of step bounds; zero where STEP_LIMIT rules. The last few are kept as long as the grid lives.
+    """Return the table of step bounds; zero where STEP_LIMIT applies. The last few are cached on the grid.
 
     Args:
         grid: The field's samples.
@@ -135,13 +137,13 @@ def _step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> 
 
 
 def smooth_step(fourth, rate: float):
-    """Step [m] that errs by `rate` [m of OPD per m of path] where the fourth derivative is `fourth` [1/m4]."""
+    """Step [m] with an error of `rate` [m of OPD per m of path] where the fourth derivative is `fourth` [1/m4]."""
     with np.errstate(divide="ignore", over="ignore"):
         return np.divide(rate, CONSTANT * fourth) ** 0.25
 
 
 def roughness_along(grid: UniformGrid, geometry: str, cone: Cone) -> tuple[int, np.ndarray, np.ndarray]:
-    """Cells in a block, and the greatest fourth derivative [1/m4] and kink [1] along the cone's rays in each."""
+    """Cells in a block, and each block's greatest fourth derivative [1/m4] and kink [1] along the cone's rays."""
     block, fourth, second = _roughness(grid)
     if cone.axis is None:
         return block, np.sum([np.sqrt(g) for g in fourth], axis=0) ** 2, np.sum(second, axis=0)
@@ -152,13 +154,13 @@ def roughness_along(grid: UniformGrid, geometry: str, cone: Cone) -> tuple[int, 
 
 
 def roughness_by_axis(grid: UniformGrid) -> tuple[int, list[np.ndarray]]:
-    """Cells in a block, and the greatest |fourth derivative| along each axis in each [1/m4], of a cubic spline."""
+    """Cells in a block, and each block's greatest |fourth derivative| along each axis [1/m4], of a cubic spline."""
     block, fourth, _ = _roughness(grid)
     return block, fourth
 
 
 def roughness_of_blocks(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
-    """Cells in a block, and the greatest |fourth derivative| [1/m4] and kink [1] along each axis in each."""
+    """Cells in a block, and each block's greatest |fourth derivative| [1/m4] and kink [1] along each axis."""
     return _roughness(grid)
 
 
@@ -172,7 +174,7 @@ def _local(way: np.ndarray, geometry: str) -> np.ndarray:
 
 
 def _window(near: float, far: float, size: np.ndarray, way: np.ndarray, cone: Cone) -> tuple[np.ndarray, np.ndarray]:
-    """Offsets, in blocks along each axis, of all that rays from a block meet between `near` and `far` ahead."""
+    """Offsets, in blocks along each axis, of everything that rays from a block meet between `near` and `far` ahead."""
     if cone.axis is None:
         half = np.ceil(far / size).astype(int)
         return -half, half
@@ -182,9 +184,9 @@ def _window(near: float, far: float, size: np.ndarray, way: np.ndarray, cone: Co
 
 
 def _roughness(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
-    """Cells in a block, greatest |fourth derivative| [1/m4] and kink [1] along each axis there; kept with the grid.
+    """Cells in a block, each block's greatest |fourth derivative| [1/m4] and kink [1] along each axis; cached.
 
-    Of the potential over the ambient index, which is the contrast where that is small.
+    They are those of the potential over the ambient index, which is the contrast where that is small.
     """
     return grid.derive("roughness", lambda: _roughness_of(grid))
 
@@ -201,7 +203,7 @@ def _roughness_of(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.nda
     block = block_size(grid)
     fourth, second = [], []
     for axis in range(grid.samples.ndim):
-        nodes = _stretched(grid, axis)  # in the grid's own order of memory, though that axis comes first
+        nodes = _stretched(grid, axis)  # in the grid's own memory order, with that axis first
         nodes /= grid.ambient_index
         change = np.moveaxis(np.abs(_differences(nodes, 4)), 0, axis)
         fourth.append(block_maxima(change, block) / grid.spacing[axis] ** 4)
@@ -213,7 +215,7 @@ def _roughness_of(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.nda
 
 
 def _differences(values: np.ndarray, order: int) -> np.ndarray:
-    """As np.diff has them along the first axis, in the memory of one result."""
+    """Differences along the first axis, as by np.diff, computed in the memory of one result."""
     found = values[1:] - values[:-1]
     for _ in range(order - 1):
         np.subtract(found[1:], found[:-1], out=found[:-1])
@@ -222,12 +224,12 @@ def _differences(values: np.ndarray, order: int) -> np.ndarray:
 
 
 def _stretched(grid: UniformGrid, axis: int) -> np.ndarray:
-    """What the potential's differences along an axis are taken of: two entries more than nodes at each end, axis first.
+    """Values whose differences along an axis bound the potential's: two more than nodes at each end, axis first.
 
-    Coefficients of the cubic spline, else samples. Mirrored on the axis of symmetry, a cubic's continuation elsewhere.
+    Coefficients for a cubic spline, else samples, mirrored on the axis of symmetry and continued by a cubic elsewhere.
     """
     if grid.interpolation == "cubic":
-        # One coefficient lies beyond each end already.
+        # The coefficients already have one entry beyond each end.
         others = tuple(slice(None) if a == axis else slice(1, -1) for a in range(grid.samples.ndim))
         moved = np.moveaxis(grid.coefficients[others], axis, 0)
         inner, missing = moved, 1
@@ -248,7 +250,7 @@ def _stretched(grid: UniformGrid, axis: int) -> np.ndarray:
 
 
 def _continued(values: np.ndarray, count: int) -> np.ndarray:
-    """`count` entries ahead of the first, on the cubic (or less, of few entries) through the first ones."""
+    """`count` entries ahead of the first, on the cubic through the first four (lower degree if there are fewer)."""
     rule = {1: [1.0], 2: [2.0, -1.0], 3: [3.0, -3.0, 1.0]}.get(len(values), [4.0, -6.0, 4.0, -1.0])
     ahead = values[: len(rule)]
     for _ in range(count):
@@ -257,7 +259,7 @@ def _continued(values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _greatest(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Greatest within offsets low to high blocks along each axis; beyond the field there is nothing."""
+    """Greatest value at offsets from `low` to `high` blocks along each axis; beyond the field the values are zero."""
     for axis in range(values.ndim):
         values = greatest_around(values, int(low[axis]), int(high[axis]), axis)
     return values

@@ -1,4 +1,4 @@
-"""Where a trace ends: on a plane, or after a length of path. None means: where the ray leaves the field's box."""
+"""Stops of a trace: a plane, or a length of path. None means that a ray ends where it leaves the field's box."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ class Plane:
     point: np.ndarray
     normal: np.ndarray
 
-    if TYPE_CHECKING:  # arrays are made of what is given
+    if TYPE_CHECKING:  # the attributes are arrays, made from whatever is given
 
         def __init__(self, point: ArrayLike, normal: ArrayLike) -> None: ...  # noqa: D107
 
@@ -42,14 +42,14 @@ class ArcLength:
 
 
 def stop_key(until: "Plane | ArcLength | None") -> tuple | None:
-    """What is equal for equal stops, to keep results under."""
+    """Return a key for caches that is equal for equal stops."""
     if isinstance(until, Plane):
         return until.point.tobytes(), until.normal.tobytes()
     return None if until is None else (until.length,)
 
 
 def stop_distance(position: np.ndarray, direction: np.ndarray, until) -> np.ndarray:
-    """How far along straight lines the stop is [m], infinite where they never meet it, shape (n,)."""
+    """Distance to the stop along straight lines [m], infinite where they never meet it, shape (n,)."""
     if isinstance(until, ArcLength):
         return np.full(len(position), until.length)
     if not isinstance(until, Plane):

@@ -1,4 +1,4 @@
-"""The straight lines of undisturbed rays through a part of a field: from where they enter it to where they end."""
+"""The straight lines of undisturbed rays through a part of a field, from their entry to their end."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -12,7 +12,8 @@ from .lines import crossing_of_box
 from .scheme import LEAST_COSINE
 from .stop import Plane
 
-# Lines that are looked at beside a body, and the outermost rays at the end of a bundle's spread (leapfrog.spread_of).
+# Number of lines that are tested near a body, and of outermost rays at the end of a bundle's spread
+# (leapfrog.spread_of).
 BESIDE_BODY, OUTERMOST = 192, 12
 
 
@@ -24,7 +25,7 @@ class Lines:
         start: Where they begin [m], shape (line_count, 3).
         direction: Unit vectors, shape (line_count, 3).
         length: Lengths [m], shape (line_count,).
-        lever_arm: Lever arms [m]: distance from `start` to the stop, times the tangent of the angle at which it is met.
+        lever_arm: Lever arms [m]: distance from `start` to the stop, times the tangent of the angle with its normal.
         tangent: That tangent; 0 where there is no stop.
     """
 
@@ -35,15 +36,15 @@ class Lines:
     tangent: np.ndarray
 
     def every(self, step: int) -> "Lines":
-        """Every so many of them."""
+        """Return every `step`-th line."""
         arrays = self.start, self.direction, self.length, self.lever_arm, self.tangent
         return Lines(*(array[::step] for array in arrays))
 
 
 def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> Lines:
-    """The lines of those rays that meet the part of the field from `low` to `high` [m, along the field's own axes]."""
+    """Lines of the rays that meet the part of the field from `low` to `high` [m, along the field's own axes]."""
     p, d = rays.position, rays.direction
-    if field.body is not None and len(p) > BESIDE_BODY:  # each is tested against every segment of the body
+    if field.body is not None and len(p) > BESIDE_BODY:  # each line is tested against every segment of the body
         rows = np.r_[np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int), np.arange(len(p) - OUTERMOST, len(p))]
         p, d = p[rows], d[rows]
     enter, leave, _ = crossing_of_box(p, d, low, high, field.geometry)
@@ -71,7 +72,7 @@ def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, hi
 
 
 def local_coordinates(place: np.ndarray, geometry: str) -> np.ndarray:
-    """Coordinates along the grid's own axes of places (n, 3)."""
+    """Coordinates of places (n, 3) along the grid's own axes."""
     if geometry == "axisymmetric":
         return np.stack([np.hypot(place[:, 0], place[:, 1]), place[:, 2]], axis=1)
     return place[:, 1:] if geometry == "planar" else place

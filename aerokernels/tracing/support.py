@@ -1,8 +1,8 @@
 """The support of a field: the part of its box outside which the air is so uniform that it need not be integrated.
 
-The air outside may cost a share of the tolerance, by its optical path and by its deflection of rays. On a path of
-length L through the box the potential s outside is below share / L. Where errors of direction count with a lever arm A
-(lever_arms.py), its slope is below share / (L A).
+Ignoring the air outside may cost a share of the tolerance, by its optical path and by its deflection of rays. On a path
+of length L through the box the potential s outside is below share / L. Where errors of direction count with a lever arm
+A (lever_arms.py), its slope is below share / (L A).
 """
 
 import numpy as np
@@ -13,11 +13,11 @@ from .blocks import over_lines
 from .lever_arms import LeverArms
 from .scheme import LEAPFROG_ANGLE
 
-# The share of the tolerance that may be lost by taking the air outside for uniform.
+# The share of the tolerance that may be lost by taking the air outside to be uniform.
 SUPPORT_SHARE = 0.05
-# Nodes to each side whose spline a coefficient is part of, and one to spare.
+# Nodes to each side on whose splines a coefficient acts, and one to spare.
 MARGIN_NODES = 3
-# Boxes kept for a field.
+# Boxes cached on a field.
 KEPT = 8  # speed only
 
 
@@ -26,9 +26,9 @@ def support_box(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Corners of the support along the local axes [m], each of shape (2,) or (3,).
 
-    Outside, the optical potential is so small that the path along any line through the box is off by less than
-    SUPPORT_SHARE of the tolerance [m], and by no more than that for its deflection. Where the support is empty both
-    corners are the middle of the box.
+    Outside, the optical potential is so small that ignoring it changes the path along any line through the box by less
+    than SUPPORT_SHARE of the tolerance [m], and by no more than that for its deflection. Where the support is empty,
+    both corners are the middle of the box.
 
     Args:
         field: The refractive index, on a cubic uniform grid.
@@ -66,7 +66,7 @@ def _find_support_box(
 
 
 def left_out(field: IndexField, tolerance: float, lever_arms: LeverArms | None) -> tuple[float, float]:
-    """The greatest potential [1] and slope of it [1/m] that may be left out; infinite where slopes do not count."""
+    """The greatest potential [1] and slope of it [1/m] that may be ignored; infinite where slopes do not count."""
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     extent = np.asarray(grid.high) - np.asarray(grid.low)
@@ -76,9 +76,9 @@ def left_out(field: IndexField, tolerance: float, lever_arms: LeverArms | None) 
         return SUPPORT_SHARE * tolerance / longest, np.inf
     path_length = max(lever_arms.path_length, longest)
     potential = SUPPORT_SHARE * tolerance / path_length
-    # A ray's own deflection is an obliquity too, of second order in the contrast: it counts on far flights only.
+    # A ray's own deflection is an obliquity too, of second order in the contrast: it counts only on far flights.
     beyond = max(lever_arms.reach - 2.0 * path_length, 0.0)
-    # Slopes of splines are below twice their greatest coefficient over the spacing.
+    # The slope of a spline is below twice its greatest coefficient over the spacing.
     if lever_arms.lever_arm + beyond * LEAPFROG_ANGLE <= 0.5 * float(np.min(grid.spacing)):
         return potential, np.inf
     deflection = min(LEAPFROG_ANGLE, path_length * max(float(peaks.max(initial=0.0)) for peaks in _slope_peaks(grid)))
@@ -87,12 +87,12 @@ def left_out(field: IndexField, tolerance: float, lever_arms: LeverArms | None) 
 
 
 def _potential_peaks(grid: UniformGrid) -> list[np.ndarray]:
-    """Along each axis, the greatest size of the coefficients of each plane across it."""
+    """Along each axis, the greatest absolute coefficient in each plane across it."""
     return grid.derive("potential peaks", lambda: _peaks_along_axes(grid.coefficients))
 
 
 def _slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
-    """Along each axis, the greatest difference of neighbouring coefficients over the spacing [1/m]."""
+    """Along each axis, the greatest absolute difference of neighbouring coefficients over the spacing [1/m]."""
     return grid.derive("slope peaks", lambda: _find_slope_peaks(grid))
 
 
@@ -111,7 +111,7 @@ def _find_slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
 
 
 def _peaks_along_axes(values: np.ndarray) -> list[np.ndarray]:
-    """Along each axis, the greatest size of the values of each plane across it."""
+    """Along each axis, the greatest absolute value in each plane across it."""
     over_first, *others = over_lines(values, np.maximum)
     peaks = [others[-1].max(axis=tuple(range(1, values.ndim - 1)))]
     for axis in range(1, values.ndim):

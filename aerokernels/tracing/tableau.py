@@ -68,7 +68,7 @@ NEARLY_STRAIGHT = 1e-2
 
 
 def has_consistent_gradient(interpolation: str) -> bool:
-    """Whether index and gradient are one interpolant's: in the paper's schemes |T| = n does not hold between them."""
+    """Whether index and gradient come from one interpolant; if not, as in the paper's schemes, |T| = n is violated."""
     return interpolation not in ("bilinear-barron", "idw")
 
 
@@ -94,17 +94,17 @@ def _solve(matrix: list[list[F]], right: list[F]) -> list[F]:
 
 
 def stage_integrals(nodes: tuple) -> np.ndarray:
-    """Weights [i, j] of values at the nodes in the integral from 0 to node i of the cubic through them."""
+    """Weights [i, j] of the value at node j in the integral from 0 to node i of the cubic through all values."""
     count = len(nodes)
     moments = [[c**k for c in nodes] for k in range(count)]
     rows = [_solve(moments, [end ** (k + 1) / (k + 1) for k in range(count)]) for end in nodes]
     return np.array([[float(v) for v in row] for row in rows])
 
 
-# Momentum at the stages, for sums over a step that need it there.
+# Weights of the momentum at the stages, for sums over a step that need it there.
 STAGE_MOMENTUM = stage_integrals(PAIR.c)
-# The optical path's rule against the one that also takes the slopes along the ray, exact to degree 7: a sharp estimate
-# of its error, of the same order, where the embedded formula's is two orders too careful.
+# The optical path's rule against the rule that also takes the slopes along the ray and is exact to degree 7: a sharp
+# estimate of the rule's error, of the same order. The embedded formula's estimate is two orders too careful.
 _VALUE, _SLOPE = hermite_weights(PAIR.c)
 PATH_ERROR_VALUE = BT - _VALUE
 PATH_ERROR_SLOPE = -_SLOPE

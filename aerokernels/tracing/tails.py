@@ -1,17 +1,17 @@
-r"""What may lie beyond a point at which the known air ends, estimated from the air just inside it.
+r"""Estimate the disturbance beyond a point at which the known air ends, from the air just inside it.
 
-A quantity q along a ray, at a depth x below the end of the known air, is taken to go on beyond that end so that its
-integral there is
+A quantity q along a ray, at a depth x below the end of the known air, is assumed to continue beyond that end so that
+its integral there is
 
     A0 = max q over 0 <= x <= s,   A1 = max q over s <= x <= 2 s
-    A0 min(s / ln(A1 / A0), D, w)        the first of the three where A1 > A0, where the disturbance falls off
+    A0 min(s / ln(A1 / A0), D, w)        the first of the three only where A1 > A0, where the disturbance decays
 
-s is two cells, by their extent along the ray; D is the box's own extent along the line: air that does not fall off is
-taken to go on for as much again; w is the length of the path that lies outside. An exponential tail has
+s is two cells, by their extent along the ray; D is the box's own extent along the line, since air that does not decay
+is assumed to continue for the same length again; w is the length of the path outside. An exponential tail has
 A0 s / ln(A1 / A0) left from the depth s on, and a steeper one less.
 
-Of q = |m|, the contrast, that integral is an optical path. Of q = |grad m . e| it is an angle by which the missing air
-would have turned the ray, times the obliquity e of the ray's stop (lever_arms.py): the optical path changes by that
+For q = |m|, the contrast, that integral is an optical path. For q = |grad m . e| it is the angle by which the missing
+air would have turned the ray, times the obliquity e of the ray's stop (lever_arms.py): the optical path changes by that
 times the distance from the middle of that air to the stop.
 """
 
@@ -26,7 +26,7 @@ from .lines import box_size, box_span, cell_along
 from .mesh_rim import rim_contrast
 
 WINDOW_CELLS = 2.0
-# An obliquity that is rounding.
+# An obliquity below this is rounding.
 NO_OBLIQUITY = 1e-12
 DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0])  # over s; the middle one belongs to both windows
 
@@ -41,13 +41,13 @@ def path_beyond(field: IndexField, point, inward, chord, path, cell=None, contra
 
 
 def drift_beyond(field: IndexField, point, inward, chord, path, until, distance, leaves, cell=None) -> np.ndarray:
-    """The change of optical paths to an oblique stop as the air beyond some points deflects rays [m], shape (n,).
+    """Change of optical paths to an oblique stop by the deflection in the air beyond some points [m], shape (n,).
 
     Args:
         field: The refractive index.
         point: Points of the boundary [m], shape (n, 3).
         inward: Unit vectors along the rays into the known air, shape (n, 3).
-        chord: How far the known air goes on that way [m], shape (n,).
+        chord: Length of the known air in that direction [m], shape (n,).
         path: Length of the path beyond [m], shape (n,).
         until: The stop.
         distance: From the points to the stop [m], shape (n,); rays for which that is not finite never meet it.
@@ -68,15 +68,15 @@ def drift_beyond(field: IndexField, point, inward, chord, path, until, distance,
 
 
 def contrast_tail(field: IndexField, point, inward, chord, cell=None, contrast=None) -> tuple[np.ndarray, np.ndarray]:
-    """A0 of |contrast|, and the length s / ln(A1 / A0) by which it falls off [m], infinite where it does not.
+    """A0 of |contrast|, and the decay length s / ln(A1 / A0) [m], infinite where there is no decay.
 
     Args:
         field: The refractive index.
         point: Points of the boundary [m], shape (n, 3).
         inward: Unit vectors into the known air, shape (n, 3).
-        chord: How far the known air goes on that way [m], shape (n,).
+        chord: Length of the known air in that direction [m], shape (n,).
         cell: Size of the cells there [m], shape (n,); None for the field's own.
-        contrast: |contrast| at the points, shape (n,), where it is known already.
+        contrast: |contrast| at the points, shape (n,), where it is already known.
     """
     field, cell = _original(field, cell, inward)
     places, step = _places(field, point, inward, chord, cell)
@@ -84,7 +84,7 @@ def contrast_tail(field: IndexField, point, inward, chord, cell=None, contrast=N
         found = np.abs(contrast_in(field, places.reshape(-1, 3))).reshape(places.shape[:2])
     else:
         found = np.abs(field.contrast_at(places.reshape(-1, 3))).reshape(places.shape[:2])
-        # A point on the rim may lie a rounding outside of it.
+        # A point on the rim may be outside the mesh by rounding.
         none = np.flatnonzero(~(found[:, 0] > 0.0))
         if len(none):
             found[none, 0] = rim_contrast(field, point[none]) if contrast is None else contrast[none]
@@ -92,7 +92,7 @@ def contrast_tail(field: IndexField, point, inward, chord, cell=None, contrast=N
 
 
 def slope_tail(field: IndexField, point, inward, chord, across, cell=None) -> tuple[np.ndarray, np.ndarray]:
-    """A0 of |grad m . across| and the length by which it falls off, as `contrast_tail` has them; `across` is (n, 3)."""
+    """A0 of |grad m . across|, and its decay length, as for `contrast_tail`; `across` is (n, 3)."""
     field, cell = _original(field, cell, inward)
     places, step = _places(field, point, inward, chord, cell)
     flat, along = places.reshape(-1, 3), np.repeat(across, len(DEPTHS), axis=0)
@@ -104,7 +104,7 @@ def slope_tail(field: IndexField, point, inward, chord, across, cell=None) -> tu
 
 
 def _original(field: IndexField, cell, inward: np.ndarray) -> tuple[IndexField, np.ndarray]:
-    """The field that this one was resampled from, if one is kept, and the smaller of their cells along rays [m]."""
+    """The field from which this one was resampled, if it is kept, and the smaller of their cells along rays [m]."""
     if cell is None:
         cell = _cell(field, inward)
     while field.source is not None and field.source is not field:
@@ -114,7 +114,7 @@ def _original(field: IndexField, cell, inward: np.ndarray) -> tuple[IndexField, 
 
 
 def _cell(field: IndexField, inward: np.ndarray) -> np.ndarray:
-    """How far rays go through a cell [m], shape (n,); no more than its longest side."""
+    """Length of rays within a cell [m], shape (n,); at most the cell's longest side."""
     return np.minimum(cell_along(field, inward), float(np.max(field.spacing)))
 
 
@@ -126,7 +126,7 @@ def _places(field: IndexField, point, inward, chord, cell) -> tuple[np.ndarray, 
 
 
 def _falls_off(field: IndexField, found: np.ndarray, point, step) -> tuple[np.ndarray, np.ndarray]:
-    """A0 and the length by which it falls off, of a quantity found at the depths, shape (n, 5)."""
+    """A0 and the decay length of a quantity sampled at the depths, shape (n, 5)."""
     if field.body is not None and len(point):
         found[field.body.contains(field.local_coordinates(point))] = 0.0
     middle = len(DEPTHS) // 2
@@ -137,12 +137,12 @@ def _falls_off(field: IndexField, found: np.ndarray, point, step) -> tuple[np.nd
 
 
 def _length(field: IndexField, scale, inward, path) -> np.ndarray:
-    """Length of the air beyond [m]: min(s / ln(A1 / A0), D, w)."""
+    """Effective length of the air beyond [m]: min(s / ln(A1 / A0), D, w)."""
     return np.minimum(np.minimum(scale, extent(field, inward)), np.maximum(path, 0.0))
 
 
 def contrast_in(field: IndexField, points: np.ndarray) -> np.ndarray:
-    """Contrast at points (n, 3) of a uniform grid, linear between its samples; beyond a face that of the face."""
+    """Contrast at points (n, 3) of a uniform grid, linear between its samples; beyond a face, its value at the face."""
     assert isinstance(field.samples, UniformGrid)
     return _linear(field.samples, field.local_coordinates(points))
 
@@ -162,13 +162,14 @@ def _slope_in(field: IndexField, points: np.ndarray, along: np.ndarray) -> np.nd
         low, high = local.copy(), local.copy()
         low[:, axis] = np.maximum(local[:, axis] - 0.5 * spacing, grid.low[axis])
         high[:, axis] = np.minimum(local[:, axis] + 0.5 * spacing, grid.high[axis])
-        apart = np.maximum(high[:, axis] - low[:, axis], 0.25 * spacing)  # less only a rounding outside the box
+        # The difference is less than half a cell only where rounding puts a point outside the box.
+        apart = np.maximum(high[:, axis] - low[:, axis], 0.25 * spacing)
         slope += along[:, axis] * (_linear(grid, high) - _linear(grid, low)) / apart
     return slope
 
 
 def _linear(grid: UniformGrid, local: np.ndarray) -> np.ndarray:
-    """Samples at points along the grid's axes, linear between nodes; beyond a face that of the face."""
+    """Samples at points along the grid's axes, linear between nodes; beyond a face, the value at the face."""
     start = np.zeros(len(local), dtype=np.int64)
     shares, strides = [], np.array(grid.samples.strides) // grid.samples.itemsize
     for axis, (column, count) in enumerate(zip(local.T, grid.shape, strict=True)):
@@ -176,9 +177,9 @@ def _linear(grid: UniformGrid, local: np.ndarray) -> np.ndarray:
         cell = np.minimum(place.astype(np.int64), count - 2)
         start += strides[axis] * cell
         shares.append(place - cell)
-    flat = grid.samples.ravel(order="K")  # in the order of memory, as the strides are
+    flat = grid.samples.ravel(order="K")  # in memory order, like the strides
     values = [flat[start + int(strides @ corner)] for corner in product((0, 1), repeat=len(shares))]
-    for share in reversed(shares):  # the last axis is the first to vary
+    for share in reversed(shares):  # the last axis varies first
         values = [low + share * (high - low) for low, high in zip(values[::2], values[1::2], strict=True)]
     return np.asarray(values[0])
 

@@ -1,4 +1,4 @@
-"""The one entry: rays through a field."""
+"""The public function `trace`: trace a bundle of rays through a field."""
 
 from dataclasses import replace
 from functools import partial
@@ -25,9 +25,9 @@ from .retrace import report_rejected, retrace_rejected
 from .status import RayStatus
 from .stop import ArcLength, Plane
 
-# What `bundle` may be.
+# Allowed values of `bundle`.
 BUNDLES = ("auto", "off")
-# The same as for a pupil, so that an error budget needs no kernel of its own.
+# The outputs of a pupil's rays, so that an error budget compiles no kernel of its own.
 BUDGET_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
 
 NONE_REJECTED = np.zeros(0, np.int32)
@@ -57,27 +57,27 @@ def trace(
         rays: Where the rays start and point.
         method: "auto", "straight" (along the undisturbed line, with the second-order correction of the optical path),
             "adaptive" (error controlled), "paper" (step rule of the paper's eq 5) or "fixed" (needs `step`).
-        tolerance: OPD error asked for [waves at `wavelength`].
+        tolerance: Requested OPD error [waves at `wavelength`].
         step: Step of method "fixed" [m of arc length].
         until: None (where the ray leaves the field's box), Plane(point, normal) or ArcLength(length).
         wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
         backend: "auto", "warp", "opencl" or "reference".
-        device: "cpu", "cuda:0" or an OpenCL device's name; None takes the best, and that of rays that lie on a GPU.
+        device: "cpu", "cuda:0" or an OpenCL device's name; None takes the best, or the GPU that holds the rays.
         precision: "float32" or "float64" inside the kernel.
         max_steps: Steps after which a ray is given up; None takes a generous number.
-        outputs: Names of the per-ray arrays wanted (see RAY_OUTPUTS); None for all.
-        bundle: "auto": of many rays that are a smooth map of two parameters (parallel, or through one point), method
-            "auto" traces as many as it takes to interpolate the others within the tolerance; `plan.bundle` says how
-            many. "off" traces every ray. Steps and evaluations of interpolated rays are those of the rays that were
-            traced about them, at most; their `step_error` holds the interpolation's.
+        outputs: Names of the requested per-ray arrays (see RAY_OUTPUTS); None for all.
+        bundle: "auto": if many rays are a smooth map of two parameters (parallel rays, or rays through one point),
+            method "auto" traces as many as are needed to interpolate the others within the tolerance; `plan.bundle`
+            says how many. "off" traces every ray. Steps and evaluations of an interpolated ray are the greatest of the
+            traced rays around it; its `step_error` includes the interpolation error.
 
     Returns:
-        A TraceResult; a ray that fails has a status and leaves the others alone.
+        A TraceResult. A ray that fails has a status and does not affect the others.
 
     Raises:
         TypeError: `field`, `rays` or `until` of the wrong kind.
         ValueError: A name or number that makes no sense, another wavelength than the field's, a backend or device that
-            is not there, or rays none of which meets the field.
+            is not available, or a bundle of which no ray meets the field.
     """
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
@@ -89,7 +89,7 @@ def trace(
     wanted = check_outputs(outputs)
     check_choice(bundle, "bundle", BUNDLES)
     if backend == "auto" and device is None and rays.device not in (None, "cpu"):
-        device = rays.device  # rays that lie on a GPU are traced there
+        device = rays.device  # rays that are stored on a GPU are traced there
     backend = backend_for(field, backend)
     choices: dict[str, Any] = {
         "backend": backend,
@@ -123,7 +123,7 @@ def trace(
                 plan = plan if made is None else replace(plan, reasons=(*plan.reasons, made))
         if not isinstance(made, tuple):
             arrays = run_plan(field, rays, plan, until, wavelength, wanted)
-        # Rays that are interpolated hold the tolerance.
+        # Interpolated rays are within the tolerance: only traced rays can be above it.
         some_traced = plan.bundle is None or plan.bundle.one_by_one > 0
         rejected = rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET) if some_traced else NONE_REJECTED
         greatest = float(arrays["step_error"][rejected].max()) if len(rejected) and "step_error" in arrays else None
@@ -150,7 +150,7 @@ def _budget(field: IndexField, rays: RayBundle, retrace: Retrace, result: TraceR
 
 
 def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> dict:
-    """Trace as a plan says; returns per-ray arrays by name, NumPy's or DeviceArrays.
+    """Trace rays as a plan says; return per-ray arrays by name, as NumPy arrays or DeviceArrays.
 
     Rays whose own error estimate is above the tolerance are traced again. Where some stay above it, "step_error" is
     among the arrays.
@@ -165,7 +165,7 @@ def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
 
 
 def retracer(until, wavelength: float) -> Retrace:
-    """What an error budget traces rays again with, to this stop."""
+    """Return the function by which an error budget traces rays again to this stop."""
     return Retrace(_retrace, until, wavelength)
 
 
@@ -175,7 +175,12 @@ def _retrace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
 
 
 def check_outputs(outputs) -> frozenset:
-    """The set of output names, or a refusal that lists them."""
+    """Return the set of output names.
+
+    Raises:
+        TypeError: `outputs` is not a name or a collection of names.
+        ValueError: An unknown name; the message lists those that exist.
+    """
     if outputs is None:
         return frozenset(RAY_OUTPUTS)
     if not isinstance(outputs, (str, list, tuple, set, frozenset)) or not all(isinstance(one, str) for one in outputs):

@@ -1,29 +1,30 @@
-r"""A bound, block by block, of what a field holds between leapfrog samples, so that no ray misses it unnoticed.
+r"""Bound, block by block, the structure of a field between leapfrog samples, so that no ray misses it unnoticed.
 
-The midpoint rule with samples H apart errs, on a line along which the potential is f, by
+The error of the midpoint rule with samples H apart, on a line along which the potential is f, is
 
     E = sum over k != 0 of (-1)^k F(k / H)
 
-with F the Fourier transform of f: by the components of f with frequencies of 1 / H and above. No estimate from the
-samples can see them, nor can other rays (a pilot) that pass elsewhere: the bound comes from the field.
+with F the Fourier transform of f: it comes from the components of f with frequencies of 1 / H and above. No estimate
+from the samples can see them, nor can other rays (a pilot) that pass elsewhere: the bound comes from the field.
 
 It is split into a part of low frequencies along the rays, on which the rule converges faster than any power of H, and
-a high-passed part R (high_pass.py), what is left from about 0.9 / H on. The rule errs on R by no more than
+a high-passed part R (high_pass.py) of the components from about 0.9 / H on. The error of the rule on R is at most
 2 int |R| dt along the ray.
 
 Where all rays run along one axis, within some 45 degrees, |R| is averaged along it over each block of cells: the sum
-over blocks is the integral. Across the rays the greatest counts.
+over blocks is the integral. Across the rays the greatest value counts.
 
-Where a ray begins or ends in disturbed air, the fast convergence on whole lines does not help: a component
-a cos(2 pi phi t) makes the end corrections of the rule err by a H / 2 and, with x = phi H, by 9.5 a H x^3 where x is
-small.
+Where a ray begins or ends in disturbed air, the convergence on whole lines does not apply: for a component
+a cos(2 pi phi t) the end corrections of the rule have an error of a H / 2 and, with x = phi H, of 9.5 a H x^3 where x
+is small.
 
-Where a field is smooth the bound by R is often beaten by the rule's own, H^4 / 720 int |f''''| dt, above all
-near the box's faces, where the even continuation has a kink: the lesser of the two counts in each block.
+Where a field is smooth the rule's own bound, H^4 / 720 int |f''''| dt, is often less than the bound by R, above all
+near the box's faces, where the even continuation has a kink: in each block the lesser of the two is taken.
 
-The deflection of a ray errs by the slope of the same components. This changes the path in the second order of the
-contrast or, where the stop is met at an angle, by the lever arm from there to the stop. The slope is at most
-MISSED_SLOPE times the size for each cell; where that is too much it is found from the high-passed part itself.
+The deflection of a ray has an error from the slope of the same components. It changes the path in the second order of
+the contrast or, where the stop is met at an angle, by the lever arm from there to the stop. The slope is at most
+MISSED_SLOPE times the size for each cell; where this bound is too large the slope is computed from the high-passed
+part.
 """
 
 from dataclasses import dataclass
@@ -42,28 +43,29 @@ from .way_through_blocks import along_axes, way_of
 
 # Frequencies along a ray, times H, from which on components are passed: along the ray, and at its ends.
 EDGE, EDGE_AT_ENDS = 0.92, 0.4
-# The error of an end over H |R| there, and that of the rule's own bound over what it is elsewhere.
+# The error at an end over H |R| there, and the rule's own bound at an end over the bound elsewhere.
 END, RULE_AT_ENDS = 0.5, 8.0
-# The error over int |R| dt: of the sum, and of the integral.
+# The error over int |R| dt: one for the sum, and one for the integral.
 BOTH = 2.0
-# Below this many cells between samples, R is computed for this many and scaled: the images of a spline have no end.
+# With fewer cells than this between samples, R is computed for this many and scaled: a spline's images have no end.
 FINEST = 0.8
-# What a spline through one node that stands out makes of it between the next two nodes, at most.
+# Overshoot of a spline through one outstanding node between the next two nodes, at most, over the node's value.
 LOBE = 0.15
 # The greatest slope of a spline over the greatest difference of neighbouring nodes: sqrt(3) at nodes.
 STEEPER = 1.75
-# Of the end-corrected midpoint rule: its Peano kernel, the Bernoulli polynomial of degree 4 over 4!, is at most this.
+# Greatest value of the end-corrected midpoint rule's Peano kernel, the Bernoulli polynomial of degree 4 over 4!.
 PEANO = 1.0 / 720.0
 # Components of a direction below which no neighbouring block is met within half a stride.
 LEAST_OBLIQUITY = 0.05
-# Of an axis that all rays run along, the least component; others along which they move less than a cell in a block.
+# Least component along an axis that all rays run along; greatest components along the other axes for which rays move by
+# less than a cell in a block.
 LEAST_MAIN, LEVEL = 0.7, 0.25
-# Blocks along that axis that a lookup stands for; strides are shorter where a ray ends, and find fewer of them.
+# Blocks along that axis over which a lookup averages; strides are shorter where a ray ends and find fewer of them.
 LOOKED_OVER, LOOKED_SHORT = 3, 1.1
-# Ends of rays count where a block's length of what is there is worth this share of the tolerance.
+# Ends of rays count where the potential over the length of a block exceeds this share of the tolerance.
 ENDS_SHARE = 0.02
 
-# Tables kept for a grid, and what is kept with its places of the last lines.
+# Tables cached on a grid, and results for the last lines that are cached with its node positions.
 KEPT, KEPT_OF_LINES = 8, 16  # speed only
 
 
@@ -73,9 +75,9 @@ class Sampling:
 
     Attributes:
         spacing: Greatest distance of a ray's samples [m].
-        steepness: Greatest size of each component of the rays' unit vectors.
-        lever_arm: By how much an error of direction changes the path where the stop is met head on [m/rad].
-        is_fine: Whether single precision would be seen in the bound.
+        steepness: Greatest absolute value of each component of the rays' unit vectors.
+        lever_arm: Change of the path by an error of direction where the stop is met at a right angle [m/rad].
+        is_fine: Whether rounding to single precision would be visible in the bound.
         ends: Blocks in which rays begin or end in disturbed air, see `disturbed_ends`; empty where they do not.
     """
 
@@ -87,12 +89,12 @@ class Sampling:
 
 
 def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
-    """Blocks about those in which lines begin or end in air that counts, as packed bits; empty without any.
+    """Blocks around those in which lines begin or end in disturbed air, as packed bits; empty if there are none.
 
     Args:
-        field: One on a cubic uniform grid.
+        field: A field on a cubic uniform grid.
         lines: The rays' straight lines through the support of the field.
-        held: The OPD error that they are held to [m].
+        held: The OPD error allowed to them [m].
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
@@ -104,7 +106,7 @@ def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
 
 
 def _blocks_of_ends(grid: UniformGrid, geometry: str, lines: Lines, shape: tuple[int, ...]) -> np.ndarray:
-    """1 in the blocks in which lines begin or end and in those about them, 0 elsewhere."""
+    """1 in the blocks in which lines begin or end and in the adjacent blocks, 0 elsewhere."""
     near = np.zeros(shape, dtype=np.uint8)
     size = block_size(grid) * np.asarray(grid.spacing)
     ends = np.concatenate([lines.start, lines.start + lines.length[:, None] * lines.direction])
@@ -116,17 +118,17 @@ def _blocks_of_ends(grid: UniformGrid, geometry: str, lines: Lines, shape: tuple
 
 
 def _potential_by_blocks(grid: UniformGrid) -> np.ndarray:
-    """Greatest size of the potential over the ambient index in each block."""
+    """Greatest absolute potential over the ambient index in each block."""
     return grid.derive("potential by blocks", lambda: block_maxima(np.abs(potential_at_nodes(grid)), block_size(grid)))
 
 
 def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = False) -> tuple[int, np.ndarray]:
-    """Cells in a block, and for each block the greatest error of a ray's path per metre of it in there [1].
+    """Cells in a block, and for each block the greatest error of a ray's path per metre of path in it [1].
 
     Args:
-        field: One on a cubic uniform grid.
+        field: A field on a cubic uniform grid.
         sampling: How its rays are sampled.
-        by_rule: Whether the rule's own bound is enough, which takes less time and is never less.
+        by_rule: Take the rule's own bound, which is faster to compute and never less.
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
@@ -135,7 +137,7 @@ def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = Fals
 
 
 def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
-    """The same as kernels look it up, once within a stride: each ray finds as much as lies on its path."""
+    """Cells in a block, and the table in which kernels look up the error once within a stride of a ray."""
     from scipy.ndimage import uniform_filter1d
 
     block, missed = missed_in_blocks(field, sampling)
@@ -144,7 +146,7 @@ def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray
         if axis == main:
             missed = LOOKED_SHORT * uniform_filter1d(missed, LOOKED_OVER, axis=axis, mode="nearest")
         elif obliquity > LEAST_OBLIQUITY:
-            # What is found a block and a half away along the main axis is beside the ray by that slope.
+            # Blocks that are found a block and a half away along the main axis are beside the ray by that slope.
             wide = 3 if main is None or obliquity < 0.5 * obliquities[main] else 5
             missed = greatest_around(missed, -(wide // 2), wide // 2, axis)
     return block, missed
@@ -153,14 +155,14 @@ def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray
 def greatest_error(
     field: IndexField, sampling: Sampling, lines: Lines, by_rule: bool = False, allowed: float = np.inf
 ) -> float:
-    """What any of the rays misses, at most [m].
+    """Bound the path error of any ray by structure between its samples [m].
 
     Args:
-        field: One on a cubic uniform grid.
+        field: A field on a cubic uniform grid.
         sampling: How its rays are sampled.
         lines: Their straight lines through the support of the field.
         by_rule: See `missed_in_blocks`.
-        allowed: A bound above this is sought more closely: by how much what is missed changes across the rays.
+        allowed: A bound above this is refined: the change of the missed structure across the rays is computed.
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
@@ -176,9 +178,9 @@ def greatest_error(
 def _greatest_on_lines(
     grid: UniformGrid, block: int, missed: np.ndarray, changes: np.ndarray | None, lines: Lines, geometry: str
 ) -> float:
-    """The most that any line adds up of what is `missed` in blocks, and by its lever arms of the `changes` of that.
+    """Greatest sum along any line of the error `missed` in blocks, and of its `changes` times the lever arms.
 
-    Without changes no line has a lever arm.
+    None for `changes` means that no line has a lever arm.
     """
     place = "way of lines", geometry, lines, block
     way = known(grid, place, lambda: way_of(grid, block, missed.shape, lines, geometry), KEPT_OF_LINES)
@@ -186,7 +188,7 @@ def _greatest_on_lines(
     found = float(met.max()) * way.longest
     if changing is not None:
         found += float(changing.max()) * way.lever_arm * way.longest
-    # Along an axis that all rays run along, one layer of blocks after the other, as far beside as a ray may get.
+    # Along an axis that all rays run along: layer by layer, as far to the side as a ray may get.
     for layers in way.layers:
         amount = met if changing is None else met + changing * layers.lever_arms
         for other, count in layers.beside:
@@ -196,7 +198,7 @@ def _greatest_on_lines(
 
 
 def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndarray:
-    """What straight rays miss, by the kernels' own lookup [m], shape (line_count,)."""
+    """Error of straight rays by structure between samples, by the kernels' own lookup [m], shape (line_count,)."""
     block, table = lookup_table(field, sampling)
     size = block * np.asarray(field.samples.spacing)
     count = max(1, int(np.ceil(float(lines.length.max(initial=0.0)) / (LOOKUP_STRIDE * float(size.min())))))
@@ -234,16 +236,16 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool)
 
 
 def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
-    """By how much what is missed changes across the rays in each block, at most, per metre of the way [1/m].
+    """Greatest change of the missed potential across the rays in each block, per metre of path [1/m].
 
-    Of rays that neither begin nor end in disturbed air.
+    It holds for rays that neither begin nor end in disturbed air.
     """
     parts, _, share = _not_resolved(grid, geometry, sampling)
     main = _main_axis(sampling.steepness, geometry)
     obliquity = along_axes(sampling.steepness, geometry)
     square = np.zeros_like(parts[0])
     for axis in range(square.ndim):
-        # Along the axis that all rays run along, only what is across them by their obliquity.
+        # Along the axis that all rays run along, only the component across the rays counts.
         across = 1.0 if axis != main else min(1.0, float(np.linalg.norm(np.delete(obliquity, axis))))
         step = np.abs(np.diff(parts[0], axis=axis)) * square.dtype.type(across / grid.spacing[axis])
         none = [(0, 0)] * square.ndim
@@ -257,10 +259,10 @@ def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray
 def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[list[np.ndarray], float, float]:
     """The parts of the potential at nodes that samples some distance apart do not resolve: along rays, and at ends.
 
-    Also returns that distance [m], and the share of them that counts.
+    Also returns that distance [m], and the share of these parts that counts.
     """
     obliquity = along_axes(sampling.steepness, geometry)
-    # Further on, what a spline holds of images falls off as the fourth power of their frequency.
+    # At higher frequencies a spline's images fall off as the fourth power of the frequency.
     finest = FINEST / max(float((obliquity / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
     spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
     edges = (EDGE, EDGE_AT_ENDS) if sampling.ends else (EDGE,)
@@ -281,7 +283,7 @@ def _ends_of(grid: UniformGrid, sampling: Sampling) -> np.ndarray:
 
 
 def _by_blocks(grid: UniformGrid, geometry: str, sampling: Sampling, size: np.ndarray) -> np.ndarray:
-    """What lies on a ray's way through each block, at most, of sizes at nodes: their mean along the rays' main axis."""
+    """Greatest mean that a ray meets on its path through each block, of sizes at nodes, along the rays' main axis."""
     block, _ = roughness_by_axis(grid)
     obliquity, main = along_axes(sampling.steepness, geometry), _main_axis(sampling.steepness, geometry)
     across = [axis for axis in range(len(obliquity)) if axis != main]
@@ -293,7 +295,7 @@ def _by_blocks(grid: UniformGrid, geometry: str, sampling: Sampling, size: np.nd
 
 
 def _with_lobes(rest: np.ndarray, main: int | None) -> np.ndarray:
-    """What blocks hold, with what their neighbours' splines hold there."""
+    """Values of blocks, raised to the overshoot of their neighbours' splines into them."""
     for axis in range(rest.ndim):
         if axis != main:
             rest = np.maximum(rest, LOBE * greatest_around(rest, -1, 1, axis))
@@ -301,8 +303,8 @@ def _with_lobes(rest: np.ndarray, main: int | None) -> np.ndarray:
 
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:
-    """Of a structure with one normal, from what each axis shows of its fourth derivative: see step_bound.py."""
-    some = [part for part in parts if part.any()] or parts[:1]  # a power takes long, also of zeros
+    """Combine the axes' fourth derivatives to that of a structure with one normal: see step_bound.py."""
+    some = [part for part in parts if part.any()] or parts[:1]  # powers of zeros are slow too
     return np.sum([part**0.25 for part in some], axis=0) ** 4
 
 

@@ -1,4 +1,4 @@
-"""The blocks of a uniform grid that straight lines pass, and how far beside them a ray may get: no values are in it."""
+"""Find the blocks of a uniform grid that straight lines pass, and how far beside them a ray may get."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 from ..medium.grid import UniformGrid
 from .straight_lines import Lines, local_range
 
-# Blocks by which a ray may be deflected sideways, besides the drift of its straight line.
+# Blocks by which a ray may be deflected sideways, in addition to the drift of its straight line.
 DEFLECTED = 0.5
 
 
@@ -17,9 +17,9 @@ class Layers:
 
     Attributes:
         axis: The axis.
-        lever_arms: Greatest lever arm of any line from where it comes into each layer [m], along that axis.
-        beside: The other axes, and how many blocks in a row along each a ray may meet while it passes a layer of them.
-        thickness: Of a layer [m].
+        lever_arms: Greatest lever arm of any line from its entry into each layer [m], along that axis.
+        beside: The other axes, and along each the number of adjacent blocks that a ray may meet in a layer.
+        thickness: Thickness of a layer [m].
         least: The least component of a line's direction along the axis.
     """
 
@@ -35,10 +35,10 @@ class Way:
     """Where lines pass the blocks of a grid.
 
     Attributes:
-        part: The blocks, with one more to each side.
+        part: The blocks that the lines pass, with one more to each side.
         longest: Length of the longest line [m].
         lever_arm: The greatest lever arm [m].
-        layers: For each axis that all lines run along.
+        layers: Layers of blocks for each axis that all lines run along.
     """
 
     part: tuple[slice, ...]
@@ -48,10 +48,10 @@ class Way:
 
 
 def way_of(grid: UniformGrid, block: int, shape: tuple[int, ...], lines: Lines, geometry: str) -> Way:
-    """The way of lines through blocks of `block` cells, of which a grid has so many along its axes."""
+    """The path of lines through blocks of `block` cells; `shape` is the number of blocks along each axis."""
     size = block * np.asarray(grid.spacing)
     local = local_range(lines, geometry)
-    # A block to each side for the deflection of rays, and for rays between those of `lines`.
+    # One block more to each side, for the deflection of rays and for rays between those of `lines`.
     first = np.clip(np.floor((local[0] - grid.low) / size).astype(int) - 1, 0, np.array(shape) - 1)
     last = np.clip(np.floor((local[1] - grid.low) / size).astype(int) + 1, first, np.array(shape) - 1)
     part = tuple(slice(low, high + 1) for low, high in zip(first.tolist(), last.tolist(), strict=True))
@@ -72,7 +72,7 @@ def way_of(grid: UniformGrid, block: int, shape: tuple[int, ...], lines: Lines, 
 
 
 def _lever_arms_from(lines: Lines, faces: np.ndarray, component: int) -> np.ndarray:
-    """The greatest lever arm of any line from where it comes into each layer between planes across an axis [m]."""
+    """The greatest lever arm of any line from its entry into each layer between planes across an axis [m]."""
     with np.errstate(divide="ignore"):
         place = (faces - lines.start[:, component, None]) / lines.direction[:, component, None]
     nearest = np.clip(np.minimum(place[:, :-1], place[:, 1:]), 0.0, lines.length[:, None])
@@ -81,6 +81,6 @@ def _lever_arms_from(lines: Lines, faces: np.ndarray, component: int) -> np.ndar
 
 
 def along_axes(steepness, geometry: str) -> np.ndarray:
-    """Greatest size of the components along the grid's own axes, r and z of an axisymmetric one."""
+    """Greatest absolute components along the grid's own axes, which are r and z for an axisymmetric grid."""
     x, y, z = steepness
     return np.array({"volume": (x, y, z), "planar": (y, z), "axisymmetric": (min(np.hypot(x, y), 1.0), z)}[geometry])

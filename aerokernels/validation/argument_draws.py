@@ -1,7 +1,7 @@
-"""Public calls with one argument replaced by something that it should not be: what comes back is counted.
+"""Call public functions with one argument replaced by an unsuitable value, and count the outcomes.
 
-A call may answer, or refuse: a ValueError or TypeError that is raised by a statement of this package, in words.
-Anything else is a fault: another exception, or one of Python's or NumPy's own that passed through.
+A call may answer, or refuse: a ValueError or TypeError that a statement of this package raises, in words. Any other
+outcome is a fault: another exception, or one of Python's or NumPy's own that passed through.
 """
 
 import gc
@@ -31,7 +31,7 @@ from ..wavefront.traced import wavefront
 from ..waves import split_step, validity
 from .refusals import attempt
 
-# Foreign bodies, by a name each.
+# Unsuitable values by name.
 WRONG: dict[str, Any] = {
     "text with a unit": "6 mm",
     "text": "abc",
@@ -66,12 +66,12 @@ WRONG: dict[str, Any] = {
 
 @dataclass
 class Tally:
-    """What the draws came to.
+    """Counts of the outcomes.
 
     Attributes:
         answered: Calls that gave a result.
         refused: Calls refused in words.
-        faults: The others: the call, the argument, what was given, and what was raised.
+        faults: Other outcomes: the call, the argument, the value given, and the exception.
     """
 
     answered: int = 0
@@ -80,12 +80,12 @@ class Tally:
 
     @property
     def count(self) -> int:
-        """All draws."""
+        """Number of all calls."""
         return self.answered + self.refused + len(self.faults)
 
 
 def calls() -> dict[str, tuple[Callable, dict[str, Any]]]:
-    """Public functions and classes, by name, each with arguments that are right: every one that it takes."""
+    """Public functions and classes, by name, each with valid values for all of its arguments."""
     return {name: (function, {**_defaults(function), **given}) for name, (function, given) in _right_calls().items()}
 
 
@@ -95,7 +95,7 @@ def _defaults(function: Callable) -> dict[str, Any]:
 
 
 def _right_calls() -> dict[str, tuple[Callable, dict[str, Any]]]:
-    """The same with those arguments that have no default, or take less time by another."""
+    """Public functions and classes, with the arguments that have no default, or a slow one."""
     disc = Disc(2e-3, (0, 0, 0))
     r, z = np.linspace(0.0, 4e-3, 9), np.linspace(0.0, 8e-3, 17)
     contrast = 1e-6 * np.exp(-(((z[None, :] - 4e-3) / 2e-3) ** 2)) * np.ones((9, 1))
@@ -208,7 +208,7 @@ def _right_calls() -> dict[str, tuple[Callable, dict[str, Any]]]:
 
 
 def draws(made: dict[str, tuple[Callable, dict[str, Any]]], seed: int | None = None) -> Iterator[tuple[str, str, str]]:
-    """Name of the call, argument and foreign body; each of them once, or at random without end from a seed."""
+    """Name of the call, argument and unsuitable value: each combination once, or at random without end from a seed."""
     each = [(name, key, wrong) for name, (_, given) in made.items() for key in given for wrong in WRONG]
     if seed is None:
         yield from each
@@ -218,7 +218,7 @@ def draws(made: dict[str, tuple[Callable, dict[str, Any]]], seed: int | None = N
         yield generator.choice(each)
 
 
-# Calls that trace rays or draw noise: hundredths of a second each.
+# Calls that trace rays or generate noise: hundredths of a second each.
 SLOW = (
     "trace", "estimate_strehl", "wavefront", "schlieren", "shadowgraph", "interferogram", "split_step", "validity",
     "range_statistics",
@@ -226,12 +226,12 @@ SLOW = (
 
 
 def run(limit: int | None = None, seed: int | None = None, leave_out: tuple[str, ...] = ()) -> Tally:
-    """Draw, call and count.
+    """Make calls and count their outcomes.
 
     Args:
-        limit: Draws after which to stop; None goes through all of them once.
-        seed: Draws at random from it; None goes through them in order.
-        leave_out: Calls that are left out.
+        limit: Number of calls after which to stop; None for all combinations once.
+        seed: Seed of a random order; None for the given order.
+        leave_out: Names of calls that are left out.
     """
     made = {name: call for name, call in calls().items() if name not in leave_out}
     tally = Tally()

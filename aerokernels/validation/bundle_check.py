@@ -1,12 +1,12 @@
-"""What of the trace of a random bundle is wrong by the reference engine.
+"""Compare the trace of a random bundle with the reference engine.
 
-`check(case, engine)` compares status, end, direction, arc length and OPD. It holds:
+`check(case, engine)` compares status, end, direction, arc length and OPD. The limits are:
 
-    OPD         within the tolerance, for every ray whose status says nothing else
-    direction   within 100 tolerances a length of the box (error control holds directions by the path they cost), and
+    OPD         the tolerance, for every ray whose status does not say otherwise
+    direction   100 tolerances over a length of the box (error control weights a direction by the path it costs), and
                 2e-6 rad in float32, 1e-8 in float64
-    end, arc    within what such a direction, and 100 tolerances, leave of them at the angle at which the stop is met
-    status      the same, except where a start moved by 1e-5 cells changes the reference's
+    end, arc    the effect of such a direction, and 100 tolerances, at the angle at which the stop is met
+    status      the same, except where moving a start by 1e-5 cells changes the reference's
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from aerokernels.tracing.status import reached
 
 from .bundle_draws import WAVE, Case, box_of
 
-# Statuses of rays whose numbers the tracer itself calls into question, or does not give.
+# Statuses of rays whose results the tracer itself marks as doubtful, or does not give.
 FLAGGED = (RayStatus.TOLERANCE_NOT_MET, RayStatus.MAX_STEPS, RayStatus.NOT_FINITE)
 # Cosine with the plane's normal below which a ray counts as parallel to it.
 PARALLEL = 1e-9
@@ -27,7 +27,7 @@ PARALLEL = 1e-9
 
 @dataclass
 class Finding:
-    """One thing wrong with one ray: `size` is in units of what is allowed."""
+    """An error of one ray; `size` is in units of the limit."""
 
     what: str
     ray: int
@@ -36,7 +36,7 @@ class Finding:
 
 
 def sample_rows(result, count: int, seed: int) -> np.ndarray:
-    """Rays to compare: those of the greatest own estimates, of the longest and shortest ways, and any others."""
+    """Rays to compare: those of the greatest own estimates, of the longest and shortest paths, and random others."""
     if count >= result.ray_count:
         return np.arange(result.ray_count)
     some = count // 6
@@ -47,7 +47,7 @@ def sample_rows(result, count: int, seed: int) -> np.ndarray:
 
 
 def check(case: Case, engine: dict[str, str], sample: int = 300) -> tuple[list[Finding], int, str]:
-    """What is wrong with the rays of a case, how many were compared, and what traced them.
+    """Return the errors of a case's rays, the number of rays compared, and the method that traced them.
 
     `engine` holds the backend, and its device where that matters; `sample` rays are compared.
     """
@@ -86,7 +86,7 @@ def check(case: Case, engine: dict[str, str], sample: int = 300) -> tuple[list[F
 
 
 def _decided(case: Case, rays, opd, settings) -> np.ndarray:
-    """Whether the answers stand when the starts move by 1e-9 cells: rays in a face of the box may leave it or not."""
+    """Whether the result is stable when starts move by 1e-9 cells: rays in a face of the box may leave it or not."""
     rng = np.random.default_rng(case.seed)
     move = 1e-9 * np.min(case.field.spacing) * rng.uniform(-1.0, 1.0, rays.position.shape)
     decided = np.ones(rays.ray_count, dtype=bool)
@@ -97,7 +97,7 @@ def _decided(case: Case, rays, opd, settings) -> np.ndarray:
 
 
 def _hopeless(case: Case, rays) -> np.ndarray:
-    """Rays within three degrees of their plane: they meet it some hundred boxes away, where rounding decides."""
+    """Rays within three degrees of their plane: they meet it hundreds of box sizes away, where rounding decides."""
     until = case.settings["until"]
     if not isinstance(until, Plane):
         return np.zeros(rays.ray_count, dtype=bool)
@@ -105,7 +105,7 @@ def _hopeless(case: Case, rays) -> np.ndarray:
 
 
 def _obliquity(case: Case, expected) -> np.ndarray:
-    """One over the cosine at which the rays meet their stop, 20 at most."""
+    """One over the cosine at which the rays meet their stop, at most 20."""
     until = case.settings["until"]
     if isinstance(until, Plane):
         cosine = np.abs(expected.direction @ until.normal)
@@ -127,14 +127,14 @@ def _obliquity(case: Case, expected) -> np.ndarray:
 
 
 def _statuses(case: Case, rows, rays, reported, right, settings) -> list[Finding]:
-    """Rays whose status is another than the reference's, as far as rounding does not decide it."""
+    """Rays whose status differs from the reference's, where rounding does not decide it."""
     same = (reported == right) | (reached(reported) & reached(right)) | (reported == RayStatus.MAX_STEPS)
     wrong = np.flatnonzero(~same & (right != RayStatus.MAX_STEPS))
     if not len(wrong):
         return []
     rng, few = np.random.default_rng(case.seed), rays[wrong]
     aside, turn = rng.uniform(-1.0, 1.0, (2, *few.position.shape))
-    # Whether a ray that is parallel to its plane meets it at all, rounding decides.
+    # Rounding decides whether a ray that is parallel to its plane meets it at all.
     decided = np.ones(len(wrong), dtype=bool)
     if isinstance(settings.get("until"), Plane):
         decided = np.abs(few.direction @ settings["until"].normal) > PARALLEL

@@ -1,7 +1,7 @@
 """Random bundles through random fields of every kind.
 
-`draw(seed)` makes a case: geometry, field, stop, bundle, method, precision and tolerance, all by its seed alone.
-bundle_check.py traces it and holds it against the reference.
+`draw(seed)` makes a case: geometry, field, stop, bundle, method, precision and tolerance, determined by its seed alone.
+bundle_check.py traces it and compares it with the reference.
 """
 
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ BUNDLES = ("along z", "beam", "beam from within", "fan", "crossing", "faces", "s
 
 @dataclass
 class Case:
-    """One bundle through one field; `kind` says in words what was drawn."""
+    """One bundle through one field; `kind` names the random choices in words."""
 
     seed: int
     kind: dict[str, str]
@@ -32,12 +32,12 @@ class Case:
     settings: dict = field(default_factory=dict)
 
     def __str__(self) -> str:
-        """One line."""
+        """Describe the case in one line."""
         return f"seed {self.seed}: " + ", ".join(self.kind.values())
 
 
 def draw(seed: int, **fixed: str) -> Case:
-    """The case of a seed; `fixed` holds entries of `kind` to be taken instead of drawn ones."""
+    """Return the case of a seed; `fixed` holds entries of `kind` that replace random ones."""
     rng = np.random.default_rng([seed, 20])
 
     def pick(name, options, shares=None) -> str:
@@ -68,7 +68,7 @@ def draw(seed: int, **fixed: str) -> Case:
 def _draw_field(kind, rng) -> IndexField:
     """A field of 12 to 49 nodes a side, 1e-5 to 1e-3 m apart."""
     axes = 3 if kind["geometry"] == "volume" else 2
-    # Few enough nodes that the reference is quick.
+    # Few enough nodes that the reference is fast.
     shape = rng.integers(12, 26 if axes == 3 else 50, axes)
     if axes == 3 and kind["count"] == "300":
         shape = rng.integers(9, 14, 3)
@@ -88,7 +88,7 @@ def _draw_field(kind, rng) -> IndexField:
 
 
 def _shape_of(feature: str, shape, rng) -> np.ndarray:
-    """Samples of at most 1 in size."""
+    """Samples of absolute value at most 1."""
     nodes = np.stack(np.meshgrid(*[np.arange(n, dtype=float) for n in shape], indexing="ij"), axis=-1)
     last = shape - 1.0
     if feature == "everywhere":
@@ -118,7 +118,7 @@ def _shape_of(feature: str, shape, rng) -> np.ndarray:
 
 
 def box_of(medium: IndexField) -> tuple[np.ndarray, np.ndarray]:
-    """The corners of a field's box [m]; as far in x as in its other directions where it has no end there."""
+    """The corners of a field's box [m]; where it has no end in x, as far as in its other directions."""
     low, high = medium.box
     reach = 0.5 * (high[1:] - low[1:]).max()
     return np.where(np.isfinite(low), low, -reach), np.where(np.isfinite(high), high, reach)
@@ -133,7 +133,7 @@ def _draw_rays(kind, medium, rng) -> RayBundle:
         return rng.uniform(low, high, (n, 3))
 
     def beam(n, from_within=False):
-        """Parallel rays at any angle, starts in one plane."""
+        """Parallel rays at any angle that start in one plane."""
         if kind["bundle"] == "along z" or rng.random() < 0.3:
             along = np.array([0.0, 0.0, rng.choice([-1.0, 1.0])])
             if kind["bundle"] != "along z":
@@ -203,7 +203,7 @@ def _draw_stop(kind, medium, rays, rng):
         return ArcLength(diagonal * rng.choice([0.3, 1.0, 5.0]))
     along = rays.direction.mean(axis=0)
     along = along / np.linalg.norm(along) if np.linalg.norm(along) > 0.1 else np.array([0.0, 0.0, 1.0])
-    # Across the bundle, or slanted to 85 degrees.
+    # Perpendicular to the bundle, or oblique by up to 85 degrees.
     across = np.cross(along, _directions(rng, 1)[0])
     across /= np.linalg.norm(across)
     obliquity = np.tan(np.deg2rad(rng.choice([0.0, rng.uniform(0.0, 60.0), rng.uniform(60.0, 85.0)])))
@@ -216,7 +216,7 @@ def _draw_stop(kind, medium, rays, rng):
     if kind["stop"] == "face":
         axis = int(np.abs(along).argmax())
         return Plane(np.where(along > 0.0, high, low), np.eye(3)[axis])
-    # Along the span the whole way may lie in the field: the farthest planes are for others.
+    # A spanwise path may be inside the field over its whole length, so the farthest planes are not used for it.
     farthest = 1.5 if kind["bundle"] == "spanwise" else 4.0
     way = diagonal * (rng.uniform(0.5, 3.0) if kind["stop"] == "beyond" else 10.0 ** rng.uniform(1.0, farthest))
     return Plane(middle + way * along, normal)

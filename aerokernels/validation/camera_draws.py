@@ -1,7 +1,7 @@
-"""Random cameras before random air of closed form: do the errors told of displacement and blur hold?
+"""Random cameras viewing random air of closed form, to test the reported errors of displacement and blur.
 
-Sampled air (closed_air.py) is looked through by `background_displacement`. The truth is every ray of many points of the
-aperture, followed through the closed form by the classic Runge-Kutta scheme in steps along the camera's axis.
+`background_displacement` looks through sampled air (closed_air.py). The truth follows rays from many points of the
+aperture through the closed form by the classic Runge-Kutta scheme in steps along the camera's axis.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from .closed_air import HALF, DrawnAir, draw_air, log_uniform
 STRENGTHS = (1e-6, 1e-4)
 # Rows and columns of a picture.
 SHAPE = (3, 4)
-# Of the truth: points of the aperture, steps along a ray, and the step of differences that are its gradient [m].
+# For the truth: points of the aperture, steps along a ray, and the step of the differences for the gradient [m].
 TRUE_POINTS, STEPS, DIFFERENCE = 144, 300, 2e-6
 
 
@@ -36,10 +36,10 @@ class ViewCheck:
 
     Attributes:
         displacement_missed: Distance from the true displacement, shape (rows, columns).
-        displacement_error: What was told.
+        displacement_error: Its reported error.
         blur: Blur, shape (rows, columns, 2).
-        blur_missed: Difference to the true blur.
-        blur_error: What was told.
+        blur_missed: Difference from the true blur.
+        blur_error: Its reported error.
     """
 
     displacement_missed: np.ndarray
@@ -50,7 +50,7 @@ class ViewCheck:
 
 
 def draw_camera(seed: int) -> DrawnCamera:
-    """The camera and the air of a seed."""
+    """Return the camera and the air of a seed."""
     rng = np.random.default_rng([29, seed])
     air = draw_air(rng, STRENGTHS)
     normal = rng.normal(size=3) * ((0.3, 1.0, 1.0) if air.field.geometry == "planar" else (1.0, 1.0, 1.0))
@@ -61,14 +61,14 @@ def draw_camera(seed: int) -> DrawnCamera:
     far = rng.random() < 0.3
     distance = np.inf if far else away + log_uniform(rng, 0.02, 2.0)
     focus = None if rng.random() < 0.5 else away + log_uniform(rng, 0.02, 2.0)
-    # The picture sees some millimetres of the air.
+    # The picture covers some millimetres of the air.
     length = 0.5 * min(away, distance)
     camera = Camera(pupil, length, length * rng.uniform(0.1, 0.6) * HALF / away, SHAPE, distance, focus)
     return DrawnCamera(air, camera, int(rng.choice([4, 4, 9, 16])))
 
 
 def check_camera(drawn: DrawnCamera, **options) -> ViewCheck:
-    """The displacement and the blur beside the truth; options go to `background_displacement`."""
+    """Compare displacement and blur with the truth; options are passed to `background_displacement`."""
     seen = background_displacement(
         drawn.air.field, drawn.camera, aperture_rays=drawn.aperture_rays, allow_truncation=True, **options
     )
@@ -96,7 +96,7 @@ def true_shifts(
 ) -> np.ndarray:
     """Shifts [pixels] of rays from points of the aperture (n, 2) [m], shape (n, rows, columns, 2); vacuum elsewhere.
 
-    `slant` is the part of the camera's direction that leads out of the air, less than 1 in one endless along x.
+    `slant` is the part of the camera's direction that leads out of the air, less than 1 where it is endless along x.
     """
     pupil = camera.pupil
     first, second = pupil.axes

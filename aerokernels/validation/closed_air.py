@@ -1,8 +1,8 @@
-"""Random air of closed form, and its samples on a grid: what an answer about a sampled field can be held against.
+"""Random air of closed form, and its samples on a grid, for testing results on sampled fields.
 
-Three kinds, each faded out at the faces of its box: "waves" (sine waves of random directions), "blobs" (bells of Gauss)
-and "layers" (tanh layers, as shocks). Each is sampled on a grid of 1.5 to 12 nodes to its smallest length, in any
-geometry, under any interpolant of grids.
+Three kinds, each faded out at the faces of its box: "waves" (sine waves of random directions), "blobs" (Gaussians) and
+"layers" (tanh layers, like shocks). Each is sampled on a grid of 1.5 to 12 nodes to its smallest length, in any
+geometry, with any interpolant of grids.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from ..medium import IndexField
 KINDS = ("waves", "blobs", "layers")
 GEOMETRIES = ("planar", "axisymmetric", "volume")
 INTERPOLATIONS = ("cubic", "linear", "monotone")
-# Half the box [m], and nodes along a side at most: volumes are sampled less finely.
+# Half the box [m], and the greatest number of nodes along a side: volumes are sampled less finely.
 HALF, MOST_NODES, MOST_NODES_VOLUME = 4e-3, 241, 65
 
 
@@ -24,7 +24,7 @@ class DrawnAir:
     """Air of closed form and its samples.
 
     Attributes:
-        kind: Of KINDS.
+        kind: A name from KINDS.
         contrast: The closed form, of points (n, 3) [m]; zero outside a box of HALF to either side.
         field: Its samples.
         nodes: Nodes to its smallest length.
@@ -41,7 +41,7 @@ class DrawnAir:
 def draw_air(
     rng: np.random.Generator, strengths: tuple[float, float], kind: str | None = None, geometry: str | None = None
 ) -> DrawnAir:
-    """Air of a kind, in a geometry, or of any; its contrast is of a size between two."""
+    """Random air of a kind and in a geometry, or of any; its contrast is between two `strengths`."""
     kind = KINDS[rng.integers(len(KINDS))] if kind is None else kind
     geometry = GEOMETRIES[rng.integers(len(GEOMETRIES))] if geometry is None else geometry
     interpolation = INTERPOLATIONS[rng.choice(3, p=(0.6, 0.2, 0.2))]
@@ -73,7 +73,7 @@ def draw_air(
 def _closed_form(
     rng: np.random.Generator, kind: str, axes: int, smallest: float, strengths: tuple[float, float]
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Contrast at points (n, axes): of a kind, faded out at the faces, even across r = 0 by its window alone."""
+    """Contrast at points (n, axes) of a kind, faded out at the faces; only its window is even across r = 0."""
     strength = log_uniform(rng, *strengths)
     count = int(rng.integers(1, 5))
     toward = rng.normal(size=(count, axes))
@@ -106,5 +106,5 @@ def _closed_form(
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number whose logarithm is even between those of two."""
+    """A random number whose logarithm is uniform between those of two numbers."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))

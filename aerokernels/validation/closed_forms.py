@@ -1,8 +1,8 @@
 """Closed forms of rays in graded-index media.
 
 They are written in the parameter sigma of the ray equation, d sigma = ds / n: r'' = grad(n^2) / 2, |r'| = n,
-optical path = integral of n^2 d sigma; or in an angle that takes its place. Lengths of rays without a closed form are
-Gauss integrals of a smooth integrand, good to rounding.
+optical path = integral of n^2 d sigma; or in an angle in its place. Lengths of rays without a closed form are Gauss
+integrals of a smooth integrand, accurate to rounding.
 """
 
 from collections.abc import Callable
@@ -41,7 +41,7 @@ def integral(integrand, start, stop, panels: int = 8) -> np.ndarray:
 
 
 def unit(vectors) -> np.ndarray:
-    """Vectors, made unit vectors."""
+    """Normalise vectors."""
     vectors = np.asarray(vectors, dtype=float)
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
@@ -58,10 +58,10 @@ def sech_contrast(height: np.ndarray, n0: float, g: float) -> np.ndarray:
 
 
 def quadratic_ends(index: Index, rays: RayBundle, sigma, *, stiffness=(0, 0, 0), force=(0, 0, 0), panels=8) -> Ends:
-    """After `sigma` in n^2 = constant - sum k_i x_i^2 + 2 sum f_i x_i; along an axis k_i or f_i is zero.
+    """Ends after `sigma` in n^2 = constant - sum k_i x_i^2 + 2 sum f_i x_i; along an axis k_i or f_i is zero.
 
-    The axes part: x_i swings about 0 with frequency sqrt(k_i), or falls with f_i. As n^2 = |r'|^2, the optical path is
-    the sum over the axes of the integral of (x_i')^2 d sigma.
+    The axes separate: x_i oscillates about 0 with frequency sqrt(k_i), or falls with f_i. As n^2 = |r'|^2, the optical
+    path is the sum over the axes of the integral of (x_i')^2 d sigma.
     """
     start = rays.position
     launch = index(start)[:, None] * rays.direction
@@ -88,16 +88,16 @@ def quadratic_ends(index: Index, rays: RayBundle, sigma, *, stiffness=(0, 0, 0),
 
 
 def layered_direction(rays: RayBundle) -> tuple[np.ndarray, np.ndarray]:
-    """For media n(y): the unit vector along x, z that a ray keeps, shape (n, 3), and its angle to it, shape (n,)."""
+    """For media n(y): the constant unit vector along x, z of a ray, shape (n, 3), and its angle to it, shape (n,)."""
     level = rays.direction * [1.0, 0.0, 1.0]
     return unit(level), np.arctan2(rays.direction[:, 1], np.linalg.norm(level, axis=1))
 
 
 def sech_ends(rays: RayBundle, advance, n0: float, g: float) -> Ends:
-    """After `advance` [m] along x, z in n = n0 sech(g y).
+    """Ends after `advance` [m] along x, z in n = n0 sech(g y).
 
-    u = sinh(g y) = A sin(g l + phase) with l along x, z; beta = n cos(slope) = n0 / sqrt(1 + A^2) is kept. The optical
-    path, the integral of n^2 / beta dl, is n0 / g times the growth of arctan(sqrt(1 + A^2) tan(g l + phase)).
+    u = sinh(g y) = A sin(g l + phase) with l along x, z; beta = n cos(slope) = n0 / sqrt(1 + A^2) is constant. The
+    optical path, the integral of n^2 / beta dl, is n0 / g times the increase of arctan(sqrt(1 + A^2) tan(g l + phase)).
     """
     level, slope = layered_direction(rays)
     start = np.sinh(g * rays.position[:, 1])

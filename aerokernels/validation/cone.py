@@ -1,8 +1,8 @@
-"""The cone scene, a field that is a formula: what the benchmark and the work-precision runs measure errors on.
+"""The cone scene, a field given by a formula, on which the benchmark and the work-precision runs measure errors.
 
 n = 1 + 2.4e-4 (1 + 0.5 tanh((r - a tan 25 deg) / 0.5 mm)), a = y + 6 mm, r = sqrt(x^2 + z^2), a shock cone about the y
 axis that rays along z cross twice. Far from the axis n tends to 1 + 3.6e-4: that is the ambient index, and at the faces
-z = +-8 mm through which rays come and go the contrast is below 1e-10.
+z = +-8 mm through which rays enter and leave the contrast is below 1e-10.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ CONE_SPACING = 1e-3 / 16.0  # [m]
 CONE_HALF = (2e-3, 2e-3, 8e-3)  # [m]
 CONE_APERTURE = 1.5e-3  # half the width of the square of rays [m]
 _SLOPE, _APEX, _THICKNESS = np.tan(np.deg2rad(25.0)), 6e-3, 0.5e-3
-# Steps of the true rays, so that none passes over the layer.
+# Longest step of the true rays, so that none steps over the layer.
 LONGEST_STEP = 1e-3  # [m]
 
 
@@ -63,5 +63,5 @@ def cone_rays(ray_count: int) -> RayBundle:
 
 
 def cone_truth(rays: RayBundle, tolerance: float = TIGHT) -> Truth:
-    """Where rays from the face z = -8 mm end on the face z = +8 mm."""
+    """The ends on the face z = +8 mm of rays from the face z = -8 mm."""
     return integrate(cone_potential, CONE_AMBIENT, CONE_HALF[2], LONGEST_STEP, rays, tolerance)

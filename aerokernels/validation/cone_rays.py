@@ -1,8 +1,8 @@
 """Exact rays past a sharp cone: Snell's law at its shock, DOP853 through the Taylor-Maccoll flow behind it.
 
-The index is ambient + (ambient - 1) (density ratio - 1), Gladstone-Dale's, a function of the polar angle alone behind
-the shock. With the momentum T = n dr/ds and ds = n dt: r' = T, T' = n grad n. Across the shock the momentum along it is
-kept.
+The index is ambient + (ambient - 1) (density ratio - 1) by Gladstone-Dale, a function of the polar angle alone behind
+the shock. With the momentum T = n dr/ds and ds = n dt: r' = T, T' = n grad n. Across the shock the tangential momentum
+is conserved.
 """
 
 import numpy as np
@@ -10,15 +10,15 @@ import numpy as np
 from ..flow.conical_profile import ConeShock
 from ..rays import RayBundle
 
-# Of the density ratio's slope over the polar angle [rad].
+# Difference of the polar angle [rad] for the slope of the density ratio.
 ANGLE_STEP = 1e-6
 TOLERANCE = 1e-8
 
 
 def rays_past_cone(shock: ConeShock, ambient: float, rays: RayBundle) -> tuple[np.ndarray, np.ndarray]:
-    """Where rays have left the flow over a cone (tip at the origin, body along -z), and their directions there.
+    """Return where rays have left the flow over a cone (tip at the origin, body along -z), and their directions there.
 
-    Rays start outside the shock and meet neither body nor base; one that misses the shock stays as it is.
+    Rays start outside the shock and meet neither body nor base; a ray that misses the shock is returned unchanged.
 
     Returns:
         Points [m] and unit directions, both of shape (ray_count, 3).
@@ -45,7 +45,7 @@ def _first_meeting(place: np.ndarray, way: np.ndarray, slope: float) -> float | 
 
 
 def _through(shock: ConeShock, ambient: float, place: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """From a point on the shock through the flow to the shock's other side."""
+    """Trace from a point on the shock through the flow to the other side of the shock."""
     from scipy.integrate import solve_ivp
 
     edge = shock.shock_angle
@@ -67,7 +67,7 @@ def _through(shock: ConeShock, ambient: float, place: np.ndarray, way: np.ndarra
 
     leaves.terminal, leaves.direction = True, 1.0  # type: ignore[attr-defined]
     momentum = _refracted(ambient * way, _normal(place, edge), index(edge))
-    # A hair inside, so that the shock that it stands on is no event.
+    # Start slightly inside, so that the shock at the start is not detected as an event.
     begin = place + 1e-9 * momentum
     found = solve_ivp(
         rate,
@@ -84,14 +84,14 @@ def _through(shock: ConeShock, ambient: float, place: np.ndarray, way: np.ndarra
 
 
 def _normal(place: np.ndarray, edge: float) -> np.ndarray:
-    """Unit normal of the shock at a point on it, outward."""
+    """Outward unit normal of the shock at a point on it."""
     radius = np.hypot(place[0], place[1])
     normal = np.array([place[0] / radius, place[1] / radius, np.tan(edge)])
     return np.asarray(normal / np.linalg.norm(normal))
 
 
 def _refracted(momentum: np.ndarray, normal: np.ndarray, index: float) -> np.ndarray:
-    """The momentum behind a surface beyond which the index is this one."""
+    """The momentum behind a surface beyond which the index is `index`."""
     through = float(momentum @ normal)
     along = momentum - through * normal
     return np.asarray(along + np.sign(through) * np.sqrt(index**2 - along @ along) * normal)

@@ -1,6 +1,6 @@
-"""Damaging flow files on purpose: what a broken disk, a broken transfer or another program leaves of them.
+"""Damage flow files on purpose, as a broken disk, a broken transfer or another program would.
 
-Whatever the damage, a file is read as a density field of a gas, or refused with one line: nothing else may happen.
+Whatever the damage, a file must be read as a density field of a gas, or refused with one line.
 """
 
 import random
@@ -16,7 +16,7 @@ from .damaged_structure import damage_structure, has_structure
 
 
 def damage(data: bytes, generator: Generator) -> bytes:
-    """One of many ways to spoil a file."""
+    """Damage a file's bytes in one of ten ways."""
     way = int(generator.integers(10))
     size = len(data)
     at, length = int(generator.integers(size)), int(generator.integers(1, max(2, size // 4)))
@@ -26,7 +26,7 @@ def damage(data: bytes, generator: Generator) -> bytes:
         return data[:at] + data[at + length :]
     if way == 2:
         return data[:at] + data[at : at + length] + data[at:]
-    if way == 3:  # a text where numbers were, or the reverse
+    if way == 3:  # text in place of numbers, or the reverse
         return data[:at] + b"not a number " * 3 + data[at + 39 :]
     if way == 4:
         return data[:at] + bytes(generator.integers(0, 256, 8, dtype=np.uint8)) + data[at + 8 :]
@@ -51,14 +51,14 @@ def damage(data: bytes, generator: Generator) -> bytes:
 
 
 def damaged(data: bytes, draw: random.Random) -> bytes:
-    """The same of whatever there is, by another generator."""
+    """Damage data that may be empty, using another generator."""
     return damage(data, np.random.default_rng(draw.randrange(2**32))) if data else data
 
 
 def outcome_of(path: Path) -> str:
-    """What became of a file: "read", "refused", or "ended": refused as the library that reads it ended its process.
+    """Return what happened to a file: "read", "refused", or "ended" if the library that reads it ended its process.
 
-    Whatever else happens, happens to the caller.
+    Any other exception is passed on to the caller.
     """
     try:
         flow = read(path)
@@ -72,19 +72,19 @@ def outcome_of(path: Path) -> str:
 
 
 class DamagedCopies:
-    """Copies of a sound file or case, one of whose files is damaged by each seed: its bytes, or what is in HDF5.
+    """Copies of a valid file or case, in which each seed damages one file: its bytes, or the contents of HDF5.
 
     Args:
         path: The file, or the case's folder.
         sound: The folder with all that belongs to it.
-        copy: Where the copies are made; not there yet.
+        copy: Where the copies are made; must not exist yet.
 
     Raises:
-        ValueError: It is not sound.
+        ValueError: The original cannot be read.
     """
 
     def __init__(self, path: Path, sound: Path, copy: Path):
-        """Copy what is sound."""
+        """Copy the valid files."""
         if outcome_of(path) != "read":
             raise ValueError(f"{path} is not sound")
         self._contents = {file: file.read_bytes() for file in sorted(sound.rglob("*")) if file.is_file()}
@@ -92,7 +92,7 @@ class DamagedCopies:
         shutil.copytree(sound, copy)
 
     def outcome(self, seed: int) -> str:
-        """What becomes of the copy that is damaged by a seed, as `outcome_of` has it."""
+        """Outcome of reading the copy damaged by a seed, as returned by `outcome_of`."""
         generator = np.random.default_rng(seed)
         chosen, content = list(self._contents.items())[int(generator.integers(len(self._contents)))]
         place = self._copy / chosen.relative_to(self._sound)

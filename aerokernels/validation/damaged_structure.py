@@ -1,7 +1,7 @@
-"""Damage to the inside of HDF5 files: a file that is whole as such, and wrong in what it holds.
+"""Damage the contents of HDF5 files: the file stays valid as a container, but its contents are wrong.
 
-A changed byte of such a file mostly spoils the container. What another program gets wrong lies deeper: a node that is
-not there or is there twice, arrays of another shape or type, counts that do not agree, another label, links in circles.
+A changed byte of such a file mostly spoils the container. Errors of other programs are deeper: a node that is missing
+or duplicated, arrays of another shape or type, counts that do not agree, another label, circular links.
 """
 
 import io
@@ -16,12 +16,12 @@ WILD_WHOLE = (-1, 0, 1, 2, 3, 2**31 - 1, -(2**31), 65536)
 
 
 def has_structure(data: bytes) -> bool:
-    """Whether data is a file of HDF5."""
+    """Whether data is an HDF5 file."""
     return data.startswith(MAGIC)
 
 
 def damage_structure(data: bytes, random: Generator) -> bytes:
-    """One to three of many ways to spoil what is in a sound file of HDF5."""
+    """Spoil the contents of a valid HDF5 file in one to three ways."""
     import h5py
 
     stream = io.BytesIO(data)
@@ -31,7 +31,7 @@ def damage_structure(data: bytes, random: Generator) -> bytes:
             file.visit(names.append)
             if not names:
                 break
-            with suppress(OSError, ValueError, KeyError, RuntimeError, TypeError):  # what HDF5 itself does not allow
+            with suppress(OSError, ValueError, KeyError, RuntimeError, TypeError):  # changes that HDF5 does not allow
                 _spoil(file, names[int(random.integers(len(names)))], random)
     return stream.getvalue()
 
@@ -87,9 +87,9 @@ def _replace(parent, own: str, values: np.ndarray) -> None:
 
 
 def _spoiled(values: np.ndarray, way: int, random: Generator) -> np.ndarray:
-    """An array with something wrong about it."""
+    """An array with an error in its values, shape or type."""
     flat = values.ravel()
-    if way == 6:  # values that cannot be
+    if way == 6:  # impossible values
         wild = random.choice(np.array(WILD if values.dtype.kind == "f" else WILD_WHOLE))
         flat = flat.copy()
         with np.errstate(over="ignore", invalid="ignore"):
@@ -98,9 +98,9 @@ def _spoiled(values: np.ndarray, way: int, random: Generator) -> np.ndarray:
     if way == 7:  # too few of them, or too many
         count = int(random.integers(0, 2 * flat.size + 1))
         return np.resize(flat, count)
-    if way == 8:  # in another shape
+    if way == 8:  # another shape
         return flat[None] if random.random() < 0.5 else values.T.copy()
-    if way == 9:  # of another type
+    if way == 9:  # another type
         kind = random.choice(np.array(["i1", "i4", "i8", ">f8", "f4", "f8", "u8"]))
         with np.errstate(over="ignore", invalid="ignore"):
             return values.astype(str(kind))

@@ -1,8 +1,8 @@
-"""Draws of many kinds shared over processes: what came of each, counted by kind, within a time for all of them.
+"""Run random tests of many kinds in parallel processes within a time limit, and count their outcomes by kind.
 
-Each batch of draws is a process forked from one that has imported everything, and may be ended by a signal, or hang:
-that is a fault of its seed, and another process goes on behind it. The kinds that are soonest done go first, so that
-as many as possible are done in the time given. Needs `fork`.
+Each batch is a process forked from one that has imported everything. It may be ended by a signal, or hang: that is a
+fault of its seed, and another process continues after it. The kinds that need the least time go first, so that as many
+as possible are finished in the given time. Needs `fork`.
 """
 
 import mmap
@@ -19,25 +19,25 @@ from pathlib import Path
 OUTCOMES = ("read", "refused", "ended", "fault")
 HANGS = 60.0  # [s] of one draw
 GRACE = 5.0  # [s] that processes have to end by themselves when the time is over
-A_BATCH, FIRST_BATCH, MOST = 4.0, 100, 50_000  # [s], draws: what libraries keep goes with the process of a batch
+A_BATCH, FIRST_BATCH, MOST = 4.0, 100, 50_000  # [s], draws; memory kept by libraries is freed with each process
 _COUNTS = struct.Struct(f"<{len(OUTCOMES)}q")
 
 
 class Report:
-    """Where a batch says what came of its draws, in memory that it shares with the process that began it."""
+    """The outcomes of a batch, in memory shared with the process that started it."""
 
     def __init__(self, memory: mmap.mmap, faults: Path, end: float):
-        """Counts go to `memory`, texts of faults to a file; it is late after `end`, by the monotonic clock."""
+        """Write counts to `memory` and texts of faults to a file; it is late after `end`, by the monotonic clock."""
         self._memory, self._faults, self._end = memory, faults, end
         self._counts = dict.fromkeys(OUTCOMES, 0)
 
     def outcome(self, found: str) -> None:
-        """One more draw is done."""
+        """Count one more finished draw."""
         self._counts[found] += 1
         self._memory[:] = _COUNTS.pack(*self._counts.values())
 
     def fault(self, seed: int, text: str) -> None:
-        """One more draw is done, and it is a fault."""
+        """Count one more finished draw as a fault."""
         with self._faults.open("a") as file:
             file.write(f"seed {seed}: {_short(text)}\n")
         self.outcome("fault")
@@ -48,17 +48,17 @@ class Report:
 
 
 Work = Callable[[str, range, Path, Report], None]
-"""Draws the seeds of a kind in order, in an empty folder, and reports on each; ends early when that says it is late."""
+"""Runs the seeds of a kind in order, in an empty folder, and reports each; stops early when the report is late."""
 
 
 def _short(text: str) -> str:
-    """A text in one line: its beginning, and of a long one the end, where a traceback says what it was."""
+    """Shorten a text to one line: its beginning and its end, where a traceback names the error."""
     line = " ".join(text.split())
     return line if len(line) <= 600 else f"{line[:60]} ... {line[-500:]}"
 
 
 class _Kind:
-    """One kind: what is drawn of it, what came of it, and how long that took."""
+    """One kind: the seeds left to draw, the outcomes, and the time taken."""
 
     def __init__(self, name: str, seeds: range):
         self.name, self.left = name, [seeds]
@@ -73,7 +73,7 @@ class _Kind:
 
     @property
     def remaining(self) -> float:
-        """How long the draws that nobody has begun take one process [s]; not known is at once."""
+        """Time of one process for the draws that have not been started [s]; 0 where it is not known."""
         return sum(map(len, self.left)) * self.seconds / self.done if self.done else 0.0
 
     def some(self) -> range:
@@ -98,7 +98,7 @@ class _Batch:
         (folder / "scratch").mkdir(parents=True)
         self.process = os.fork()
         if not self.process:
-            os.setsid()  # with the processes that it starts it can be ended
+            os.setsid()  # so that it can be ended together with the processes that it starts
             try:
                 work(kind.name, self.seeds, folder / "scratch", Report(self.memory, self.faults, end))
                 os._exit(0)
@@ -115,7 +115,7 @@ class _Batch:
             os.killpg(self.process, signal.SIGKILL)
 
     def over(self, late: bool) -> bool:
-        """Whether the process has ended; its kind has the counts then, and the seeds behind one that ended it."""
+        """Whether the process has ended; then add its counts to its kind, and put back the seeds after a fatal one."""
         now = time.monotonic()
         status = os.waitpid(self.process, os.WNOHANG)
         counts = self.counts()
@@ -125,7 +125,7 @@ class _Batch:
             elif now - self.heard > HANGS:
                 self.kill()
             return False
-        self.kill()  # what it has left running
+        self.kill()  # end processes that it left running
         kind, done = self.kind, sum(counts.values())
         kind.under_way -= 1
         kind.seconds += now - self.begun
@@ -148,15 +148,15 @@ class _Batch:
 def share(
     work: Work, kinds: Iterable[str], seeds: range, processes: int, seconds: float, scratch: Path
 ) -> dict[str, list[str]]:
-    """Draw the seeds of every kind, print each fault when it is known and a table at the end: the faults by kind.
+    """Draw the seeds of every kind, print each fault when it is found and a table at the end; return faults by kind.
 
     Args:
-        work: What draws.
-        kinds: Their names.
-        seeds: The same for every kind.
-        processes: How many draw at once.
-        seconds: After this long no more is drawn.
-        scratch: A folder for what is drawn.
+        work: Function that draws.
+        kinds: Names of the kinds.
+        seeds: The seeds, the same for every kind.
+        processes: Number of parallel processes.
+        seconds: Time after which no more is drawn.
+        scratch: A folder for temporary files.
     """
     every = [_Kind(name, seeds) for name in kinds]
     begun = time.monotonic()
@@ -170,7 +170,7 @@ def share(
                 for text in kind.faults[told[kind.name] :]:
                     print(f"{kind.name}, {text}", flush=True)
                 told[kind.name] = len(kind.faults)
-            # A kind that nobody has drawn yet is tried by one process, to learn how long it takes.
+            # A kind that has not been drawn yet is tried by one process first, to measure its time.
             waiting = [kind for kind in every if kind.left and (kind.done or not kind.under_way)]
             if (not waiting or late) and not batches:
                 break

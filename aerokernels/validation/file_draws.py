@@ -1,4 +1,4 @@
-"""Drawn files that others wrote: recorded echoes as CSV, NetCDF and stores, and what jobs that were broken off left.
+"""Random files from outside: recorded echoes as CSV, NetCDF and stores, and records of interrupted jobs.
 
 As in input_draws.py: an answer with finite numbers, or a refusal in one line that names the file.
 """
@@ -34,7 +34,7 @@ STORED = (0, -1, 2**63 - 1, 1e300, float("inf"), "text", b"", b"\xff", b"\x00" *
 
 
 def _read_all(path: Path) -> bool:
-    """Read every echo of a file: whether it could be read."""
+    """Read every echo of a file; return whether it could be read."""
     try:
         return looked_at(recorded_echoes(path, recorded_labels(path)[0]))
     except ValueError as fault:
@@ -91,7 +91,7 @@ def _sound_store(folder: Path) -> Path:
 
 
 def _damaged_store(draw: random.Random, folder: Path) -> Path:
-    """An echo store in which a value is another, or bytes are damaged."""
+    """An echo store with a changed value or damaged bytes."""
     path = folder / "echoes.sqlite"
     for beside in ("-wal", "-shm"):
         path.with_name(path.name + beside).unlink(missing_ok=True)
@@ -118,7 +118,7 @@ def store_read(draw: random.Random, folder: Path) -> bool:
 
 
 def store(draw: random.Random, folder: Path) -> bool:
-    """A damaged store, read, and written as NetCDF or CSV."""
+    """A damaged store, read, and exported as NetCDF or CSV."""
     path = _damaged_store(draw, folder)
     read = _read_all(path)
     try:
@@ -138,7 +138,7 @@ def netcdf(draw: random.Random, folder: Path) -> bool:
     import h5py
 
     path = folder / "echoes.nc"
-    path.unlink(missing_ok=True)  # a new file, which nobody can have locked
+    path.unlink(missing_ok=True)  # a new file, which no other process can have locked
     count = draw.choice((1, 2))
     shapes: dict[str, tuple] = {"voltage": (count, SAMPLES), "time": (SAMPLES,)}
     if draw.random() < 0.5:
@@ -169,7 +169,7 @@ def netcdf(draw: random.Random, folder: Path) -> bool:
 
 
 def sweep(draw: random.Random, folder: Path) -> bool:
-    """What a sweep that was broken off left: its definition and its lines, damaged."""
+    """Damaged records of an interrupted sweep: its definition and its lines."""
     definition = json.dumps({"scene": {"name": "x"}, "vary": {"target.tilt": [0.0, 1.0]}, "version": "0"}).encode()
     lines = b"".join(json.dumps({"case": k, "summary": {"strehl": 0.5}}).encode() + b"\n" for k in range(3))
     odd = (b'{"case": 1e999}\n', b'{"case": "x"}\n', b"[]\n", b'{"case": null}\n', b"\xff\xfe\n", b"[" * 5000 + b"\n",

@@ -1,7 +1,7 @@
-"""Random interferometers before random flows of closed form, sampled well and badly: does the error told hold?
+"""Random interferometers in random flows of closed form, sampled well and badly, to test the reported error.
 
-Sampled air of closed form (closed_air.py) is read by `fldi_response`. The truth is the interferometer in the
-closed form: its light summed over a fine grid of rays and many Gauss points along them, by nothing of the package.
+`fldi_response` reads sampled air of closed form (closed_air.py). The truth is the interferometer in the closed form:
+its light summed over a fine grid of rays and many Gauss points along them, independently of the package.
 """
 
 from collections.abc import Callable
@@ -13,9 +13,9 @@ import numpy as np
 from ..fldi import FLDI, fldi_response
 from .closed_air import HALF, DrawnAir, draw_air, log_uniform
 
-# Of the air's contrast.
+# Range of the air's contrast.
 STRENGTHS = (1e-8, 3e-6)
-# Of the truth: rays across a beam, its radii, layers along it.
+# For the truth: rays across a beam, their reach in beam radii, layers along it.
 RAYS, REACH, LAYERS = 61, 3.3, 400
 
 
@@ -32,9 +32,9 @@ class ReadingCheck:
     """A phase beside the truth, in radians.
 
     Attributes:
-        phase: What the response says.
-        error: What it says that it may be off by.
-        truth: The closed form's phase.
+        phase: The phase of the response.
+        error: Its reported error.
+        truth: The phase in the closed form.
     """
 
     phase: float
@@ -43,24 +43,24 @@ class ReadingCheck:
 
     @property
     def missed(self) -> float:
-        """How far the phase is off [rad]."""
+        """Error of the phase [rad]."""
         return abs(self.phase - self.truth)
 
     @property
     def covered(self) -> bool:
-        """Whether the error holds it, but for what rounding and the truth's own sums leave."""
+        """Whether the reported error covers it, apart from rounding and the truth's own quadrature error."""
         return self.missed <= self.error + 1e-6 * abs(self.truth) + 1e-10
 
 
 def draw_reading(seed: int, kind: str | None = None, geometry: str | None = None) -> DrawnReading:
-    """The reading of a seed."""
+    """Return the reading of a seed."""
     rng = np.random.default_rng([23, seed])
     air = draw_air(rng, STRENGTHS, kind, geometry)
     return DrawnReading(air, _instrument(rng, air.field.geometry))
 
 
 def check_reading(drawn: DrawnReading) -> ReadingCheck:
-    """The response beside the truth."""
+    """Compare the response with the truth."""
     found = fldi_response(drawn.air.field, drawn.instrument)
     axis = drawn.instrument.axis
     slant = float(np.hypot(axis[1], axis[2])) if drawn.air.field.geometry == "planar" else 1.0
@@ -71,7 +71,7 @@ def check_reading(drawn: DrawnReading) -> ReadingCheck:
 def true_phase(contrast: Callable[[np.ndarray], np.ndarray], instrument: FLDI, slant: float = 1.0) -> float:
     """Phase of the detected light [rad] through air of closed form that ends within HALF of the origin on each axis.
 
-    `slant` is the part of the beams' direction that leads out of the air: less than 1 in a planar one, endless along x.
+    `slant` is the part of the beams' direction that leads out of the air: less than 1 in planar air, endless along x.
     """
     side = np.linspace(-REACH, REACH, RAYS)
     u, v = (axis.ravel() for axis in np.meshgrid(side, side))
@@ -98,7 +98,7 @@ def true_phase(contrast: Callable[[np.ndarray], np.ndarray], instrument: FLDI, s
 
 
 def _instrument(rng: np.random.Generator, geometry: str) -> FLDI:
-    """An interferometer whose beams go through the box, never along a planar field's endless axis."""
+    """An interferometer whose beams cross the box, never along a planar field's endless axis."""
     axis = rng.normal(size=3) * (0.3, 1.0, 1.0) if geometry == "planar" else rng.normal(size=3)
     waist = log_uniform(rng, 4e-6, 1e-4)
     return FLDI(

@@ -1,8 +1,8 @@
-"""Drawn flow files, given to their own reader in this process: what comes out hangs together, or is refused in words.
+"""Random flow files, read by their own reader in this process: the result is consistent, or refused in words.
 
-A whole reading of a file, with its grid and its body, costs milliseconds (`damaged_files.py`); here ends what
-this package parses itself, with small files, in memory or on a disk of memory. What VTK and HDF5
-have read is drawn in tree_draws.py. As in input_draws.py, any other outcome is an exception to whoever draws.
+Reading a whole file, with its grid and its body, takes milliseconds (`damaged_files.py`); here only the part that this
+package parses itself is run, on small files, in memory or on a disk of memory. The results of VTK and HDF5 are varied
+in tree_draws.py. As in input_draws.py, any other outcome is raised as an exception.
 """
 
 import io
@@ -23,12 +23,12 @@ from .input_draws import Draw
 from .refusals import told
 from .spoiling import ODD_WORDS, spoilt_numbers, spoilt_text
 
-NO_ROOM = "than the memory takes"  # which small files have: their numbers are looked at before there is room
-MOST_VALUES = 1_000_000  # of files of some kilobytes: more is what a damaged count has announced
+NO_ROOM = "than the memory takes"  # must not be said of small files: their counts are checked before allocation
+MOST_VALUES = 1_000_000  # in files of some kilobytes; a larger number comes from a damaged count
 
 
 def looked_at(path: Path, found: Dataset) -> bool:
-    """Arrays have a value for each place, cells refer to points that are there, and densities are those of a gas."""
+    """Check that arrays fit their points and cells, that cells refer to existing points, and densities are positive."""
     for block in found.blocks:
         count = len(block.points)
         if block.points.dtype != np.float64 or block.points.shape != (count, 3) or count > MOST_VALUES:
@@ -65,7 +65,7 @@ def _read(path: Path, module: str, options: dict | None = None) -> bool:
         return looked_at(path, read_here(module, path, None, options or {}))
     except ReadError as fault:
         return told(fault, path.parent, NO_ROOM)
-    except ValueError as fault:  # names of arrays and gases that nobody knows
+    except ValueError as fault:  # unknown names of arrays and gases
         return told(fault, path, NO_ROOM)
 
 
@@ -89,7 +89,7 @@ def _tecplot_binary(draw: random.Random) -> bytes:
 
 
 def foam_file(draw: random.Random, folder: Path) -> bool:
-    """Lists, words and dictionaries of OpenFOAM, read by what may ask for them."""
+    """Lists, words and dictionaries of OpenFOAM, read in random order."""
     parts = ("3(1 2 3)", "2((0 0 0) (1 1 1))", "4{1.5}", "2(4(0 1 2 3) 3(2 1 0))", "0()", "0", "5", "List<scalar>",
              "{ a 1; b (x y); }", "// c\n", "/* c */", "(", ")", '"a b"', ";", "12345678901234567890(")  # fmt: skip
     binary, order = draw.random() < 0.4, _order(draw)
@@ -130,13 +130,13 @@ def foam_file(draw: random.Random, folder: Path) -> bool:
             taken = True
     except ReadError as fault:
         told(fault, path, NO_ROOM)
-    except (TypeError, ValueError, OverflowError):  # what `read_here` makes a refusal of
+    except (TypeError, ValueError, OverflowError):  # `read_here` turns these into a refusal
         return False
     return taken
 
 
 def foam_case(draw: random.Random, folder: Path) -> bool:
-    """A case of two cells, one of whose files is spoilt."""
+    """A case of two cells with one spoilt file."""
     key = draw.random() < 0.4, draw.choice(("empty", "wedge", "patch"))
     case = folder / f"case-{key[0]:d}-{key[1]}"
     files = OPENED.once(("foam case", *key), lambda: sound_files.foam_case(*key))
@@ -161,7 +161,7 @@ def _latin(data: bytes, draw: random.Random) -> bytes:
 
 
 def su2(draw: random.Random, folder: Path) -> bool:
-    """A mesh of SU2 and its restart, as a text or binary: one of them is spoilt."""
+    """A mesh of SU2 and its restart, as text or binary; one of them is spoilt."""
     binary, order, of_mesh = draw.random() < 0.5, _order(draw), draw.random() < 0.5
     made = draw.choice(sound_files.SU2_MESH) if of_mesh else sound_files.SU2_MESH[0]
     mesh = folder / "mesh.su2"
@@ -175,7 +175,7 @@ def su2(draw: random.Random, folder: Path) -> bool:
 
 
 def plot3d(draw: random.Random, folder: Path) -> bool:
-    """A grid of Plot3D and its solution or functions, of any form: one of them is spoilt."""
+    """A grid of Plot3D and its solution or functions, of any form; one of them is spoilt."""
     order = _order(draw)
     if draw.random() < 0.3:
         pair = [spoilt_text(text, draw) if k == draw.randrange(2) else text.encode()
@@ -216,7 +216,7 @@ def npz(draw: random.Random, folder: Path) -> bool:
 
 
 def words_of(texts: tuple[str, ...]) -> Callable[[random.Random], bytes]:
-    """One of the texts, spoilt."""
+    """Return a function that spoils one of the texts."""
     return lambda draw: spoilt_text(draw.choice(texts), draw)
 
 

@@ -1,6 +1,6 @@
-"""Readers of fragile files forked from this process, which has their libraries: milliseconds where a new one takes 1 s.
+"""Fork readers of fragile files from this process, which has imported their libraries: milliseconds instead of 1 s.
 
-For drawing files by the thousand; bounds and answers are those of aerokernels/process/fragile.py.
+For reading random files by the thousand; bounds and answers are those of aerokernels/process/fragile.py.
 """
 
 import gc
@@ -15,7 +15,7 @@ COMPUTING = 1.0  # [s], as `fragile.LEAST_COMPUTING`: a forked reader has nothin
 
 
 class _Process:
-    """A forked reader, with what `fragile` asks of a `subprocess.Popen`."""
+    """A forked reader, with the part of the interface of `subprocess.Popen` that `fragile` uses."""
 
     def __init__(self) -> None:
         asked, asks = os.pipe()
@@ -31,7 +31,7 @@ class _Process:
         self.stdin, self.stdout = os.fdopen(asks, "wb"), os.fdopen(answered, "rb")
 
     def poll(self) -> int | None:
-        """The status once it has ended, as `subprocess` has it."""
+        """The status once the process has ended, as in `subprocess`."""
         if self.status is None:
             ended, status = os.waitpid(self.pid, os.WNOHANG)
             self.status = os.waitstatus_to_exitcode(status) if ended else None
@@ -43,7 +43,7 @@ class _Process:
             os.kill(self.pid, signal.SIGKILL)
 
     def wait(self, timeout: float = float("inf")) -> int:
-        """Its status when it has ended, killed if it takes too long."""
+        """Wait for the process and return its status; kill it after `timeout` seconds."""
         end = time.monotonic() + timeout
         while (status := self.poll()) is None:
             if time.monotonic() > end:
@@ -60,7 +60,7 @@ class _Forked(fragile._Child):
 
 
 def addresses() -> float:
-    """The size of this process's address space [bytes]; 0 where the system does not tell."""
+    """Size of this process's address space [bytes]; 0 where the system does not report it."""
     try:
         return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
@@ -68,17 +68,17 @@ def addresses() -> float:
 
 
 def fork_readers() -> None:
-    """Have `fragile` fork its children from now on. Needs `fork`."""
+    """Make `fragile` fork its children from now on. Needs `fork`."""
     vars(fragile)["_Child"] = _Forked
     vars(fragile)["LEAST_COMPUTING"] = COMPUTING
 
 
 def _serve(asked: int, answers: int) -> None:
-    """Be the child: never returns."""
+    """Run the child's loop; never returns."""
     null = os.open(os.devnull, os.O_RDWR)
     os.dup2(null, 1)
     os.dup2(null, 2)
-    gc.freeze()  # `fragile` collects after each damaged file: not what this process has from its parent
+    gc.freeze()  # `fragile` collects garbage after each damaged file: exclude the objects inherited from the parent
     inherited, limit = addresses(), fragile.limit
     vars(fragile)["limit"] = lambda bounds: limit(bounds, inherited)
     try:

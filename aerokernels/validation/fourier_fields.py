@@ -1,4 +1,4 @@
-"""Random density fields of Fourier modes, whose line integrals are closed forms.
+"""Random density fields of Fourier modes, whose line integrals have closed forms.
 
 rho(x, t) = rho_0 + sum over k of  a cos(k . (x - U t) + phase_k)
 integral over s from 0 to S along x + s d:  a (sin(p + w S) - sin(p)) / w,  p = k . x + phase,  w = k . d
@@ -22,9 +22,9 @@ class Fourier:
     Attributes:
         k: Wave vectors [rad/m], shape (m, 3).
         phase: Phases [rad], shape (m,).
-        amplitude: Of each mode [kg/m3].
+        amplitude: Amplitude of each mode [kg/m3].
         mean: Mean density [kg/m3].
-        velocity: With which all is carried [m/s].
+        velocity: Convection velocity [m/s].
     """
 
     k: np.ndarray
@@ -35,7 +35,7 @@ class Fourier:
 
     @classmethod
     def random(cls, seed: int, modes: int = 12, wavenumber: float = 60.0, amplitude: float = 0.004) -> "Fourier":
-        """Normal wave vectors of a standard deviation `wavenumber` [rad/m] in each direction, and even phases."""
+        """Normal wave vectors of a standard deviation `wavenumber` [rad/m] in each direction, and uniform phases."""
         draw = np.random.default_rng(seed)
         return cls(draw.normal(size=(modes, 3)) * wavenumber, draw.uniform(0.0, 2.0 * np.pi, modes), amplitude)
 
@@ -57,7 +57,7 @@ class Fourier:
         """The exact optical path difference [m] along straight lines."""
         at = (start - np.array(self.velocity) * time) @ self.k.T + self.phase
         along = self.k @ direction
-        # (sin(at + w) - sin(at)) / along, without a quotient of small numbers where a mode does not vary along a line
+        # (sin(at + w) - sin(at)) / along, written as sinc to avoid 0 / 0 where a mode is constant along a line
         half = 0.5 * along * np.asarray(length)[..., None]
         parts = np.asarray(length)[..., None] * np.sinc(half / np.pi) * np.cos(at + half)
         return np.asarray(CONSTANT * self.amplitude * parts.sum(axis=-1))

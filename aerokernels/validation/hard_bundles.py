@@ -1,10 +1,11 @@
-"""Fields that hide something between the traced lines of a bundle, and whether interpolated rays hold their tolerance.
+"""Fields with structure between the traced lines of a bundle, to test the error of interpolated rays.
 
-`hard_field(seed)` makes one of KINDS, its place, size and strength by the seed alone. `check(seed)` traces a bundle
-through it as `trace` does by default, and every ray again by error control in float64 at a twentieth of the tolerance.
-A ray is worse than reported where its optical path is off by more than the tolerance, and neither its status nor the
-budget says so. Rays that cross at a caustic, and those at a shock inside a cell, depend on roundings of their start: a
-ray whose path changes by half of the tolerance when it is moved by a millionth of a cell is left out.
+`hard_field(seed)` makes a field of one of KINDS; its position, size and strength depend on the seed alone.
+`check(seed)` traces a bundle through it as `trace` does by default, and every ray again by error control in float64 at
+a twentieth of the tolerance. A ray is worse than reported if its optical path has an error above the tolerance, and
+neither its status nor the budget says so. Rays that cross at a caustic, and rays at a shock inside a cell, depend on
+rounding of their start: a ray whose path changes by half of the tolerance when it is moved by a millionth of a cell is
+ignored.
 """
 
 from dataclasses import dataclass
@@ -25,22 +26,22 @@ BUNDLES = ("slanted", "divergent", "convergent")
 SIDE = 120  # rays along each side of a bundle
 TOLERANCE, TIGHTER = 1e-3, 0.05
 UNTIL = Plane((0.0, 0.0, 3e-3), (0.0, 0.1, 1.0))
-# What the budget says of tracing; the field is what its samples make of it.
+# Causes of the budget that concern tracing; the field itself is defined by its samples.
 TRACING_CAUSES = ("step", "precision", "bundle")
 FLAGGED = (RayStatus.TOLERANCE_NOT_MET, RayStatus.MAX_STEPS, RayStatus.NOT_FINITE)
 
 
 @dataclass(frozen=True)
 class Checked:
-    """What came of a seed.
+    """The result of a seed.
 
     Attributes:
-        kind: Of KINDS, and the bundle's, in words.
+        kind: The kind of field and of bundle, in words.
         delivered: Rays that were interpolated.
         worst: The greatest error of a ray that arrives in both traces, over the tolerance.
-        reported: What the budget says of tracing (TRACING_CAUSES), over the tolerance; 0 where it was not asked.
-        wrong: Rays that are worse than the tolerance and than the budget, without a status.
-        statuses: Rays that arrive in one trace alone.
+        reported: The budget's error of tracing (TRACING_CAUSES), over the tolerance; 0 if it was not read.
+        wrong: Rays whose error is above the tolerance and above the budget, without a status.
+        statuses: Rays that arrive in only one of the traces.
     """
 
     kind: str
@@ -52,7 +53,7 @@ class Checked:
 
 
 def hard_field(seed: int) -> tuple[str, IndexField]:
-    """A field by its seed, and its kind."""
+    """Return the kind and the field of a seed."""
     rng = np.random.default_rng([seed, 16])
     kind = KINDS[seed % len(KINDS)]
     across = (np.arange(NODES) - 0.5 * (NODES - 1)) * CELL
@@ -98,7 +99,7 @@ def hard_field(seed: int) -> tuple[str, IndexField]:
 
 
 def hard_rays(seed: int) -> tuple[str, RayBundle]:
-    """Rays on a square grid ahead of the field, and which bundle they are."""
+    """Return the kind of bundle of a seed, and its rays on a square grid ahead of the field."""
     rng = np.random.default_rng([seed, 17])
     bundle = BUNDLES[seed // len(KINDS) % len(BUNDLES)]
     across = np.linspace(-0.9e-3, 0.9e-3, SIDE)

@@ -1,9 +1,9 @@
-"""Drawn inputs of every parser that takes what others wrote: scenes, overrides, what instruments send, recorded files.
+"""Random inputs for every parser of data from outside: scenes, overrides, instrument data, recorded files.
 
-Each draw is built from the structure of its kind and spoilt at one or a few places, so that it gets past the first
-check: a frame with any header has its right check sum, a scene keeps its tables, a store its schema. What must come out
-is an answer whose numbers are finite, or a refusal in one line; anything else is an exception to whoever draws. What
-files are needed lie in a folder of the caller's; kinds of files are in file_draws.py.
+Each input is built from the structure of its kind and spoilt at one or a few places, so that it passes the first check:
+a frame with any header has the right check sum, a scene keeps its tables, a store its schema. A parser must return an
+answer whose numbers are finite, or a refusal in one line; anything else is raised as an exception. Files are written to
+a folder of the caller's; kinds of files are in file_draws.py.
 """
 
 import copy
@@ -33,7 +33,7 @@ from .damaged_files import damaged
 from .refusals import told
 
 Draw = Callable[[random.Random, Path], bool]
-"""Draws an input, gives it to its parser: whether it was taken; False where it was refused in words."""
+"""Makes an input and gives it to its parser. Returns whether it was accepted; False for a refusal in words."""
 
 NUMBERS = (0, 1, -1, 2, 1e-300, 1e300, -1e300, 1e-3, 0.5, 905e-9, math.nan, math.inf, -math.inf, 10**30, 2**31, 2**63)
 TEXTS = ("", " ", "1", "1 m", "-3 mm", "1e999 m", "nan m", "inf s", "1 furlong", "1 m m", "10 deg", "905 nm", "disc",
@@ -43,7 +43,7 @@ TEXTS = ("", " ", "1", "1 m", "-3 mm", "1e999 m", "nan m", "inf s", "1 furlong",
 
 
 def any_value(draw: random.Random, depth: int = 0) -> Any:
-    """A TOML value of any kind."""
+    """A random TOML value of any kind."""
     kind = draw.randrange(9 if depth < 2 else 6)
     if kind <= 1:
         return draw.choice(NUMBERS)
@@ -59,7 +59,7 @@ def any_value(draw: random.Random, depth: int = 0) -> Any:
 
 
 def toml_text(value: Any) -> str:
-    """A value as TOML writes it, tables inline."""
+    """A value as written in TOML, tables inline."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -72,7 +72,7 @@ def toml_text(value: Any) -> str:
 
 
 def scene(draw: random.Random, folder: Path) -> bool:
-    """A shipped scene with some of its keys changed, lost or of another kind, as a file."""
+    """A shipped scene with some of its keys changed, missing or of another kind, as a file."""
     name = draw.choice(shipped_scenes())
     tables = copy.deepcopy(OPENED.once(("tables", name), lambda: tomllib.loads(shipped_scene_text(name))))
     keys = OPENED.once("keys of scenes", lambda: known_keys(Scene))
@@ -122,7 +122,7 @@ _HEADER = struct.Struct("<2sBBIQIffH")
 
 
 def _frame(draw: random.Random) -> bytes:
-    """A frame on the wire, with any header; its check sum is right more often than not."""
+    """An encoded frame with a random header; its check sum is right more often than not."""
     count = draw.choice((0, 1, 7, 40))
     edges = (0, 1, 2**31, 2**32 - 1)
     floats = (1e-3, 0.0, -1.0, math.nan, math.inf, 3e38, 1e-45)
@@ -145,7 +145,7 @@ def _spoilt(data: bytes, draw: random.Random) -> bytes:
 
 
 def _in_chunks(make: Callable[[], Any], stream: bytes, draw: random.Random, most: int) -> list[Any]:
-    """What a decoder makes of a stream: the same however it is cut, and no more than `most` bytes are held back."""
+    """The pieces that a decoder finds in a stream, however it is cut; at most `most` bytes may be pending."""
     whole, decoder = make(), make()
     expected, pieces = [*whole.feed(stream), *whole.finish()], []
     cuts = sorted(draw.randrange(len(stream) + 1) for _ in range(draw.choice((1, 1, 8))))
@@ -159,7 +159,7 @@ def _in_chunks(make: Callable[[], Any], stream: bytes, draw: random.Random, most
 
 
 def frame(draw: random.Random, folder: Path) -> bool:
-    """A few frames of a board, damaged on the line, in chunks."""
+    """A few frames of a board, damaged in transmission, in chunks."""
     wire = _spoilt(b"".join(_frame(draw) for _ in range(draw.randrange(1, 4))), draw)
     pieces: list[EchoFrame | DamagedPiece] = _in_chunks(FrameDecoder, wire, draw, GREATEST_FRAME_LENGTH)
     taken = False
@@ -176,7 +176,7 @@ def frame(draw: random.Random, folder: Path) -> bool:
 
 
 def block(draw: random.Random, folder: Path) -> bool:
-    """What an oscilloscope sends: texts and blocks, damaged on the line."""
+    """Texts and blocks of an oscilloscope, damaged in transmission."""
     parts = (b":CURVE #240" + draw.randbytes(40) + b"\n", b"#15\n#19\n\n", b"#0abc\n", b"12\r\n", b'A "#1',
              b"#9999999999", b':WFMOUTPRE:WFID "Ch1; #1";YMULT 1.0E-3\n')  # fmt: skip
     stream = _spoilt(b"".join(draw.choice(parts) for _ in range(draw.randrange(1, 6))), draw)
@@ -188,7 +188,7 @@ def block(draw: random.Random, folder: Path) -> bool:
 
 
 def preamble(draw: random.Random, folder: Path) -> bool:
-    """A preamble of an oscilloscope with any numbers, and the curve after it."""
+    """A preamble of an oscilloscope with random numbers, and the curve after it."""
     number = [str(draw.choice((*NUMBERS, 1, 1, 8, 1e-9, "", "x", "1;2", "٣"))) for _ in range(13)]
     try:
         if draw.random() < 0.5:

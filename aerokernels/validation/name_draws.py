@@ -1,7 +1,7 @@
-"""Drawn words beside the numbers of files: units, names of arrays, times and lists of series, attributes, journals.
+"""Random words in files: units, names of arrays, times and lists of series, attributes, journals.
 
-As in input_draws.py: an answer whose numbers are finite, or a refusal in one line. Files of NetCDF are drawn as what
-HDF5 has read of them, without the file.
+As in input_draws.py: an answer whose numbers are finite, or a refusal in one line. NetCDF files are represented by what
+HDF5 reads from them, without the file.
 """
 
 import json
@@ -46,7 +46,7 @@ def _soup(draw: random.Random) -> str:
 
 
 def unit(draw: random.Random, folder: Path) -> bool:
-    """A unit beside an array, in its name, or behind a number that a user writes."""
+    """A unit given beside an array, in its name, or after a number that a user writes."""
     text = _soup(draw)
     number = draw.choice(("", "1 ", "1e-3", "-0.0 ", "1e400 ", ".5", "1_000", str(draw.choice(WILD)), "٣ "))
     in_brackets(text)
@@ -72,7 +72,7 @@ def unit(draw: random.Random, folder: Path) -> bool:
 
 
 def names(draw: random.Random, folder: Path) -> bool:
-    """Names of arrays: which are the coordinates, and which the species."""
+    """Names of arrays: which are coordinates, and which are species."""
     drawn = [draw.choice(NAMES) if draw.random() < 0.6 else _soup(draw) for _ in range(draw.randrange(8))]
     for name in drawn:
         if not plain_name(name).isascii():
@@ -90,7 +90,7 @@ def names(draw: random.Random, folder: Path) -> bool:
 
 
 def index(draw: random.Random, folder: Path) -> bool:
-    """What lists the files or times of a series: a list of ParaView of either kind, or the folders of a case."""
+    """A list of the files or times of a series: ParaView's two kinds of list, or the folders of a case."""
     if draw.random() < 0.1:
         case = folder / f"case-{draw.randrange(10)}"
         for name in draw.sample(
@@ -118,7 +118,7 @@ def index(draw: random.Random, folder: Path) -> bool:
 
 
 def journal(draw: random.Random, folder: Path) -> bool:
-    """The journal beside a store of a series, damaged."""
+    """The journal of a store of a series, damaged."""
     definition = {"pupil": {"radius": 0.1}, "first snapshot": "ab12"}
     row = [1e-3 * k for k in range(len(NUMBERS))]
     text = "\n".join(json.dumps(line) for line in (definition, row, row)) + "\n"

@@ -1,7 +1,7 @@
-"""Drawn NetCDF files as HDF5 has read them, without the file: echoes, results of runs, wavefronts, flows, index fields.
+"""Random NetCDF contents as read by HDF5, without the file: echoes, run results, wavefronts, flows, index fields.
 
-What the package makes of variables, dimensions, units, fill values and attributes is its own; HDF5, which takes ten
-milliseconds and a process, is not. As in input_draws.py: an answer whose numbers are finite, or a refusal in one line.
+Variables, dimensions, units, fill values and attributes are interpreted by this package; HDF5 itself, which takes ten
+milliseconds and a process, is not run. As in input_draws.py: an answer with finite numbers, or a refusal in one line.
 """
 
 import json
@@ -61,7 +61,7 @@ ODD: tuple[Any, ...] = (
 
 MIDDLE = np.array([[5e-4, 1.5e-3, 2e-3]])
 
-# What NumPy, Python and xarray say by themselves, of nothing that has a name.
+# Texts of NumPy's, Python's and xarray's own errors, which name nothing of the file.
 BARE = re.compile(r"could not|ufunc|truth value|This function|broadcast|has no attr|unhashable|out of bounds|reshape|"
                   r"not supported|length-1|must be real|invalid literal|argument must|object is not")  # fmt: skip
 
@@ -70,13 +70,13 @@ Far = dict[str, FarVariable]
 
 
 def variable(dims: tuple[str, ...], values: Any, **attributes: Any) -> FarVariable:
-    """A variable of a file whose values came with its description."""
+    """A variable of a file whose values were read together with its description."""
     values = np.asarray(values)
     return FarVariable(dims, values.shape, values.dtype, attributes, None, values)
 
 
 def spoil(far: Far, held: Held, draw: random.Random) -> None:
-    """Change some of the variables and attributes of a sound file: names, axes, shapes, types, values, units."""
+    """Change some variables and attributes of a valid file: names, axes, shapes, types, values, units."""
     for _ in range(draw.choice((0, 1, 1, 1, 2, 3))):
         if not far:
             return
@@ -105,7 +105,7 @@ def spoil(far: Far, held: Held, draw: random.Random) -> None:
             values = np.resize(one.values, shape)
             far[name] = one._replace(dims=other, shape=shape, values=values)
         elif way == 9 and one.dims:
-            shape = (draw.choice((0, 1, 2, 7)), *one.shape[1:])  # no longer as long as the others of its dimension
+            shape = (draw.choice((0, 1, 2, 7)), *one.shape[1:])  # of another length than others along its dimension
             far[name] = one._replace(shape=shape, values=np.resize(one.values, shape))
         elif way == 10:
             del far[name]
@@ -199,7 +199,7 @@ def _look_at_run(run: RunFolder) -> None:
 
 
 def wavefront(draw: random.Random, folder: Path) -> bool:
-    """A wavefront that `to_xarray` wrote."""
+    """A wavefront written by `to_xarray`."""
     side = 1e-3 * (np.arange(4.0) - 1.5)
     maps = {"opd": 1e-8 * np.arange(16.0), "weight": np.ones(16), "intensity": np.ones(16)}
     far = {name: variable(("y", "x"), own.reshape(4, 4), units="1") for name, own in maps.items()}
@@ -244,7 +244,7 @@ AXES: tuple[dict[str, int], ...] = ({"y": 4, "z": 5}, {"r": 4, "z": 5}, {"x": 2,
 
 
 def flow(draw: random.Random, folder: Path) -> bool:
-    """A flow at one or several times, as `flow.read` takes it."""
+    """A flow at one or several times, as read by `flow.read`."""
     far, held = _flow(draw, draw.choice(AXES), draw.random() < 0.4)
     try:
         with told_of(PATH):
@@ -255,7 +255,7 @@ def flow(draw: random.Random, folder: Path) -> bool:
 
 
 def attributes(draw: random.Random, folder: Path) -> bool:
-    """A series, as `open_series` takes it."""
+    """A series, as read by `open_series`."""
     far, held = _flow(draw, draw.choice(AXES), True)
     try:
         with told_of(PATH):
@@ -270,7 +270,7 @@ def attributes(draw: random.Random, folder: Path) -> bool:
 
 
 def index(draw: random.Random, folder: Path) -> bool:
-    """An array of contrast, as `IndexField.from_xarray` takes it."""
+    """An array of contrast, as read by `IndexField.from_xarray`."""
     far, held = _flow(draw, draw.choice(AXES), False)
     if "density" in far:
         own = far["density"]

@@ -1,8 +1,8 @@
-"""How fast pictures through a flow are: a map of displacements of 4 Mpixel, and a scene of 512 x 512 pixels.
+"""Measure the speed of pictures through a flow: a displacement map of 4 Mpixel, and a scene of 512 x 512 pixels.
 
-Both through a volume of smooth turbulence, by one camera: the first call in a process, which builds kernels or finds
-them built; a field of other values, whose coefficients are worked out and sent to the device; and the same field
-again. The times are wall time of the whole call, results on the host.
+Both look through a volume of smooth turbulence with one camera. Three calls are timed: the first call in a process,
+which builds kernels or finds them built; a field of other values, whose coefficients are computed and sent to the
+device; and the same field again. The times are wall time of the whole call, with results on the host.
 """
 
 import time
@@ -16,11 +16,11 @@ from aerokernels.medium import IndexField
 from aerokernels.process.clock import STAGES
 from aerokernels.pupils import Disc
 
-# Nodes of the volume, and pixels of the map and of the scene, by default; spreads of the scene along a side, their
-# pixels, and rays across the pupil for each of them.
+# Defaults: nodes along a side of the volume, pixels along a side of the map and of the scene, point spread functions
+# along a side of the scene, their pixels, and rays across the pupil for each of them.
 NODES, MAP_PIXELS, SCENE_PIXELS, SPREADS, SPREAD_PIXELS, PUPIL_PIXELS = 96, 2048, 512, 32, 32, 32
 SIDE, FRONT, DEPTH, WAVELENGTH = 0.12, 0.3, 0.1, 532e-9
-# Greatest contrast of the volume, and parts that its side is divided into by the largest eddy.
+# Greatest contrast of the volume, and waves of the largest eddy along half a side.
 CONTRAST, EDDY = 2e-6, 3.0
 COLUMNS = ("what", "first call", "new field", "same field again", "asked of an H200")
 CALLS = ("first", "new_field", "again")
@@ -54,23 +54,23 @@ def measure_optics(
     spreads: int = SPREADS,
     longest: float = 50.0,
 ) -> Iterator[dict[str, Any]]:
-    """Measure one after the other; each is handed out as it is found.
+    """Measure the pictures one after the other; each result is yielded at once.
 
     Args:
         options: Options of `trace`: backend, device, precision, tolerance.
         nodes: Nodes along a side of the volume.
         map_pixels: Pixels along a side of the displacement map.
-        scene_pixels: Those of the scene.
-        spreads: Point spread functions along a side of it.
-        longest: No further call is begun after this time [s].
+        scene_pixels: Pixels along a side of the scene.
+        spreads: Point spread functions along a side of the scene.
+        longest: No further call is started after this time [s].
 
     Yields:
-        "what", "pixels", the seconds of CALLS where they were measured; and of the last of them what traced, "device",
-        the host's processor seconds, "cpu", what of it was tracing, "traced", and the seconds of each stage, "stages".
+        "what", "pixels", and the seconds of CALLS where they were measured; for the last call also the tracing device,
+        "device", the host's CPU seconds, "cpu", the seconds of tracing, "traced", and those of each stage, "stages".
     """
     begin = time.perf_counter()
     fields = [smooth_volume(nodes, seed) for seed in (0, 1)]
-    # 16 mm in the middle of the volume are seen, through an aperture of 4 mm.
+    # The camera sees 16 mm in the middle of the volume, through an aperture of 4 mm.
     scene = np.random.default_rng(3).random((scene_pixels, scene_pixels))
     wide, narrow = (Camera(Disc(2e-3), 0.1, 0.1 * 0.14 / count, count) for count in (map_pixels, scene_pixels))
     given = {"wavelength": WAVELENGTH, **options}

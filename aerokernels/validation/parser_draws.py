@@ -1,6 +1,6 @@
-"""Every kind of drawn input of a parser, by name: a draw takes a random generator and a folder of its own.
+"""Every kind of random input for a parser, by name: a draw takes a random generator and a folder of its own.
 
-It says whether the input was read; one that is refused in words was not. Any other outcome is an exception.
+It returns whether the input was accepted; an input refused in words was not. Any other outcome is an exception.
 """
 
 from . import file_draws, flow_draws, input_draws, name_draws, netcdf_draws, record_draws, tree_draws

@@ -1,12 +1,12 @@
-"""Sweeps that answer a question each: numbers with their errors, a picture, and the answer in whole sentences.
+"""Sweeps that answer one question each: numbers with their errors, a figure, and the answer in whole sentences.
 
     altitude     Strehl ratio and range error against Mach number and altitude
     aperture     Strehl ratio and light in the focus against the pupil's diameter
     look-angle   Strehl ratio and boresight error against the angle to the axis
-    tolerance    what a tolerance costs, and what it buys
+    tolerance    cost and benefit of a tolerance
 
-All of them fly the shipped fields (mach2, mach3, mach4) with the shipped scene at sea level. A flow without viscosity
-keeps its shape when its density is scaled, so that altitude is density.
+All of them use the shipped fields (mach2, mach3, mach4) with the shipped scene at sea level. An inviscid flow keeps its
+shape when its density is scaled, so an altitude is represented by its density.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -26,20 +26,20 @@ from .report import markdown_table, saved_figure
 SCENE, FLOWS = "sea-level-mach3", ("mach2", "mach3", "mach4")
 MACH = {"mach2": "Mach 2", "mach3": "Mach 3", "mach4": "Mach 4"}
 COLOURS = {"mach2": "#0b6e99", "mach3": "#b45309", "mach4": "#be123c"}
-GOOD = 0.95  # a Strehl ratio that is nearly the perfect one
-SMALL = 0.01  # a range error that is small [m]
-# A look at how it goes: few rays, few points of the target, a coarse grid.
+GOOD = 0.95  # a Strehl ratio that counts as nearly perfect
+SMALL = 0.01  # a range error that counts as small [m]
+# Settings for a quick look: few rays, few points of the target, a coarse grid.
 QUICK = {"strehl.ray_count": 1024, "receiver.ray_count": 32, "beam.ray_count": 32, "grid.spacing": "0.2 mm"}
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """An answer.
+    """The answer to a question.
 
     Attributes:
-        sentences: What the answer is.
-        table: The numbers behind it, Markdown.
-        draw: Draws the picture into a figure of Matplotlib's.
+        sentences: The answer in sentences.
+        table: The numbers behind it, in Markdown.
+        draw: Draws the picture into a Matplotlib figure.
     """
 
     sentences: tuple[str, ...]
@@ -58,7 +58,7 @@ class Answer:
 
 
 class Curves(NamedTuple):
-    """A quantity of each flow with its errors, shapes (flow, place); `words` hold its unit, `note` goes to legends."""
+    """A quantity of each flow with its errors, shapes (flow, place); `words` has the unit, `note` is for legends."""
 
     words: str
     value: np.ndarray
@@ -77,10 +77,10 @@ def by_flow(
     more: Mapping[str, Sequence[str]] | None = None,
     dotted: np.ndarray | None = None,
 ) -> Answer:
-    """An answer with a row for each place, and a curve for each flow.
+    """Return an answer with a row for each place, and a curve for each flow.
 
-    `columns` of the table have their headings, `panels` their titles; `more` are columns of texts that stand first.
-    `dotted` is the perfect pupil's line in the last panel, shape (place,).
+    `columns` of the table are given by heading, `panels` by title; `more` are text columns that come first. `dotted` is
+    the perfect pupil's line in the last panel, shape (place,).
     """
     texts = [[f"{place:g}" for place in places], *(more or {}).values()]
     texts += [
@@ -180,7 +180,7 @@ def aperture(flows: Sequence[str] = FLOWS, millimetres: Sequence[float] = (), se
     vary = {"flow.source": list(flows), "receiver.diameter": [1e-3 * one for one in diameters]}
     found = sweep(SCENE, vary, settings=settings)
     strehl, error = found.strehl.values, found.strehl_error.values
-    light, light_error = strehl * diameters**2, error * diameters**2  # of the focus's core, [mm2] but for pi / 4
+    light, light_error = strehl * diameters**2, error * diameters**2  # in the core of the focus [mm2], without pi / 4
     volts, volts_error = found.echo_peak_v.values, found.echo_peak_v_error.values
     sentences = []
     for a, flow in enumerate(flows):
@@ -262,7 +262,7 @@ def tolerance(
     settings: Any = None,
     tightest: float = 1e-5,
 ) -> Answer:
-    """What a tolerance costs, and what it buys: error-controlled steps, against those of a far tighter tolerance."""
+    """Cost and benefit of a tolerance: error-controlled steps against those of a far tighter tolerance."""
     base = {"trace.method": "adaptive", "strehl.ray_count": 20_000, **(settings or {})}
     vary = {"trace.tolerance": [*tolerances, tightest], "trace.precision": ["float32", "float64"]}
     found = sweep(SCENE, vary, settings=base)

@@ -1,4 +1,4 @@
-"""Fields that several tracing tests share: random but smooth, one of each kind."""
+"""Random smooth fields of each kind, shared by several tracing tests."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -16,7 +16,7 @@ def noise(shape, amplitude, seed=3, width=3.0):
 
 
 def on_grid(samples: np.ndarray, geometry: str, interpolation: str, ambient: float) -> IndexField:
-    """Samples on a grid about the z axis, from z = 0 on."""
+    """Samples on a grid centred on the z axis that starts at z = 0."""
     across = 0.0 if geometry == "axisymmetric" else -0.5 * CELL * (np.array(samples.shape[:-1]) - 1)
     return IndexField.from_samples(
         samples,

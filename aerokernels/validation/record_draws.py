@@ -1,4 +1,4 @@
-"""Drawn echoes as they come out of a file, without the file, by the million: rows of a store, datasets of waveforms.
+"""Random recorded echoes as read from a file, without the file: rows of a store, datasets of waveforms.
 
 As in input_draws.py: an answer with finite numbers at increasing times, or a refusal in one line.
 """
@@ -26,7 +26,7 @@ KINDS = ("f8", "f4", "i2", "u8", "S3", "U3", "c16", "?", "O", "M8[ns]", "m8[ns]"
 
 
 def looked_at(echoes: Iterable[RecordedEcho]) -> bool:
-    """Whether there are any; all have finite voltages at increasing times, and labels of texts."""
+    """Whether there are any echoes; check that all have finite voltages at increasing times, and labels of texts."""
     count = 0
     for echo in echoes:
         finite = np.isfinite(echo.voltage).all() and np.isfinite(echo.time).all()
@@ -39,7 +39,7 @@ def looked_at(echoes: Iterable[RecordedEcho]) -> bool:
 
 
 def row(draw: random.Random, folder: Path) -> bool:
-    """A row of a store, in which SQLite holds whatever somebody put there."""
+    """A row of a store, in which SQLite may hold any values."""
     scope = draw.random() < 0.5
     columns: list[Any] = [
         7, None if scope else 1000, 250.0 if scope else 250, 0.0, 1e-3, 0.1, draw.randbytes(2 * SAMPLES), 0, 0,
@@ -55,7 +55,7 @@ def row(draw: random.Random, folder: Path) -> bool:
             text = odd
     try:
         label, frame = label_of(text), echo_of(*columns)
-    except (TypeError, ValueError, ArithmeticError, RecursionError) as fault:  # what a store says in its own words
+    except (TypeError, ValueError, ArithmeticError, RecursionError) as fault:  # the store reports these in its words
         return bool(str(fault)) and False
     if frame.samples.size < LEAST_SAMPLES or not frame.sample_period_ps > 0:
         return False
@@ -108,7 +108,7 @@ def dataset(draw: random.Random, folder: Path) -> bool:
     path = Path("echoes.nc")
     try:
         data = xarray.Dataset(found)
-    except ValueError:  # a dimension's name on something that has others: xarray's own refusal, as in its reader
+    except ValueError:  # a dimension's name on a variable of other dimensions: xarray refuses it, as its reader does
         return False
     try:
         return looked_at(waveforms(data, path))
@@ -119,7 +119,7 @@ def dataset(draw: random.Random, folder: Path) -> bool:
 
 
 def summary(draw: random.Random, folder: Path) -> bool:
-    """What a summary may be given: JSON for every reader comes out."""
+    """Random values for a summary, which must become valid JSON."""
     from ..jobs.store import to_json
 
     value: Any = draw.choice(ODD)

@@ -1,4 +1,4 @@
-"""Whether a call answers, refuses in words, or fails in words that are not ours; and what a refusal has to say."""
+"""Classify a call as answered, refused in words, or failed; and check the text of a refusal."""
 
 import traceback
 import warnings
@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 PACKAGE = str(Path(__file__).resolve().parents[1])
-MOST_TOLD = 20_000  # characters: names of a file may be in it
+MOST_TOLD = 20_000  # characters; the text may contain names from a file
 
 
 def attempt(function: Callable, arguments: dict[str, Any]) -> str | None:
-    """None: it answered; "": it refused in words; otherwise what was raised, and where."""
+    """Return None for an answer, "" for a refusal in words; otherwise what was raised, and where."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -27,10 +27,10 @@ def attempt(function: Callable, arguments: dict[str, Any]) -> str | None:
 
 
 def told(fault: Exception, named: object = "", never: str = "") -> bool:
-    """False, which stands for a refusal, where an error is told in one line of some length that names this.
+    """Return False, meaning a refusal, if the error's text is one line of limited length that contains `named`.
 
     Raises:
-        AssertionError: It is not, or says what no refusal may.
+        AssertionError: The text is not such a line, or contains `never`.
     """
     text = str(fault)
     bad = bool(never) and never in text

@@ -1,4 +1,4 @@
-"""How measured numbers get into the docs: tables as Markdown and as CSV, pages that hold them, the look of pictures."""
+"""Write measured numbers to the docs: tables as Markdown and CSV, pages that contain them, the style of figures."""
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,7 +16,7 @@ GRID_STYLE = {**STYLE, "axes.grid": True, "axes.axisbelow": True}
 
 @contextmanager
 def saved_figure(path: Path, width: float, height: float, dpi: int = 130) -> "Iterator[Figure]":
-    """A figure of so many inches in the docs' look, which is saved when the block ends."""
+    """A figure of a size in inches in the docs' style; it is saved when the block ends."""
     with styled_figure(width, height, dpi, GRID_STYLE) as figure:
         yield figure
         figure.savefig(path)
@@ -47,7 +47,7 @@ def write_csv(path: Path, heading: Sequence[str], rows: Iterable[Sequence[Any]])
 
 
 def marks(name: str) -> tuple[str, str]:
-    """The lines between which a table lies on a page."""
+    """The lines that enclose a table on a page."""
     return f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
 
 

@@ -1,7 +1,7 @@
-"""Does the reported error of a random scene cover the error made?
+"""Test whether the reported error of a random scene covers its actual error.
 
-The scene is traced by whatever method "auto" takes, in float32. What the truth may be off by itself is taken off the
-error found: of a ray by steps twice as long, of a Strehl ratio by half of the points. Must hold: the reported total
+The scene is traced by the choice of method "auto", in float32. The truth's own error is subtracted from the error
+found: for a ray by steps twice as long, for a Strehl ratio by half of the points. Requirement: the reported total
 covers the true error of the Strehl ratio, and that of the rays (the greatest over those that are compared), in at least
 95 % of the scenes; where it does not, a status or a warning says so in at least 99 % of the scenes.
 """
@@ -21,7 +21,7 @@ COMPARED = 200
 
 @dataclass(frozen=True)
 class Finding:
-    """What was reported beside what is true, in waves for rays, as a number for the Strehl ratio."""
+    """Reported and true error, in waves for rays, as a number for the Strehl ratio."""
 
     what: str
     true_error: float
@@ -30,7 +30,7 @@ class Finding:
 
     @property
     def covered(self) -> bool:
-        """Whether the reported total is at least the error made."""
+        """Whether the reported total is at least the actual error."""
         return self.true_error <= self.total
 
 
@@ -50,7 +50,7 @@ def check(scene: Scene, backend: str, device: str | None = None) -> list[Finding
             true_opd(scene.air, start, scene.rays.direction[rows], scene.stop, h)
             for h in (scene.step, 0.5 * scene.step)
         )
-        own = np.abs(truth - coarse) / 15.0  # of a method of the fourth order
+        own = np.abs(truth - coarse) / 15.0  # for a method of fourth order
         error = np.maximum(np.abs(result.opd[rows] - truth) - own, 0.0) / WAVELENGTH
         arrived = [name for name in result.status_summary() if name in ("LEFT_DISTURBED_AIR", "TOLERANCE_NOT_MET")]
         flagged = bool(said) or bool(arrived) or not np.isfinite(total)
@@ -66,7 +66,7 @@ def _check_pupil(scene: Scene, **engine: str | None) -> list[Finding]:
         try:
             seen = estimate_strehl(scene.field, scene.pupil, ray_count=8192, allow_truncation=True, **engine)
         except ValueError:
-            return []  # refused: the flow's disturbed air is not met, or everything is blocked
+            return []  # refused: the disturbed air is not met, or everything is blocked
         total = seen.error["total"]
     truth = scene.true_strehl
     if truth is None:

@@ -1,11 +1,12 @@
-"""Random scenes that mix what tracers get wrong, each with its truth.
+"""Random scenes that combine features which are difficult to trace, each with its truth.
 
-A sum of Gaussian blobs and tanh layers, some of them one cell thin (needles, thin shocks), sampled on a grid of 24 to
-72 nodes a side that may be coarse beside them, in a box that may cut the disturbed air, with or without a round body;
-volume, planar or axisymmetric. Rays are collimated, slanted, divergent or without order, and there is a pupil.
+The air is a sum of Gaussian blobs and tanh layers, some of them one cell thin (needles, thin shocks), sampled on a grid
+of 24 to 72 nodes a side that may be too coarse for them, in a box that may cut the disturbed air, with or without a
+round body; volume, planar or axisymmetric. Rays are collimated, slanted, divergent or in random directions, and there
+is a pupil.
 
-Truth: the formula, not the grid: rays of the exact medium by Runge-Kutta's fourth-order method in small fixed steps,
-from where they leave the body (an exact circle) to the stop, through the air beyond the box as well.
+Truth: the formula instead of the grid: rays of the exact medium by the fourth-order Runge-Kutta method in small fixed
+steps, from where they leave the body (an exact circle) to the stop, including the air beyond the box.
 """
 
 from dataclasses import dataclass
@@ -40,7 +41,7 @@ class Air:
     thinnest: float
 
     def local(self, point: np.ndarray) -> np.ndarray:
-        """Coordinates that the features are written in, shape (n, 3)."""
+        """Coordinates in which the features are defined, shape (n, 3)."""
         if self.geometry == "planar":
             return point * [0.0, 1.0, 1.0]
         if self.geometry == "axisymmetric":
@@ -65,7 +66,7 @@ class Air:
             value += row[0] * 0.5 * (1.0 + shape)
             slope += (row[0] * 0.5 * (1.0 - shape**2) / row[5])[:, None] * row[1:4]
         if self.geometry == "planar":
-            slope[:, 0] = 0.0  # the features' own, of centres beside the plane x = 0 that they are cut at
+            slope[:, 0] = 0.0  # the features have slopes along x if their centres are off the plane x = 0
         if self.geometry == "axisymmetric":
             radius = np.where(place[:, 1] > 0.0, place[:, 1], 1.0)
             slope = np.stack([slope[:, 1] * point[:, 0] / radius, slope[:, 1] * point[:, 1] / radius, slope[:, 2]], 1)
@@ -75,12 +76,13 @@ class Air:
 def true_opd(air: Air, start: np.ndarray, direction: np.ndarray, stop: Plane, step: float) -> np.ndarray:
     """OPD [m] at the plane of rays of the exact medium, ambient index 1, shape (n,).
 
-    In deviation form along the straight ray: t is the distance along it, u the slope across, v the deviation.
+    In deviation form along the straight ray: t is the distance along it, `turn` and `place` are the deviations of
+    momentum and position.
     """
     reach = ((stop.point - start) @ stop.normal) / (direction @ stop.normal)
     count = max(8, int(np.ceil(float(reach.max()) / step)))
     h = (reach / count)[:, None]
-    place = np.zeros_like(start)  # beside the straight ray
+    place = np.zeros_like(start)  # deviation from the straight ray
     turn = np.zeros_like(start)  # n dr/ds less its first value
     first, _ = air.contrast(start)
     turn += first[:, None] * direction
@@ -104,7 +106,7 @@ def true_opd(air: Air, start: np.ndarray, direction: np.ndarray, stop: Plane, st
         turn = turn + h / 6.0 * (a[1] + 2.0 * b[1] + 2.0 * c[1] + d[1])
         path = path + h[:, 0] / 6.0 * (a[2] + 2.0 * b[2] + 2.0 * c[2] + d[2])
         t = t + h
-    # The ray is beside the straight one at the same t: what is left to the plane is flown straight on.
+    # The ray is beside the straight one at the same t: the remaining distance to the plane is flown straight.
     heading = direction + turn
     m, _ = air.contrast(start + t * direction + place)
     rest = -(place @ stop.normal) / (heading @ stop.normal)
@@ -113,7 +115,7 @@ def true_opd(air: Air, start: np.ndarray, direction: np.ndarray, stop: Plane, st
 
 @dataclass(frozen=True)
 class Scene:
-    """A drawn scene."""
+    """A random scene."""
 
     seed: int
     air: Air
@@ -127,7 +129,7 @@ class Scene:
     kind: str
 
     def leave_body(self, start: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Starts moved to where rays leave the body, and which rays it blocks."""
+        """Starts moved to where rays leave the body, and which rays the body blocks."""
         if self.sphere is None:
             return start, np.zeros(len(start), dtype=bool)
         centre, radius = self.sphere
@@ -148,7 +150,7 @@ class Scene:
 
     @cached_property
     def true_strehl(self) -> tuple[float, float] | None:
-        """The Strehl ratio over PUPIL_POINTS points, and its sampling error; None where the body blocks all of them."""
+        """Strehl ratio over PUPIL_POINTS points, and its sampling error; None where the body blocks all of them."""
         count = np.arange(PUPIL_POINTS) + 0.5
         radius, angle = self.pupil.radius * np.sqrt(count / PUPIL_POINTS), np.pi * (1.0 + 5.0**0.5) * count
         side = np.cross(self.look, [1.0, 0.0, 0.0])
@@ -162,7 +164,7 @@ class Scene:
         opd = true_opd(self.air, start[~blocked], direction[~blocked], self.far, self.step)
         phasor = np.exp(2j * np.pi / WAVELENGTH * opd)
         halves = [float(np.abs(phasor[k::2].mean()) ** 2) for k in (0, 1)]
-        # What sampling may be off by, with twice as many points as either half has.
+        # Estimated sampling error, with twice as many points as either half.
         return float(np.abs(phasor.mean()) ** 2), 0.5 * abs(halves[0] - halves[1])
 
 
@@ -213,7 +215,7 @@ def draw(seed: int) -> Scene:
     angle = rng.choice([0.0, 0.0, 0.3, 1.0])
     normal = np.array([0.0, np.sin(angle), np.cos(angle)])
     stop = Plane((0.0, 0.0, 0.5 * length * margin * rng.uniform(1.0, 1.5) + half * np.tan(angle)), normal)
-    # The wavefront of a pupil is that on the plane of the estimate, just beyond the box: farther on it is another one.
+    # The wavefront of a pupil is taken at the plane of the estimate, just beyond the box: farther on it changes.
     far = plane_beyond(field, Disc(radius, centre, look), look)
     described = f"{geometry} {field.interpolation} {nodes} nodes{' cut' * cut}{' body' * (body is not None)} {kind}"
     return Scene(seed, air, field, rays, Disc(radius, centre, look), look, stop, far, sphere, described)
@@ -226,7 +228,7 @@ def _air(rng, geometry: str, half: float, length: float, cell: float) -> Air:
         width = half * rng.uniform(0.25, 0.6)
         blobs.append(_blob(rng, geometry, half, length, strength * rng.uniform(-1.0, 1.0), width))
         thinnest = min(thinnest, width)
-    for _ in range(rng.choice([0, 0, 1, 3])):  # about one cell wide: what few rays meet
+    for _ in range(rng.choice([0, 0, 1, 3])):  # about one cell wide, so that few rays meet it
         width = cell * rng.uniform(0.7, 2.0)
         blobs.append(_blob(rng, geometry, half, length, strength * rng.uniform(-1.0, 1.0), width))
         thinnest = min(thinnest, width)
@@ -234,7 +236,7 @@ def _air(rng, geometry: str, half: float, length: float, cell: float) -> Air:
         thickness = cell * 10.0 ** rng.uniform(-0.3, 1.0)
         angle = 0.5 * np.pi if geometry == "axisymmetric" else rng.uniform(0.2, 2.9)
         normal = [0.0, np.cos(angle), np.sin(angle)]
-        # It ends ahead in undisturbed air: the layer lies on the side of the start.
+        # The layer is on the side of the start and ends in undisturbed air ahead.
         layers.append([strength * rng.uniform(-0.5, 0.5), *(-np.array(normal)), -0.2 * half, thickness])
         thinnest = min(thinnest, thickness)
     return Air(geometry, np.array(blobs), np.array(layers).reshape(-1, 6), thinnest)

@@ -1,7 +1,7 @@
-"""The same on a GPU: the copy of pinned memory, the map beside it, and the field of regard of a volume.
+"""Speed of `optical_series` on a GPU: the copy of pinned memory, the map beside it, and a volume's field of regard.
 
-For each direction of rays: seconds of the copy of a volume from pinned memory to the device; those from the volume to
-the map of optical path differences on the host, of a volume in ordinary memory of the host, in pinned memory, and on
+For each direction of rays: seconds of the copy of a volume from pinned memory to the device; seconds from the volume to
+the map of optical path differences on the host, for a volume in ordinary memory of the host, in pinned memory, and on
 the device; and the map's error. The share is the copy's time over the map's.
 """
 
@@ -35,7 +35,7 @@ REGARD_NODES, REGARD_SPACING = 65, 2e-3
 
 
 def quickest(call: Callable[[], Any]) -> float:
-    """Least wall seconds of a call."""
+    """Least wall time of a call [s]."""
     return timed(call, REPEATS)[0]
 
 
@@ -45,7 +45,7 @@ def measure_gpu(shape: tuple[int, int, int], pixels: int, device: str) -> Iterat
     Args:
         shape: Nodes of the volume.
         pixels: Across the pupil.
-        device: By its name at Warp; "cpu" goes the same way.
+        device: Its name in Warp; "cpu" is accepted too.
     """
     import warp as wp
 
@@ -86,9 +86,9 @@ def measure_regard(device: str, step: float = 1.0, ray_count: int = 256 * 256) -
     """Seconds of a look map over the hemisphere ahead, after a coarse one that builds what it needs.
 
     Args:
-        device: By its name at Warp.
-        step: Between directions [degrees].
-        ray_count: Of each direction.
+        device: Its name in Warp.
+        step: Angle between directions [degrees].
+        ray_count: Rays of each direction.
     """
     field = Fourier.random(8, amplitude=1e-3)
     count, spacing = REGARD_NODES, REGARD_SPACING

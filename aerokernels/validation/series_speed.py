@@ -1,7 +1,7 @@
-"""How fast a snapshot of a volume becomes a map of optical path differences, and how right: against the exact field.
+"""Speed and error of maps of optical path differences from snapshots of a volume, compared with the exact field.
 
-A random field of Fourier modes on N x N x M nodes, float32, seen along its last axis or at a slant by P x P rays. For
-each: the time from samples in the host's memory to the map (LineIntegrals), that of a whole snapshot of
+A random field of Fourier modes on N x N x M nodes, float32, is seen along its last axis or at a slant by P x P rays.
+For each direction: the time from samples in the host's memory to the map (LineIntegrals), that of a whole snapshot of
 `optical_series`, and the rms error of the map, beside that of nearest-neighbour sums over the same nodes and beside the
 error that `optical_series` reports. series_gpu.py measures the same map on a GPU.
 """
@@ -26,7 +26,7 @@ COLUMNS = ("rays", "map", "per second", "snapshot", "CPU", "error", "reported", 
 
 
 def timed(call: Callable[[], Any], repeats: int) -> tuple[float, float, Any]:
-    """Least wall and processor seconds of a call, after a first one, and what it returned."""
+    """Least wall and CPU time of a call [s], after a first call, and its result."""
     found = call()
     wall, processor = [], []
     for _ in range(repeats):
@@ -38,7 +38,7 @@ def timed(call: Callable[[], Any], repeats: int) -> tuple[float, float, Any]:
 
 
 def nearest_sums(mesh: GridMesh, samples: np.ndarray, start: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Rectangle sums over the planes across z of the nearest node's sample, shape (n,)."""
+    """Rectangle sums of the nearest node's sample over the planes across z, shape (n,)."""
     total = np.zeros(len(start))
     for plane in range(mesh.shape[2]):
         away = (mesh.origin[2] + plane * mesh.spacing[2] - start[:, 2]) / direction[2]
@@ -51,13 +51,13 @@ def nearest_sums(mesh: GridMesh, samples: np.ndarray, start: np.ndarray, directi
 def measure_series(
     shape: tuple[int, int, int] = SHAPE, pixels: int = PIXELS, snapshots: int = 6, wavenumber: float = 200.0
 ) -> list[dict[str, Any]]:
-    """The figures, one dictionary for each direction.
+    """Measure a series; return one dictionary for each direction.
 
     Args:
         shape: Nodes along x, y and z.
-        pixels: Across the pupil.
-        snapshots: Of the series that is timed; two volumes by turns.
-        wavenumber: Of the modes, standard deviation in each direction [rad/m]; nodes are 1 mm apart.
+        pixels: Pixels across the pupil.
+        snapshots: Length of the series that is timed; it alternates between two volumes.
+        wavenumber: Standard deviation of the modes' wave vectors in each direction [rad/m]; nodes are 1 mm apart.
     """
     field = Fourier.random(8, wavenumber=wavenumber, amplitude=1e-3)
     mesh = mesh_of_shape(shape)
@@ -66,13 +66,13 @@ def measure_series(
 
 
 def mesh_of_shape(shape: tuple[int, int, int]) -> GridMesh:
-    """Nodes about the z axis, from z = 0 on."""
+    """A mesh centred on the z axis that starts at z = 0."""
     origin = [-0.5 * SPACING * (shape[0] - 1), -0.5 * SPACING * (shape[1] - 1), 0.0]
     return GridMesh("volume", origin, np.full(3, SPACING), shape)
 
 
 def pupil_before(mesh: GridMesh, way: np.ndarray) -> Disc:
-    """A pupil ahead of a volume whose rays along `way` all stay in it."""
+    """A pupil ahead of a volume whose rays along `way` all stay in the volume."""
     depth = SPACING * (mesh.shape[2] - 1)
     radius = 0.4 * SPACING * min(mesh.shape[:2])
     radius = min(radius, 0.5 * SPACING * (min(mesh.shape[:2]) - 3) - 0.5 * depth * float(np.abs(way[:2]).max()))
@@ -88,7 +88,7 @@ def exact_map(field: Fourier, grid: PupilGrid, along: np.ndarray, lines: LineInt
 
 
 def off_by(values: np.ndarray, truth: np.ndarray, grid: PupilGrid) -> float:
-    """The rms error of integrals of the density over the pupil, the mean removed [m]."""
+    """The rms error over the pupil of integrals of the density, without the mean [m]."""
     weight = grid.weight[grid.lit]
     difference = CONSTANT * values - truth
     return float(np.sqrt(weight @ (difference - weight @ difference) ** 2))

@@ -1,4 +1,4 @@
-"""Small sound files of the formats that the package reads by itself: four or six points each, as texts or bytes."""
+"""Small valid files in the formats that the package reads itself: four or six points each, as texts or bytes."""
 
 import io
 import struct
@@ -97,14 +97,14 @@ def tecplot_binary(order: str, version: int, elements: bool, in_cells: bool) -> 
 
 
 def npy(values: np.ndarray) -> bytes:
-    """An array as it lies in an NPZ file."""
+    """An array as stored in an NPZ file."""
     stream = io.BytesIO()
     np.lib.format.write_array(stream, values)
     return stream.getvalue()
 
 
 def foam_case(binary: bool, kind: str) -> dict[str, bytes]:
-    """A case of two cells beside one another by the names of its files; `kind` is that of its front and back."""
+    """A case of two adjacent cells, by the names of its files; `kind` is the type of its front and back patches."""
     z = np.repeat([-0.05, 0.05], 6)
     points = np.stack([np.tile([0.0, 1, 2, 0, 1, 2], 2), np.tile(np.repeat([0.1, 1.0], 3), 2), z], axis=1)
     faces = [[1, 4, 10, 7], [0, 6, 9, 3], [2, 5, 11, 8], [0, 1, 7, 6], [1, 2, 8, 7], [3, 9, 10, 4], [4, 10, 11, 5],

@@ -1,7 +1,7 @@
-"""Spoiling small files by their structure: words of texts and numbers of binary files, one to a few places each.
+"""Spoil small files within their structure: words of texts and numbers of binary files, at one or a few places.
 
-Where `damaged_files.damage` does to bytes what a broken disk does, these keep a file's form, so that it gets past the
-first check: a word becomes another one, a count is off by one or announces billions, a list is cut or told twice.
+`damaged_files.damage` damages bytes as a broken disk does; these functions keep a file's form, so that it passes the
+first check: a word is replaced, a count is off by one or announces billions, a list is cut or repeated.
 """
 
 import random
@@ -23,7 +23,7 @@ REAL = (0.0, -0.0, 1.0, -1.0, 299.0, 357.0, float("nan"), float("inf"), float("-
 
 
 def spoilt_text(text: str, draw: random.Random) -> bytes:
-    """A text with some of its words changed, lost, told twice or moved."""
+    """A text with some of its words changed, removed, repeated or moved."""
     words = _WORD.findall(text)
     for _ in range(draw.choice((0, 1, 1, 1, 2, 3, 5))):
         if not words:
@@ -59,7 +59,7 @@ def spoilt_text(text: str, draw: random.Random) -> bytes:
 
 
 def spoilt_numbers(data: bytes, draw: random.Random, order: str = "<") -> bytes:
-    """A binary file with some of its numbers changed, or parts of it lost or told twice; its head comes first."""
+    """A binary file with some of its numbers changed, or parts removed or repeated; mostly in its first bytes."""
     spoilt = bytearray(data)
     for _ in range(draw.choice((0, 1, 1, 1, 2, 3))):
         reach = len(spoilt) if draw.random() < 0.3 else min(len(spoilt), 320)

@@ -1,11 +1,11 @@
-"""What a sweep costs beside its tracing, and what more workers give: Mach number x tilt on 1, 2, ... of them.
+"""Measure the overhead of a sweep over its tracing, and its scaling with workers: Mach number x tilt on 1, 2, ...
 
-A sweep of the shipped wind-tunnel scene over the three flows and many tilts, from the start of its processes to the
-written dataset and report. Beside the wall time stands the processor time: that of all processes and threads, and that
-of tracing alone (calls of `trace`, Strehl ratios and the rays of error budgets, with the plans of all of them), as the
-cases record it. Their quotient is what a sweep costs beside its tracing. `trace_seconds` of the cases does not measure
-that: it is wall time in kernels, which run on all cores at once, and no plan is in it. On GPUs, of which each worker
-has one, rays take no processor time, and the quotient says nothing.
+A sweep of the shipped wind-tunnel scene over the three flows and many tilts is timed from the start of its processes to
+the written dataset and report. Given are the wall time, the CPU time of all processes and threads, and the CPU time of
+tracing alone (calls of `trace`, Strehl ratios and the rays of error budgets, including their plans), as the cases
+record it. The quotient of the CPU times is the overhead of the sweep. `trace_seconds` of the cases does not measure it:
+that is wall time in kernels, which run on all cores at once, and excludes plans. On GPUs, of which each worker has one,
+tracing takes no CPU time, and the quotient is not meaningful.
 """
 
 import resource
@@ -26,13 +26,13 @@ COLUMNS = ("workers", "cases", "wall", "a case", "processor", "of that tracing",
 
 
 def worker_counts() -> list[int]:
-    """1, 2, 4 ... up to the GPUs of this machine, or its cores where it has none."""
+    """1, 2, 4 ... up to the number of GPUs of this machine, or of its cores where it has none."""
     most = len(visible_gpus()) or min(core_count(), 8)
     return sorted({min(2**k, most) for k in range(10)})
 
 
 def measure_sweep(cases: int, workers: list[int], settings: dict[str, Any] | None = None) -> list[dict[str, float]]:
-    """The figures, one dictionary for each number of workers."""
+    """Measure a sweep; return one dictionary for each number of workers."""
     tilts = [f"{tilt:.6g} deg" for tilt in np.linspace(0.0, GREATEST_TILT, max(1, round(cases / len(FLOWS))))]
     found = []
     for count in workers:
@@ -56,7 +56,7 @@ def measure_sweep(cases: int, workers: list[int], settings: dict[str, Any] | Non
 
 
 def processor_seconds() -> float:
-    """Processor time of this process and of its children that have ended [s]."""
+    """CPU time of this process and of its children that have ended [s]."""
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(one.ru_utime + one.ru_stime for one in used)
 

@@ -1,7 +1,7 @@
-"""Drawn CGNS, HDF5 and VTK files as their libraries have read them: nodes of a tree, arrays by name, grids in memory.
+"""Random CGNS, HDF5 and VTK contents as read by their libraries: nodes of a tree, arrays by name, grids in memory.
 
-The walls and units of CGNS nodes, the axes of named arrays, and the blocks and cells of VTK's grids are the package's
-own to understand. As in input_draws.py: an answer that hangs together, or a refusal in one line.
+The walls and units of CGNS nodes, the axes of named arrays, and the blocks and cells of VTK's grids are interpreted by
+this package. As in input_draws.py: a consistent answer, or a refusal in one line.
 """
 
 import random
@@ -80,14 +80,14 @@ def _zone(draw: random.Random, dimension: int) -> Node:
 
 
 def _all(node: Node) -> Iterator[tuple[Node, Node]]:
-    """Every node with the one above it."""
+    """Every node with its parent."""
     for own in node.below:
         yield node, own
         yield from _all(own)
 
 
 def _other(values: np.ndarray, draw: random.Random) -> np.ndarray:
-    """An array with something wrong about it."""
+    """An array with an error in its values, shape or type."""
     way, flat = draw.randrange(7), values.ravel().copy()
     with np.errstate(all="ignore"):
         if way <= 2 and flat.size:
@@ -145,7 +145,7 @@ def cgns(draw: random.Random, folder: Path) -> bool:
 
 
 class _in_words:
-    """What a reader meets in a damaged file is a refusal, as `calling.read_here` makes it one."""
+    """Turn errors of a reader in a damaged file into a refusal, as `calling.read_here` does."""
 
     def __enter__(self) -> None:
         pass
@@ -205,7 +205,7 @@ def arrays(draw: random.Random, folder: Path) -> bool:
 
 
 def vtk(draw: random.Random, folder: Path) -> bool:
-    """A grid of VTK's, or several, with arrays of any length, type and name."""
+    """A grid of VTK, or several, with arrays of any length, type and name."""
     from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
     data: Any = _grid(draw)

@@ -1,13 +1,13 @@
-r"""Where rays end in an index that is a formula, by SciPy's DOP853: all rays as one system, z in the place of time.
+r"""True ends of rays in an index given by a formula, by SciPy's DOP853: all rays as one system, z in place of time.
 
 With s = (n^2 - a^2) / 2 the optical potential, a the ambient index and T = n dr/ds the momentum:
 
     dx/dz = T_x / T_z,   dT_x/dz = (ds/dx) / T_z,   T_z = sqrt(a^2 + 2 s - T_x^2 - T_y^2)   (y alike)
     dOPD/dz = n^2 / T_z - a / c = (2 s - a d) / T_z + a (1 - 1 / c),    d = T_z - a = (2 s - T_x^2 - T_y^2) / (T_z + a)
 
-c is the cosine between the undisturbed ray and z. No two nearly equal numbers are subtracted, so that the equations
-serve libraries that compute in float32 as well. Nothing is shared with the package's own tracers. At a relative
-tolerance of 1e-12 the ends agree with closed forms to about 1e-9 waves.
+c is the cosine between the undisturbed ray and z. No two nearly equal numbers are subtracted, so the equations also
+suit libraries that compute in float32. The package's own tracers are not used. At a relative tolerance of 1e-12 the
+ends agree with closed forms to about 1e-9 waves.
 """
 
 from collections.abc import Callable
@@ -20,14 +20,14 @@ from aerokernels.rays import RayBundle
 
 # (x, y, z) [m] -> a value, shape (n,), and its derivatives by x and y (and z) [1/m], shape (2, n) or (3, n).
 Formula = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-# What counts as nothing, by the relative tolerance: 1 um of place, 1 mrad of momentum and 1 um of path.
+# Scales for the absolute tolerance: 1 um of position, 1 mrad of momentum and 1 um of path.
 SIZES = (1e-6, 1e-6, 1e-3, 1e-3, 1e-6)
 TIGHT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Where rays end on a plane z = const.
+    """The ends of rays on a plane z = const.
 
     Attributes:
         position: Places [m], shape (ray_count, 3).
@@ -45,7 +45,7 @@ class Truth:
 def slopes(
     potential: Any, gradient_x: Any, gradient_y: Any, momentum_x: Any, momentum_y: Any, ambient: float, sqrt: Any
 ) -> tuple[Any, ...]:
-    """dx/dz, dy/dz, dT_x/dz, dT_y/dz, and dOPD/dz for c = 1; arrays of any library whose square root is `sqrt`."""
+    """dx/dz, dy/dz, dT_x/dz, dT_y/dz, and dOPD/dz for c = 1; for arrays of any library whose square root is `sqrt`."""
     gained = 2.0 * potential - (momentum_x * momentum_x + momentum_y * momentum_y)
     momentum_z = sqrt(ambient**2 + gained)
     path = (2.0 * potential - ambient * (gained / (momentum_z + ambient))) / momentum_z
@@ -59,7 +59,7 @@ def slopes(
 
 
 def potential_of(contrast: Formula, ambient: float) -> Formula:
-    """The optical potential (n^2 - a^2) / 2 and its gradient, from the contrast n - a and its own."""
+    """Return the optical potential (n^2 - a^2) / 2 and its gradient, from the contrast n - a and its gradient."""
 
     def potential(x, y, z):
         value, slope = contrast(x, y, z)
@@ -77,7 +77,7 @@ def integrate(
         potential: The optical potential (see `potential_of`).
         ambient: Ambient index a.
         z_end: Where the rays end [m].
-        longest: Greatest step [m], so that nothing thin is stepped over.
+        longest: Greatest step [m], so that no thin structure is stepped over.
         rays: The rays, whose directions have positive z components.
         tolerance: Relative tolerance.
 

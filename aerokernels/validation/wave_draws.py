@@ -1,9 +1,9 @@
-"""Random views through shocks and turbulence, for the verdict on ray optics: are its rays as good as it says?
+"""Random views through shocks and turbulence, to test the verdict on the validity of ray optics.
 
-Three kinds: "shock" (one to three oblique tanh layers of random strength, place, slope, curvature and thickness, in a
-planar field), "turbulence" (a Kolmogorov spectrum between an outer scale as wide as the box and a smallest one, in a
-volume) and "mixed" (both, in a volume). What disturbs fills a random part of the box, the rest is air at rest; the
-fields fade out at both ends of that part, so that nothing is cut off. The phase over the pupil is drawn, from a
+Three kinds: "shock" (one to three oblique tanh layers of random strength, position, slope, curvature and thickness, in
+a planar field), "turbulence" (a Kolmogorov spectrum between an outer scale as wide as the box and a smallest one, in a
+volume) and "mixed" (both, in a volume). The disturbance fills a random part of the box, the rest is air at rest; the
+fields fade out at both ends of that part, so that nothing is cut off. The phase over the pupil is random, from a
 twentieth of a radian to five, and the contrast follows from it.
 """
 
@@ -20,20 +20,20 @@ from ..waves import split_step, validity
 from ..waves.bounds import change_bound
 
 KINDS = ("shock", "turbulence", "mixed")
-# Nodes along z and across, at most.
+# Greatest number of nodes along z and across.
 MOST_ALONG, MOST_ACROSS = 400, 257
 VOLUME_ALONG, VOLUME_ACROSS = 96, 81
-# The box over the pupil, and the part of the disturbed length over which it fades at either end.
+# Width of the box over the pupil's, and the part of the disturbed length over which it fades at either end.
 REACH, FADE = 2.0, 0.15
 # The greatest contrast: air of three times the density at sea level.
 GREATEST_CONTRAST = 8e-4
-# Rays are good where they give the Strehl ratio to within this.
+# Rays are good if their Strehl ratio is within this of the wave's.
 GOOD = 1e-2
-# Pixels of the traced wavefront, and of the window of the wave that is the truth.
+# Pixels of the traced wavefront, and of the window of the wave that serves as the truth.
 MAP_PIXELS, WAVE_PIXELS = 64, 160
 # Width sqrt(wavelength distance) over the pupil's up to which light stays in the box.
 NARROW = 0.12
-# Halvings of a span of six decades by which a view is brought to its bound.
+# Bisections of a range of six decades by which a view is brought to its bound.
 BISECTIONS = 16
 
 
@@ -60,17 +60,17 @@ class DrawnView:
 
 @dataclass(frozen=True)
 class VerdictCheck:
-    """A verdict beside the truth.
+    """A verdict and the truth.
 
     Attributes:
         by_rays: Strehl ratio of the traced wavefront.
         by_wave: Strehl ratio of the wave.
-        wave_error: What that may be off by, from its steps and pixels.
-        told: Change of the Strehl ratio that the verdict told of.
+        wave_error: Error of the latter, from its steps and pixels.
+        told: Change of the Strehl ratio that the verdict reports.
         said_good: The verdict.
-        answered_by: Who gave it.
+        answered_by: The method that gave the verdict.
         limit: The change up to which rays are good.
-        seconds: Processor time of the traced wavefront and of the verdict [s].
+        seconds: CPU time of the traced wavefront and of the verdict [s].
     """
 
     by_rays: float
@@ -84,19 +84,19 @@ class VerdictCheck:
 
     @property
     def is_good(self) -> bool:
-        """Whether rays are good, by the wave."""
+        """Whether rays are good, according to the wave."""
         return abs(self.by_wave - self.by_rays) <= self.limit
 
     @property
     def right(self) -> bool:
-        """Whether the verdict is; one that is not decided is not."""
+        """Whether the verdict is right; an undecided one is not."""
         return self.answered_by != "nobody" and self.said_good == self.is_good
 
 
 def check_verdict(
     view: DrawnView, limit: float = GOOD, pixel_count: int = WAVE_PIXELS, map_pixels: int = MAP_PIXELS
 ) -> VerdictCheck:
-    """The verdict beside a traced wavefront, and what a finely sampled wave says of it."""
+    """Compare the verdict on a traced wavefront with a finely sampled wave."""
     from time import process_time
 
     begin = process_time()
@@ -126,9 +126,9 @@ def check_verdict(
 
 
 def truth_window(view: DrawnView) -> float:
-    """Window of the wave that is the truth, over the pupil: twice as wide as the box where light diffracts out of that.
+    """Window of the true wave over the pupil: twice as wide as the box where light diffracts out of the box.
 
-    What comes back from beyond its sides changed the Strehl ratio by up to 0.006 in the box alone.
+    Light that returns from beyond the sides changed the Strehl ratio by up to 0.006 with the box as the window.
     """
     reach, (_, high) = max(view.pupil.half_extent), view.field.box
     width = np.sqrt(view.wavelength * (high[2] - view.pupil.center[2])) / reach
@@ -136,7 +136,7 @@ def truth_window(view: DrawnView) -> float:
 
 
 def draw_view(seed: int, kind: str | None = None) -> DrawnView:
-    """The view of a seed, of a kind or of the one whose turn it is."""
+    """Return the view of a seed, of the given kind or of the kind that the seed selects."""
     rng = np.random.default_rng([19, seed])
     kind = KINDS[seed % len(KINDS)] if kind is None else kind
     half = _log_uniform(rng, 0.5e-3, 10e-3)
@@ -151,7 +151,7 @@ def draw_view(seed: int, kind: str | None = None) -> DrawnView:
     along = int(np.clip(np.ceil(2.0 * length / smallest), 32, MOST_ALONG if planar else VOLUME_ALONG))
     y = REACH * half * np.linspace(-1.0, 1.0, across)
     cell = length / (along - 1)
-    # Air at rest on both sides: a few cells at least, so that the fade has its room.
+    # Air at rest on both sides: at least a few cells, so that there is room for the fade.
     before, after = (2 + int(np.ceil(rest / cell)) for rest in (start, box - length - start))
     z = cell * np.arange(before + along + after)
     inside = np.clip((z / cell - before) / (along - 1), 0.0, 1.0)
@@ -180,9 +180,9 @@ def draw_view(seed: int, kind: str | None = None) -> DrawnView:
 
 
 def view_at_bound(view: DrawnView, limit: float = GOOD) -> DrawnView | None:
-    """The view with its contrast scaled so that bounds of the field just prove it good; None where none can.
+    """The view with its contrast scaled so that the field's bounds just prove it good; None if that is not possible.
 
-    Where they can, this is the view on which they are the likeliest to be wrong.
+    Among the views that bounds prove good, this is the one for which they are most likely to be wrong.
     """
 
     def scaled(factor: float) -> DrawnView:
@@ -211,7 +211,7 @@ def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def _pupil(rng: np.random.Generator, half: float) -> Pupil:
-    """A pupil just before the box, `half` its half width."""
+    """A pupil just ahead of the box, with half width `half`."""
     kind, center = rng.integers(4), (0.0, 0.0, -1e-3)
     if kind == 0:
         return Rectangle(2.0 * half, 2.0 * half * rng.uniform(0.6, 1.0), center)
@@ -221,13 +221,13 @@ def _pupil(rng: np.random.Generator, half: float) -> Pupil:
 
 
 def _fade(place: np.ndarray) -> np.ndarray:
-    """1 in the middle, 0 at places 0 and 1, smooth."""
+    """A smooth function that is 1 in the middle and 0 at places 0 and 1."""
     rise = np.clip(np.minimum(place, 1.0 - place) / FADE, 0.0, 1.0)
     return np.sin(0.5 * np.pi * rise) ** 2
 
 
 def _shocks(rng, axes: tuple[Any, ...], half: float, cell: float, length: float, start: float, thinnest: float):
-    """Oblique layers of contrast, of any strength; two cells thick at least."""
+    """Oblique layers of contrast, of random strength; at least two cells thick."""
     y, z = axes[-2], axes[-1]
     total = np.zeros((len(y), len(z)))
     for _ in range(rng.integers(1, 4)):
@@ -255,7 +255,7 @@ def _turbulence(rng, axes: tuple[Any, ...], smallest: float) -> np.ndarray:
 
 
 def _scale(contrast: np.ndarray, y: np.ndarray, cell: float, pupil: Pupil, opd_rms: float) -> float:
-    """What makes the OPD of straight lines have this rms over the pupil [m], piston apart."""
+    """The factor that gives the OPD of straight lines this rms over the pupil [m], without piston."""
     path = cell * contrast.sum(axis=-1)
     path = path if path.ndim == 2 else np.broadcast_to(path, (len(y), len(y)))
     across, up = np.meshgrid(y, y, indexing="ij")

@@ -1,1 +1,1 @@
-"""Rays as a map of two parameters: few are traced, the others are interpolated within the tolerance."""
+"""Bundles that are a smooth map of two parameters: trace a few rays and interpolate the others within the tolerance."""

@@ -1,4 +1,4 @@
-"""Finds the blocks of lines that stay clear of the body; rays of the other blocks might touch it, and are traced.
+"""Find the blocks of lines that stay clear of the body; rays of the other blocks might touch it, and are traced.
 
 The distance to the body is tabulated once. The tube around a block's lines is followed by sphere tracing, in steps
 along its centre line that are as long as the distance allows (J. C. Hart, The Visual Computer 12 (1996) 527), so that
@@ -14,8 +14,8 @@ from ..straight_lines import local_coordinates
 from .family import Family
 from .nodes import undisturbed_length
 
-# Places along each axis at which the distance is tabulated, by the number of axes, and steps after which a tube counts
-# as not clear.
+# Places along each axis at which the distance is tabulated, by the number of axes, and steps after which a tube does
+# not count as clear.
 PLACES, MOST_STEPS = {2: 192, 3: 48}, 96
 # Margin around the tube, in cells of the table.
 ROOM = 0.5
@@ -23,11 +23,11 @@ ROOM = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """Distances from a body along the local axes.
+    """A table of distances from a body along the local axes.
 
     Attributes:
-        low: Where the table begins [m], shape (d,).
-        step: From place to place [m], shape (d,).
+        low: First place of the table [m], shape (d,).
+        step: Distance of places [m], shape (d,).
         table: Distance to the body [m], negative inside, of d axes.
     """
 
@@ -41,14 +41,14 @@ class Distances:
         index = np.clip(index, 0, np.array(self.table.shape) - 1).astype(int)
         nearest = self.low + index * self.step
         off = np.linalg.norm(place - nearest, axis=1)
-        # The body lies in the table: a place outside is as far from it as from the table's edge.
+        # The body is inside the table, so a place outside is at least as far from the body as from the table's edge.
         high = self.low + self.step * (np.array(self.table.shape) - 1)
         outside = np.linalg.norm(np.maximum(np.maximum(self.low - place, place - high), 0.0), axis=1)
         return np.asarray(np.maximum(self.table[tuple(index.T)] - off, outside))
 
 
 def distances_of(field: IndexField) -> Distances:
-    """The distances from a field's body, kept with the field."""
+    """The distances from a field's body, cached on the field."""
     found: Distances = field.derive("distances from the body", lambda: _distances_of(field))
     return found
 
@@ -67,7 +67,7 @@ def _distances_of(field: IndexField) -> Distances:
 
 @dataclass(frozen=True, eq=False)
 class Clearance:
-    """Tests tubes around a family's lines against a body."""
+    """Test tubes around a family's lines against a body."""
 
     field: IndexField
     family: Family
@@ -84,7 +84,7 @@ class Clearance:
         distances = distances_of(self.field)
         position, direction = self.family.rays(middle)
         end = undisturbed_length(self.field, position, direction, self.until)
-        # Beyond the table, whichever way a line goes, there is no body.
+        # Beyond this distance from the table no line can meet the body.
         extent = float(np.linalg.norm(distances.step * (np.array(distances.table.shape) - 1))) + float(
             np.abs(distances.low).max()
         )

@@ -1,9 +1,9 @@
-r"""Recognises rays that form a two-parameter family: parallel rays, and rays whose lines pass through one point.
+r"""Recognise rays that form a two-parameter family: parallel rays, and rays whose lines pass through one point.
 
 The parameters of parallel lines are their transverse coordinates [m], those of lines through an apex are the slopes
 with respect to the family's axis. Quantities that accumulate along a ray are smooth functions of these parameters only
-if the starts are: all rays must start in one plane, in one point, or ahead of the field's box. In the last case the
-starts may be shifted along their lines, because the air there is uniform.
+if the starts are: all rays must start in one plane, in one point, or ahead of the field's box. Rays that start ahead of
+the box may be shifted along their lines, because the air there is uniform.
 
 A family is identified from a sample of the rays. Every ray is checked again when its result is interpolated (kernels
 deliver_bundle): its line and its start must lie within CLOSE cells of the line and the start that its parameters
@@ -27,7 +27,7 @@ LEAST_COSINE = 0.3
 # Decimal digits to which the frame is rounded, and parts to which the parameter range is rounded, so that another
 # sample of the same rays yields the same family.
 AXIS_DIGITS, NORMAL_DIGITS, PARTS = 2, 12, 64
-ROUNDED = 8.0  # parts of what is CLOSE
+ROUNDED = 8.0  # parts of the distance `close`
 # Rays from which a family is found, and rays that are counted block by block.
 SAMPLE, COUNTED = 1 << 13, 1 << 16
 # Margin around the parameters of the sample, as a fraction of their range: the sample may lack the outermost rays.
@@ -109,7 +109,7 @@ class Family:
         return b"".join([kind, start, *(array.tobytes() for array in numbers)])
 
     def serves(self, low: np.ndarray, high: np.ndarray) -> bool:
-        """Whether this family's range serves rays whose sampled parameters span the range given.
+        """Whether this family's range fits rays whose sampled parameters span the range given.
 
         A range close to a rounding boundary may be rounded either way, so the ranges may differ by one rounding step.
         """
@@ -123,7 +123,7 @@ class Family:
 
 
 def some_rows(ray_count: int, most: int) -> np.ndarray:
-    """Up to `most` of the rays, spread over the bundle's order without following any of its periods."""
+    """Row numbers of up to `most` rays, spread over the bundle's order without following any of its periods."""
     if ray_count <= most:
         return np.arange(ray_count)
     return np.unique((np.modf(GOLDEN * np.arange(most))[0] * ray_count).astype(np.int64))
@@ -174,13 +174,13 @@ def find_family(field: IndexField, rays: RayBundle, until) -> Family | str:
 
 
 def _extent(low: np.ndarray, high: np.ndarray) -> np.ndarray | None:
-    """How far parameters reach, shape (2,); None where they are all the same."""
+    """Range of parameters, shape (2,); None where all parameters are the same."""
     extent = high - low
     return np.maximum(extent, 1e-3 * extent.max()) if extent.max() > 0.0 else None
 
 
 def _rounded_range(low: np.ndarray, high: np.ndarray, extent: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A range of parameters with room about it, rounded to parts; and those parts."""
+    """A range of parameters with a margin, rounded to parts; and the size of the parts."""
     part, room = 2.0 ** np.ceil(np.log2(extent / PARTS)), ROOM * extent
     return np.floor((low - room) / part) * part, np.ceil((high + room) / part) * part, part
 
@@ -200,7 +200,7 @@ def _apex(position: np.ndarray, direction: np.ndarray, close: float) -> np.ndarr
 
 
 def _rounded_apex(apex: np.ndarray, direction: np.ndarray, axis: np.ndarray, close: float) -> np.ndarray:
-    """The apex, rounded so that no line moves by more than rounding; along the axis it may move farther than across."""
+    """Round the apex so that no line moves by more than rounding; it may move farther along the axis than across it."""
     frame = np.stack([*transverse_axes(axis), axis])
     spread = float(np.abs(direction @ frame[:2].T).max())
     coarser = 2.0 ** np.floor(np.log2(1.0 / max(spread, 1e-6)))
@@ -209,7 +209,7 @@ def _rounded_apex(apex: np.ndarray, direction: np.ndarray, axis: np.ndarray, clo
 
 def _common_plane(position: np.ndarray, axis: np.ndarray, close: float) -> tuple[np.ndarray, np.ndarray] | None:
     """A point and the unit normal of the plane in which all rays start; None where there is none."""
-    # If several planes contain the starts, because these lie on a line, the plane normal to the axis is taken.
+    # If the starts are on one line, several planes contain them, and the plane normal to the axis is taken.
     for is_fitted in (False, True):
         normal = axis
         if is_fitted:

@@ -18,7 +18,7 @@ def _numbered(option: str) -> dict[str, int]:
 
 
 STOPS, SHAPES = _numbered("stop"), _numbered("geometry")
-# Numbers of `frame`, and those of a family among them.
+# Length of `frame`, and of its part that describes the family.
 FRAME_SIZE, FAMILY_SIZE = 41, 26
 
 
@@ -39,7 +39,7 @@ def frame_of(table: BundleTable) -> np.ndarray:
 
 
 def family_numbers(family: Family, rate: np.ndarray | None = None) -> np.ndarray:
-    """The numbers of `frame` that say what a family is, which come first; `rate` is that of a table of it."""
+    """The first numbers of `frame`, which describe a family; `rate` is that of a table of the family."""
     has_plane = family.start_point is not None
     frame = _flat(
         family.low,

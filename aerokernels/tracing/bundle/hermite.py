@@ -5,7 +5,7 @@ On a cell of side 1, with u in [0, 1] and v = 1 - u,
     f(u) = (1 + 2 u) v^2 f0 + u v^2 f0' + u^2 (3 - 2 u) f1 - u^2 v f1'
 
 has an error of f''''/384, like a cubic spline, but its slopes use only two nodes to each side, so that a rough place
-affects its neighbourhood alone. A slope is the derivative of the quartic through five nodes: those centred on its own
+affects only its neighbourhood. A slope is the derivative of the quartic through five nodes: those centred on its own
 node where they exist, otherwise the nearest five of the block.
 """
 
@@ -23,12 +23,12 @@ FINER = 2 * CELLS + 1
 def slope_matrix(has_low: bool, has_high: bool) -> np.ndarray:
     """The matrix from the values at nodes -2 to 6 of a line through a block to the slopes at nodes 0 to 4 [per cell].
 
-    `has_low` and `has_high` say whether the nodes beyond its ends may be used.
+    `has_low` and `has_high` say whether the nodes beyond the ends of the block may be used.
     """
     first, last = (0 if has_low else BESIDE), (WINDOW if has_high else WINDOW - BESIDE) - 5
     matrix = np.zeros((NODES, WINDOW))
     for node in range(NODES):
-        begin = int(np.clip(node, first, last))  # the centred one begins two before, which is index `node`
+        begin = int(np.clip(node, first, last))  # the centred five begin two nodes before, which is index `node`
         place = np.arange(begin, begin + 5) - (node + BESIDE)
         powers = np.vander(place.astype(float), 5, increasing=True)
         matrix[node, begin : begin + 5] = np.linalg.inv(powers)[1]

@@ -1,8 +1,8 @@
-"""Whether rays belong to a family that is known already: other rays of the same bundle, as of a new seed.
+"""Test whether rays belong to a family found earlier: other rays of the same bundle, such as those of a new seed.
 
-A family is found from some of the rays, by least squares and singular values, on the host; that takes longer than to
-interpolate ten million rays on a GPU. Whether the same rays belong to a known one is asked of each of them by itself,
-as it is asked of every ray that is delivered: rays on a device are asked there, and six numbers come back.
+Finding a family needs least squares and singular values of some rays on the host, which takes longer than interpolating
+ten million rays on a GPU. Whether rays belong to a known family is tested for each ray separately, as it is for every
+ray that is interpolated: rays on a device are tested there, and only six numbers are copied back.
 """
 
 import numpy as np
@@ -13,15 +13,15 @@ from ...rays import RayBundle
 from ..stop import ArcLength
 from .family import SAMPLE, Family, some_rows
 
-# Numbers of rays by which a field keeps the rows that are looked at.
+# Ray counts for which a field caches the rows that are tested.
 KEPT = 4
 
 
 def known_family(field: IndexField, rays: RayBundle, until, known: list[Family]) -> Family | None:
-    """The first of the known families that these rays belong to, and whose range of parameters is theirs; or None."""
+    """The first of the known families to which these rays belong and whose range of parameters fits theirs; or None."""
     for family in known:
         if isinstance(until, ArcLength) and np.isfinite(family.ahead):
-            continue  # how long rays are matters: they cannot be moved along their lines
+            continue  # the length of the rays matters, so they cannot be shifted along their lines
         ends = parameter_range(field, rays, family)
         if ends is not None and family.serves(*ends):
             return family
@@ -29,9 +29,9 @@ def known_family(field: IndexField, rays: RayBundle, until, known: list[Family])
 
 
 def parameter_range(field: IndexField, rays: RayBundle, family: Family) -> tuple[np.ndarray, np.ndarray] | None:
-    """The least and greatest parameters of the rays that a family is found from, each of shape (2,).
+    """The least and greatest parameters of the sampled rays, each of shape (2,); the sample is that of `find_family`.
 
-    None where some of them do not belong to it.
+    None where some of them do not belong to the family.
     """
     count = rays.ray_count
     rows = field.derive(("rows of a family", count), lambda: some_rows(count, SAMPLE), KEPT)
@@ -42,7 +42,7 @@ def parameter_range(field: IndexField, rays: RayBundle, family: Family) -> tuple
         key = ("rows of a family on a device", position.device, count)
         there = field.derive(key, lambda: rows_on_device(rows, position.device), KEPT)
         return range_on_device(family, there, position.buffer, direction.buffer)
-    # Of a picture's bundles one is asked after the other: a single ray tells most of them apart.
+    # An image has many bundles: testing a single ray rules out most families.
     if not family.holds_for(np.asarray(position[:1]), np.asarray(direction[:1])).all():
         return None
     some, along = np.asarray(position[rows]), np.asarray(direction[rows])

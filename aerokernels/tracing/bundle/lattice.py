@@ -1,4 +1,4 @@
-"""Traced lines on lattices of parameters, each twice as fine as the one before, in blocks of four by four cells."""
+"""Traced lines on lattices of parameters, each twice as fine as the last, in blocks of four by four cells."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from ..blocks import greatest_around
 from .hermite import BESIDE, CELLS, FINER, NODES, WINDOW, finer, patches
 from .nodes import CHANNELS, Traced
 
-# Blocks along the shorter and the longer axis of the coarsest lattice, at least and at most.
+# Blocks along the shorter and along the longer axis of the coarsest lattice: at least, and at most.
 FEWEST, MOST = 2, 8
 
 
@@ -57,19 +57,19 @@ class Lattice:
         return cls.empty(low, extent / (CELLS * counts), (int(counts[0]), int(counts[1])))
 
     def halved(self) -> "Lattice":
-        """The lattice of half the step, with the nodes that both share."""
+        """Return the lattice of half the step, with the nodes that both share."""
         made = Lattice.empty(self.low, 0.5 * self.step, (2 * self.blocks[0], 2 * self.blocks[1]))
         for name in ("values", "way", "costs", "is_traced"):
             getattr(made, name)[::2, ::2] = getattr(self, name)
         return made
 
     def take_over(self, finer_one: "Lattice") -> None:
-        """Copy the shared nodes of the lattice of half the step."""
+        """Copy the shared nodes from the lattice of half the step."""
         for name in ("values", "way", "costs", "is_traced"):
             getattr(self, name)[...] = getattr(finer_one, name)[::2, ::2]
 
     def missing(self, blocks: np.ndarray) -> np.ndarray:
-        """Nodes of some blocks (n, 2) that were not traced, shape (m, 2)."""
+        """Nodes of some blocks (n, 2) that have not been traced, shape (m, 2)."""
         wanted = np.zeros(self.is_traced.shape, bool)
         node = np.arange(NODES)
         rows = (CELLS * blocks[:, 0, None] + node)[:, :, None]

@@ -1,4 +1,4 @@
-"""The traced lines of a family: their deviations from the undisturbed lines, and the faces that they pass through.
+"""Trace lines of a family: their deviations from the undisturbed lines, and the faces that they pass through.
 
 Only deviations from the undisturbed line are interpolated, because only they are small and smooth:
 
@@ -6,7 +6,7 @@ Only deviations from the undisturbed line are interpolated, because only they ar
                 arc length less the line's [m]
 
 each as a function of the family's parameters. The function is smooth only over lines that enter and leave the box
-through the same faces, where the face matters: where it ends the trace, and where the air at it is still disturbed.
+through the same faces, if the face matters: because it ends the trace, or because the air at it is still disturbed.
 """
 
 from collections.abc import Callable
@@ -23,20 +23,20 @@ from ..stop import stop_distance
 from .family import CLOSE, Family
 
 CHANNELS = 8
-# Channels that outputs need.
+# Number of channels that the outputs need: for "opd" alone, and for "direction".
 OPD, WITH_DIRECTION = 1, 4
-# Outputs that traced rays are asked for.
+# Outputs that are requested of the traced lines.
 TRACED = frozenset(
     ("opd", "direction", "position", "arc_length", "step_error", "step_count", "evaluation_count", "optical_path")
 )
-# Stands for infinity in kernels.
+# Replaces infinity in kernels.
 FAR = 1e300
 # (rays) -> per-ray arrays by name
 Tracer = Callable[[RayBundle], dict[str, np.ndarray]]
 
 
 def channels_of(outputs: frozenset) -> int:
-    """How many of the channels these outputs need."""
+    """Number of channels that these outputs need."""
     if outputs & {"position", "arc_length"}:
         return CHANNELS
     return WITH_DIRECTION if "direction" in outputs else OPD
@@ -44,14 +44,14 @@ def channels_of(outputs: frozenset) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Ways:
-    """Classifies lines by the faces through which they enter and leave a field's box.
+    """Classify lines by the faces through which they enter and leave a field's box.
 
     Attributes:
         field: The refractive index.
         until: The stop.
         matters: For each of FACES, whether it matters that a line enters or leaves through it, shape (7,).
-        margin: Least distance between the place where a line leaves and any other face [m], through which a deflected
-            ray might leave.
+        margin: Least distance [m] between the place where a line leaves and any other face; a deflected ray might leave
+            through a nearer face.
     """
 
     field: IndexField
@@ -65,7 +65,7 @@ class Ways:
         return self.until is not None and not self.matters.any()
 
     def numbers(self, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """The class of each line, shape (n,): those of one class pass the same faces. Negative where that is unsure."""
+        """The class of each line, shape (n,): lines of one class pass the same faces. Negative where that is unsure."""
         if self.are_all_alike:
             return np.zeros(len(position), dtype=np.int64)
         span = box_span(self.field, position, direction)
@@ -75,7 +75,7 @@ class Ways:
         leaves, near = span.exit_face, self._is_near_edge(position, direction, span)
         if self.until is not None:
             leaves = np.where(self.matters[span.exit_face], span.exit_face, count)
-            # A line that stops in the box does not leave it.
+            # A line that stops inside the box does not leave it.
             stop = stop_distance(position, direction, self.until)
             leaves = np.where(stop < span.leave - close, count + 1, leaves)
             near &= leaves <= count
@@ -84,7 +84,7 @@ class Ways:
         return np.where(span.meets, number, beside)
 
     def _is_near_edge(self, position: np.ndarray, direction: np.ndarray, span: BoxSpan) -> np.ndarray:
-        """Whether lines leave the box within `margin` of another face than that by which they do, shape (n,)."""
+        """Whether lines leave the box within `margin` of a face other than their exit face, shape (n,)."""
         low, high = self.field.box
         place = position + np.where(span.meets, np.minimum(span.leave, FAR), 0.0)[:, None] * direction
         depth = np.minimum(place - low, high - place)

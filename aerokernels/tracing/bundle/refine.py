@@ -1,4 +1,4 @@
-r"""Chooses the lines of a family that are traced, so that interpolation between them meets the tolerance.
+r"""Choose the lines of a family that are traced, so that interpolation between them meets the tolerance.
 
 Starting from a coarse lattice, each block of four by four cells is examined. A block is not interpolated if some of its
 lines do not arrive, or pass through other faces than the rest. It is divided into four quarters
@@ -31,19 +31,20 @@ LEAST_LEVEL = 2
 # Greatest number of nodes along an axis of the finest lattice.
 MOST_NODES = 1025
 SAFETY = 1.5
-# Ratio of the residuals of two levels that is assumed, at most and where it is not known: 16 for a smooth function.
+# Assumed ratio of the residuals of two levels: its greatest value, and its value where it is not known. It is 16 for a
+# smooth function.
 ORDER, LEAST_ORDER = 12.0, 2.0
-# The ratio assumed for further levels when their cost is predicted: residuals fall faster once all is resolved.
+# Ratio assumed for further levels when their cost is predicted: residuals fall faster once everything is resolved.
 ORDER_AHEAD = 8.0
 # Check lines of a block, as nodes of the 9 x 9 of its quarters: the middles of some cells.
 CHECKED = np.array([(1, 3), (3, 7), (5, 1), (7, 5)])
-# A block whose predicted error is more than so many times the limit is divided without check lines.
+# A block whose predicted error is more than this many times the limit is divided without check lines.
 HOPELESS = 3.0
-# Rays may be displaced by so many times the greatest displacement of the first lines.
+# Rays may be displaced by this many times the greatest displacement of the first lines.
 MARGIN = 2.0
 # Upper bound of the sum of a patch's weights, and the fraction of its limits that rounding to float32 may take.
 HERMITE_WEIGHTS, ROUNDING_SHARE = 1.6, 0.02
-# Lines traced for a quarter, check lines included, and the fraction of its rays up to which tracing so many pays.
+# Lines traced for a quarter, check lines included, and the fraction of its rays up to which tracing so many lines pays.
 COST, WORTH = 18.0, 0.8
 
 
@@ -72,16 +73,16 @@ class _Level:
 
 @dataclass(eq=False)
 class Refinement:
-    """The adaptive refinement that the head of this file describes.
+    """The adaptive refinement described in the module's docstring.
 
     Attributes:
         family: The lines.
         ways: Classes of lines by the faces through which they enter and leave the box.
         tracer: Traces rays.
-        tubes: Bounds what the field holds between lines; None where no bound is known.
-        clearance: Tells which blocks stay clear of the body; None without a body.
+        tubes: Bounds the structure of the field between lines; None where no bound is known.
+        clearance: Finds the blocks that stay clear of the body; None without a body.
         limits: Error limits of patches.
-        channels: How many channels are wanted.
+        channels: Number of channels needed.
     """
 
     family: Family
@@ -96,11 +97,11 @@ class Refinement:
     refused: dict[str, float] = field(default_factory=dict)
 
     def run(self, counted: np.ndarray, share: float) -> BundleTable | None:
-        """The table; None where no block holds.
+        """Return the table of patches; None where no block can be interpolated.
 
         Args:
             counted: Parameters of some rays, shape (n, 2).
-            share: How many rays each of them stands for.
+            share: Number of rays that each of them represents.
         """
         level = self._first(counted)
         accepted: list[tuple[Lattice, np.ndarray, np.ndarray]] = []
@@ -140,7 +141,7 @@ class Refinement:
         return _Level(lattices[0], blocks, np.full(len(blocks), np.nan), np.full(len(blocks), np.nan))
 
     def _counts(self, lattice: Lattice, counted: np.ndarray, share: float) -> np.ndarray:
-        """Rays in each block of a lattice, about, shape (bu, bv)."""
+        """Approximate number of rays in each block of a lattice, shape (bu, bv)."""
         place = _block_of(lattice, counted)
         flat = np.ravel_multi_index(tuple(place.T), lattice.blocks)
         return np.asarray(share * np.bincount(flat, minlength=np.prod(lattice.blocks)).reshape(lattice.blocks))
@@ -217,7 +218,7 @@ class Refinement:
         return lattice.surplus(blocks, made, finer, self.limits.scale).max(axis=(1, 2))
 
     def _divided(self, level: _Level, finer: Lattice, divided: np.ndarray, counted: np.ndarray) -> _Level:
-        """The quarters of divided blocks, with their lines traced and their parents' residuals."""
+        """Return the quarters of divided blocks, with their lines traced and their parents' residuals."""
         blocks = level.blocks[divided]
         quarters = (2 * blocks[:, None] + np.array([(0, 0), (0, 1), (1, 0), (1, 1)])).reshape(-1, 2)
         parents = np.repeat(np.arange(len(blocks)), 4)
@@ -251,7 +252,7 @@ class Refinement:
             headers.append(np.concatenate([first, rate, lattice.block_ways(blocks)[:, None], costs], axis=1))
             values.append(lattice.patches(blocks, self.channels))
         header, whole = np.concatenate(headers), np.concatenate(values)
-        # Single precision halves what is loaded for each ray; it is used where no channel shows the difference.
+        # Single precision halves the data loaded for each ray; it is used where no channel shows the difference.
         single = whole.astype(np.float32)
         rounding = HERMITE_WEIGHTS * np.abs(single - whole).max(axis=(0, 1, 2, 3))
         if (rounding <= ROUNDING_SHARE * self.limits.scale[: self.channels]).all():
@@ -274,7 +275,7 @@ def _block_of(lattice: Lattice, parameters: np.ndarray) -> np.ndarray:
 
 
 def _occupied(lattice: Lattice, counted: np.ndarray) -> np.ndarray:
-    """Blocks (n, 2) in which there are rays."""
+    """Blocks (n, 2) that contain rays."""
     held = np.zeros(lattice.blocks, bool)
     held[tuple(_block_of(lattice, counted).T)] = True
     return np.argwhere(held)

@@ -23,7 +23,7 @@ class Roughness:
     """Greatest roughness within a block's width of any place of a field, for a series of widths.
 
     Attributes:
-        low: Where the blocks begin along the local axes [m].
+        low: Corner of the first block along the local axes [m].
         size: Widths of the narrowest blocks [m], shape (d,).
         cell: Widths of cells [m], shape (d,).
         levels: For each level the greatest fourth root of the fourth derivative along each axis [1/m] and kink [1],
@@ -53,7 +53,7 @@ class Roughness:
 
 
 def roughness_of(field: IndexField) -> Roughness | None:
-    """That of a field, kept with it; None where it is not known."""
+    """The roughness of a field, cached on its grid; None where it is not known."""
     if not isinstance(field.samples, UniformGrid):
         return None
     grid = field.samples

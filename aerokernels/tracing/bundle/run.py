@@ -1,4 +1,4 @@
-"""Traces a bundle as a map of two parameters: some lines are traced, most rays interpolated, the rest traced singly."""
+"""Trace a bundle as a map of two parameters: some lines are traced, most rays interpolated, the rest traced singly."""
 
 import weakref
 from collections.abc import Callable
@@ -38,7 +38,7 @@ LEAST_SHARE = 0.5
 # Air at a face of the box counts as undisturbed if its OPD over the length of the box is below this fraction of the
 # tolerance.
 UNDISTURBED = 0.02
-# Tables kept for a field.
+# Tables cached on a field.
 KEPT = 4  # speed only
 # (field, rays, plan, until, wavelength, outputs) -> per-ray arrays by name
 Run = Callable[[IndexField, RayBundle, TracePlan, Any, float, frozenset], dict[str, np.ndarray]]
@@ -53,7 +53,7 @@ class Asked:
         rays: The rays.
         until: Where the rays end.
         wavelength: Vacuum wavelength [m].
-        outputs: Names of the per-ray arrays wanted.
+        outputs: Names of the requested per-ray arrays.
         choices: The other arguments of `planning.make_plan`.
         run: Traces rays one by one.
     """
@@ -98,7 +98,7 @@ def trace_bundle(asked: Asked) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
 
 
 def _recognised(asked: Asked) -> tuple[Family, BundleTable, TracePlan] | str:
-    """The family of the rays, its patches and the plan of its lines; or why there are none."""
+    """The family of the rays, its patches and the plan of its lines; or the reason why there are none."""
     known: list[Family] = asked.field.derive("families", list)
     family = known_family(asked.field, asked.rays, asked.until, known)
     if family is None:
@@ -108,7 +108,7 @@ def _recognised(asked: Asked) -> tuple[Family, BundleTable, TracePlan] | str:
         if not asked.field.is_uniform:
             return "the field lies on a mesh"
         family = found
-    # The family that was seen last is asked first the next time.
+    # The family that matched last is tried first the next time.
     known[:] = [family, *(each for each in known if each is not family)][:KEPT]
     table = find_table(asked, family)
     if table is None:
@@ -118,7 +118,7 @@ def _recognised(asked: Asked) -> tuple[Family, BundleTable, TracePlan] | str:
 
 
 def find_table(asked: Asked, family: Family) -> BundleTable | None:
-    """The patches of a family, kept with the field; None where no block can be interpolated."""
+    """The patches of a family, cached on the field; None where no block can be interpolated."""
     until = asked.until
     stop = None if until is None else tuple(np.concatenate([np.ravel(v) for v in vars(until).values()]).tolist())
     channels = channels_of(asked.outputs)
@@ -144,7 +144,7 @@ def _find_table(asked: Asked, family: Family, channels: int) -> BundleTable | No
 
 
 def _limits(asked: Asked, held: float) -> Limits:
-    """The limits; that of a direction is the slope that changes the path by its own limit over one cell."""
+    """The error limits of patches; a direction's is the slope that changes the path by its limit over one cell."""
     error = PATCH_SHARE * held
     lever_arms = lever_arms_of(asked.field, pilot_of(asked.rays), asked.until)
     turn = held / float(np.min(asked.field.spacing))
@@ -155,7 +155,7 @@ def _limits(asked: Asked, held: float) -> Limits:
 
 
 class _Tracer:
-    """Traces lines to a fraction of the tolerance: many at a time by leapfrog steps where these are accurate enough."""
+    """Trace lines to a fraction of the tolerance: many at a time by leapfrog steps where these are accurate enough."""
 
     def __init__(self, asked: Asked):
         self.asked = asked
@@ -198,7 +198,7 @@ def _plan_many(asked: Asked, rays: RayBundle, share: float) -> TracePlan:
 def _trace_left(asked: Asked, table: BundleTable, rows: Any, arrays: dict[str, Any]) -> None:
     """Trace the rays of these rows one by one, and write their results into `arrays`."""
     rays = asked.rays.part(rows)
-    # The rays that a table leaves over lie in the same parts of the family, whichever sample of it they are.
+    # The rays that a table does not cover are in the same parts of the family, whichever sample of it they are.
     many = rays.ray_count >= LEAST_RAYS
     plan = table.derive(("plan of the rays left over", many), lambda: _plan_many(asked, rays, 1.0))
     outputs = asked.outputs | {"step_error"}

@@ -1,4 +1,4 @@
-"""The patches of a family as kernels look them up: from a ray's parameters to a block, and to a cell of that block."""
+"""The patches of a family as kernels read them: from a ray's parameters to a block, and to one of its cells."""
 
 from dataclasses import dataclass
 
@@ -43,7 +43,7 @@ class BundleTable(Derived):
 
     @property
     def precision(self) -> str:
-        """That of `values`."""
+        """The precision of `values`."""
         return str(self.values.dtype)
 
     @property

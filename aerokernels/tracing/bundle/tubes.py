@@ -1,11 +1,11 @@
-r"""Bounds what may lie between the traced lines of a block from the field itself, so that no structure is missed.
+r"""Bound the structure between the traced lines of a block from the field itself, so that none is missed.
 
 The error of a line integral of the contrast m, interpolated between lines a distance s apart, is at most
 
     E <= K / 384 int s^4 (|d4 m / du^4| + |d4 m / dv^4|) dl + int (kinks) / 8 dl
 
 with the greatest derivatives within the tube around the block's lines. Where s is below RESOLVED cells, a sampled field
-can hold nothing that the lines do not show, and the residuals of refine.py are relied on instead.
+holds nothing that the lines do not show, and the residuals of refine.py are relied on instead.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from .roughness import Roughness, roughness_of
 RESOLVED = 0.75
 # Error of a patch divided by s^4 f'''' of both axes, with an allowance for mixed terms and for the slopes' errors.
 CONSTANT = 2.0 / 384.0
-# Factor where directions are wanted, whose error counts as that of the path over a cell: derivatives are rougher.
+# Factor if directions are requested, whose error is converted to a path over one cell: derivatives are rougher.
 OF_DIRECTION = 2.0
 # Azimuthal derivatives of an axisymmetric field, divided by the radial ones.
 ABOUT_AXIS = 2.0
@@ -39,8 +39,8 @@ class Tubes:
         field: The refractive index.
         family: The lines.
         until: Where the rays end.
-        roughness: The field's.
-        counts_direction: Whether directions are wanted.
+        roughness: Roughness of the field.
+        counts_direction: Whether directions are requested.
     """
 
     field: IndexField
@@ -51,12 +51,12 @@ class Tubes:
 
     @classmethod
     def of(cls, field: IndexField, family: Family, until, counts_direction: bool) -> "Tubes | None":
-        """Those of a field; None where it is not known how rough it is."""
+        """Return the tubes in a field; None if the field's roughness is not known."""
         roughness = roughness_of(field)
         return None if roughness is None else cls(field, family, until, roughness, counts_direction)
 
     def missed(self, middle: np.ndarray, half: np.ndarray, step: np.ndarray, bent: np.ndarray) -> np.ndarray:
-        """Bound of the interpolation error of blocks [m of OPD; directions are converted to a path], shape (n,).
+        """Bound the interpolation error of blocks [m of OPD; directions are converted to a path], shape (n,).
 
         Args:
             middle: Parameters of the blocks' middles, shape (n, 2).
@@ -92,14 +92,14 @@ class Tubes:
         return found
 
     def _scale(self, place: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Metres per parameter at places (n, 3) on lines."""
+        """Metres per unit of the parameters at places (n, 3) on lines."""
         if not self.family.converges:
             return np.ones(len(place))
         axis = self.family.axes[2]
         return np.asarray(np.abs((place - self.family.origin) @ axis) / (direction @ axis))
 
     def _across(self) -> np.ndarray:
-        """Sizes of the components along the local axes of unit vectors along both parameters, shape (2, d)."""
+        """Absolute components along the local axes of unit vectors along both parameters, shape (2, d)."""
         return _local_sizes(np.abs(self.family.axes[:2]), self.field.geometry)
 
     def _span(self, position: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -130,7 +130,7 @@ class Tubes:
 
 
 def _local_sizes(size: np.ndarray, geometry: str) -> np.ndarray:
-    """Sizes along the field's own axes of vectors whose components are of these sizes, shape (n, 3)."""
+    """Convert absolute components (n, 3) of vectors to the field's own axes."""
     if geometry == "axisymmetric":
         return np.stack([np.hypot(size[:, 0], size[:, 1]), size[:, 2]], axis=1)
     return size[:, 1:] if geometry == "planar" else size

@@ -1,1 +1,1 @@
-"""The source paper: the numbers it prints, and its tables and figures as this package gets them."""
+"""The source paper: its printed numbers, and its tables and figures as computed by this package."""

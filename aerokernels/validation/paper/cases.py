@@ -1,4 +1,4 @@
-"""What the paper's tables and figures are made of: echoes of every scene, schlieren pictures of every flow."""
+"""The data of the paper's tables and figures: echoes of every scene, schlieren pictures of every flow."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ from aerokernels.schlieren.knife_edge import schlieren
 from .printed import MACH
 
 DENSITIES = {"tunnel": "wind-tunnel", "atmospheric": "sea-level"}
-# The chain of the recorded waveforms. None of it is in the paper: a usual amplifier and digitising oscilloscope.
+# The detection chain of the recorded waveforms. The paper does not state it: a usual amplifier and oscilloscope.
 RECORDER = {
     "detector.noise": True,
     "detector.bandwidth": "200 MHz",
@@ -33,7 +33,7 @@ class Case:
     Attributes:
         mach: Mach number, 0 for no flow.
         density: Free-stream density [kg/m3].
-        ideal: The echo of the scene as it ships: no noise, unlimited bandwidth.
+        ideal: The echo of the scene as shipped: no noise, unlimited bandwidth.
         recorded: The echo through the recorder's chain, with noise and its range statistics.
     """
 
@@ -77,12 +77,12 @@ def run_cases(trial_count: int, pupil_rays: int, say=lambda words: None) -> dict
 
 
 def compare_cases(test: Case, simulated: Case) -> WaveformComparison:
-    """The recorded echo of one case against the echo without noise of another, through the same chain."""
+    """Compare the recorded echo of one case with the noise-free echo of another, through the same chain."""
     return compare_waveforms(test.recorded.time, test.recorded.voltage, simulated.recorded.clean_voltage)
 
 
 def lag_of_correlation(case: Case, correlation: float) -> float:
-    """Misalignment in time [s] at which an echo's correlation with itself falls to `correlation`, over its record."""
+    """Time shift [s] at which the correlation of an echo with itself, over its record, falls to `correlation`."""
     from scipy.interpolate import make_interp_spline
     from scipy.optimize import brentq
 
@@ -97,7 +97,7 @@ def lag_of_correlation(case: Case, correlation: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Shadow:
-    """The schlieren picture of one flow, and what is read off it.
+    """The schlieren picture of one flow, and quantities measured in it.
 
     Attributes:
         mach: Mach number.
@@ -114,7 +114,7 @@ class Shadow:
     stand_off: float
 
 
-# Part of the flow that is looked at: z and y [m].
+# The part of the flow in the picture: z and y [m].
 VIEW = (-0.130, 0.012, -0.085, 0.085)
 BOW_REACH = (-60e-3, -20e-3)  # z between which the first shock's angle is fitted [m]
 
@@ -142,7 +142,7 @@ def picture_grid(mach: int, spacing: float, density: float | None = None) -> Ind
 def read_bow_shock(image: SchlierenImage) -> tuple[float, float]:
     """Angle [rad] and stand-off [m] of the outermost shock of a picture.
 
-    In each column, seen from the free stream, it is where the light is first bent by a quarter of the column's most.
+    In each column it is the place nearest to the free stream where the deflection exceeds a quarter of its maximum.
     """
     bend = np.nan_to_num(np.hypot(image.deflection[..., 0], image.deflection[..., 1]))
     z, y = image.horizontal, image.vertical

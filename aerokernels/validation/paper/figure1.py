@@ -7,10 +7,10 @@ Schemes  the paper's: node gradients of eq 7 interpolated on the mesh by eq 6 ("
          ours: one cubic B-spline of the samples, differentiated analytically
 
 The paper states neither its medium nor x0. x0 matters: on a row of nodes bilinear interpolation starts without an
-error and is at its best, so greatest errors are given for heights on nodes and between them.
+error and is most accurate, so greatest errors are given for heights on nodes and between them.
 
-Our spline is one of n^2, and n^2 of this medium is a parabola, which a cubic spline holds exactly: the medium flatters
-us. So there is a control that no polynomial fits, with exact rays as well (Mikaelian's lens):
+Our spline interpolates n^2, and n^2 of this medium is a parabola, which a cubic spline represents exactly: the medium
+favours us. A control medium that no polynomial fits therefore has exact rays as well (Mikaelian's lens):
 
 Control  n = n0 sech(g y):  sinh(g y(z)) = sinh(g x0) cos(g z)
 """
@@ -33,14 +33,15 @@ from .printed import FIGURE_1
 AXIS_INDEX, GRADIENT = 1.5, 100.0  # n0 [1], g [1/m]
 CELL, LENGTH = 0.25e-3, 62e-3  # [m]
 HALF_HEIGHT, MARGIN = 4e-3, 2e-3  # of the sampled region in y, and before and behind the ray in z [m]
-# Where greatest errors are given besides the curves' height [m]: on rows of nodes, and between them.
+# Heights for which greatest errors are given, in addition to the curves' height [m]: on rows of nodes, and between
+# them.
 HEIGHTS = np.array([0.25, 0.4, 0.5, 0.6, 0.75, 0.85, 1.0, 1.1, 1.25, 1.35, 1.5, 1.6, 1.75, 1.85, 2.0]) * 1e-3
 OFF_NODE = 1.6e-3
 
 
 @dataclass(frozen=True)
 class Medium:
-    """A medium: contrast to the axis at heights y [m]; exact height [m] at z [m] of rays that start at x0 [m]."""
+    """A medium: contrast with the axis at heights y [m]; exact height [m] at z [m] of rays that start at x0 [m]."""
 
     name: str
     contrast: Callable[[np.ndarray], np.ndarray]
@@ -61,7 +62,7 @@ SECH = Medium(
 
 @dataclass(frozen=True)
 class Scheme:
-    """One way to trace: which interpolant of the samples, which steps, and how it is drawn."""
+    """A scheme of tracing: the interpolant of the samples, the step rule, and the style of its curve."""
 
     name: str
     rule: str
@@ -72,7 +73,7 @@ class Scheme:
 
 
 def paper_schemes(name: str, interpolation: str, colour: str) -> list[Scheme]:
-    """The paper's three step rules, in float64 so that rounding is not what is seen."""
+    """The paper's three step rules, in float64 so that rounding does not show."""
     rules: list[tuple[str, dict[str, Any], str]] = [
         ("fixed 0.5 mm", {"method": "fixed", "step": 0.5e-3}, ":"),
         ("fixed 0.2 mm", {"method": "fixed", "step": 0.2e-3}, "--"),
@@ -85,7 +86,7 @@ def paper_schemes(name: str, interpolation: str, colour: str) -> list[Scheme]:
 
 
 def our_scheme(precision: str, rule: str, colour: str, line: str, **settings: Any) -> Scheme:
-    """One of our own, on the uniform cubic grid."""
+    """A scheme of this package, on the uniform cubic grid."""
     return Scheme(f"ours, {precision}", rule, "cubic", {**settings, "precision": precision}, colour, line)
 
 
@@ -104,7 +105,7 @@ SCHEMES = [
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What one scheme did: errors [1] of shape (plane_count, height_count); steps and evaluations of the first ray."""
+    """Result of a scheme: errors [1], shape (plane_count, height_count); steps and evaluations of the first ray."""
 
     scheme: Scheme
     error: np.ndarray
@@ -127,7 +128,7 @@ def sampled_field(medium: Medium, interpolation: str) -> IndexField:
 
 
 def run_scheme(scheme: Scheme, medium: Medium, index: IndexField, height: np.ndarray, planes: np.ndarray) -> Outcome:
-    """Trace the rays afresh to each plane, so that no stop disturbs the steps before another."""
+    """Trace the rays to each plane separately, so that no stop changes the steps before another."""
     nought = np.zeros_like(height)
     rays = RayBundle(np.stack([nought, height, nought], axis=1), [[0.0, 0.0, 1.0]])
     error = []
@@ -146,14 +147,14 @@ def run_medium(medium: Medium, height: np.ndarray, planes: np.ndarray) -> list[O
 
 
 def draw(outcomes: list[Outcome], height: np.ndarray, planes: np.ndarray, path: Path) -> None:
-    """Error along z at the first height, and the greatest error against the height."""
+    """Draw the error along z at the first height, and the greatest error against the height."""
     with saved_figure(path, 12.0, 5.6) as figure:
         along, against = figure.subplots(1, 2, sharey=True, width_ratios=(1.35, 1.0))
         order = np.argsort(height)
         for outcome in outcomes:
             scheme = outcome.scheme
             look = {"color": scheme.colour, "linestyle": scheme.line, "linewidth": 1.4}
-            # A curve that happens to touch the exact ray would plunge: the floor keeps it on the picture.
+            # The curve of a ray that crosses the exact ray would go to zero: the floor keeps it in the picture.
             along.semilogy(1e3 * planes, np.maximum(outcome.error[:, 0], 1e-14), **look)
             against.semilogy(
                 1e3 * height[order],

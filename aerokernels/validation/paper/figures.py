@@ -1,4 +1,4 @@
-"""The pictures: the paper's Figures 5 to 8 as we get them."""
+"""Draw the paper's Figures 5 to 8 from this package's results."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,13 +15,13 @@ TEST, MODEL = "#c2410c", "#0b6e99"
 
 
 def words(mach: int) -> str:
-    """How a legend calls a Mach number."""
+    """Label of a Mach number in legends."""
     return f"Mach {mach}" if mach else "no flow"
 
 
 @contextmanager
 def _picture(path: Path, width: float, height: float, rows: int, columns: int, **layout) -> Iterator[np.ndarray]:
-    """Panels of a figure in the docs' look, shape (rows, columns); saved at the end."""
+    """Panels of a figure in the docs' style, shape (rows, columns); saved at the end."""
     with saved_figure(path, width, height) as figure:
         yield figure.subplots(rows, columns, squeeze=False, **layout)
 
@@ -43,7 +43,7 @@ def _show(axes, shadow: Shadow, half: str = "both") -> None:
 
 
 def draw_figure5(shadows: dict[int, Shadow], path: Path) -> None:
-    """Front and rear of the model at each Mach number, as the paper shows them, by one setting of the bench."""
+    """Draw front and rear of the model at each Mach number, as the paper shows them, with one setting of the bench."""
     views = (("front", -8.0, 48.0, 32.0), ("rear", 38.0, 128.0, 72.0))
     ratios = [2.0 * half / (high - low) for _, low, high, half in views]
     with _picture(path, 11.4, 10.4, 2, len(shadows), height_ratios=ratios) as panels:
@@ -56,7 +56,7 @@ def draw_figure5(shadows: dict[int, Shadow], path: Path) -> None:
 
 
 def draw_figure6(upper: dict[int, Shadow], lower: dict[int, Shadow], path: Path) -> None:
-    """Atmospheric density above, tunnel density below: the halves that the paper compares, each by its own exposure."""
+    """Draw atmospheric density above and tunnel density below, as the paper does, each with its own exposure."""
     with _picture(path, 12.6, 5.4, 1, len(upper), sharey=True) as panels:
         for axes, mach in zip(panels[0], upper, strict=True):
             _show(axes, upper[mach], "upper")
@@ -69,7 +69,7 @@ def draw_figure6(upper: dict[int, Shadow], lower: dict[int, Shadow], path: Path)
 
 
 def draw_figure7(cases: dict[str, dict[int, Case]], path: Path) -> None:
-    """Recorded echoes by Mach number, and the rising edge at the threshold enlarged."""
+    """Draw recorded echoes by Mach number, and the rising edge at the threshold enlarged."""
     with _picture(path, 12.6, 5.0, 1, len(cases), sharey=True) as panels:
         for axes, (density, by_mach) in zip(panels[0], cases.items(), strict=True):
             inset = axes.inset_axes((0.60, 0.34, 0.385, 0.42))
@@ -98,7 +98,7 @@ def draw_figure7(cases: dict[str, dict[int, Case]], path: Path) -> None:
 
 
 def draw_figure8(cases: dict[str, dict[int, Case]], path: Path) -> None:
-    """Recorded echo at tunnel density beside the simulated one at atmospheric density, with the paper's peaks."""
+    """Draw the recorded echo at tunnel density, the simulated one at atmospheric density, and the paper's peaks."""
     with _picture(path, 12.6, 7.6, 2, 2, sharex=True, sharey=True) as panels:
         for axes, mach in zip(panels.ravel(), MACH, strict=True):
             test, model = cases["tunnel"][mach].recorded, cases["atmospheric"][mach].recorded

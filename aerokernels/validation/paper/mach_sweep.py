@@ -1,8 +1,8 @@
 """Every shipped scene against Mach number, in the tunnel's thin air and at sea level, beside the paper's Table 3.
 
-The paper gives test peaks (Table 3) and their relative errors against its simulation (Table 4); the peaks that its
-simulation must have had follow from both: test / (1 + error). The scale of the voltage is set on its peak without flow,
-and nothing else is.
+The paper gives test peaks (Table 3) and their relative errors against its simulation (Table 4); the peaks of its
+simulation follow from both: test / (1 + error). The scale of the voltage is fitted to its peak without flow, and no
+other quantity is fitted.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ LOOK = {"wind-tunnel": ("#0b6e99", "tunnel density"), "sea-level": ("#c2410c", "
 
 @dataclass(frozen=True)
 class Point:
-    """One scene's numbers, SI."""
+    """Results of one scene, in SI units."""
 
     scene: str
     mach: int
@@ -58,12 +58,12 @@ def run_scene(name: str, ray_count: int | None) -> Point:
 
 
 def read_range(distance: float) -> str:
-    """A range [m] for the table; "none" where the echo could not be ranged."""
+    """Format a range [m] for the table; "none" where the echo gave no range."""
     return f"{distance:.4f}" if np.isfinite(distance) else "none"
 
 
 def table(points: list[Point]) -> str:
-    """The table of the documents."""
+    """Return the table for the documents."""
     heading = ["scene", "Strehl ratio", "Maréchal", "OPD rms [nm]", "boresight [µrad]", "peak [V]", "paper, test [V]"]
     heading += ["paper, simulated [V]", "range, leading edge [m]", "range, constant fraction [m]"]
     rows = [
@@ -72,7 +72,7 @@ def table(points: list[Point]) -> str:
             f"{point.strehl:.4f}",
             f"{point.marechal:.4f}",
             f"{1e9 * point.opd_rms:.1f}",
-            # Both flow and pupil are symmetric about the axis: what is left is the sampling's.
+            # Flow and pupil are symmetric about the axis, so the boresight shown is the sampling error.
             f"{1e6 * point.boresight:.3f}" if point.boresight >= 1e-9 else "< 0.001",
             f"{point.peak:.3f}",
             f"{TABLE_3[point.mach]:.3f}",
@@ -86,7 +86,7 @@ def table(points: list[Point]) -> str:
 
 
 def draw(points: list[Point], path: Path) -> None:
-    """Strehl ratio, peak voltage and range error against Mach number."""
+    """Draw Strehl ratio, peak voltage and range error against Mach number."""
     with saved_figure(path, 12.0, 4.6) as figure:
         strehl, peak, ranges = figure.subplots(1, 3)
         static = points[0]

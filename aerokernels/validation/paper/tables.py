@@ -1,4 +1,4 @@
-"""The tables: what the paper prints beside what we get, as Markdown and as rows of a CSV."""
+"""Tables of the paper's printed values beside this package's results, as Markdown and as rows of a CSV."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ Cases = dict[str, dict[int, Case]]
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the page, and its rows of the CSV: item, quantity, density, Mach number, unit, paper, ours."""
+    """A table of the page, and its rows in the CSV: item, quantity, density, Mach number, unit, paper, ours."""
 
     markdown: str
     rows: list[list]
@@ -50,7 +50,7 @@ def table_2() -> Table:
 
 
 def table_3(cases: Cases) -> Table:
-    """Echo peaks, and their drop from that without flow."""
+    """Echo peaks, and their drop from the peak without flow."""
     cells, rows = [], []
     for mach in MACH:
         row = [str(mach)]
@@ -85,7 +85,7 @@ def table_4(cases: Cases) -> Table:
 
 
 def table_5() -> Table:
-    """Degrees of correlation, made half-open."""
+    """Degrees of correlation, as half-open intervals."""
     bounds = [*(bound for bound, _ in DEGREES)]
     tops = ["1.00]", *(f"{bound:.2f})" for bound in bounds[:-1])]
     cells = [[f"[{bound:.2f}, {top}", degree] for (bound, degree), top in zip(DEGREES, tops, strict=True)]
@@ -127,7 +127,7 @@ def table_6(cases: Cases) -> Table:
 
 
 def table_ranges(cases: Cases) -> Table:
-    """Systematic and random range errors, which the paper claims and does not print."""
+    """Systematic and random range errors, which the paper mentions but does not print."""
     cells, rows = [], []
     for density, by_mach in cases.items():
         for mach, case in by_mach.items():
@@ -152,7 +152,7 @@ def table_ranges(cases: Cases) -> Table:
 
 
 def table_walk() -> Table:
-    """The walk of a 1 V threshold on Table 3's own peaks, tau 6 ns, and of the other methods."""
+    """Range walk of a 1 V threshold on the peaks of Table 3, tau 6 ns, and of the other methods."""
     from aerokernels.echo import GaussianPulse, estimate_range
 
     pulse, time = GaussianPulse(6e-9), np.arange(-40e-9, 60e-9, 0.5e-9)
@@ -170,7 +170,7 @@ def table_walk() -> Table:
 
 
 def table_shadows(shadows: dict[int, Shadow]) -> Table:
-    """What is read off the pictures."""
+    """Quantities measured in the schlieren pictures."""
     cells, rows = [], []
     for mach, shadow in shadows.items():
         angle = float(np.degrees(shadow.bow_angle))

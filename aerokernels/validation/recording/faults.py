@@ -1,4 +1,4 @@
-"""Parts of the soak test in which something goes wrong: on the line, to the recorder, to the port."""
+"""Parts of the soak test with faults: on the line, of the recorder, of the port."""
 
 import signal
 import time
@@ -18,7 +18,7 @@ DAMAGE = {"torn": 0.0125, "flipped": 0.0125, "glued": 0.0125, "garbage": 0.0125}
 
 
 def damage(folder: Path, size: float) -> Outcome:
-    """`size` frames, 5 % of them torn, flipped, glued or behind garbage: what is stored is what was left whole."""
+    """Send `size` frames, 5 % of them torn, flipped, glued or behind garbage; the whole ones must be stored."""
     link, path, plan = folder / "port", folder / "echoes.sqlite", FaultPlan(DAMAGE, seed=1)
     frames = made_frames(int(size))
     good: dict[int, bytes] = {}
@@ -48,7 +48,7 @@ def damage(folder: Path, size: float) -> Outcome:
 
 
 def fuzz(folder: Path, size: float) -> Outcome:
-    """`size` damaged streams for each decoder, whole and in chunks, as `frame` and `block` of input_draws.py."""
+    """Feed `size` damaged streams to each decoder, whole and in chunks, as `frame` and `block` of input_draws.py."""
     start, taken = time.perf_counter(), 0
     for seed in range(int(size)):
         for name in ("frame", "block"):
@@ -61,7 +61,7 @@ def fuzz(folder: Path, size: float) -> Outcome:
 
 
 def kills(folder: Path, size: float) -> Outcome:
-    """`size` times SIGKILL while frames stream in: all that was acknowledged is there, and a restart goes on."""
+    """Send SIGKILL `size` times while frames stream in; all acknowledged frames must be stored; a restart continues."""
     link, path, random = folder / "port", folder / "echoes.sqlite", np.random.default_rng(3)
     acknowledged: set[int] = set()
     before: dict[int, bytes] = {}
@@ -105,7 +105,7 @@ def kills(folder: Path, size: float) -> Outcome:
 
 
 def unplugs(folder: Path, size: float) -> Outcome:
-    """`size` times the port goes away in mid-frame and comes back with garbage: each whole frame is stored once."""
+    """Remove the port `size` times in mid-frame and return it with garbage; each whole frame must be stored once."""
     link, path, random = folder / "port", folder / "echoes.sqlite", np.random.default_rng(4)
     pulls, batch = int(size), 200
     frames = made_frames(batch * (pulls + 1))
@@ -118,7 +118,7 @@ def unplugs(folder: Path, size: float) -> Outcome:
             wire = [encode(frame) for frame in frames[batch * pull : batch * (pull + 1)]]
             terminal.write(b"".join(wire))
             if pull < pulls:
-                terminal.write(wire[-1][:30])  # a frame of which the rest never comes
+                terminal.write(wire[-1][:30])  # a frame that is never completed
                 terminal.drain()
                 terminal.close()
                 time.sleep(random.random())

@@ -1,4 +1,4 @@
-"""The line between a part of the soak test and a recorder in a process of its own, and what the store holds."""
+"""Connect a part of the soak test to a recorder in a process of its own, and read what the store contains."""
 
 import re
 import sqlite3
@@ -18,17 +18,17 @@ from aerokernels.hardware.frames import EchoFrame
 
 @dataclass(frozen=True)
 class Outcome:
-    """Whether a part came out as it must, and its figures."""
+    """Whether a part of the test passed, and its figures."""
 
     good: bool
     text: str
 
 
 class RecorderProcess:
-    """`aerokernels record` in a process of its own; what it says is kept as it comes."""
+    """`aerokernels record` in a process of its own; its output is collected as it comes."""
 
     def __init__(self, port: Path, store: Path, *options: object, prepare: Callable[[], None] | None = None) -> None:
-        """Start it; `prepare` runs in the new process first."""
+        """Start the recorder; `prepare` runs in the new process first."""
         command = [sys.executable, "-m", "aerokernels", "record", "--port", port, "--store", store, *options]
         self.process = subprocess.Popen(
             list(map(str, command)),
@@ -56,7 +56,7 @@ class RecorderProcess:
         ]
 
     def wait(self, timeout: float) -> str:
-        """Its last words; killed when it does not end in time."""
+        """Return the last line of output; kill the recorder if it does not end in time."""
         try:
             self.process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -67,7 +67,7 @@ class RecorderProcess:
 
 
 def wait_for_reader(recorder: RecorderProcess, opened: int = 1) -> None:
-    """Until the recorder has opened the port `opened` times; what is sent from now on is read."""
+    """Wait until the recorder has opened the port `opened` times; data sent after that is read."""
     while not any(_has_opened(line, opened) for line in list(recorder.lines)):
         if recorder.process.poll() is not None:
             raise RuntimeError(f"the recorder ended: {recorder.lines[-1:]}")
@@ -81,7 +81,7 @@ def _has_opened(line: str, times: int) -> bool:
 
 
 def made_frames(count: int, sample_count: int = 128, first: int = 0, period_us: int = 20_000) -> list[EchoFrame]:
-    """Frames whose samples are noise that follows from their number."""
+    """Frames whose samples are noise determined by their number."""
     noise = np.random.default_rng(1).integers(-3000, 3000, (512, sample_count)).astype(np.int16)
     return [
         EchoFrame(k % 2**32, period_us * k, 250, 1e-3, 0.0, noise[k % len(noise)] ^ np.int16(k % 1021))
@@ -90,13 +90,13 @@ def made_frames(count: int, sample_count: int = 128, first: int = 0, period_us: 
 
 
 def stored(path: Path) -> dict[int, bytes]:
-    """Samples by number."""
+    """Samples by sequence number."""
     with closing(sqlite3.connect(path)) as connection:
         return dict(connection.execute("SELECT sequence, samples FROM echoes ORDER BY id"))
 
 
 def counts(path: Path) -> tuple[int, int, int]:
-    """Echoes, damaged pieces, missing numbers."""
+    """Number of echoes, of damaged pieces, and of missing sequence numbers."""
     with closing(sqlite3.connect(path)) as connection:
         return connection.execute(
             "SELECT (SELECT count(*) FROM echoes), (SELECT count(*) FROM damaged), "
@@ -105,6 +105,6 @@ def counts(path: Path) -> tuple[int, int, int]:
 
 
 def is_whole(path: Path) -> bool:
-    """Whether SQLite finds nothing wrong with the file."""
+    """Whether SQLite finds the file intact."""
     with closing(sqlite3.connect(path)) as connection:
         return connection.execute("PRAGMA integrity_check").fetchone()[0] == "ok"

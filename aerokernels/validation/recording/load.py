@@ -1,4 +1,4 @@
-"""Parts of the soak test under load: 2 MB/s for a while, and hours of echoes in minutes."""
+"""Parts of the soak test under load: 2 MB/s for some time, and hours of echoes in minutes."""
 
 import os
 import threading
@@ -16,7 +16,7 @@ _CHUNK = 2048  # frames made at a time
 
 
 def throughput(folder: Path, size: float) -> Outcome:
-    """2 MB/s for `size` seconds into a recorder that is held on one core; then as fast as it takes."""
+    """Send 2 MB/s for `size` seconds to a recorder confined to one core; then as fast as it reads."""
     wire = [encode(frame) for frame in made_frames(_CHUNK, 512)]
     length = sum(map(len, wire)) / len(wire)
     count = int(size * RATE / length)
@@ -52,7 +52,7 @@ def throughput(folder: Path, size: float) -> Outcome:
 
 
 def long(folder: Path, size: float) -> Outcome:
-    """`size` seconds at 50 echoes/s by the board's clock, sent as fast as the line takes them: memory stays flat."""
+    """Send `size` seconds of 50 echoes/s by the board's clock as fast as the line allows; memory must not grow."""
     link, path = folder / "port", folder / "echoes.sqlite"
     count = int(size * ECHO_RATE)
     memory: list[tuple[int, float]] = []

@@ -1,1 +1,1 @@
-"""Error against run time and field evaluations: the fields, the runs, and their tables and pictures."""
+"""Error against run time and field evaluations: the fields, the runs, their tables and figures."""

@@ -1,4 +1,4 @@
-"""The fields that work-precision runs measure on: samples, rays, and where the rays end in truth.
+"""The fields of work-precision runs: samples, rays, and the true ends of the rays.
 
 radial    n^2 = n0^2 (1 - g^2 r^2), n0 = 1.5, g = 0.1 / mm, r and z in cells of 0.25 mm, 62 mm; skew rays
 gaussian  contrast 1e-4 exp(-r^2 / 2 s^2), s = 1 mm, a volume of 0.1 mm cells: weak, smooth, finely sampled
@@ -6,11 +6,11 @@ cone      n = 1 + 2.4e-4 (1 + 0.5 tanh((r - a tan 25 deg) / 0.5 mm)), a = y + 6 
           65 x 65 x 257 nodes of 1/16 mm
 shock     a plane layer at 30 degrees to the rays, contrast 1.2e-4 (1 + tanh(u / 0.075 mm)), cells of 0.1 mm: nine
           tenths of the jump happen in 2.2 cells; the rest of a box of 128 by 384 cells is uniform
-mach3     the shipped field of the wind-tunnel model at Mach 3, made ready as the scene wind-tunnel-mach3 does, seen
-          forward through its receiver's pupil; known by its samples alone
+mach3     the shipped field of the wind-tunnel model at Mach 3, prepared as by the scene wind-tunnel-mach3, seen
+          forward through its receiver's pupil; known only by its samples
 
 Two more for the comparison with others: the radial gradient's rays that start parallel to the axis, as in the paper's
-Figure 1, and n = n0 sech(g r), of which a cubic spline holds neither n nor n^2.
+Figure 1, and n = n0 sech(g r), of which a cubic spline represents neither n nor n^2 exactly.
 """
 
 from collections.abc import Callable
@@ -38,14 +38,14 @@ class Case:
     """A field with rays through it.
 
     Attributes:
-        name: As in tables.
-        title: As over pictures.
+        name: Name in tables.
+        title: Title of figures.
         field: The field, cubic.
         cell: Node spacing along the rays [m].
-        bundle: A function of the ray count: the rays.
+        bundle: A function of the ray count that returns the rays.
         until: The plane where rays end.
-        exact: A function of the rays: where they end in the field that was sampled; None where nobody knows.
-        bends: Whether rays bend so much that a straight line says nothing.
+        exact: A function of the rays that returns their ends in the field that was sampled; None where it is not known.
+        bends: Whether rays bend so much that a straight line is not meaningful.
     """
 
     name: str
@@ -69,7 +69,7 @@ def nodes(low: float, high: float, spacing: float) -> np.ndarray:
 
 
 def scattered(ray_count: int, dimension: int) -> np.ndarray:
-    """Scrambled Sobol points in [-1, 1], the same ones every time."""
+    """Scrambled Sobol points in [-1, 1], the same at every call."""
     from scipy.stats import qmc
 
     engine = qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(20))
@@ -83,7 +83,7 @@ def along_z(across: np.ndarray, z: float, slope: np.ndarray | None = None) -> Ra
 
 
 def lens(contrast: np.ndarray, cell: float) -> IndexField:
-    """An axisymmetric field that does not change along z, from its contrast at the nodes of r."""
+    """An axisymmetric field that is constant along z, from its contrast at the nodes of r."""
     z = nodes(0.0, LENS_LENGTH, cell)
     return IndexField.from_samples(
         np.repeat(contrast[:, None], len(z), axis=1),
@@ -95,12 +95,12 @@ def lens(contrast: np.ndarray, cell: float) -> IndexField:
 
 
 def truth_of(ends: Ends, rays: RayBundle) -> Truth:
-    """Exact ends on the lens's last plane, beside the undisturbed rays on its axis."""
+    """Exact ends on the lens's last plane, with the OPD against undisturbed rays in the index of its axis."""
     return Truth(ends.position, ends.direction, ends.opd(rays, LENS_INDEX, end_plane(LENS_LENGTH)))
 
 
 def parabola_truth(rays: RayBundle) -> Truth:
-    """Any rays in n^2 = n0^2 (1 - g^2 r^2)."""
+    """The truth of any rays in n^2 = n0^2 (1 - g^2 r^2)."""
 
     def index(points):
         return LENS_INDEX * np.sqrt(1.0 - LENS_GRADIENT**2 * np.sum(points[..., :2] ** 2, axis=-1))
@@ -111,7 +111,7 @@ def parabola_truth(rays: RayBundle) -> Truth:
 
 
 def sech_truth(rays: RayBundle) -> Truth:
-    """Rays parallel to z in n = n0 sech(g r): each in its plane through the axis, where n = n0 sech(g y)."""
+    """Truth of rays parallel to z in n = n0 sech(g r): each in its plane through the axis, where n = n0 sech(g y)."""
     radius = np.hypot(*rays.position[:, :2].T)
     outward = rays.position[:, :2] / np.where(radius > 0.0, radius, 1.0)[:, None]
     ends = sech_ends(along_z(np.c_[0.0 * radius, radius], 0.0), LENS_LENGTH, LENS_INDEX, LENS_GRADIENT)
@@ -154,7 +154,7 @@ def parallel_rays(ray_count: int) -> RayBundle:
 
 
 def radial_parallel() -> Case:
-    """The radial gradient's rays of Figure 1."""
+    """The radial gradient with the rays of Figure 1."""
     return Case(
         "n² parabolic, 0.25 mm cells",
         "Radial gradient, parallel rays",
@@ -167,7 +167,7 @@ def radial_parallel() -> Case:
 
 
 def sech(cell: float) -> Case:
-    """The control: as steep as the radial gradient, and no polynomial; cells of any size [m]."""
+    """The control: as steep as the radial gradient, but no polynomial; cells of any size [m]."""
     return Case(
         f"n = sech, {1e3 * cell:g} mm cells",
         "n = n0 sech(g r), parallel rays",
@@ -180,7 +180,7 @@ def sech(cell: float) -> Case:
 
 
 def gaussian() -> Case:
-    """The weak blob."""
+    """The weak Gaussian blob."""
     peak, sigma, cell, half = 1e-4, 1e-3, 1e-4, 6e-3
 
     def formula(x, y, z):
@@ -266,7 +266,7 @@ def mach3() -> Case:
 
 
 def mach3_across() -> Case:
-    """The shipped field as a schlieren bench sees it: rays along x beside the body, twice through its shock."""
+    """The shipped field as a schlieren bench sees it: rays along x beside the body, crossing its shock twice."""
     mesh_field = shipped("mach3").index_field()
     field = mesh_field.resample(5e-5, region=((0.0, -0.03), (0.06, 0.004)))
     reach = float(field.box[1][0])

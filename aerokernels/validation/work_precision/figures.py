@@ -1,4 +1,4 @@
-"""The pictures of work-precision runs: error against evaluations, and against time, one of each for a field."""
+"""Figures of work-precision runs: error against evaluations, and against time, one of each for a field."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +10,7 @@ from ..report import saved_figure
 from .runs import INTERPOLATIONS, TIGHT_TOLERANCE, Run
 from .tables import of_method, select
 
-# Okabe and Ito's colours, which colour-blind eyes tell apart; shape and line tell the same once more.
+# Okabe and Ito's colours, which can be told apart with colour blindness; markers and lines distinguish the curves too.
 METHODS: dict[str, dict[str, Any]] = {
     "adaptive": {"color": "#0072B2", "marker": "o"},
     "fixed": {"color": "#D55E00", "marker": "s"},
@@ -23,18 +23,18 @@ INTERPOLANTS: dict[str, dict[str, Any]] = {
     "linear": {"color": "#E69F00", "marker": "v"},
     "monotone": {"color": "#CC79A7", "marker": "P"},
 }
-LEAST, MOST = 1e-12, 30.0  # [waves]; an error beyond is drawn here
+LEAST, MOST = 1e-12, 30.0  # [waves]; errors are clipped to this range
 SHOWN_AUTO = 1e-3  # tolerance [waves] at which "auto" is shown
 Amount = Callable[[Run], tuple[float, float, float]]
 
 
 def evaluations(run: Run) -> tuple[float, float, float]:
-    """Evaluations per ray, which do not scatter."""
+    """Evaluations per ray, which have no spread."""
     return (run.evaluations,) * 3
 
 
 def draw_curve(axes, runs: list[Run], amount: Amount, error: Callable[[Run], float], **look: Any) -> None:
-    """One curve, with the spread of the amount as a bar."""
+    """Draw one curve, with the spread of the amount as a bar."""
     if not runs:
         return
     middle, low, high = np.array([amount(run) for run in runs]).T
@@ -43,19 +43,19 @@ def draw_curve(axes, runs: list[Run], amount: Amount, error: Callable[[Run], flo
 
 
 def is_coarse(run: Run) -> bool:
-    """Whether the trace that tracing errors are taken against is tighter: else the run is compared with itself."""
+    """Whether the trace that defines tracing errors is tighter than the run; otherwise they are the same trace."""
     asked = run.setting.value
     return run.setting.method == "fixed" or (asked is not None and asked > TIGHT_TOLERANCE[run.interpolation])
 
 
 def draw(runs: list[Run], title: str, label: str, amount: Amount, path: Path) -> None:
-    """Left the methods on the cubic interpolant, tracing error; right the interpolants, total error if it is known.
+    """Draw methods on the cubic interpolant, tracing error (left), and interpolants, total error if known (right).
 
     Args:
         runs: All runs of one field.
-        title: Over the picture.
-        label: Of the horizontal axis.
-        amount: What a run took: middle, least and greatest.
+        title: Title of the figure.
+        label: Label of the horizontal axis.
+        amount: Returns the amount that a run took: median, least and greatest.
         path: The file to write.
     """
     from matplotlib.ticker import LogLocator
@@ -87,7 +87,7 @@ def draw(runs: list[Run], title: str, label: str, amount: Amount, path: Path) ->
             axes.set(xscale="log", yscale="log", xlabel=label)
             axes.xaxis.set_major_formatter("{x:g}")
             lowest, highest = axes.get_xlim()
-            if highest < 1000.0 * lowest:  # else they would run into each other
+            if highest < 1000.0 * lowest:  # otherwise the labels would overlap
                 axes.xaxis.set_minor_locator(LogLocator(subs=(2, 5)))
                 axes.xaxis.set_minor_formatter("{x:g}")
             axes.tick_params(labelleft=True)

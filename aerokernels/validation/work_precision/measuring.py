@@ -1,11 +1,11 @@
-"""The settings that are measured, and the measuring of one field."""
+"""The settings that are measured, and the measurement of one field."""
 
 from collections.abc import Callable
 
 from .fields import Case, radial_parallel, sech
 from .runs import INTERPOLATIONS, PRECISIONS, Bench, Error, Run, Setting, measure_times
 
-# From coarser than anyone wants, so that the loosest target lies inside every curve.
+# From coarser than is useful, so that the loosest target is inside every curve.
 TOLERANCES = (1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)  # [waves]
 STEPS = (32.0, 16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # [cells]
 SETTINGS = [
@@ -26,13 +26,13 @@ PEER_SETTINGS = [Setting("adaptive", tolerance) for tolerance in (1e-2, 1e-3)]
 def measure(
     case: Case, ray_count: int, timed_count: int, repeats: int, quick: bool, say: Callable[[str], None]
 ) -> tuple[list[Run], dict[tuple[str, str], tuple[Error, Error]]]:
-    """All runs of a case, and how well its tight traces are confirmed."""
+    """All runs of a case, and the deviations that confirm its tight traces."""
     rays = case.bundle(ray_count)
     truth = None if case.exact is None else case.exact(rays)
     paired, checks = [], {}
-    # Where rays bend through the whole field "straight" means nothing.
+    # Where rays bend through the whole field the method "straight" is not meaningful.
     settings = [setting for setting in SETTINGS if not (case.bends and setting.method == "straight")]
-    # Nor do the piecewise smooth interpolants: on that grid their own error is a wave and more.
+    # Neither are the piecewise smooth interpolants: on that grid their own error is a wave and more.
     for interpolation in INTERPOLATIONS[: 1 if quick or case.bends else None]:
         bench = Bench.prepare(case, interpolation, rays, truth)
         if not quick:
@@ -44,7 +44,7 @@ def measure(
 
 
 def measure_peers(ray_count: int) -> list[Run]:
-    """The rays that others' figures are for."""
+    """Runs with the rays for which others' figures exist."""
     runs = []
     for case in (radial_parallel(), sech(0.25e-3), sech(0.05e-3)):
         rays = case.bundle(ray_count)

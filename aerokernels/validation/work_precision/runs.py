@@ -1,11 +1,12 @@
-"""One work-precision run: a way to trace, its two errors, its evaluations and its time.
+"""One work-precision run: a setting, its two errors, its evaluations and its time.
 
-Two errors that are kept apart:
+The two errors are:
 
-    tracing   against a tight trace of the same interpolated field: what steps and rounding do
-    total     against the field that was sampled: the interpolant's own error with it
+    tracing   against a tight trace of the same interpolated field: the error of steps and rounding
+    total     against the field that was sampled: includes the interpolant's own error
 
-Times are the kernel's, without compilation: settings take turns, so that what else the machine does hits them alike.
+Times are kernel times without compilation. Settings are timed in interleaved order, so that other load on the machine
+affects them alike.
 """
 
 from collections.abc import Callable, Iterable
@@ -25,15 +26,15 @@ WAVELENGTH = 905e-9
 INTERPOLATIONS = ("cubic", "linear", "monotone")
 PRECISIONS = ("float64", "float32")
 TIGHT = {"method": "adaptive", "precision": "float64", "max_steps": 3_000_000}
-# Where the gradient jumps at every cell the tightest tolerances only chase the jumps.
+# Where the gradient jumps at every cell, tighter tolerances only resolve the jumps.
 TIGHT_TOLERANCE = {"cubic": 1e-9, "monotone": 1e-8, "linear": 1e-5}
-# Evaluations in one timed launch: enough to be timed well, few enough for hundreds of settings.
+# Evaluations in one timed launch: enough for accurate timing, few enough for hundreds of settings.
 TIMED_EVALUATIONS = 2e6
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A way to trace; `value` is the tolerance [waves], or the step of "fixed" [cells], None for "paper"."""
+    """A setting of `trace`; `value` is the tolerance [waves], or the step of "fixed" [cells], None for "paper"."""
 
     method: str
     value: float | None = None
@@ -59,7 +60,7 @@ class Error:
 
 @dataclass(eq=False)
 class Run:
-    """What one setting did; `seconds` are kernel times per ray [s], one for each repeat."""
+    """Results of one setting; `seconds` are kernel times per ray [s], one for each repeat."""
 
     case: str
     interpolation: str
@@ -120,7 +121,7 @@ HEADING = [
 
 
 def difference(result: TraceResult, other: Truth | TraceResult, good: np.ndarray) -> Error:
-    """One trace against another, or against the truth, over the rays that are good."""
+    """Errors of one trace against another, or against the truth, over the rays that arrived."""
     opd = (result.opd - other.opd)[good] / WAVELENGTH
     turn = 1e6 * np.linalg.norm((result.direction - other.direction)[good], axis=1)
     if not len(opd):
@@ -135,7 +136,7 @@ def difference(result: TraceResult, other: Truth | TraceResult, good: np.ndarray
 
 @dataclass(eq=False)
 class Bench:
-    """A case under one interpolant, with what its runs are measured against."""
+    """A case under one interpolant, with the references for its runs."""
 
     case: Case
     field: IndexField
@@ -145,14 +146,14 @@ class Bench:
 
     @classmethod
     def prepare(cls, case: Case, interpolation: str, rays: RayBundle, truth: Truth | None) -> "Bench":
-        """Trace tightly."""
+        """Make the tight trace."""
         index = case.field.with_interpolation(interpolation)
         tolerance = TIGHT_TOLERANCE[index.interpolation]
         tight = trace(index, rays, until=case.until, wavelength=WAVELENGTH, tolerance=tolerance, **TIGHT)
         return cls(case, index, rays, tight, truth)
 
     def run(self, setting: Setting, precision: str) -> Run:
-        """Measure a setting's errors and evaluations; nothing is compiled after it."""
+        """Measure a setting's errors and evaluations; afterwards its kernel is compiled."""
         result = self.trace(setting, precision, self.rays)
         good = result.ok & self.tight.ok
         step_error = np.abs(result.step_error[good]).max(initial=0.0)
@@ -186,7 +187,7 @@ class Bench:
         )
 
     def check(self) -> tuple[Error, Error]:
-        """The tight trace against a fixed step of 1/64 cell, and a few of its rays against SciPy on the interpolant."""
+        """Compare the tight trace with a fixed step of 1/64 cell, and a few rays with SciPy on the interpolant."""
         fine = self.trace(Setting("fixed", 1.0 / 64.0), "float64", self.rays)
         rows = np.linspace(0, self.rays.ray_count - 1, 4).astype(int)
         few = self.rays[rows]
@@ -212,9 +213,9 @@ class Bench:
 def measure_times(
     runs: Iterable[tuple[Bench, Run]], largest: RayBundle, repeat_count: int, report: Callable[[int], None]
 ) -> None:
-    """Time every run `repeat_count` times, in turns, on as many of the rays as make TIMED_EVALUATIONS.
+    """Time every run `repeat_count` times, interleaved, on enough of the rays for TIMED_EVALUATIONS.
 
-    Each time it runs twice and the second counts: others' kernels have taken the place of its own since its last turn.
+    Each time it runs twice and the second run counts: other kernels have run since its last turn.
     """
     runs = list(runs)
     for repeat in range(repeat_count):

@@ -1,4 +1,4 @@
-"""The tables of work-precision runs."""
+"""Tables of work-precision runs."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -16,27 +16,27 @@ DEFAULT_TOLERANCE = 1e-3  # [waves]
 
 @dataclass(frozen=True)
 class Need:
-    """What a target takes; a bound where even the coarsest setting is better than the target."""
+    """The amount needed for a target; a bound where even the coarsest setting is better than the target."""
 
     amount: float
     is_bound: bool = False
 
     def __str__(self) -> str:
-        """As in tables."""
+        """Format the amount for tables."""
         number = f"{self.amount:.0f}" if self.amount >= 10.0 else f"{self.amount:.2g}"
         return f"≤ {number}" if self.is_bound else number
 
 
 def need(amount: Sequence[float], error: Sequence[float], target: float) -> Need | None:
-    """The amount at which the error first comes down to a target, on straight lines in the log-log plot.
+    """The amount at which the error first falls to a target, by straight lines in the log-log plot.
 
     Args:
         amount: Evaluations or seconds of some settings.
         error: Their errors.
-        target: The error wanted.
+        target: The target error.
 
     Returns:
-        The amount, or None if no setting is that good.
+        The amount, or None if no setting reaches the target.
     """
     order = np.argsort(amount)
     x, y = np.log(np.asarray(amount)[order]), np.log(np.maximum(np.asarray(error)[order], 1e-300))
@@ -52,7 +52,7 @@ def need(amount: Sequence[float], error: Sequence[float], target: float) -> Need
 
 
 def ratio(fixed: Need | None, adaptive: Need | None) -> str:
-    """How many times more the fixed step needs; a bound if one of the two is one, nothing if that says nothing."""
+    """How many times more the fixed step needs; a bound if one of the two is one, a dash if that is not meaningful."""
     if fixed is None or adaptive is None or (fixed.is_bound and adaptive.is_bound):
         return "–"
     sign = "≥ " if adaptive.is_bound else "≤ " if fixed.is_bound else ""
@@ -60,12 +60,12 @@ def ratio(fixed: Need | None, adaptive: Need | None) -> str:
 
 
 def of_method(runs: Iterable[Run], method: str) -> list[Run]:
-    """The runs of a method, by what the user asked for."""
+    """The runs of a method, by the caller's request."""
     return [run for run in runs if run.setting.method == method]
 
 
 def select(runs: Iterable[Run], **wanted: str) -> list[Run]:
-    """The runs whose attributes are these."""
+    """The runs whose attributes have these values."""
     return [run for run in runs if all(getattr(run, name) == value for name, value in wanted.items())]
 
 
@@ -77,7 +77,7 @@ def names(runs: Iterable[Run]) -> list[str]:
 def need_table(
     runs: list[Run], amount: Callable[[Run], float], error: str, targets=TARGETS, precisions=PRECISIONS
 ) -> str:
-    """What each target takes with error control and with the best fixed step, cubic interpolant."""
+    """The amount for each target with error control and with the best fixed step, cubic interpolant."""
     heading = ["field", "precision"]
     for target in targets:
         heading += [f"adaptive, {target:.0e}", f"fixed, {target:.0e}", "ratio"]
@@ -101,7 +101,7 @@ def need_table(
 
 
 def default_table(runs: list[Run]) -> str:
-    """The default call, "auto" at 1e-3 waves in float32: what it chose, what it took, and reported against made."""
+    """The default call, "auto" at 1e-3 waves in float32: its choice, its cost, and its reported and actual errors."""
     heading = ["field", "interpolant", "chosen", "evaluations", "µs per ray", "tracing error, rms"]
     heading += ["tracing error, max", "total error, rms", "total error, max", "reported, total"]
     rows = [
@@ -121,7 +121,7 @@ def default_table(runs: list[Run]) -> str:
 
 
 def report_table(runs: list[Run]) -> str:
-    """How the reported error compares with the one made, over all runs of a method."""
+    """Compare reported with actual errors over all runs of a method."""
     heading = ["method", "interpolant", "runs", "step error covers tracing error, max"]
     heading += ["median of their ratio", "budget covers total error, rms", "total error, max", "median ratio to rms"]
     rows = []
@@ -138,12 +138,12 @@ def report_table(runs: list[Run]) -> str:
 
 
 def ratios(pairs: list[tuple[float, float]]) -> np.ndarray:
-    """Reported over made; an error of exactly 0 is covered by whatever is reported."""
+    """Reported over actual error; an error of exactly 0 is covered by any reported error."""
     return np.array([reported / made if made > 0.0 else np.inf for reported, made in pairs])
 
 
 def covered(ratios: np.ndarray) -> str:
-    """The share of ratios of reported to made that are at least 1."""
+    """The share of ratios of reported to actual error that are at least 1."""
     return f"{np.mean(ratios >= 1.0):.0%}" if len(ratios) else "–"
 
 
@@ -153,7 +153,7 @@ def middle(ratios: np.ndarray) -> str:
 
 
 def floor_table(runs: list[Run]) -> str:
-    """The least errors that any setting reached: what the samples and the precision leave."""
+    """The least errors that any setting reached: the errors of the samples and of the precision."""
     heading = ["field", "interpolant", "total OPD error, float64", "total OPD error, float32"]
     heading += ["total direction error, float64 [µrad]", "tracing OPD error, float32"]
     rows = []
@@ -178,14 +178,14 @@ def floor_table(runs: list[Run]) -> str:
 
 
 def check_table(checks: dict[tuple[str, str], tuple[Error, Error]]) -> str:
-    """How well the tight traces are confirmed."""
+    """The deviations that confirm the tight traces."""
     heading = ["field", "interpolant", "fixed step of 1/64 cell, max", "SciPy on the interpolant, max"]
     rows = [[*key, short(fine.opd_max), short(scipy.opd_max)] for key, (fine, scipy) in checks.items()]
     return markdown_table(heading, rows, text_columns=2)
 
 
 def peer_table(runs: list[Run]) -> str:
-    """Greatest total errors through gridded fields beside the best that was found elsewhere."""
+    """Greatest total errors through gridded fields beside the best published elsewhere."""
     heading = ["field", "traced by", "evaluations", "OPD error [waves]", "direction error [µrad]"]
     rows = [["radial gradient, analytic", "diffrax (others' best)", "–", "1.8e-04", "0.022"]]
     rows += [
@@ -202,5 +202,5 @@ def peer_table(runs: list[Run]) -> str:
 
 
 def short(number: float) -> str:
-    """A number with its power of ten, or a dash."""
+    """Format a number with its power of ten, or a dash for NaN."""
     return "–" if np.isnan(number) else f"{number:.1e}"
