@@ -1,8 +1,8 @@
 // Greatest size of the values at the nodes of each block of `block` cells along an axis: block_maxima in
 // aerokernels/tracing/blocks.py.
 //
-// Of the places first_place up to place_count: values_in (outer, count, pitch), maxima_out (outer, blocks, pitch).
-// ambient: where it is above 0 the values are contrasts m, and m (ambient + m / 2) / ambient counts in their place.
+// Places first_place up to place_count: values_in (outer, count, pitch), maxima_out (outer, blocks, pitch).
+// ambient: if it is above 0, the values are contrasts m, and the maxima are those of m (ambient + m / 2) / ambient.
 
 #include "arguments.h"
 #include "real.h"

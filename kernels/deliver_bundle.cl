@@ -1,10 +1,12 @@
-// Rays of a two-parameter family, interpolated between traced ones, by the table of aerokernels/tracing/bundle/table.py:
-// one lookup a ray. tests/tracing/bundle_delivery.py has the same formulae in NumPy.
+// The kernel that interpolates rays of a two-parameter family between traced rays.
 //
-// block_map: number of the block at each place of the range of parameters, -1 without one. header: eight numbers of
-// each block. patches: value, slopes and mixed slope of each channel at the nodes of each block, in single precision
-// where its rounding does not count. frame: numbers of the family, the stop and the box, in the order of bundle/frame.py. Outputs that are not wanted are left alone. A ray that
-// no patch holds for gets the status NOT_DELIVERED.
+// It uses the table of aerokernels/tracing/bundle/table.py, one lookup per ray. tests/tracing/bundle_delivery.py has
+// the same formulas in NumPy.
+//
+// block_map: number of the block at each place of the range of parameters, -1 for none. header: eight numbers for each
+// block. patches: value, slopes and mixed slope of each channel at the nodes of each block, in single precision if its
+// rounding is negligible. frame: numbers of the family, the stop and the box, in the order of bundle/frame.py. Outputs
+// that are not requested stay unchanged. A ray outside every valid patch gets the status NOT_DELIVERED.
 
 #include "arguments.h"
 #include "bundle_family.h"
@@ -22,14 +24,14 @@ typedef double8 channels;
 #define LOAD(at, patches) convert_double8(vload8(at, patches))
 #endif
 
-// Weights of value and slope at 0 and at 1.
+// Weights of the value and the slope at 0 and at 1.
 static inline double4 hermite_weights(double u)
 {
     const double v = 1.0 - u;
     return (double4)((1.0 + 2.0 * u) * v * v, u * v * v, u * u * (3.0 - 2.0 * u), -u * u * v);
 }
 
-// What the four numbers of a node, from `at` on, contribute.
+// Contribution of the four numbers per channel of a node, which begin at entry `at`.
 static inline channels node_share(__global const real *patches, int at, double u, double du, double v, double dv)
 {
     return u * v * LOAD(at, patches) + du * v * LOAD(at + 1, patches) + u * dv * LOAD(at + 2, patches)
@@ -85,7 +87,7 @@ __kernel void deliver_bundle(DELIVER_BUNDLE_ARGUMENTS)
 #endif
     arrival.optical_path = FRAME_AMBIENT * length + arrival.opd;
     arrival.status = RAY_OK;
-    // What is not wanted is not looked up: on a GPU the lookups are what takes the time.
+    // Load only what is requested: on a GPU the loads take most of the time.
     const double4 costs = wanted & (WANT_STEP_ERROR | WANT_STEP_COUNT | WANT_EVALUATION_COUNT) ? vload4(1, head) : 0.0;
     write_outputs(&outputs, wanted, ray, &arrival, costs.s1, (int)costs.s2, (int)costs.s3);
 }

@@ -1,9 +1,9 @@
 // Greatest size of the fourth differences of a volume's spline coefficients along an axis, over the nodes of each block
 // of `block` cells along the first axis: see roughness_of_blocks in aerokernels/tracing/step_bound.py.
 //
-// coefficients_in (first_count + 2, second_count + 2, third_count + 2) belong to so many nodes; maxima_out (blocks,
-// second_count, third_count), of the places first_place up to place_count. At the ends of an axis the coefficients go on
-// as a cubic, whose fourth difference is 0.
+// Places first_place up to place_count: coefficients_in (first_count + 2, second_count + 2, third_count + 2) of a grid
+// of (first_count, second_count, third_count) nodes; maxima_out (blocks, second_count, third_count). At the ends of an
+// axis the coefficients continue as a cubic, whose fourth difference is 0.
 
 #include "arguments.h"
 #include "real.h"

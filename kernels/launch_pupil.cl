@@ -1,25 +1,26 @@
-// Rays of a pupil: scrambled Sobol points of the unit square, or those of a lattice, one seed per replicate and axis,
-// mapped on the pupil so that equal shares are equal shares. One work-item a ray, all in double.
+// Places scrambled Sobol points or lattice points of the unit square on a pupil and launches their rays, one work-item
+// per ray, all in double. There is one seed per replicate and axis; equal areas of the square map to equal shares of
+// the pupil.
 //
-// center [m], and the pupil's axes times its reach, first and second [m]; look is the unit vector of all directions.
-// shape, row_count, column_count and table_in: the numbers of its map, see pupil_shape.h.
-// seeds (replicate_count, 2); ray r is point order_in[r % per_replicate] of replicate r / per_replicate: an order in which
-// neighbours in the launch are neighbours on the pupil.
-// generator: 0 for Sobol points; else that of a lattice of per_replicate points, whose axes in `smoothed`, a bit each, are
-// made periodic, and whose weights are weight_out (ray_count): aerokernels/tracing/lattice_quadrature.py.
-// Rays from first_ray up to ray_count: position_out [m] and direction_out (ray_count, 3), packed;
-// pupil_out (ray_count), coordinates on the pupil in units of its reach.
+// center [m]; first and second [m]: the pupil's axes times its reach; look: the unit vector of all directions. shape,
+// row_count, column_count and table_in: the numbers of the map, see pupil_shape.h. seeds (replicate_count, 2); ray r is
+// point order_in[r % per_replicate] of replicate r / per_replicate, an order in which neighbours in the launch are
+// neighbours on the pupil. generator: 0 for Sobol points; else the generator of a lattice of per_replicate points,
+// which is made periodic along the axes whose bits are set in `smoothed`, with the weights weight_out (ray_count): see
+// aerokernels/tracing/lattice_quadrature.py. Rays from first_ray up to ray_count: position_out [m] and direction_out
+// (ray_count, 3), packed; pupil_out (ray_count), coordinates on the pupil in units of its reach.
 
 #include "arguments.h"
 #include "pupil_shape.h"
 #include "sobol.h"
 
-// The substitution p(t) of aerokernels/tracing/lattice_quadrature.py, and its slope.
+// The substitution p(t) of aerokernels/tracing/lattice_quadrature.py.
 static inline double periodic_place(double t)
 {
     return t * t * t * (10.0 + t * (6.0 * t - 15.0));
 }
 
+// The slope of `periodic_place`.
 static inline double periodic_weight(double t)
 {
     const double half_way = t * (1.0 - t);

@@ -1,9 +1,9 @@
-// Nearly straight rays by equally many, evenly spaced samples; what it computes, and why so, stands in
-// aerokernels/tracing/engines/warp/kernels/leapfrog.py, its Warp twin.
+// The kernel that traces nearly straight rays, all with the same number of evenly spaced samples. Its Warp twin,
+// aerokernels/tracing/engines/warp/kernels/leapfrog.py, says what it computes and why.
 //
-// A work-item moves a packet of LANES rays in step. Arguments are those of the tracer; rejected_count_out counts the
-// rays that are to be traced otherwise: their step_error_out is above the tolerance, or infinite where this method does
-// not hold.
+// A work-item moves a packet of LANES rays in step. Its arguments are those of the tracer and the count of rejected
+// rays, which are to be traced by another method: their step_error is above the tolerance, or infinite if this method
+// is not valid for them.
 
 #include "arguments.h"
 #include "flight.h"
@@ -19,7 +19,7 @@
 #define ALL_THREE(c) for (int c = 0; c < 3; c++)
 
 #if HAS_BODY
-// Whether undisturbed rays, and all that are deflected by `angle` at most, keep out of the body.
+// Whether undisturbed rays, and all rays deflected by at most `angle`, stay out of the body.
 static inline truths have_clearance(
     const Field *field, const Arrays *arrays, Triples p, Triples d, const Starts *starts, doubles angle)
 {
@@ -34,8 +34,8 @@ static inline truths have_clearance(
 }
 #endif
 
-// Where a packet's rays come into the disturbed air, in cells from the grid's first node (x, y from the axis), where they
-// point, and how long they are in it [m].
+// Where a packet's rays enter the disturbed air, in cells from the grid's first node (x, y from the axis), their
+// directions, and the lengths of their paths in it [m].
 typedef struct {
     Starts starts;
     reals x0, y0, z0, dx, dy, dz, length;
@@ -66,7 +66,7 @@ APART Entries enter(
     return in;
 }
 
-// From the last sample of a packet's rays to their stop; their errors, and what is written.
+// From the last sample of a packet's rays to their stop: computes their errors and writes the outputs.
 APART void leave(
     const Field *field,
     const Arrays *arrays,
@@ -97,7 +97,7 @@ APART void leave(
     doubles longitudinal_deficit = step * (TO_DOUBLES(flight->deficits) - TO_DOUBLES(flight->deficits_carry));
     doubles arc = step * (TO_DOUBLES(flight->arcs) - TO_DOUBLES(flight->arcs_carry));
     reals across[3], q[3], force[3], turn[3];
-    // In uniform air nothing pulls.
+    // In uniform air there is no force.
 #pragma unroll
     ALL_THREE(c) {
         across[c] = flight->p[c];
@@ -111,7 +111,7 @@ APART void leave(
     const reals lead =
         CHOOSE(flight->lead, -INNER(across, across) * rest / (R(1.0) / rest + (real)ambient), uniform);
 
-    // What is left to the surface, which each ray meets a little beside the undisturbed one.
+    // The rest to the surface, which the ray meets a little beside the undisturbed ray.
     const Triples turned = IN_DOUBLE(turn), beside = IN_DOUBLE(q), pull = IN_DOUBLE(force);
     const Triples heading = sum_of(d, turned);
     const Triples last = ahead_of(p, starts->part.leave, d);
@@ -120,7 +120,7 @@ APART void leave(
     doubles more = (doubles)0.0;
     Triples normal = in_all_lanes(VECTOR64(bounds->plane_normal));
     if (SOME(uniform)) {
-        // Turned, a ray may go on through disturbed air.
+        // A ray that has turned may fly on through disturbed air.
         rejected = uniform & TO_TRUTHS(length > R(0.0)) & !leaves_support(bounds, here, heading);
         truths face = (truths)BEYOND_SUPPORT;
 #if STOP != PLANE
@@ -139,7 +139,7 @@ APART void leave(
         }
     }
     const doubles cosine = inner(normal, heading);
-    // Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
+    // Along the parabola; its error, from the change of the slope over a cell, counts as an error.
     const truths meets_steeply = !uniform & (fabs(cosine) > LEAST_COSINE);
     const doubles bow = 0.5 * more * more * rest64 * inner(normal, pull);
     more -= CHOOSE64((doubles)0.0, bow / cosine, meets_steeply);
@@ -154,7 +154,7 @@ APART void leave(
     const real cells = greatest(rate);
     reals lateral_error = GREATER(
         flight->error, steep_tail * (tail / TO_REALS(fabs(cosine))) * LESSER(tail * cells, none_left));
-    // Error of direction from the path between the last sample and the surface.
+    // Error of the direction from the path between the last sample and the surface.
     const reals off_tail = rest * steep_tail * LESSER((tail + R(0.5) * flight->h) * cells, none_left);
     const reals lead_rate = lead / rest;
     reals momentum[3];
@@ -169,7 +169,7 @@ APART void leave(
     const Triples aside = IN_DOUBLE(q), pushed = IN_DOUBLE(momentum);
     const Triples end = sum_of(ahead_of(p, starts->part.enter + flown, d), aside);
     const reals angle = sqrt(flight->max_deflection) / (real)ambient;
-    // Beside the undisturbed ray it stays within that angle of it.
+    // The ray stays within the greatest angle about the undisturbed ray.
 #if HAS_BODY
     rejected |= !have_clearance(field, arrays, p, d, starts, TO_DOUBLES(angle));
 #endif
@@ -180,8 +180,8 @@ APART void leave(
         rejected |= fabs(inner_with(VECTOR64(bounds->plane_normal), heading)) <= LEAST_COSINE;
     }
     lateral_error = CHOOSE(lateral_error, (reals)INFINITY, rejected);
-    // Where the box's end is the stop, the path is off by all of that excess, else by what the field adds.
-    // One that has left the support must not have left the box before.
+    // If the box's end is the stop, the path is wrong by the whole excess, else by the field's contribution on it.
+    // A ray that has left the support must not have left the box before.
     const doubles excess = overrun(
         bounds, control, CHOOSE64(ends_on, (truths)(-1), uniform), choose_triples(end, here, uniform), heading);
     if (SOME(excess > 0.0)) {
@@ -193,13 +193,13 @@ APART void leave(
         lateral_error = GREATER(lateral_error, lost);
     }
 
-    // In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
+    // As the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
     const Arrivals arrival = end_each(
         bounds, control, p, d, starts, CHOOSE64((truths)(-1), ends_on, runs), aside, pushed,
         (flown - longitudinal_deficit) / ambient, path, arc, arc - longitudinal_deficit);
 
-    // Errors of place and direction count where the ray meets its stop at an angle, and so does what the air
-    // outside the field's support does to both.
+    // Errors of position and direction count if the ray meets its stop at an angle, and so does the effect of the air
+    // outside the field's support on both.
     const Triples deviation_diff = IN_DOUBLE(flight->deviation_diff), momentum_diff = IN_DOUBLE(flight->momentum_diff);
     doubles onward = arrival.flight;
     if (STOP == PLANE) {
@@ -207,7 +207,7 @@ APART void leave(
     } else {
         onward += more;
     }
-    // The direction error of a deflected ray also has a part along d, by which it meets a far stop earlier.
+    // The error of direction of a deflected ray also has a part along d, which shifts where it meets a far stop.
     const Triples displacement = ahead_of(deviation_diff, onward * rest64, momentum_diff);
     const doubles obliquity = fabs(inner(normal, displacement)) + fabs(rest64 * inner(pushed, displacement));
     const doubles upright = greater_each(fabs(inner(normal, d)), (doubles)STEEPEST_COSINE);
@@ -225,7 +225,7 @@ APART void leave(
     lateral_error = CHOOSE(
         lateral_error, left, (left > LEFT_SHARE * control->tolerance) & !(lateral_error > left));
 #if CUBES
-    // What its samples may be off the spline, and what their slopes do up to the stop.
+    // The errors of the cubes' polynomials at the samples, and the effect of their slopes up to the stop.
     const reals sway = flight->off_slope * (length + TO_REALS(onward));
     lateral_error += flight->off + (sway - flight->off_moment) * TO_REALS(greatest_tangent);
 #endif
@@ -259,7 +259,7 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
     Flying rays[PACKETS];
 #pragma unroll
     for (int packet = 0; packet < PACKETS; packet++) {
-        // Spare packets repeat the last ray, as spare lanes do.
+        // Unused packets repeat the last ray, as unused lanes do.
         in[packet] = enter(&field, &arrays, &bounds, first + packet * LANES, ray_count, position_in, direction_in);
         rays[packet] = take_off(
             &field, &arrays, &control, ambient, in[packet].x0, in[packet].y0, in[packet].z0, in[packet].dx,

@@ -1,9 +1,9 @@
-// One level of a tree reduction, one work-item a number: row_count rows of each replicate become reduced_count, each of
-// them the sum of REDUCTION_WIDTH rows, in their order. Number k of a row is one of the moments, then real and imaginary
-// part of the phasor.
+// One level of a tree reduction, one work-item per number: reduces row_count rows of each replicate to reduced_count
+// rows. Each new row is the sum of REDUCTION_WIDTH rows, in order. Number k of a row is one of the moments, then real
+// and imaginary part of the phasor.
 //
-// Of the numbers first_sum up to sum_count: sums_in (replicates * row_count, SUM_COUNT), and
-// sums_out (replicates * reduced_count, SUM_COUNT).
+// Numbers first_sum up to sum_count: sums_in (replicates * row_count, SUM_COUNT) and sums_out (replicates *
+// reduced_count, SUM_COUNT).
 
 #include "arguments.h"
 #include "groups.h"

@@ -1,5 +1,5 @@
-// Coefficients in the precision in which rays look them up: values_in in double, values_out as the kernel is built for,
-// of the places first_place up to place_count.
+// Rounds coefficients to the precision of the tracing kernels: values_in in double, values_out in the kernel's
+// precision, places first_place up to place_count.
 
 #include "arguments.h"
 #include "real.h"

@@ -1,9 +1,9 @@
-// Coefficients of the cubic spline through the values of lines, one work-item a line, by elimination: see _eliminated in
-// aerokernels/medium/spline.py. Ends are not-a-knot, or the first one is mirrored (even).
+// Solves for the coefficients of the cubic splines through the values of lines, one work-item per line, by elimination:
+// see _eliminated in aerokernels/medium/spline.py. The ends are not-a-knot, or the first end is mirrored (even).
 //
-// Of the lines first_line up to line_count: values_in (outer, count, pitch), coefficients_out (outer, count + 2, pitch);
-// a line is (outer, all, inner). inverse_in: what the pivot of each equation is divided by, shape (count - 1,).
-// ambient: where it is above 0 the values are contrasts m, and the spline is that of the potential m (ambient + m / 2).
+// Lines first_line up to line_count: values_in (outer, count, pitch), coefficients_out (outer, count + 2, pitch);
+// a line is (outer, all, inner). inverse_in: inverse pivots of the equations, shape (count - 1,).
+// ambient: if it is above 0, the values are contrasts m, and the spline is that of the potential m (ambient + m / 2).
 
 #include "arguments.h"
 #include "real.h"

@@ -1,10 +1,10 @@
-// Moments of a wavefront over groups of GROUP rays: one work-group sums one group, in double.
+// Sums the moments of a wavefront over groups of GROUP rays: one work-group sums one group, in double.
 //
-// weight_in: what each ray counts, one number for each (weight_count = ray count) or the same for all (1).
-// Per ray: pupil_in, opd_in [m], step_error_in [m], evaluation_count_in, status_in; per_replicate of them to a
-// replicate. Groups from first_group up to group_count: of sums_out (group_count, SUM_COUNT) the sum of weights,
-// x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, their greatest step error, the field evaluations of all
-// rays, and over those that arrived xq, yq, qq, qW with q = xx + yy.
+// weight_in: the weights of the rays, one for each ray (weight_count = ray count) or one for all (weight_count = 1).
+// Per ray: pupil_in, opd_in [m], step_error_in [m], evaluation_count_in, status_in; per_replicate rays to a replicate.
+// Groups from first_group up to group_count: sums_out (group_count, SUM_COUNT) gets the weighted sums of 1, x, y, W,
+// xx, xy, yy, xW, yW, WW over the rays that arrived, their greatest step error, the number of field evaluations of all
+// rays, and, over the rays that arrived, the sums of xq, yq, qq, qW with q = xx + yy.
 
 #include "arguments.h"
 #include "groups.h"
@@ -47,7 +47,7 @@ __kernel void sum_moments(SUM_MOMENTS_ARGUMENTS)
         parts[item][k] = part[k];
     }
     barrier(CLK_LOCAL_MEM_FENCE);
-    // One work-item a moment.
+    // One work-item per moment.
     if (item < MOMENT_COUNT && group < group_count) {
         double whole = 0.0;
         for (int k = 0; k < WORK_GROUP; ++k) {

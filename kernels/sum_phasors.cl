@@ -1,12 +1,11 @@
-// Sums of exp(i k (OPD - surface)) over groups of GROUP rays, those that arrived: one work-group sums one group, in
+// Sums exp(i k (OPD - surface)) over the rays that arrived, in groups of GROUP rays: one work-group sums one group, in
 // double.
 //
-// wave_number k [1/m]; plane: the surface's height [m] at the pupil's centre, and its rise [m] over the pupil's reach
-// along both axes; focus: its rise [m] with the square of the distance from the centre, over that of the reach.
-// weight_in: what each ray counts, weight_count numbers, one for each ray or the same for all.
-// Per ray: pupil_in, opd_in [m], status_in; per_replicate of them to a replicate.
-// Groups from first_group up to group_count: real and imaginary part, the last two of sums_out (group_count,
-// SUM_COUNT).
+// wave_number: k [1/m]; plane: the surface's height [m] at the pupil's centre, and its rise [m] over the pupil's reach
+// along both axes; focus: the surface's rise [m] with the square of the distance from the centre, in units of the
+// reach. weight_in: the weights of the rays, one for each ray (weight_count = ray count) or one for all (weight_count =
+// 1). Per ray: pupil_in, opd_in [m], status_in; per_replicate rays to a replicate. Groups from first_group up to
+// group_count: sums_out (group_count, SUM_COUNT) gets real and imaginary part as its last two columns.
 
 #include "arguments.h"
 #include "groups.h"

@@ -1,9 +1,9 @@
-// The ray tracer; what it computes, and why so, stands in aerokernels/tracing/engines/warp/kernels/trace.py, its Warp twin.
+// The ray tracer, one ray per work-item. Its Warp twin, aerokernels/tracing/engines/warp/kernels/trace.py, says what it
+// computes and why.
 //
-// One ray a work-item. Lengths along the ray inside the field are in sigma, d sigma = ds / n; positions are whole cells
-// and a fraction of one; q, momentum and the sums are deviations from the undisturbed ray, summed with compensation.
-// Rays first_ray to ray_count: position_in [m] and direction_in (ray_count, 3), packed; outputs that are not
-// wanted are left alone.
+// Lengths along the ray inside the field are in sigma, d sigma = ds / n; positions are whole cells and a fraction of a
+// cell; q, momentum and the sums are deviations from the undisturbed ray, summed with compensation. Rays first_ray to
+// ray_count: position_in [m] and direction_in (ray_count, 3), packed; outputs that are not requested stay unchanged.
 
 #include "arguments.h"
 #include "ends.h"
@@ -34,8 +34,9 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
     real max_deflection = R(0.0);  // greatest angle with d so far
     int steps = 0, evaluations = 0, ends_on = -1;
     real obliquity_first = R(0.0), opd_rate = R(0.0);
-    real displacement = R(0.0), gain = R(0.0);  // how far beside its place the ray may be; what it gains behind a face
-    int undecided = 0;  // whether it has run in a face: then it may have left there
+    real displacement = R(0.0);  // how far sideways the ray may be displaced
+    real gain = R(0.0);  // optical path that it may gain behind a face
+    int undecided = 0;  // whether it has run in a face, where it may have left the box
 
     if (interval.meets && status == RAY_OK) {
         int3 cell;
@@ -52,19 +53,19 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
         const int cone = cone_of(d0);
         const StopGeometry to_stop = stop_geometry_of(&bounds, &control, &interval, p0, d0);
         const real obliquity = to_stop.obliquity, lever_arm = to_stop.lever_arm;
-        // The table of step bounds weighs the kinks that a step may pass by the path, not by what they turn a ray
-        // aside.
+        // The table of step bounds weighs the kinks that a step may pass by their effect on the path, not by how they
+        // deflect the ray.
         const real derating =
             AT_FACES && obliquity * lever_arm * greatest(cell_rate) > R(1.0) ? R(0.0) : to_stop.derating;
         const real first_momentum = size3(momentum);
         const real arc_left = (real)(bounds.length - interval.t_enter);
-        real aside = R(0.0);  // so far beside its undisturbed line the ray meets no body
+        real aside = R(0.0);  // sideways deviation within which the ray meets no body
         const real near = WALL_ASIDE / greatest(cell_rate);
         if (HAS_BODY && has_clearance(&field, &arrays, p0, d0, interval.t_enter, NEVER, near)) {
             aside = near;
         }
         real h_next = control.extent / ambient;
-        real h_cap = h_next;  // shorter after a step that would have ended well behind a surface
+        real h_cap = h_next;  // reduced after a step that would have ended far behind a surface
         int running = 1;
         while (running) {
             const real3 tangent = ambient * d + momentum;
@@ -106,7 +107,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 accept = step_acceptance(
                     &control, off, rounding, used, h, h_cell, h_least, index, to_stop.reach, &ratio);
                 if (accept) {
-                    // A step cut short by a surface says nothing against the length wanted.
+                    // A step cut short by a surface is no reason to shorten the next one.
                     h_next = greater(h * ratio, h_least);
                     if (event >= 0) {
                         h_next = greater(h_next, ahead.h);
@@ -116,8 +117,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 }
             }
 
-            // Where the force changes along the step, the parabola may miss the surface: come closer first.
-            int runs_on = 0;  // whether it ends in a face
+            // If the force changes along the step, the parabola may miss the surface: come closer first.
+            int runs_on = 0;  // whether the step ends in a face
             if (accept && h > h_least) {
                 const real3 there = shown + (h * tangent + kick) * rate;
                 const real3 end_velocity = (tangent + h * FORCE(s4)) * rate;
@@ -138,7 +139,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 }
             }
 
-            // A step into the body is taken again up to its surface, until what is left is flown along the tangent.
+            // A step into the body is repeated up to the body's surface, until the rest is short enough for the
+            // tangent.
             real behind = R(-1.0);
             if (HAS_BODY && accept && !(size3(q + h * momentum + kick) < aside)) {
                 const double3 here = place_of(p0, d0, &interval, bounds.ambient, q, q_carry, sums, sums_carry);
@@ -176,8 +178,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 pot = s4.x;
                 force = FORCE(s4);
                 if (AT_FACES) {
-                    // The slope jumps at the face before which the step stopped: the rest is flown along the tangent,
-                    // and the next step is to have the slope behind it.
+                    // The slope jumps at the face before which the step stopped: the ray flies the rest along the
+                    // tangent, and the next step starts with the slope behind the face.
                     const real3 bearing = IS_STRAIGHT ? ambient * d : ambient * d + momentum;
                     const real3 curve = IS_STRAIGHT ? (real3)R(0.0) : force;
                     const real rest =
@@ -202,11 +204,11 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     evaluations++;
                 }
                 if (CONSISTENT_GRADIENT) {
-                    // Back onto |T| = n: the error along the ray, which the path would feel in full, is gone.
+                    // Project back onto |T| = n: this removes the error along the ray, which would add to the path.
                     const real3 projecting = project_momentum(ambient, d, momentum, pot);
                     momentum += projecting;
                     if (IS_STRAIGHT) {
-                        q += (R(0.5) * h) * projecting;  // it grew over the step
+                        q += (R(0.5) * h) * projecting;  // the error grew linearly over the step
                     }
                 }
 

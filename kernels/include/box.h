@@ -1,4 +1,4 @@
-// Where a straight ray meets the field's box, and the box's faces as surfaces to stop on.
+// Where a straight ray meets the field's box, and the box's faces as stop surfaces. In float64.
 #ifndef BOX_H
 #define BOX_H
 
@@ -55,8 +55,8 @@ static inline double2 crossing(double3 low, double3 high, double radius, double3
     return span;
 }
 
-// How far outside surface k, and the gradient of that per cell. Surfaces 0 and 1 are the z faces; then the cylinder, or
-// the y faces, or the y and x faces; the last is the plane.
+// Distance outside surface k, and its gradient per cell. Surfaces 0 and 1 are the z faces; then the cylinder, or the y
+// faces, or the y and x faces; the last is the plane.
 static inline real4 surface(const Control *control, int k, int3 cell, real3 frac)
 {
     if (k == FACE_COUNT) {
@@ -78,7 +78,7 @@ static inline real4 surface(const Control *control, int k, int3 cell, real3 frac
     return (real4)(outside, axis == 0 ? sense : R(0.0), axis == 1 ? sense : R(0.0), axis == 2 ? sense : R(0.0));
 }
 
-// Distance outside surface k [m]; `normal` is its unit normal.
+// Distance outside surface k [m], and the unit normal of the surface.
 static inline double surface_distance(const Bounds *bounds, int k, double3 p, double3 *normal)
 {
     if (k == FACE_COUNT) {
@@ -97,11 +97,11 @@ static inline double surface_distance(const Bounds *bounds, int k, double3 p, do
     return k % 2 == 0 ? bounds->low[axis] - place : place - bounds->high[axis];
 }
 
-// Distance at which a line meets surface k; a line that grazes it keeps its guess.
+// Distance at which a line meets surface k. For a line that grazes the surface it returns the guess.
 static inline double meeting(const Bounds *bounds, int k, double3 p, double3 d, double guess)
 {
     double along = guess;
-    const int trials = GEOMETRY == AXISYMMETRIC && k == 2 ? 3 : 1;  // the others are flat
+    const int trials = GEOMETRY == AXISYMMETRIC && k == 2 ? 3 : 1;  // Newton's method; on flat faces one step is exact
     for (int trial = 0; trial < trials; trial++) {
         double3 normal;
         const double miss = surface_distance(bounds, k, p + along * d, &normal);
@@ -113,9 +113,10 @@ static inline double meeting(const Bounds *bounds, int k, double3 p, double3 d, 
     return along;
 }
 
-// What a ray that was brought to surface k, which it grazes, still lacks of it along its tangent; 0 where that is more
-// than rounding of its place leaves, or where the line along d was met with it already. `grazing` tells
-// the length that is left for that reason, and the cosine of the angle with the normal.
+// Correction for a ray that grazes surface k: the remaining length along the tangent `heading` to the surface [m]; 0 if
+// that is more than the rounding of the ray's position explains, or if the line along d met the surface already (see
+// `meeting`). `grazing` gets the length left uncorrected because it is too long [m], and the cosine of the angle
+// between tangent and normal.
 static inline double grazing_correction(
     const Bounds *bounds, const Control *control, int k, double3 p, double3 d, double3 heading, double2 *grazing)
 {
@@ -130,8 +131,8 @@ static inline double grazing_correction(
     return grazes ? -miss / cosine : 0.0;
 }
 
-// How much further along d a line shifted by q meets face k than the line itself, which leaves the box at `leave`;
-// `other` where it leaves by another face or at a grazing angle.
+// Extra distance along d to face k for a line shifted by q, relative to the line itself, which leaves the box at
+// `leave`. Returns `other` if the line leaves by another face or at a grazing angle.
 static inline double detour(const Bounds *bounds, int k, double3 p, double3 d, double3 q, double leave, double other)
 {
     double3 normal;
@@ -143,7 +144,7 @@ static inline double detour(const Bounds *bounds, int k, double3 p, double3 d, d
     }
     double further = -dot(normal, q) / cosine;
     if (GEOMETRY == AXISYMMETRIC && k == 2) {
-        // |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`: the root that q = 0 makes 0
+        // |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`: the root that is 0 for q = 0
         const double2 at = p.xy + leave * d.xy;
         const double a = dot(d.xy, d.xy), b = dot(at + q.xy, d.xy), c = dot(2.0 * at + q.xy, q.xy);
         const double square = b * b - a * c;

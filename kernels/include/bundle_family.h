@@ -1,5 +1,5 @@
-// Whether a ray belongs to a family of two parameters, its parameters, and its undisturbed line: where it comes into the
-// field's box, where it leaves it, and how far it is to the stop. See aerokernels/tracing/bundle/family.py, nodes.py.
+// Whether a ray belongs to a family of two parameters, and its undisturbed line through the box. See
+// aerokernels/tracing/bundle/family.py and nodes.py.
 #ifndef BUNDLE_FAMILY_H
 #define BUNDLE_FAMILY_H
 
@@ -34,7 +34,7 @@
 #define FRAME_AMBIENT frame[39]
 #define FRAME_MARGIN frame[40]
 
-// Whether a ray belongs to the family, and its parameters.
+// The parameters of a ray, and whether it belongs to the family (1 or 0).
 static inline int family_parameters(
     __global const double *frame, int converges, double3 p, double3 d, double2 *parameters)
 {
@@ -60,7 +60,7 @@ static inline int family_parameters(
     return good && (starts || dot(p, axis) <= FRAME_AHEAD);
 }
 
-// Where a line is within the box [m along it], and the faces by which it comes and goes.
+// Distances along a line at which it enters and leaves the box [m], and the faces by which it does.
 typedef struct {
     double enter;
     double leave;
@@ -68,6 +68,7 @@ typedef struct {
     int exit_face;
 } BoxCrossing;
 
+// The part of the line in the box that is also between two more faces.
 static inline BoxCrossing narrowed(BoxCrossing crossing, double first, double last, int first_face, int last_face)
 {
     crossing.entry_face = first > crossing.enter ? first_face : crossing.entry_face;
@@ -77,6 +78,7 @@ static inline BoxCrossing narrowed(BoxCrossing crossing, double first, double la
     return crossing;
 }
 
+// Where a line crosses the box.
 static inline BoxCrossing box_crossing(__global const double *frame, int shape, double3 p, double3 d)
 {
     BoxCrossing crossing;
@@ -112,7 +114,7 @@ static inline BoxCrossing box_crossing(__global const double *frame, int shape, 
     return crossing;
 }
 
-// How far from the other faces a line leaves the box [m].
+// Distance from the other faces at which a line leaves the box [m].
 static inline double depth_at_exit(__global const double *frame, int shape, double3 p, double3 d, BoxCrossing crossing)
 {
     const double3 place = p + crossing.leave * d;
@@ -129,8 +131,8 @@ static inline double depth_at_exit(__global const double *frame, int shape, doub
     return depth;
 }
 
-// How far it is to the stop along the undisturbed line [m], not positive without one; and the number of its pair of
-// faces: of the one it comes in by, and the one it leaves by.
+// Distance to the stop along the undisturbed line [m], not positive without a stop; number of its pair of faces. The
+// pair is the face by which the line enters the box and the face by which it leaves.
 static inline double undisturbed_length(
     __global const double *frame,
     int stop,

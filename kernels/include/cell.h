@@ -1,4 +1,4 @@
-// One cell of a uniform cubic grid, for all lanes of a packet: which it is, and what its coefficients say there.
+// Interpolation in one cell of a uniform cubic grid, for all lanes of a packet.
 #ifndef CELL_H
 #define CELL_H
 
@@ -12,7 +12,7 @@ typedef struct {
     reals second;
     reals third;
 #if CUBES
-    reals off, off_slope;  // bounds of what the value is off the spline, and a slope [1/m]
+    reals off, off_slope;  // bounds of the errors of the value, and of a slope [1/m], against the spline
 #endif
 } Local;
 
@@ -40,7 +40,7 @@ static inline Weights weights_of(reals u)
     return w;
 }
 
-// Where in a cell a packet is.
+// The weights at the position of each lane in its cell, along the local axes.
 typedef struct {
     Weights u, v, w;
 } Fraction;
@@ -55,7 +55,7 @@ static inline Fraction fraction_of(reals u, reals v, reals w)
 
 #if GEOMETRY == VOLUME
 
-// What the coefficients around one cell say at every lane's fractions.
+// Potential and slopes from the coefficients around one cell, at every lane's fractions.
 static inline Local in_cell(__global const real *coefficients, int node, const Field *field, const Fraction *at)
 {
     Local out = {(reals)R(0.0), (reals)R(0.0), (reals)R(0.0), (reals)R(0.0)};
@@ -100,8 +100,8 @@ static inline Local in_cell(__global const real *coefficients, int node, const F
 
 #else
 
-// Where they are PACKED, a node's entry holds the 16 coefficients of the polynomial in the cell behind it: those of the
-// powers of the second fraction, for each power of the first.
+// If coefficients are PACKED, a node's entry has the 16 coefficients of the polynomial in the cell behind it: those of
+// the powers of the second fraction, for each power of the first.
 typedef struct {
     reals u, v;
 } Fraction;
@@ -112,7 +112,7 @@ static inline Fraction fraction_of(reals u, reals v, reals w)
     return at;
 }
 
-// A cubic polynomial and its slope.
+// A cubic polynomial and its slope, by Horner's scheme.
 #define CUBIC_AT(value, slope, x, c0, c1, c2, c3) \
     {                                             \
         value = (c3) * x + (c2);                  \
@@ -122,7 +122,8 @@ static inline Fraction fraction_of(reals u, reals v, reals w)
         value = value * x + (c0);                 \
     }
 
-// From the polynomials along the second axis, for each power of the first fraction, and their slopes.
+// Potential and slopes from the polynomials along the second axis, for each power of the first fraction, and their
+// slopes.
 static inline Local along_first(const reals *rows, const reals *slopes, reals u)
 {
     Local out;
@@ -145,7 +146,7 @@ static inline Local in_cell(__global const real *coefficients, int node, const F
 }
 
 #if LANES > 1
-// The same where every lane has a cell of its own.
+// As `in_cell`, if the lanes are in different cells.
 static inline Local in_cells_of_their_own(__global const real *coefficients, ints node, const Fraction *at)
 {
     reals rows[4], slopes[4];
@@ -167,7 +168,7 @@ static inline Local in_cells_of_their_own(__global const real *coefficients, int
 
 #endif
 
-// The cell and the fraction in it. On a GPU whole numbers are found by an addition that rounds: to convert is slow there.
+// The cell and the fraction in it. On a GPU an addition rounds to whole numbers, because conversions are slow there.
 #define ROUNDING 12582912.0f  // 1.5 * 2^23: a float next to it has no fraction
 
 static inline ints cells_of(reals place, int last, reals *fraction)

@@ -1,10 +1,12 @@
-// Where straight lines cross the surface of the body, exactly. The formulas stand in aerokernels/medium/crossings.py, the
-// tree of boxes in aerokernels/medium/wall_tree.py. Warp's twin is aerokernels/tracing/engines/warp/kernels/crossings.py.
+// Where straight lines cross the surface of the body, by exact formulas. In float64. The formulas are in
+// aerokernels/medium/crossings.py, the tree of boxes in aerokernels/medium/wall_tree.py. Warp's twin is
+// aerokernels/tracing/engines/warp/kernels/crossings.py.
 #ifndef CROSSINGS_H
 #define CROSSINGS_H
 
 #include "triangles.h"
 
+// WallLine of a line.
 static inline WallLine wall_line(double3 p, double3 d)
 {
     WallLine line;
@@ -35,7 +37,8 @@ static inline WallLine wall_line(double3 p, double3 d)
     return line;
 }
 
-// Whether a line may pass a box, lowest and greatest (r, z), that is `margin` larger on every side, between t = first and last.
+// Whether a line may pass a box between t = first and last. The box, lowest and greatest (r, z), is enlarged by
+// `margin` on every side.
 static inline int passes_box(const WallLine *line, double4 box, double margin, double first, double last)
 {
     double near = first, far = last;
@@ -66,20 +69,21 @@ static inline int passes_box(const WallLine *line, double4 box, double margin, d
 }
 
 #if GEOMETRY == AXISYMMETRIC
-// Positive where a corner lies outside the surface that the line sweeps about the axis.
+// Positive if a corner is outside the surface that the line sweeps about the axis.
 static inline double corner_side(const WallLine *line, double place, double height)
 {
     return line->along * line->along * (place * place - line->first) - line->across * height * height;
 }
 #else
-// To which side of the line a corner lies.
+// The side of the line on which a corner is.
 static inline double corner_side(const WallLine *line, double place, double height)
 {
     return line->across * (height - line->z) - line->along * (place - line->first);
 }
 #endif
 
-// With `entries_only`, a single crossing that leads out of the body is passed over: it costs a root and a division.
+// Crossings of a line with a segment. With `entries_only`, a single crossing that leads out of the body is skipped,
+// which saves a root and a division.
 static inline Crossings segment_crossings(const WallLine *line, double4 segment, int entries_only)
 {
     Crossings out = {0, 0, 0.0, 0.0};
@@ -95,7 +99,7 @@ static inline Crossings segment_crossings(const WallLine *line, double4 segment,
     }
     const double steepness = line->across * dz * dz - d * d * dr * dr;
     if (steepness > 0.0) {
-        // Less steep than the line: the roots of the cone's equation.
+        // Less steep than the line: find the roots of the cone's equation.
         const double k = segment.x * dz - h1 * dr;
         const double mean = k * dr * d;
         const double rest = line->first * dz * dz - k * k;
@@ -118,7 +122,7 @@ static inline Crossings segment_crossings(const WallLine *line, double4 segment,
             }
         }
     } else if (once) {
-        // As steep as the line or steeper: the place along the segment.
+        // As steep as the line or steeper: solve for the place along the segment.
         const double slope = d * d * segment.x * dr - line->across * h1 * dz;
         const double root = sqrt(greater64(slope * slope + steepness * w1, 0.0));
         double share = w1 / (root - slope);
@@ -142,7 +146,8 @@ static inline Crossings segment_crossings(const WallLine *line, double4 segment,
     return out;
 }
 
-// Whether a line may pass the box of a node of the tree, `margin` larger, between t = first and last.
+// Whether a line may pass the box of a node of the tree. The box is enlarged by `margin`; only the line between
+// t = first and last counts.
 static inline int passes_node(
     const Arrays *arrays, const WallLine *line, int node, double margin, double first, double last)
 {
@@ -154,7 +159,7 @@ static inline int passes_node(
 #endif
 }
 
-// Where a line crosses a piece of the surface.
+// Crossings of a line with a piece of the surface.
 static inline Crossings piece_crossings(const Arrays *arrays, const WallLine *line, int piece)
 {
 #if GEOMETRY == VOLUME
@@ -165,7 +170,7 @@ static inline Crossings piece_crossings(const Arrays *arrays, const WallLine *li
 #endif
 }
 
-// What a line meets of the body between t = first and last.
+// WallMeeting of a line with the body between t = first and last.
 static inline WallMeeting meet_wall(
     const Field *field, const Arrays *arrays, const WallLine *line, double first, double last)
 {

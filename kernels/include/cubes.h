@@ -1,5 +1,5 @@
-// The potential of a volume by the polynomial of the cube of cells in which each ray of a packet is
-// (aerokernels/tracing/cube_polynomials.py): CUBE_ROW numbers that lie side by side.
+// A volume's potential from the polynomials of cubes of cells, for each ray of a packet (see
+// aerokernels/tracing/cube_polynomials.py): CUBE_ROW contiguous numbers per cube.
 #ifndef CUBES_H
 #define CUBES_H
 
@@ -8,7 +8,7 @@
 
 #if CUBES
 
-// Which cube of an axis a place is in, and where in it: from -1 to 1.
+// Number of the cube that contains a place along an axis, and the place in the cube, from -1 to 1.
 static inline ints cube_of(reals place, int last_cell, reals *within)
 {
     const real last = (real)(last_cell / CUBE_SIDE) + R(0.5);
@@ -18,7 +18,7 @@ static inline ints cube_of(reals place, int last_cell, reals *within)
     return cube;
 }
 
-// A polynomial and its slopes per cell, of its numbers up to the second degree, q, and of the third, t.
+// A polynomial and its slopes per cell, from its coefficients up to the second degree, q, and of the third, t.
 static inline Local of_polynomial(const reals *q, const reals *t, reals u, reals v, reals w)
 {
     const reals a0 = ((t[0] * u + q[2]) * u + q[1]) * u + q[0];
@@ -39,11 +39,11 @@ static inline Local of_polynomial(const reals *q, const reals *t, reals u, reals
     return out;
 }
 
-// Those of the third degree are the upper halves of floats, two to a number.
+// Coefficients of the third degree are the upper halves of floats, two packed in one number.
 static inline float lower_number(float both) { return as_float(as_uint(both) << 16); }
 static inline float upper_number(float both) { return as_float(as_uint(both) & 0xffff0000u); }
 
-// The numbers of the polynomial that begins with the number `start` of the table, in fours.
+// The CUBE_ROW numbers of a cube's polynomial, which begin at entry `start` of the table.
 typedef struct {
     float4 r0, r1, r2, r3;
 } CubeRow;
@@ -72,9 +72,9 @@ static inline Local in_row(const CubeRow *row, reals u, reals v, reals w)
 
 #if DESKS
 
-// NVIDIA's GPUs look at each line that a warp's load touches: rows that 32 threads load by themselves, in four loads, are
-// 128 of them. Four neighbours that load one row after the other, a quarter each, touch 32; each then takes its own row
-// from the desk of its warp.
+// A GPU of NVIDIA fetches every cache line that a load of a warp touches. If each of 32 threads loaded its own row, in
+// four loads, that would be 128 lines. So four neighbouring threads load one row after the other together, sixteen
+// bytes each, which touches 32; each thread then reads its own row from the desk of its warp in local memory.
 static inline uint threads_here(void)
 {
     uint found;
@@ -102,7 +102,7 @@ static inline CubeRow row_together(__global const real *coefficients, int start,
     for (int k = 0; k < 4; k++) {
         got[k] = ((__global const float4 *)(coefficients + from_thread(start, first + k)))[quarter];
     }
-    meet_in_warp();  // nobody reads the rows before these any more
+    meet_in_warp();  // every thread has read the rows of the previous call
 #pragma unroll
     for (int k = 0; k < 4; k++) {
         desk[DESK_ROW * (first + k) + quarter] = got[k];
@@ -130,7 +130,7 @@ static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v,
 
 #elif LANES == 16
 
-// By clang's builtin, which is one instruction: of vectors written entry by entry its optimiser makes hundreds.
+// With clang's builtin, which is one instruction: for vectors written entry by entry its optimiser emits hundreds.
 #if defined(__has_builtin)
 #if __has_builtin(__builtin_shufflevector)
 #define TURNS 1
@@ -141,7 +141,7 @@ static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v,
 
 // The numbers of lane k's cube, a cache line.
 #define ROW_OF(k) (*(__global const float16 *)(coefficients + INT_AT(start, k)))
-// The first two entries of each four of two vectors in turn, and the last two; and the same of fours of entries.
+// Interleave the first two entries of each group of four of two vectors, or the last two; take the even or odd groups.
 #define FIRST_IN_TURN(p, q) \
     __builtin_shufflevector(p, q, 0, 16, 1, 17, 4, 20, 5, 21, 8, 24, 9, 25, 12, 28, 13, 29)
 #define LAST_IN_TURN(p, q) \
@@ -153,8 +153,8 @@ static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v,
 
 #endif
 
-// Where lanes are in cubes of their own: each loads its numbers in fours, which are then turned so that each number is
-// a vector over the lanes.
+// If the lanes are in different cubes, each loads its numbers in fours, which are then transposed so that each number
+// is a vector over the lanes.
 static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v, reals w)
 {
     __global const real *coefficients = arrays->coefficients;
@@ -164,7 +164,7 @@ static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v,
     }
     reals c[CUBE_ROW];
 #if TURNS
-    // Each four lanes' rows, four numbers of four lanes to a vector; then fours of lanes.
+    // Transpose the rows of four lanes at a time, four numbers of four lanes per vector; then the groups of four lanes.
     float16 by_fours[4][4];
 #pragma unroll
     for (int four = 0; four < 4; four++) {
@@ -209,7 +209,7 @@ static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v,
     return out;
 }
 
-// Ask for the polynomials of the lanes' next cubes: nothing else hides how long a processor's memory takes.
+// Prefetch the polynomials of the lanes' next cubes: nothing else hides the latency of a CPU's memory.
 static inline void ask_for_cubes(__global const real *coefficients, ints start)
 {
 #if defined(__has_builtin)

@@ -1,4 +1,4 @@
-// Both ends of a ray in double: before its first step and after its last one.
+// Both ends of a ray, before its first step and after its last one. In float64.
 #ifndef ENDS_H
 #define ENDS_H
 
@@ -7,7 +7,7 @@
 #include "ray_status.h"
 #include "wall.h"
 
-// Interval of the undisturbed ray, and what already stands in its way.
+// Initial status of a ray, and Interval of the undisturbed ray.
 APART int start_of(
     const Field *field, const Arrays *arrays, const Bounds *bounds, double3 p, double3 d, Interval *interval)
 {
@@ -44,8 +44,8 @@ APART int start_of(
         meets = stop_distance > enter;
     }
 #if HAS_BODY
-    // A ray that starts behind the body's surface begins where it leaves it. Where the body sticks out of the box, a ray
-    // may hit it on its way to the box.
+    // A ray that starts inside the body begins where it leaves the body. If the body extends beyond the box, a ray may
+    // hit the body before it reaches the box.
     if (meets) {
         const double leaves = body_exit(field, arrays, p, d, enter);
         const double hits = body_entry(field, arrays, p, d, enter);
@@ -69,7 +69,7 @@ APART int start_of(
     return status;
 }
 
-// The surface on which the undisturbed ray stops.
+// Number of the surface on which the undisturbed ray ends.
 static inline int surface_of(const Bounds *bounds, const Interval *interval, double3 p, double3 d)
 {
     if (STOP == PLANE && interval->has_stop && interval->t_exit == interval->stop_distance) {
@@ -91,8 +91,8 @@ static inline int surface_of(const Bounds *bounds, const Interval *interval, dou
     return nearest;
 }
 
-// How much further along d the stop is met per length that the ray is beside its place: the tangent of the angle at which
-// it meets the stop; no more than that of the smallest angle believed.
+// Shift of the stop along d per sideways shift of the ray. This is the tangent of the angle of incidence on the stop,
+// at most the tangent that STEEPEST_COSINE allows.
 static inline double obliquity_of(const Bounds *bounds, const Interval *interval, double3 p, double3 d)
 {
     double obliquity = 0.0;
@@ -107,7 +107,7 @@ static inline double obliquity_of(const Bounds *bounds, const Interval *interval
     return obliquity;
 }
 
-// Where a ray is, from the sums of its steps so far.
+// Position of a ray, from the sums of its steps so far.
 static inline double3 place_of(
     double3 p, double3 d, const Interval *interval, double ambient, real3 q, real3 q_carry, real4 sums, real4 sums_carry)
 {
@@ -131,8 +131,9 @@ APART StopGeometry stop_geometry_of(
     return out;
 }
 
-// Puts the sums of the steps, (sigma, S, M, B), back onto the straight ray and flies on to a stop outside the box.
-// `ends_on` is the surface that the ray ended on, or -1.
+// The ray at its stop: adds the sums of the steps, (sigma, S, M, B), to the straight ray and flies on to a stop outside
+// the box. p and d are the ray's start and direction, `interval` and `status` are those of `start_of`. `ends_on` is the
+// number of the surface on which the ray ended, or -1. `max_deflection` is the greatest angle between the ray and d.
 APART Arrival end_of(
     const Bounds *bounds,
     const Control *control,
@@ -154,7 +155,7 @@ APART Arrival end_of(
     const double work = 2.0 * ((double)sums.y - (double)sums_carry.y);
     const double stretch = (double)sums.z - (double)sums_carry.z;
     if (CONSISTENT_GRADIENT && max_deflection <= NEARLY_STRAIGHT) {
-        // Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
+        // Along d the deviation is int (T . d - a) d sigma = M - B: sums of the same values as the path (motion.py).
         const double lagging = (double)sums.w - (double)sums_carry.w;
         q64 += (stretch - lagging - dot(q64, d)) * d;
     }
@@ -183,7 +184,7 @@ APART Arrival end_of(
             const double3 here = p + along * d + q64;
             const double height = dot(VECTOR64(bounds->plane_normal), here - VECTOR64(bounds->plane_point));
             const double slope = dot(VECTOR64(bounds->plane_normal), heading);
-            // A plane on a face of the box: rounding may put the ray behind it.
+            // If the plane is on a face of the box, rounding may put the ray behind the plane.
             const double face_tolerance = 1.0e-3 / (double)greatest(VECTOR(control->cell_rate));
             const int toward = height * slope < 0.0 && fabs(slope) > LEAST_SLOPE;
             if (toward || (interval->meets && fabs(height) < face_tolerance * fabs(slope))) {
@@ -201,8 +202,8 @@ APART Arrival end_of(
 
     double opd = work - ambient * stretch;
     if (status == RAY_OK && interval->has_stop && STOP != ARC) {
-        // How much further along d the stop is met than by the undisturbed ray: from the deviation where that is exact,
-        // since the difference of two distances would lose its last digits.
+        // How much further along d than the undisturbed ray the ray meets the stop: computed from the deviation where
+        // that is exact, because the difference of two distances would lose its last digits.
         double further = along - stop_distance;
         if (STOP == PLANE) {
             const double descent = dot(VECTOR64(bounds->plane_normal), d);
@@ -220,7 +221,7 @@ APART Arrival end_of(
     out.direction = heading / size64(heading);
     out.optical_path = greater64(ambient * along + work, 0.0);
     out.opd = opd;
-    out.arc_length = greater64(along + stretch, 0.0);  // one that leaves where it starts may end a rounding before it
+    out.arc_length = greater64(along + stretch, 0.0);  // rounding may make it negative if a ray leaves at its start
     out.flight = flight;
     out.grazing = grazing;
     out.status = status;

@@ -1,12 +1,12 @@
-// The error of a step, as optical path, and what of it may be rounding.
+// The error of a step and of a ray, as optical path, and the share that may be rounding.
 #ifndef ERROR_H
 #define ERROR_H
 
 #include "motion.h"
 
-// The error in metres. `angle` is the greatest angle with d so far, `direction_weight` the length by which the error of
-// a direction counts, `step_displacement` how far beside its place the ray may leave the field. The ray meets its stop at
-// an `obliquity` (ends.h), `lever_arm` further on.
+// The error [m], the greatest angle with d so far, the weight of an error of direction, the displacement. The weight is
+// the length by which an error of the direction is multiplied. The displacement is how far sideways the step may put
+// the ray where it leaves the field. The ray meets its stop at an `obliquity` (ends.h), `lever_arm` further on.
 static inline real step_error(
     real ambient,
     real3 d,
@@ -26,7 +26,7 @@ static inline real step_error(
     real *step_displacement)
 {
     const real reach = to_stop->reach, lever_arm = to_stop->lever_arm;
-    // Where the ray has turned, the obliquity is another one, and the turn counts instead.
+    // After the ray has turned, the initial obliquity does not apply; the angle of the turn counts instead.
     const real obliquity = to_stop->obliquity * greater(R(1.0) - max_deflection / OBLIQUITY_KEPT, R(0.0));
     const real3 f2 = FORCE(s2), f3 = FORCE(s3), f4 = FORCE(s4);
     const real off_s = h * (RKN_F1 * pot + RKN_F2 * s2.x + RKN_F3 * s3.x + RKN_F4 * s4.x);
@@ -36,8 +36,8 @@ static inline real step_error(
     *angle = greater(max_deflection, size3(end_momentum - dot(end_momentum, d) * d) / ambient);
     real error_ratio = R(1.0);
     if (INTERPOLATION == CUBIC || INTERPOLATION == LINEAR) {
-        // On a nearly straight ray the path's error is known better, by a rule of higher order with the slopes along
-        // the ray; the other errors are taken to be overestimated alike.
+        // On a nearly straight ray a quadrature of higher order with the slopes along the ray gives a sharper error of
+        // the path; the other errors are assumed to be overestimated in the same ratio.
         const real slope1 = dot(force, total);
         const real slope2 = dot(f2, total + (R(0.5) * RKN_C2 * h) * (force + f2));
         const real slope3 = dot(f3, total + (R(0.5) * RKN_C3 * h) * (force + f3));
@@ -51,7 +51,7 @@ static inline real step_error(
     }
     real off = R(4.0) * error_ratio * fabs(off_s);
     if (!CONSISTENT_GRADIENT || *angle > NEARLY_STRAIGHT) {
-        // Along d, and in arc length.
+        // The errors along d and in arc length.
         const real off_m = RKN_F1 * contrast(ambient, pot) + RKN_F2 * contrast(ambient, s2.x)
             + RKN_F3 * contrast(ambient, s3.x) + RKN_F4 * contrast(ambient, s4.x);
         off += ambient * (fabs(dot(off_q, d)) + h * fabs(off_m));
@@ -59,8 +59,8 @@ static inline real step_error(
     off_q -= dot(off_q, d) * d;
     off_p -= dot(off_p, d) * d;
     const real weight = *angle + error_ratio * DIRECTION_SHARE;
-    // At far stops the ray's own deflection adds to the obliquity, and the error of a direction is not believed to be
-    // overestimated as much as that of the path: it is no sum along the ray.
+    // At far stops the ray's own deflection adds to the obliquity. The error of a direction is assumed to be
+    // overestimated less than that of the path, because it is not a sum along the ray.
     const int is_far = lever_arm > R(2.0) * reach;
     const real own = is_far && *angle < LEAPFROG_ANGLE ? *angle : R(0.0);
     const real tilt_ratio = is_far || INTERPOLATION == LINEAR ? greater(error_ratio, LEAST_RATIO) : error_ratio;
@@ -71,6 +71,7 @@ static inline real step_error(
     return off + off_p_size * (weight * reach + tilt * lever_arm) + ambient * off_q_size * (weight + tilt);
 }
 
+// Rounding error of a step [m].
 static inline real step_rounding(
     const Control *control,
     real ambient,
@@ -84,14 +85,14 @@ static inline real step_rounding(
 {
     real size = greater(fabs(pot), fabs(s3.x));
     if (GEOMETRY == AXISYMMETRIC) {
-        // Places across the axis are kept from the axis on, and rounded like their distance from it.
+        // Coordinates across the axis are measured from the axis, and rounded relative to the distance from it.
         size += size3(force) * size2(frac.xy) / rate.x;
     }
     const real steep = greater(size3(force), size * greatest(VECTOR(control->cell_rate)));
     return NOISE * h * (R(2.0) * size + steep * direction_weight);
 }
 
-// What a ray may gain behind a face per length of its step; without another stop the face may be where it ends.
+// Optical path that a ray may gain behind a face per length of its step; without a stop it may end there.
 static inline real possible_gain(real ambient, const StopGeometry *to_stop, real angle, real pot, real3 force, real4 s3)
 {
     const real steep = greater(size3(force), size3(FORCE(s3)));
@@ -99,10 +100,10 @@ static inline real possible_gain(real ambient, const StopGeometry *to_stop, real
     return STOP == NONE ? ambient * ambient : gain;
 }
 
-// The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there, of its
-// greatest momentum and of what it had at first, along d, and of the slopes between nodes. A plane may be met at a
-// smaller angle than the obliquity allows for. A ray that is turned later on meets a far stop at that angle with the
-// errors of direction of its first steps, too: `displacement`, beside its place, grows beyond the field.
+// Error of a ray at its stop: the errors of its steps, and the rounding of the direction of its flight there.
+// Rounding affects the greatest momentum, the initial momentum along d, and the slopes between nodes. The ray may meet
+// a plane at a smaller angle than the obliquity allows for. If the ray is turned late, the errors of direction of its
+// first steps also meet a far stop at that angle: the sideways `displacement` grows beyond the field.
 static inline real stop_error(
     real used,
     const Bounds *bounds,
@@ -127,10 +128,11 @@ static inline real stop_error(
     return error;
 }
 
-// The error of a ray that ended on surface `ends_on`, with what it lacks of it and at which cosine. A ray may end at a
-// smaller angle, or on another surface, than the undisturbed one, for which `obliquity` is. Where the ray flies on
-// from the surface, each metre beside its place changes the path by `opd_rate`. Its place across the surface is off by
-// a share of a `cell` [m] for rounding and by `displacement` for its steps; along the ray by that over the cosine.
+// Error of a ray that ended on surface `ends_on`; `grazing` has the length left to the surface and the cosine.
+// `obliquity` is that of the undisturbed ray; the ray may end at a smaller angle, or on another surface. If the ray
+// flies on from the surface, a shift of one metre along the ray changes the path by `opd_rate`. Normal to the surface,
+// the position is wrong by a share of a `cell` [m] by rounding and by `displacement` from the steps; along the ray, by
+// these over the cosine.
 static inline real event_location_error(
     real used, real ambient, real cell, int ends_on, double2 grazing, real obliquity, real opd_rate,
     real displacement)

@@ -1,7 +1,9 @@
-// Ending a ray on the surfaces of its box, on a plane, or at a length of arc: the step is shortened to where its parabola
-// first meets a surface, by the root of the quadratic; what is left, of third order in the step, is flown along the
-// parabola at its end. A ray that grazes a surface is far from where it meets it even if it is close to it: what is left
-// must be short beside the step, or as close as rounding has it.
+// Functions that end a ray on a face of its box, on a plane, or at an arc length.
+//
+// The step is shortened to where its parabola first meets a surface, by the root of the quadratic. The rest, of third
+// order in the step, is flown along the parabola at the step's end. A ray that grazes a surface may be close to it and
+// still far from the place where it meets it: the rest must be short compared with the step, or as small as rounding
+// errors.
 #ifndef EVENT_LOCATION_H
 #define EVENT_LOCATION_H
 
@@ -11,19 +13,20 @@
 #define NO_ROOT R(1e30)
 #define SURFACE_COUNT (FACE_COUNT + (STOP == PLANE ? 1 : 0))
 
+// As `surface`, with the plane's normal turned away from the ray's start.
 static inline real4 oriented(const Control *control, int k, real side, int3 cell, real3 frac)
 {
     const real4 s = surface(control, k, cell, frac);
     return k == FACE_COUNT ? side * s : s;
 }
 
-// Size of a cell in the unit of surface k: faces are measured in cells, the plane in metres.
+// Size of a cell in the unit of surface k: distances to faces are in cells, to the plane in metres.
 static inline real surface_unit(const Control *control, int k)
 {
     return k == FACE_COUNT ? R(1.0) / greatest(VECTOR(control->cell_rate)) : R(1.0);
 }
 
-// The first positive h at which v0 + v1 h + v2 h^2 rises through zero; 0 if it is above and stays there.
+// The first positive h at which v0 + v1 h + v2 h^2 rises through zero; 0 if it is positive and stays so.
 static inline real rising_root(real v0, real v1, real v2)
 {
     const real disc = v1 * v1 - R(4.0) * v2 * v0;
@@ -41,7 +44,7 @@ static inline real rising_root(real v0, real v1, real v2)
     return v2 <= R(0.0) ? NO_ROOT : (root - v1) / (R(2.0) * v2);
 }
 
-// Half the second derivative by the step of a ray's distance outside a surface with this normal there.
+// Half the second derivative, by the step, of a ray's distance outside surface k, whose normal is given.
 static inline real half_curve(const Control *control, int k, real3 normal, real3 along, real3 bend)
 {
     real curve = dot(normal, bend);
@@ -51,21 +54,21 @@ static inline real half_curve(const Control *control, int k, real3 normal, real3
     return R(0.5) * curve;
 }
 
-// Whether a ray that rises with `rise` runs in surface k or outside it, all but along it.
+// Whether a ray that rises with `rise` is in surface k or outside it and runs almost parallel to it.
 static inline int grazes(const Control *control, int k, real outside, real rise, real3 along)
 {
     const real grazing = R(1.0e-4) * size3(along) * surface_unit(control, k);
     return rise >= R(0.0) && rise <= grazing && outside >= -SURFACE_TOLERANCE * surface_unit(control, k);
 }
 
-// Whether rounding decides on which side of a face a step of length h begins and ends. In float64, SURFACE_TOLERANCE
-// decides.
+// Whether rounding decides on which side of a face a step of length h begins and ends; never in float64. In float64,
+// SURFACE_TOLERANCE decides.
 static inline int stays_within_noise(real outside, real rise, real curved, real h)
 {
     return sizeof(real) == 4 && greater(fabs(outside), fabs(outside + (rise + curved * h) * h)) <= EVENT_LOCATION_NOISE;
 }
 
-// How far outside the flat faces a place is along each axis [cells].
+// Distance of a place outside the flat faces along each axis [cells].
 static inline real3 outside_flat_faces(const Control *control, int3 cell, real3 frac)
 {
     const real3 whole = (real3)((real)cell.x, (real)cell.y, (real)cell.z);
@@ -75,8 +78,8 @@ static inline real3 outside_flat_faces(const Control *control, int3 cell, real3 
     return outside;
 }
 
-// Whether no flat face is met by a step of length h, or is as near as rounding, whatever way the ray flies: nothing of
-// what is asked about single faces below can then be true of one, as rounded as it is.
+// Whether a step of length h, whatever its direction, stays farther from every flat face than rounding errors. Then
+// none of the checks of single faces below can be true, rounding errors included.
 static inline int clears_flat_faces(const Control *control, int3 cell, real3 frac, real3 along, real3 bend, real h)
 {
     const real3 rising = fabs(along) + R(0.5) * fabs(bend) * h;
@@ -90,8 +93,8 @@ static inline int is_out_of_reach(const Control *control, int k)
     return k == FACE_COUNT && !control->plane_in_box;
 }
 
-// The step that ends where the parabola first meets a surface, no longer than h; that surface or -1; whether the ray may
-// run in a face, so near that rounding decides.
+// The step, at most h, that ends where the parabola first meets a surface; that surface or -1; whether it runs. A ray
+// runs in a face if it is so near the face that rounding decides on which side it is.
 static inline real event_location(
     const Control *control, real3 rate, real side, int3 cell, real3 frac, real3 momentum, real3 force, real h,
     int *event, int *runs)
@@ -110,7 +113,7 @@ static inline real event_location(
         const real4 s = oriented(control, k, side, cell, frac);
         const real curved = half_curve(control, k, s.yzw, along, bend);
         const real rise = dot(s.yzw, along);
-        // A ray that runs in a face is not thrown out by rounding.
+        // Rounding must not end a ray that runs in a face.
         const real tolerance = SURFACE_TOLERANCE * surface_unit(control, k);
         real outside = s.x;
         if (grazes(control, k, outside, rise, along)) {
@@ -120,7 +123,7 @@ static inline real event_location(
         if (k < FACE_COUNT) {
             *runs |= stays_within_noise(outside, rise, curved, best);
         }
-        // Most surfaces are out of reach.
+        // Most surfaces are out of reach: skip the root.
         const real rising = greater(rise, R(0.0)) + greater(curved, R(0.0)) * best;
         if (outside + rising * best >= R(0.0)) {
             const real root = rising_root(outside, rise, curved);
@@ -133,7 +136,7 @@ static inline real event_location(
     return best;
 }
 
-// How much of a step of length h may lie behind a face in which the ray runs. Few rays ask.
+// How much of a step of length h may be behind a face in which the ray runs. Few rays need this.
 APART real time_beyond_face(
     const Control *control, real3 rate, real side, int3 cell, real3 frac, real3 momentum, real3 force, real h)
 {
@@ -156,7 +159,7 @@ APART real time_beyond_face(
     return greater(h - first, R(0.0));
 }
 
-// Whether a ray that leaves through face `event` rises so little that rounding alone says where, or whether at all.
+// Whether a ray that leaves by face `event` rises so little that rounding alone decides where, or whether.
 APART int leaves_by_rounding(
     const Control *control, int event, real3 rate, real side, int3 cell, real3 frac, real3 momentum)
 {
@@ -169,7 +172,7 @@ APART int leaves_by_rounding(
     return s.x >= -EVENT_LOCATION_NOISE && fabs(rise) < LEAST_RISE * size3(velocity);
 }
 
-// What rounding leaves of a place's distance from surface k, in its unit.
+// Rounding error of a place's distance from surface k, in the unit of the surface.
 static inline real rounding_of(const Control *control, int k)
 {
     real allowance = EVENT_LOCATION_NOISE * surface_unit(control, k);
@@ -182,7 +185,7 @@ static inline real rounding_of(const Control *control, int k)
     return lesser(allowance, R(1.0e-5) * surface_unit(control, k));
 }
 
-// Whether the end of a step h is further behind surface k than `close` cells, or than a share of the step.
+// Whether a step of length h ends further behind surface k than `close` cells, or than a share of the step.
 APART int overshoots(
     const Control *control, int k, real side, int3 cell, real3 frac, real3 velocity, real h, real close)
 {
@@ -192,7 +195,7 @@ APART int overshoots(
     return is_far || ahead.x > close * surface_unit(control, k);
 }
 
-// Whether a place is behind a surface other than `event`, by more than rounding; how near it is to a face [cells].
+// Whether a place is behind a surface other than `event` by more than rounding; distance to the next face.
 static inline int passed_surface(
     const Control *control, real side, int3 cell, real3 frac, int event, real *nearest)
 {
@@ -215,14 +218,15 @@ static inline int passed_surface(
     return is_behind;
 }
 
-// How near a face counts as in it [cells]; `displacement` is how far beside its place the ray may be [m].
+// Distance from a face within which a ray counts as in it [cells]; the ray may be shifted by `displacement`.
 static inline real face_margin(const Control *control, real displacement)
 {
     return EVENT_LOCATION_NOISE + R(2.0) * SURFACE_TOLERANCE + displacement * greatest(VECTOR(control->cell_rate));
 }
 
-// Whether a ray runs along a face so near it, within `allowance` cells, that its error may put it on the other side. A
-// ray that crosses the face at once is beyond it a little sooner or later; one that stays exactly in it is on no side.
+// Whether a ray runs along a face within `allowance` cells, so that its error may put it on the other side. A ray that
+// crosses the face does not count: its error only shifts the crossing a little. Neither does a ray that stays exactly
+// in the face: it is on no side.
 APART int in_face(const Control *control, real side, int3 cell, real3 frac, real3 velocity, real allowance)
 {
     int is_in = 0;
@@ -234,9 +238,9 @@ APART int in_face(const Control *control, real side, int3 cell, real3 frac, real
     return is_in;
 }
 
-// After a step to surface k: sigma still to go along the parabola, negative to go back, and whether that ends the ray. The
-// velocity and its derivative are in cells. A ray that is neither behind the surface nor close to
-// it takes another step to it.
+// After a step to surface k: sigma still to go along the parabola, negative to go back; whether the ray ends. The
+// velocity and its derivative are in cells. A ray that is neither behind the surface nor close to it takes another step
+// toward it.
 APART real surface_intersection(
     const Control *control, int k, real side, int3 cell, real3 frac, real3 velocity, real3 pull, real h, real h_cell,
     int *done)
@@ -244,23 +248,23 @@ APART real surface_intersection(
     const real4 now = oriented(control, k, side, cell, frac);
     const real speed = dot(now.yzw, velocity);
     const real unit = surface_unit(control, k);
-    // Behind it, or close enough to fly the rest along the parabola.
+    // Behind the surface, or close enough to fly the rest along the parabola.
     if (speed > R(0.0) && now.x >= -EVENT_LOCATION_SHARE * speed * h - rounding_of(control, k)) {
         const real root = sqrt(greater(speed * speed - R(2.0) * dot(now.yzw, pull) * now.x, R(0.0)));
-        // A ray that rounding alone moves goes back no further than it came.
+        // A ray that only rounding moves goes back no further than its step.
         const real back = greater(R(-2.0) * now.x / (speed + root), -h);
-        // The rest may lead through another surface before.
+        // The rest may cross another surface first.
         real nearest;
         const real3 there = frac + back * velocity + (R(0.5) * back * back) * pull;
         *done = back <= R(0.0) || !passed_surface(control, side, cell, there, k, &nearest);
         return *done ? back : R(0.0);
     }
-    // Outside, and coming back or not moving.
+    // Outside, and coming back or not moving relative to the surface.
     *done = h <= R(1.0e-9) * h_cell || now.x > R(1.0e-3) * unit;
     return R(0.0);
 }
 
-// The step that flies `rest` of arc, if it is no longer than h; the index grows along it.
+// The step over `rest` of arc, if it is no longer than h; the index changes along it.
 static inline real arc_event_location(real rest, real index, real3 total, real3 force, real h, int *event)
 {
     const real bend = dot(force, total) / index;
@@ -272,6 +276,7 @@ static inline real arc_event_location(real rest, real index, real3 total, real3 
     return bounded(rest / (index + R(0.5) * bend * h_arc), R(0.0), h);
 }
 
+// After a step to the arc length: sigma still to go, negative to go back; whether the ray ends.
 static inline real arc_surface_intersection(real rest, real index, real arc_left, real h, int *done)
 {
     *done = fabs(rest) <= R(1.0e-4) * h * index + R(1.0e-6) * arc_left;

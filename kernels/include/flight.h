@@ -1,4 +1,4 @@
-// Nearly straight rays by leapfrog samples: one leapfrog step a sample.
+// Moves nearly straight rays by leapfrog samples: one leapfrog step per sample.
 #ifndef FLIGHT_H
 #define FLIGHT_H
 
@@ -7,28 +7,29 @@
 
 #define EACH(c) for (int c = 0; c < ACROSS; c++)
 
-// What becomes of a packet's rays from sample to sample.
+// The state of a packet's rays between samples.
 typedef struct {
     Path path;
     reals h;
     reals p[ACROSS], q[ACROSS];             // momentum across the ray, and deviation
-    reals impulse[ACROSS], moment[ACROSS];  // the end-corrected sum of the momentum; its moments about the start
-    // Their differences from the sums over every third sample.
+    reals impulse[ACROSS], moment[ACROSS];  // end-corrected sum of the momentum; sum of its moments about the start
+    // The momentum minus the sum over every third sample; the same of its moments.
     reals momentum_diff[ACROSS], deviation_diff[ACROSS];
     reals f[ACROSS];                        // slope of the potential across the ray
     reals sigma;                            // int 1 / w dt
-    reals bend;                             // of P^2 / w
+    reals bend;                             // sum of P^2 / w
     reals slowness;                         // 1 / w, w the momentum along the ray
     reals paths, paths_carry;               // sums of s / w, of (w - a) / w and of m / w
     reals deficits, deficits_carry;
     reals arcs, arcs_carry;
-    reals coarse, coarse_carry;             // of every third sample
+    reals coarse, coarse_carry;             // sum over every third sample
     reals optical, deficit, arc;            // those sums over three samples
     reals max_deflection;
-    reals s, ahead;                         // of the last sample: the potential, its slope along the ray
+    reals s, ahead;                         // the potential at the last sample, its slope along the ray
 } Flying;
 
-// From (x0, y0, z0), in cells from the grid's first node (x, y from the axis), along (dx, dy, dz) for `length` metres.
+// The state of rays before their first sample: they start at (x0, y0, z0), in cells from the grid's first node (x, y
+// from the axis), and run along (dx, dy, dz) for `length` metres.
 APART Flying take_off(
     const Field *field,
     const Arrays *arrays,
@@ -59,7 +60,8 @@ APART Flying take_off(
     return ray;
 }
 
-// Sample j of three, at `middle` parts of the way; `weight` is its own, `third` that of the sum over every third one.
+// Take sample j of three, `middle` parts of the path on. `weight` is the sample's weight, `third` its weight in the sum
+// over every third sample.
 static inline void take_sample(
     const Field *field,
     const Arrays *arrays,
@@ -117,12 +119,13 @@ static inline void take_sample(
     }
 }
 
-// All samples of PACKETS packets, in turns: a sample waits for the one before, and meanwhile there is another packet's.
+// Take all samples of PACKETS packets, interleaved: each sample waits for the previous one of its packet, and meanwhile
+// the processor works on another packet.
 static inline void take_samples(
     const Field *field, const Arrays *arrays, const Control *control, real ambient, Flying *rays)
 {
     const int triples = control->sample_count / 3;
-    real middle = R(0.5);  // place of the sample along the ray, in h
+    real middle = R(0.5);  // position of the sample along the ray, in h
     for (int triple = 0; triple < triples; triple++) {
         real weights[3];
         triple_weights(triple, triples, weights);
@@ -138,7 +141,7 @@ static inline void take_samples(
     }
 }
 
-// At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
+// Momentum and deviation at the end, half a step behind the last sample, in fourth order.
 APART Flight land(const Field *field, const Arrays *arrays, const Control *control, real ambient, Flying *ray)
 {
     const reals h = ray->h;

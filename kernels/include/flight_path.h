@@ -1,6 +1,6 @@
-// Where the leapfrog samples of nearly straight rays lie, and the potential there: for rays of any direction, and for rays
-// along z in two dimensions (IN_PLANE). There only the distance from the axis (y in a planar field) changes, and only
-// the slope along it moves the ray: what lies across it has one component.
+// Positions of the leapfrog samples of nearly straight rays, and the potential there: for rays of any direction, and
+// for rays along z in two dimensions (IN_PLANE). In two dimensions only the distance from the axis (y in a planar
+// field) changes, and only the slope along it moves the ray: vectors across the ray have one component.
 #ifndef FLIGHT_PATH_H
 #define FLIGHT_PATH_H
 
@@ -9,13 +9,13 @@
 #if IN_PLANE
 
 #define ACROSS 1              // components across the ray
-#define UNIT(h) (reals)R(1.0)  // lengths along the ray and deviations are in h, forces times h
+#define UNIT(h) (reals)R(1.0)  // lengths along the ray and deviations are in units of h, forces are multiplied by h
 #define IN_METRES(h) (h)
 
 typedef struct {
-    reals r0, z0, ex, ey;   // in cells; the direction across the ray
-    reals stride, reach;    // cells between samples, and the same across the ray, at a slope of 1
-    reals place, along;     // of the last sample, in cells
+    reals r0, z0, ex, ey;   // start in cells; direction across the ray
+    reals stride, reach;    // cells between samples along the ray, and across the ray at a slope of 1
+    reals place, along;     // position of the last sample, in cells
     reals dz;
 #if AHEAD
     CellAhead now;
@@ -47,8 +47,8 @@ static inline Path path_of(
     return path;
 }
 
-// The potential `middle` parts of the path on, at momentum p and deviation q, after half a step of the length `half_step`; its
-// slopes across the path are f.
+// The potential `middle` parts of the path on, at momentum p and deviation q, after a half step of length `half_step`;
+// f gets its slopes across the path.
 static inline reals sample_path(
     const Field *field, const Arrays *arrays, Path *path, real middle, reals half_step, const reals *p, const reals *q,
     reals *f, reals *ahead)
@@ -57,8 +57,8 @@ static inline reals sample_path(
     path->along = path->z0 + middle * path->stride;
     path->place = path->r0 + (q[0] + half_step * p[0]) * path->reach;
 #if AHEAD
-    // The next sample's cell is asked for now, where the ray will be but for this sample's push: no cell's polynomial ends
-    // so abruptly that a place just beyond its face matters.
+    // Load the next sample's cell now, at the position where the ray would be without this sample's force. If that is a
+    // little beyond the face of the right cell, the polynomial is still accurate enough.
     const CellAhead after = cell_ahead(
         field, arrays, path->place + R(2.0) * half_step * p[0] * path->reach, path->z0 + (middle + R(1.0)) * path->stride);
     const reals s = sample_cell(&path->now, path->place, path->along, &climb);
@@ -70,7 +70,7 @@ static inline reals sample_path(
     return s;
 }
 
-// The potential at the last sample, and its slopes along the path and across it, f in x, y, z.
+// The potential at the last sample, its slope along the path, and its slopes across the path in x, y, z (f).
 static inline reals last_sample(
     const Field *field, const Arrays *arrays, const Path *path, reals s, const reals *across, reals *ahead, reals *f)
 {
@@ -99,14 +99,14 @@ static inline void spread(const Path *path, const reals *across, reals *out)
 typedef struct {
     reals x0, y0, z0, dx, dy, dz, h;
 #if CUBES
-    reals off, off_slope, off_moment;  // sums of bounds; that of the slope's by the parts of the path before it, too
+    reals off, off_slope, off_moment;  // sums of error bounds of the cubes; the last is that of the slope's moments
 #endif
 } Path;
 
 static inline Path path_of(
     const Field *field, const Arrays *arrays, reals x0, reals y0, reals z0, reals dx, reals dy, reals dz, reals h)
 {
-    const Path path = {x0, y0, z0, dx, dy, dz, h};  // and no sums yet
+    const Path path = {x0, y0, z0, dx, dy, dz, h};  // the sums start at 0
     return path;
 }
 
@@ -120,7 +120,7 @@ static inline reals sample_path(
     const reals y = path->y0 + (t * dy + q[1] + half_step * p[1]) * rate.y;
     const reals z = path->z0 + (t * dz + q[2] + half_step * p[2]) * rate.z;
 #if CUBES && LANES > 1
-    // The next sample's, straight ahead: so little does a ray turn.
+    // Prefetch for the next sample, straight ahead: a ray turns very little between samples.
     reals u, v, w;
     const reals hop = path->h;
     ask_for_cubes(

@@ -4,33 +4,33 @@
 
 #include "packet.h"
 
-// At the end of the undisturbed ray, a number for each lane.
+// The results at the end of the undisturbed ray, one number per lane.
 typedef struct {
     reals h;                                             // distance between samples
     reals p[3];                                          // momentum across the ray
     reals q[3];                                          // deviation across it
-    reals momentum_diff[3];                              // that momentum less the one by every third sample
-    reals deviation_diff[3];                             // and the deviation less that one
+    reals momentum_diff[3];                              // the momentum minus the sum over every third sample
+    reals deviation_diff[3];                             // the same of the deviation
     reals slowness;                                      // 1 / w, w the momentum along the ray
     reals paths, paths_carry;                            // sums of s / w, of (w - a) / w and of m / w
     reals deficits, deficits_carry;
     reals arcs, arcs_carry;
     reals error, max_deflection;                         // estimate of the error [m], greatest momentum across, squared
-    reals s, ahead, f[3];                                // potential, its slope along the ray and that across it
-    reals steep, lead;                                   // size of its slope; (w - a) / w
+    reals s, ahead, f[3];                                // potential, its slope along the ray and across it
+    reals steep, lead;                                   // size of the slope; (w - a) / w
 #if CUBES
     reals off, off_slope, off_moment;                    // error of the path [m], of the direction, and its moment [m]
 #endif
 } Flight;
 
-// Weight of sample k of `count`: the end-corrected midpoint rule, of fourth order.
+// Weight of sample k of `count`: the end-corrected midpoint rule.
 static inline real quadrature_weight(int k, int count)
 {
     const int end = min(k, count - 1 - k);
     return end == 0 ? R(13.0 / 12.0) : end == 1 ? R(7.0 / 8.0) : end == 2 ? R(25.0 / 24.0) : R(1.0);
 }
 
-// The weights of three consecutive samples, where there are six or more.
+// The weights of three consecutive samples, for six samples or more.
 static inline void triple_weights(int triple, int triples, real *weights)
 {
     const int is_first = triple == 0, is_last = triple == triples - 1;
@@ -45,7 +45,7 @@ static inline void triple_weights(int triple, int triples, real *weights)
 #endif
 #endif
 
-// (w - a) / w and 1 / w of w = sqrt(a^2 + surplus), by one root and one quotient and without a difference of near numbers.
+// (w - a) / w and 1 / w for w = sqrt(a^2 + surplus), with one root and one quotient and without cancellation.
 static inline reals longitudinal_deficit_of(real ambient, reals surplus, reals *slowness)
 {
     const reals square = max(ambient * ambient + surplus, (reals)TINY);
@@ -54,7 +54,8 @@ static inline reals longitudinal_deficit_of(real ambient, reals surplus, reals *
     const reals w = square * *slowness;
     return surplus * native_recip((w + ambient) * w);
 #elif LANES == 16 && SWIFT_ROOTS
-    // The next sample waits for the slowness, not for the deficit: a table's root, right to 2^-14, and a step of Newton's.
+    // The next sample waits for the slowness, not for the deficit: take a table's inverse root, accurate to 2^-14, and
+    // one Newton step.
     const reals rough = __builtin_ia32_rsqrt14ps512_mask(square, square, (unsigned short)0xffff);
     *slowness = rough * (R(1.5) - R(0.5) * square * rough * rough);
     const reals w = square * *slowness;
@@ -67,7 +68,7 @@ static inline reals longitudinal_deficit_of(real ambient, reals surplus, reals *
 #endif
 }
 
-// A compensated sum.
+// Add a term to Kahan's compensated sum.
 static inline void gather(reals *total, reals *carry, reals term)
 {
     const reals y = term - *carry;

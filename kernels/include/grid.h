@@ -1,7 +1,7 @@
-// The optical potential s = (n^2 - a^2) / 2 on a uniform grid; the interpolants are those of medium/spline.py.
+// The optical potential on a uniform grid. The interpolants are those of medium/spline.py.
 //
-// Each row of coefficients along the last axis is one vector load, and all sums are of vectors until the end: a lookup
-// fills the lanes of a CPU by itself, however far the rays of a work-group have come apart.
+// Each row of coefficients along the last axis is one vector load, and all sums are of vectors until the end: a single
+// lookup fills the lanes of a CPU, however far apart the rays of a work-group are.
 #ifndef GRID_H
 #define GRID_H
 
@@ -40,7 +40,7 @@ static inline row_t value_weights(real u)
 #endif
 }
 
-// Their slopes.
+// Slopes of these weights.
 static inline row_t slope_weights(real u)
 {
     const real v = R(1.0) - u;
@@ -58,7 +58,7 @@ static inline row_t slope_weights(real u)
 static inline int split(real place, int base, int last, real *fraction)
 {
     const int whole = (int)place;
-    const int shift = whole - (place < (real)whole);  // floor, which itself takes several times as long
+    const int shift = whole - (place < (real)whole);  // the floor; the function floor takes several times as long
     const int cell = clamp(base + shift, 0, last);
     *fraction = place - (real)(cell - base);
     return cell;
@@ -95,6 +95,7 @@ static inline real4 volume_sample(const Field *field, const Arrays *arrays, int3
     return (real4)(dot(wc, total), dot(wc, first), dot(wc, second), dot(sc, total));
 }
 
+// Potential s = (n^2 - a^2) / 2 and its gradient [1/m].
 static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
 {
     real u, v, w;
@@ -133,6 +134,7 @@ static inline real3 plane_sample(const Field *field, const Arrays *arrays, int a
     return (real3)(dot(wb, total), dot(wb, first), dot(sb, total));
 }
 
+// Potential s = (n^2 - a^2) / 2 and its gradient [1/m].
 static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
 {
     real u, v;
@@ -170,13 +172,13 @@ static inline int table_entry(const Field *field, int3 cell, real3 frac)
 
 #endif
 
-// Step length of eq 5 in the cell that holds the point [m].
+// Step length of eq 5 in the cell of the point [m].
 static inline real paper_step(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
 {
     return arrays->paper_step[table_entry(field, cell, frac)];
 }
 
-// Only a mesh has cells to be remembered.
+// Only a mesh needs the cell of the last lookup.
 static inline int find_current_cell(const Field *field, const Arrays *arrays, real3 frac, int current_cell)
 {
     return current_cell;

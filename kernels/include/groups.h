@@ -1,5 +1,5 @@
-// Sums over groups of GROUP rays: a work-group sums one group, each of its work-items every WORK_GROUP-th ray of it. A
-// replicate begins with a new group, so that no group has rays of two.
+// Sums over groups of GROUP rays: a work-group sums one group, and each work-item every WORK_GROUP-th ray of the group.
+// A replicate begins with a new group, so that no group has rays of two replicates.
 #ifndef GROUPS_H
 #define GROUPS_H
 
@@ -11,7 +11,7 @@
 #define WORK_GROUP 64
 #endif
 
-#define WORST 10  // the moment that is no sum
+#define WORST 10  // the moment that is a maximum, not a sum
 
 // Whether a ray of this status reached the stop, see aerokernels/tracing/status.py.
 #define HAS_ARRIVED(status) \

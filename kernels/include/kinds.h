@@ -1,4 +1,4 @@
-// What follows from the options.
+// Macros derived from the compile options.
 #ifndef KINDS_H
 #define KINDS_H
 
@@ -6,16 +6,16 @@
 
 #define CONTROLLED (METHOD == ADAPTIVE || METHOD == STRAIGHT)
 #define IS_STRAIGHT (METHOD == STRAIGHT)
-// Index and gradient are one interpolant's: in the paper's schemes |T| = n does not hold between them.
+// Index and gradient come from the same interpolant; in the paper's schemes they do not, and |T| = n does not hold.
 #define CONSISTENT_GRADIENT (INTERPOLATION != BILINEAR_BARRON && INTERPOLATION != IDW)
-// The interpolant is smooth in each cell only: steps end at the faces of cells.
+// The interpolant is smooth only within each cell: steps end at the faces of cells.
 #define PIECEWISE_SMOOTH (!ON_MESH && CONTROLLED && (INTERPOLATION == LINEAR || INTERPOLATION == MONOTONE))
 #define AT_FACES (!ON_MESH && CONTROLLED && INTERPOLATION == LINEAR)
 #define FACE_COUNT (GEOMETRY == VOLUME ? 6 : GEOMETRY == PLANAR ? 4 : 3)
-// Axes, from the last one on, whose faces are flat: the first surfaces, two to an axis.
+// How many axes, counted from z, have flat faces: these are the first surfaces, two per axis.
 #define FLAT_AXES (GEOMETRY == VOLUME ? 3 : GEOMETRY == PLANAR ? 2 : 1)
-// Threads of an NVIDIA GPU look up cubes together, over a desk for each warp of 32: rows of five fours of numbers, of which
-// the last is spare, so that neighbours' rows lie in different banks of memory.
+// Threads of an NVIDIA GPU load cubes together through a desk in local memory for each warp of 32. A row of the desk
+// takes five float4, the last unused, to avoid bank conflicts.
 #if CUBES && LANES == 1 && defined(__NV_CL_C_VERSION)
 #define DESKS 1
 #define WARP 32

@@ -1,11 +1,12 @@
-// Vectors across rays: a packet of LANES neighbours moves in step, so that the lanes of a CPU are all in use. On a GPU,
-// where LANES is 1, they are plain numbers.
+// Vectors across rays: a packet of LANES neighbouring rays moves in step, which fills the vector lanes of a CPU. On a
+// GPU, where LANES is 1, they are plain numbers.
 #ifndef LANES_H
 #define LANES_H
 
 #include "real.h"
 
-// By clang's builtin, which is one instruction: PoCL's own functions convert the halves of a vector, down to single numbers.
+// With clang's builtin, which is one instruction: PoCL's own functions split a vector down to single numbers to convert
+// it.
 #if defined(__has_builtin)
 #if __has_builtin(__builtin_convertvector)
 #define CONVERTS 1
@@ -17,7 +18,8 @@
 #define CONVERTED(x, type) convert_##type(x)
 #endif
 
-// Numbers of the kernel's precision, doubles, and whole numbers, for each lane; `truths` of comparisons of doubles.
+// Numbers of the kernel's precision, doubles, integers and truth values for each lane: `mask` of comparisons of reals,
+// `truths` of comparisons of doubles.
 #if LANES == 1
 typedef real reals;
 typedef double doubles;
@@ -67,8 +69,8 @@ typedef long16 truths;
 #define SOME(where) any(where)
 #endif
 
-// A GPU's own reciprocal and root, right to two units in the last place or so: enough for factors of what is itself a small
-// deviation. Elsewhere, and in double precision, the exact ones.
+// A GPU's own reciprocal and root, accurate to about two units in the last place: enough for factors of small
+// deviations. On a CPU and in double precision, the correctly rounded ones.
 #if LANES == 1 && !REAL_IS_DOUBLE
 #define SWIFT_INVERSE(x) native_recip(x)
 #define SWIFT_ROOT(x) native_sqrt(x)

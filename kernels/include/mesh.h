@@ -1,5 +1,7 @@
-// The optical potential on a quadrilateral mesh. The cell that holds a point is found from the one that held the ray at
-// the start of its step, walking over edges; where that leads nowhere, through the uniform bins.
+// The optical potential on a quadrilateral mesh.
+//
+// The cell that contains a point is found by walking over edges from the cell that contained the ray at the start of
+// its step; if the walk fails, through the uniform bins.
 #ifndef MESH_H
 #define MESH_H
 
@@ -11,7 +13,7 @@ static inline real2 corner(const Arrays *arrays, int k)
     return vload2(k, arrays->corners);
 }
 
-// How far p lies left of the edge a -> b [m], times the edge's length; and that length.
+// Distance of p to the left of the edge a -> b [m], times the edge's length; and the edge's length.
 static inline real left_of(real2 a, real2 b, real2 p, real *edge_length)
 {
     const real2 edge = b - a;
@@ -20,7 +22,7 @@ static inline real left_of(real2 a, real2 b, real2 p, real *edge_length)
     return edge.x * toward.y - edge.y * toward.x;
 }
 
-// -1 if the cell holds the point, edges included, else the number of the edge that it lies furthest behind.
+// -1 if the cell contains the point, edges included, else the number of the edge that it is furthest behind.
 static inline int furthest_edge(const Field *field, const Arrays *arrays, int cell, real2 p)
 {
     int edge_number = -1;
@@ -41,7 +43,8 @@ static inline int furthest_edge(const Field *field, const Arrays *arrays, int ce
     return edge_number;
 }
 
-// Index of the cell that holds a point, -1 if none does; `current_cell` is a cell nearby, or -1.
+// Index of the cell that contains a point, -1 if none does. The walk starts at `current_cell`, a cell nearby, or -1 for
+// no walk. It crosses the edge that the point is furthest behind.
 static inline int locate(const Field *field, const Arrays *arrays, real2 p, int current_cell)
 {
     int cell = current_cell;
@@ -75,21 +78,22 @@ static inline real2 plane_point(real3 frac)
 #endif
 }
 
-// Stages of the last step may look beyond the mesh's box: the field goes on linearly there.
+// The nearest point in the mesh's box. Stages of the last step may be beyond the box, where the field is extrapolated
+// linearly.
 static inline real2 within_box(const Field *field, real2 p)
 {
     return (real2)(
         bounded(p.x, field->mesh_low[0], field->mesh_high[0]), bounded(p.y, field->mesh_low[1], field->mesh_high[1]));
 }
 
-// The cell to remember for a ray at this place.
+// The cell from which the next lookups of a ray start.
 static inline int find_current_cell(const Field *field, const Arrays *arrays, real3 frac, int current_cell)
 {
     return locate(field, arrays, within_box(field, plane_point(frac)), current_cell);
 }
 
 #if INTERPOLATION == BILINEAR_BARRON || INTERPOLATION == IDW
-// Contrast and node gradient under four weights.
+// Contrast and node gradient, each the sum over the four corners by weights.
 static inline real3 blend(const Arrays *arrays, int first, real4 w)
 {
     const real4 m = vload4(0, arrays->values + first);
@@ -117,7 +121,7 @@ static inline real3 in_cell(const Arrays *arrays, int cell, real2 p)
     real xi = R(0.5), eta = R(0.5);
     real2 along = b, across = d;
     real det = R(1.0);
-    // Newton's method; the last pass leaves the Jacobian of the solution for the gradient.
+    // Newton's method; the last pass only computes the Jacobian at the solution, for the gradient.
     for (int trial = 0; trial < 8; trial++) {
         along = (R(1.0) - eta) * b + eta * (c - d);
         across = (R(1.0) - xi) * d + xi * (c - b);
@@ -146,8 +150,8 @@ static inline real3 in_cell(const Arrays *arrays, int cell, real2 p)
 #endif
 }
 
-// Potential s and its gradient in x, y, z [1/m]; zero outside the mesh. The contrast m is interpolated, and
-// s = m (a + m / 2), grad s = (a + m) grad m.
+// Potential s and its gradient [1/m]; zero outside the mesh. The contrast m is interpolated, and s = m (a + m / 2),
+// grad s = (a + m) grad m.
 static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
 {
     const real2 p = plane_point(frac);
@@ -168,8 +172,8 @@ static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 f
 #endif
 }
 
-// Step length of eq 5 in the cell that holds the point [m]; outside the mesh the median over all cells, which stands
-// behind the last one's.
+// Step length of eq 5 in the cell of the point [m]. Outside the mesh it is the median over all cells, which is stored
+// after the entry of the last cell.
 static inline real paper_step(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
 {
     const int inside = locate(field, arrays, plane_point(frac), current_cell);

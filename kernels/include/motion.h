@@ -1,11 +1,12 @@
-// Positions in cells, compensated sums, and what a step adds to them.
+// Positions in cells, compensated sums, and the increments of a step. Warp's twin says why the deviation along d is
+// summed as M - B.
 #ifndef MOTION_H
 #define MOTION_H
 
 #include "constants.h"
 #include "types.h"
 
-// Kahan's compensated sums.
+// Add a term to Kahan's compensated sum.
 static inline void advance3(real3 *total, real3 *carry, real3 term)
 {
     const real3 y = term - *carry;
@@ -43,7 +44,7 @@ static inline real4 contrasts(real ambient, real4 potential)
     return R(2.0) * potential / (sqrt(square) + ambient);
 }
 
-// Index less the momentum along d: |T|^2 - (T . d)^2 over the sum of both, of second order on a nearly straight ray.
+// Index minus the momentum along d, |T|^2 - (T . d)^2 over the sum of both: second order if nearly straight.
 static inline real longitudinal_deficit(real ambient, real3 d, real3 momentum, real potential)
 {
     const real ahead = dot(momentum, d);
@@ -51,8 +52,8 @@ static inline real longitudinal_deficit(real ambient, real3 d, real3 momentum, r
     return dot(across, across) / (R(2.0) * ambient + contrast(ambient, potential) + ahead);
 }
 
-// What a step adds to (sigma, S, M, B), by the rule of the path; momentum, pot and force are those at its start. The four
-// stages are the four lanes of a vector.
+// Increments of (sigma, S, M, B) over a step by the quadrature of the path; momentum, pot and force are those at its
+// start. The four stages are the four lanes of a vector.
 static inline real4 step_sums(
     real ambient, real3 d, real3 momentum, real h, real pot, real3 force, real4 s2, real4 s3, real4 s4)
 {
@@ -73,7 +74,7 @@ static inline real4 step_sums(
     return (real4)(h, h * dot(rule, pots), h * dot(rule, m), h * dot(rule, deficits));
 }
 
-// The same for flying on along the tangent.
+// Increments over a flight along the tangent.
 static inline real4 tangent_sums(real ambient, real3 d, real3 momentum, real back, real pot, real3 force)
 {
     const real half_square = R(0.5) * back * back;
@@ -86,7 +87,7 @@ static inline real4 tangent_sums(real ambient, real3 d, real3 momentum, real bac
         back * longitudinal_deficit(ambient, d, momentum, pot));
 }
 
-// What brings the momentum back onto |T| = n, along T.
+// Correction along T that brings the momentum back onto |T| = n.
 static inline real3 project_momentum(real ambient, real3 d, real3 momentum, real pot)
 {
     const real surplus = R(2.0) * pot - dot(momentum, R(2.0) * ambient * d + momentum);
@@ -96,7 +97,7 @@ static inline real3 project_momentum(real ambient, real3 d, real3 momentum, real
     return (surplus / (square + root)) * tangent;
 }
 
-// Whole cells in a place, zero along axes without cells of their own.
+// Whole cells of a position, zero along axes without cells of their own.
 static inline int3 whole_cells(double3 place)
 {
     const int3 floors = convert_int3(floor(place));
@@ -106,7 +107,7 @@ static inline int3 whole_cells(double3 place)
         : (int3)(0, 0, floors.z);
 }
 
-// A point as whole cells and fractions of one.
+// Split a point into whole cells and fractions of a cell, in float64.
 static inline real3 in_cells(const Bounds *bounds, double3 p, int3 *cell)
 {
     const double3 place = (p - VECTOR64(bounds->origin)) / VECTOR64(bounds->spacing);
@@ -114,7 +115,7 @@ static inline real3 in_cells(const Bounds *bounds, double3 p, int3 *cell)
     return convert_real3(place - convert_double3(*cell));
 }
 
-// Moves whole cells from the fraction into the cell, exactly.
+// Move whole cells from the fraction into the cell, exactly.
 static inline void carry_over(int3 *cell, real3 *frac)
 {
     const real3 floors = floor(*frac);

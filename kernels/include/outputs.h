@@ -1,11 +1,11 @@
-// Writes those outputs of a ray that are wanted.
+// Writes the requested outputs of a ray.
 #ifndef OUTPUTS_H
 #define OUTPUTS_H
 
 #include "constants.h"
 #include "types.h"
 
-// Writes the outputs of a ray at its stop; `wanted` has a bit WANT_... for each.
+// Write the requested outputs of a ray at its stop; `wanted` has bits WANT_... as in result.py.
 static inline void write_outputs(
     const RayOutputs *outputs,
     int wanted,

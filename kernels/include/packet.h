@@ -1,7 +1,7 @@
 // The potential on a uniform cubic grid for a packet of rays.
 //
-// Neighbours mostly lie in one cell: its coefficients are then read once and spread over the lanes. A packet that lies in
-// a few cells is served cell by cell; lanes that are left over after MOST_CELLS look up on their own.
+// Neighbouring rays are mostly in the same cell: its coefficients are then read once for all lanes. A packet in a few
+// cells is interpolated cell by cell; the lanes that are left after MOST_CELLS cells are interpolated one by one.
 #ifndef PACKET_H
 #define PACKET_H
 
@@ -11,7 +11,7 @@
 
 #define MOST_CELLS 4
 
-// What the coefficients say where each lane is: in the cell of `start`, at fractions u, v, w.
+// Potential and slopes for each lane, in the cell whose coefficients begin at `start`, at fractions u, v, w.
 static inline Local
 look_up(const Field *field, const Arrays *arrays, ints start, ints i, ints j, ints k, reals u, reals v, reals w)
 {
@@ -62,7 +62,7 @@ look_up(const Field *field, const Arrays *arrays, ints start, ints i, ints j, in
 #endif
 }
 
-// Potential and its gradient in x, y, z [1/m] at places in cells from the grid's first node (x, y from the axis).
+// Potential and its gradient in x, y, z [1/m].
 typedef struct {
     reals value;
     reals x;
@@ -75,7 +75,7 @@ typedef struct {
 
 #if CUBES
 
-// Where the polynomial of a cube begins, and where in the cube a place is.
+// The entry at which the polynomial of a cube begins, and the place in the cube.
 static inline ints cube_start(const Field *field, reals x, reals y, reals z, reals *u, reals *v, reals *w)
 {
     const ints i = cube_of(x, field->row[0], u), j = cube_of(y, field->row[1], v), k = cube_of(z, field->row[2], w);
@@ -85,6 +85,7 @@ static inline ints cube_start(const Field *field, reals x, reals y, reals z, rea
 
 #endif
 
+// The potential at places in cells from the grid's first node (x, y from the axis).
 static inline Potential sample_packet(const Field *field, const Arrays *arrays, reals x, reals y, reals z)
 {
     reals u, v, w = (reals)R(0.0);
@@ -123,7 +124,7 @@ static inline Potential sample_packet(const Field *field, const Arrays *arrays, 
     out.y = inner.first * field->inverse_spacing[1];
     out.z = inner.second * field->inverse_spacing[2];
 #else
-    // On the axis the slope along the radius is zero, and any finite divisor will do.
+    // On the axis the slope along the radius is zero, so any finite divisor is correct.
     const reals outward = inner.first * field->inverse_spacing[0] * SWIFT_INVERSE(max(radius, (reals)TINY));
     out.x = outward * x;
     out.y = outward * y;
@@ -132,12 +133,12 @@ static inline Potential sample_packet(const Field *field, const Arrays *arrays, 
     return out;
 }
 
-// Whether a cell is asked for one sample before it is needed: on a GPU nothing else hides how long that takes.
+// Whether a cell is loaded one sample before it is needed: on a GPU nothing else hides the latency of memory.
 #define AHEAD (PACKED && LANES == 1)
 
 #if AHEAD
 
-// The polynomial of a cell, and where the cell begins.
+// The polynomial of a cell, and the position of the cell.
 typedef struct {
     real4 rows[4];
     real first, second;
@@ -162,7 +163,7 @@ static inline CellAhead cell_ahead(const Field *field, const Arrays *arrays, rea
     return cell;
 }
 
-// As sample_along, from a cell that is there.
+// As sample_along, from a cell that is already loaded.
 static inline real sample_cell(const CellAhead *cell, real place, real along, real *climb)
 {
 #if GEOMETRY == AXISYMMETRIC
@@ -188,8 +189,8 @@ static inline real sample_cell(const CellAhead *cell, real place, real along, re
 
 #if GEOMETRY != VOLUME
 
-// The potential, and by `climb` its slope per cell along the first axis, at a distance from the axis (or y) and along z,
-// both in cells; on the far side of the axis the distance is negative.
+// The potential, and in `climb` its slope per cell along the first axis, at the distance `place` from the axis (or at
+// y) and at `along` on z, both in cells; on the far side of the axis the distance is negative.
 static inline reals sample_along(const Field *field, const Arrays *arrays, reals place, reals along, reals *climb)
 {
     reals u, v;

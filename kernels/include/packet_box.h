@@ -1,11 +1,12 @@
-// Where the straight rays of a packet meet a box, and its faces: box.h for all lanes at once.
+// Where the straight rays of a packet meet a box, and the box's faces: the functions of box.h for all lanes of a
+// packet.
 #ifndef PACKET_BOX_H
 #define PACKET_BOX_H
 
 #include "box.h"
 #include "lanes.h"
 
-// A vector of space for each lane.
+// A vector in space for each lane.
 #if LANES == 1
 typedef double3 Triples;
 #else
@@ -14,7 +15,7 @@ typedef struct {
 } Triples;
 #endif
 
-// Distances along straight rays at which they enter something and leave it; they miss it where the first is the greater.
+// Distances along straight rays at which they enter something and leave it; enter > leave means a miss.
 typedef struct {
     doubles enter, leave;
 } Spans;
@@ -49,7 +50,7 @@ static inline Triples choose_triples(Triples other, Triples value, truths where)
         CHOOSE64(other.x, value.x, where), CHOOSE64(other.y, value.y, where), CHOOSE64(other.z, value.z, where));
 }
 
-// Vectors of rays from `first` on; spare lanes repeat the last one.
+// Vectors of rays from `first` on; unused lanes repeat the last ray.
 static inline Triples load_triples(__global const double *from, int first, int ray_count)
 {
 #if LANES == 1
@@ -107,7 +108,7 @@ static inline Spans crossing_each(double3 low, double3 high, double radius, Trip
     return span;
 }
 
-// Distances outside surface k [m]; `normal` is its unit normal there.
+// Distance outside surface k [m], and the unit normal of the surface.
 static inline doubles surface_each(const Bounds *bounds, int k, Triples p, Triples *normal)
 {
     if (k == FACE_COUNT) {
@@ -129,7 +130,8 @@ static inline doubles surface_each(const Bounds *bounds, int k, Triples p, Tripl
     return k % 2 == 0 ? bounds->low[axis] - place : place - bounds->high[axis];
 }
 
-// The component of a vector along the normal of surface k, which is that of an axis but for the plane and the cylinder.
+// The component of a vector along the normal of surface k, which is along an axis except for the plane and the
+// cylinder.
 static inline doubles along_normal(int k, Triples normal, Triples v)
 {
     if (k == FACE_COUNT || (GEOMETRY == AXISYMMETRIC && k == 2)) {
@@ -138,7 +140,7 @@ static inline doubles along_normal(int k, Triples normal, Triples v)
     return k % 2 == 0 ? -pick_each(v, 2 - k / 2) : pick_each(v, 2 - k / 2);
 }
 
-// The face of the box that a place is nearest to.
+// Number of the box's face nearest to a place.
 static inline truths nearest_face(const Bounds *bounds, Triples at)
 {
     truths nearest = (truths)0;
@@ -154,7 +156,8 @@ static inline truths nearest_face(const Bounds *bounds, Triples at)
     return nearest;
 }
 
-// How far on, in `heading`, lines from p meet surface k on their way out; not a number where they never do.
+// Distance at which a line from p meets surface k going outward. The distance is in units of `heading`, and not a
+// number if the line never does.
 static inline doubles line_to(const Bounds *bounds, int k, Triples p, Triples heading)
 {
     if (GEOMETRY == AXISYMMETRIC && k == 2) {

@@ -1,4 +1,4 @@
-// Both ends of nearly straight rays in double, for all lanes of a packet at once: what ends.h does for one ray.
+// Both ends of nearly straight rays in double: the functions of ends.h for all lanes of a packet.
 #ifndef PACKET_ENDS_H
 #define PACKET_ENDS_H
 
@@ -7,22 +7,22 @@
 #include "support.h"
 #include "wall.h"
 
-// Intervals of undisturbed rays, and what already stands in their way.
+// Initial statuses of rays, and the intervals of the undisturbed rays.
 typedef struct {
-    Spans whole;           // where their paths through the box begin and end, with the part in uniform air
-    Spans part;            // and the part of that in which the air is not uniform
+    Spans whole;           // ends of their paths in the box, with the part in uniform air
+    Spans part;            // the part of the path in which the air is not uniform
     doubles stop_distance;
-    truths has_stop;       // whether they ever get to the stop
+    truths has_stop;       // whether they ever reach the stop
     truths meets;          // whether they meet the box before the stop
-    truths runs;           // and nothing stands in their way
+    truths runs;           // whether they do so with status OK
     truths uniform;        // whether they end in uniform air
-    truths surface;        // the surface on which they end otherwise, or -1
+    truths surface;        // if not, the surface on which they end, else -1
     truths status;
 } Starts;
 
 #if HAS_BODY
-// Rays that start behind the body's surface begin where they leave it. Where the body sticks out of the box, a ray may hit
-// it on its way to the box.
+// A ray that starts inside the body begins where it leaves the body. If the body extends beyond the box, a ray may hit
+// the body before it reaches the box.
 static inline void start_at_walls(
     const Field *field, const Arrays *arrays, Triples p, Triples d, Spans span, Starts *starts, doubles *enter)
 {
@@ -91,7 +91,7 @@ static inline Starts start_each(const Field *field, const Arrays *arrays, const 
     starts.part.enter = CHOOSE64(starts.whole.enter, starts.part.enter, starts.runs);
     starts.part.leave = CHOOSE64(starts.whole.leave, starts.part.leave, starts.runs);
 
-    // The surface on which the undisturbed rays stop.
+    // Number of the surface on which the undisturbed ray ends.
     const truths disturbed = starts.runs & !starts.uniform;
     truths surface = (truths)FACE_COUNT;
     truths elsewhere = disturbed;
@@ -110,7 +110,7 @@ static inline Starts start_each(const Field *field, const Arrays *arrays, const 
     return starts;
 }
 
-// Where rays are at their stop.
+// The rays at their stop.
 typedef struct {
     Triples position, heading;
     doubles optical_path, opd, arc_length;
@@ -127,10 +127,10 @@ static inline Triples deflection_each(double ambient, Triples d, Triples p)
     return triples_of((p.x - excess * d.x) / speed, (p.y - excess * d.y) / speed, (p.z - excess * d.z) / speed);
 }
 
-// The distances along straight lines at which they meet surface k; those that graze it keep their guess.
+// Distance at which a line meets surface k. For a line that grazes the surface it returns the guess `along`.
 static inline doubles meeting_each(const Bounds *bounds, int k, Triples p, Triples d, doubles along)
 {
-    const int trials = GEOMETRY == AXISYMMETRIC && k == 2 ? 3 : 1;  // the others are flat
+    const int trials = GEOMETRY == AXISYMMETRIC && k == 2 ? 3 : 1;  // Newton's method; on flat faces one step is exact
     for (int trial = 0; trial < trials; trial++) {
         Triples normal;
         const doubles miss = surface_each(bounds, k, ahead_of(p, along, d), &normal);
@@ -140,7 +140,8 @@ static inline doubles meeting_each(const Bounds *bounds, int k, Triples p, Tripl
     return along;
 }
 
-// What rays that were brought to surface k, which they graze, still lack of it along their tangents: see box.h.
+// Correction for a ray that grazes surface k: the remaining length along the tangent `heading` to the surface [m]; see
+// `grazing_correction` in box.h.
 static inline doubles grazing_correction_each(
     const Bounds *bounds, const Control *control, int k, Triples p, Triples d, Triples heading)
 {
@@ -152,8 +153,8 @@ static inline doubles grazing_correction_each(
     return CHOOSE64((doubles)0.0, -miss / cosine, grazes);
 }
 
-// How much further along d lines shifted by q meet face k than the lines themselves, which leave the box at `leave`;
-// `other` where they leave by another face or at a grazing angle.
+// Extra distance along d to face k for a line shifted by q, relative to the line itself, which leaves the box at
+// `leave`. Returns `other` if the line leaves by another face or at a grazing angle.
 static inline doubles detour_each(
     const Bounds *bounds, int k, Triples p, Triples d, Triples q, doubles leave, doubles other)
 {
@@ -164,7 +165,7 @@ static inline doubles detour_each(
     truths keeps = (fabs(miss) > 1.0e-14 * size) | (fabs(cosine) < LEAST_COSINE);
     doubles further = -along_normal(k, normal, q) / cosine;
     if (GEOMETRY == AXISYMMETRIC && k == 2) {
-        // |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`: the root that q = 0 makes 0
+        // |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`: the root that is 0 for q = 0
         const doubles x = p.x + leave * d.x, y = p.y + leave * d.y;
         const doubles a = d.x * d.x + d.y * d.y, b = (x + q.x) * d.x + (y + q.y) * d.y;
         const doubles c = (2.0 * x + q.x) * q.x + (2.0 * y + q.y) * q.y;
@@ -175,8 +176,8 @@ static inline doubles detour_each(
     return CHOOSE64(further, other, keeps);
 }
 
-// Puts the sums of the samples, (sigma, S, M, B), back onto the straight rays and flies on to a stop outside the box.
-// `ends_on` is the surface that each ray ended on, or -1.
+// The rays at their stop: adds the sums of the samples, (sigma, S, M, B), to the straight rays and flies on to a stop
+// outside the box. `ends_on` is the number of the surface on which each ray ended, or -1.
 static inline Arrivals end_each(
     const Bounds *bounds,
     const Control *control,
@@ -194,7 +195,7 @@ static inline Arrivals end_each(
     const double ambient = bounds->ambient;
     const doubles work = 2.0 * path;
     const truths meets = starts->meets;
-    // Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
+    // Along d the deviation is int (T . d - a) d sigma = M - B: sums of the same values as the path (motion.py).
     q = ahead_of(q, arc - lagging - inner(q, d), d);
     const Triples tangent_change = deflection_each(ambient, d, momentum);
     const Triples heading = sum_of(d, tangent_change);
@@ -228,7 +229,7 @@ static inline Arrivals end_each(
         if (SOME(flies)) {
             const doubles height = surface_each(bounds, FACE_COUNT, sum_of(ahead_of(p, along, d), q), &normal);
             const doubles slope = inner(normal, heading);
-            // A plane on a face of the box: rounding may put the ray behind it.
+            // If the plane is on a face of the box, rounding may put the ray behind the plane.
             const double face_tolerance = 1.0e-3 / (double)greatest(VECTOR(control->cell_rate));
             const truths toward = (height * slope < 0.0) & (fabs(slope) > LEAST_SLOPE);
             const truths arrives = toward | (meets & (fabs(height) < face_tolerance * fabs(slope)));
@@ -244,8 +245,8 @@ static inline Arrivals end_each(
 
     out.opd = work - ambient * arc;
     if (STOP != ARC) {
-        // How much further along d the stop is met than by the undisturbed ray: from the deviation where that is exact,
-        // since the difference of two distances would lose its last digits.
+        // How much further along d than the undisturbed ray the ray meets the stop: computed from the deviation where
+        // that is exact, because the difference of two distances would lose its last digits.
         const truths known = (out.status == (truths)RAY_OK) & starts->has_stop;
         doubles further = along - stop_distance;
         if (STOP == PLANE) {
@@ -267,7 +268,8 @@ static inline Arrivals end_each(
     out.position = sum_of(ahead_of(p, along, d), deviation);
     out.heading = heading;
     out.optical_path = greater_each(ambient * along + work, (doubles)0.0);
-    out.arc_length = greater_each(along + arc, (doubles)0.0);  // one that leaves where it starts may end a rounding before
+    // Rounding may make it negative if a ray leaves at its start.
+    out.arc_length = greater_each(along + arc, (doubles)0.0);
     out.flight = flight;
     return out;
 }

@@ -1,10 +1,10 @@
-// Writes those outputs of a packet's rays that are wanted.
+// Writes the requested outputs of a packet's rays.
 #ifndef PACKET_OUTPUTS_H
 #define PACKET_OUTPUTS_H
 
 #include "packet_ends.h"
 
-// A number of each lane that belongs to a ray.
+// Loop over the lanes that belong to a ray.
 #define EACH_RAY(lane) for (int lane = 0; lane < LANES && first + lane < ray_count; lane++)
 
 static inline void write_numbers(__global double *to, int first, int ray_count, doubles numbers)
@@ -31,7 +31,8 @@ static inline void write_vectors(__global double *to, int first, int ray_count, 
     }
 }
 
-// The outputs of rays at their stop, and how many of them are to be traced otherwise. Rays that do not run took no samples.
+// Write the requested outputs of rays at their stop, and count the rejected rays, which are to be traced by another
+// method. Rays that do not run took no samples.
 static inline void write_packet(
     const RayOutputs *outputs,
     const Control *control,

@@ -1,11 +1,12 @@
-// Points of the unit square mapped on a pupil, equal shares on equal shares, in units of the pupil's reach, all in double.
-// The formulas, and what is in the table of each shape: aerokernels/pupils/square_map.py.
+// Map points of the unit square on a pupil, equal areas to equal shares, in units of the pupil's reach, all in double.
+// aerokernels/pupils/square_map.py has the formulas and the table of each shape.
 #ifndef PUPIL_SHAPE_H
 #define PUPIL_SHAPE_H
 
 #include "constants.h"
 
-// Which of `count` intervals of the ascending shares in table_in from `begin` on holds a value.
+// Number of the interval that contains a value, of `count` intervals between the ascending shares in table_in from
+// `begin` on.
 int share_of(__global const double *table_in, const int begin, const int count, const double value)
 {
     int low = 0;
@@ -21,7 +22,7 @@ int share_of(__global const double *table_in, const int begin, const int count, 
     return low;
 }
 
-// Where a point (u, v) of the unit square lies on the pupil.
+// Position on the pupil of a point (u, v) of the unit square.
 double2 place_on_pupil(
     const int shape,
     const int row_count,

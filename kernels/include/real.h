@@ -1,4 +1,4 @@
-// The precision of the deviations; ends of rays and sums over rays are double whatever it is.
+// The precision of the deviations; ends of rays and sums over rays are double in either precision.
 #ifndef REAL_H
 #define REAL_H
 
@@ -24,8 +24,8 @@ typedef float8 real8;
 #define convert_real3 convert_float3
 #endif
 
-// A function that is called, not copied to where it is called from. A processor's compiler takes half as long then, and
-// rays no longer; a GPU's calls would cost it the registers.
+// Marks a function that is called, not inlined. On a CPU this halves the compile time, and rays take no longer; on a
+// GPU calls would cost registers, so there it is inlined.
 #if ON_PROCESSOR
 #define APART static __attribute__((noinline))
 #else
@@ -35,23 +35,23 @@ typedef float8 real8;
 // A number of this precision; the literal is read in double first.
 #define R(literal) ((real)(literal))
 
-// A vector in a struct that the host fills.
+// A vector member of a struct that the host fills.
 #define VECTOR(a) ((real3)((a)[0], (a)[1], (a)[2]))
 #define VECTOR64(a) ((double3)((a)[0], (a)[1], (a)[2]))
 
-// Plain comparisons: fmin and fmax also look after NaN, which costs several instructions on a CPU.
+// Plain comparisons: fmin and fmax also handle NaN, which costs several instructions on a CPU.
 static inline real lesser(real a, real b) { return a < b ? a : b; }
 static inline real greater(real a, real b) { return a > b ? a : b; }
 static inline real bounded(real x, real low, real high) { return lesser(greater(x, low), high); }
 static inline double lesser64(double a, double b) { return a < b ? a : b; }
 static inline double greater64(double a, double b) { return a > b ? a : b; }
 
-// The built-in length() scales its argument against overflow, which nothing here needs.
+// The built-in length() scales its argument to avoid overflow, which cannot occur here.
 static inline real size2(real2 v) { return sqrt(dot(v, v)); }
 static inline real size3(real3 v) { return sqrt(dot(v, v)); }
 static inline double size64(double3 v) { return sqrt(dot(v, v)); }
 
-// Component of a vector by number; a constant number costs nothing.
+// Component of a vector by number; if the number is a compile-time constant, this costs nothing.
 static inline real pick(real3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 static inline double pick64(double3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 static inline int pick_int(int3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
@@ -59,7 +59,7 @@ static inline double3 unit64(int axis) { return (double3)(axis == 0 ? 1.0 : 0.0,
 
 static inline real greatest(real3 v) { return greater(v.x, greater(v.y, v.z)); }
 
-// Potential and its gradient travel as (s, ds/dx, ds/dy, ds/dz).
+// A sample of the field is (s, ds/dx, ds/dy, ds/dz).
 #define FORCE(sample) ((sample).yzw)
 
 #endif

@@ -1,12 +1,12 @@
-// Two-dimensional Sobol points, scrambled: bit reversal for the first axis and the sequence of x + 1 for the second,
+// Scrambled Sobol points in two dimensions: bit reversal for the first axis and the sequence of x + 1 for the second,
 // with a nested uniform scramble by hashing (B. Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)).
-// All numbers are fractions of 1 in 32 bits, so that sums and products wrap around.
+// Coordinates are 32-bit fractions of 1; sums and products wrap around.
 #ifndef SOBOL_H
 #define SOBOL_H
 
 #include "constants.h"
 
-// The 32 bits of x, mirrored.
+// The 32 bits of x in reverse order.
 uint reverse_bits(uint x)
 {
     x = ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);

@@ -1,4 +1,4 @@
-// A step of the tracer: how long to try it, its three later stages, and whether it counts.
+// A step of the tracer: its length, the field at its later stages, and whether it is accepted.
 #ifndef STEP_H
 #define STEP_H
 
@@ -11,6 +11,7 @@
 #include "grid.h"
 #endif
 
+// The length of the next step.
 static inline Stride stride(
     const Field *field,
     const Arrays *arrays,
@@ -38,19 +39,20 @@ static inline Stride stride(
 #else
     real limit = control->step_limit * h_cell;
     if (PIECEWISE_SMOOTH) {
-        // The interpolant has kinks at the cells' faces: no step across one. On a linear grid the rest is flown along
-        // the tangent (rest_to_face); elsewhere a face that is nearer than it is to be approached counts as reached.
+        // The interpolant has kinks at the cells' faces, so no step crosses one. On a linear grid the ray flies the
+        // rest along the tangent (rest_to_face); on a monotone grid a face nearer than the distance to keep from faces
+        // counts as reached.
         const real3 rate = VECTOR(field->inverse_spacing), pace = total * rate, pull = force * rate;
         if (INTERPOLATION == LINEAR) {
-            // In cells, how far before a face to stop: a share of the bend over a cell, whose change over the step the
-            // parabola does not know.
+            // How far before a face to stop, in cells: a share of the bend over a cell, because the parabola leaves out
+            // that the bend changes over the step.
             const real bend = R(0.15) * size3(pull) / dot(pace, pace);
             out.stand_off = R(0.1) * FACE_TOLERANCE + lesser(bend, GREATEST_STAND_OFF);
         }
         const real face = to_face(frac, pace, pull, INTERPOLATION == LINEAR ? AT_FACE : R(10.0) * out.stand_off);
         limit = greater(face - out.stand_off / size3(pace), R(0.5) * face);
     }
-    // Short of the face at which the first block that is not smooth may begin.
+    // End before the face at which the first block that is not smooth may begin.
     out.safe = derating * step_bound_of(control, arrays, cone, cell, frac, total) - R(10.0) * FACE_TOLERANCE * h_cell;
     out.h = lesser(out.h, greater(limit, out.safe));
 #endif
@@ -58,15 +60,14 @@ static inline Stride stride(
     return out;
 }
 
-// What is left to the face before which a step of length h stopped, `stand_off` cells of it; 0 where it stopped
-// elsewhere.
+// Rest [sigma] to the face `stand_off` cells before which a step of length h stopped; 0 if it did not.
 static inline real rest_to_face(real3 frac, real3 pace, real3 pull, real stand_off, real h)
 {
     const real rest = to_face(frac, pace, pull, R(0.0));
     return rest <= h && rest * size3(pace) <= R(4.0) * stand_off ? rest : R(0.0);
 }
 
-// The field at a stage; on a straight line the contrast beside it is first order in the deviation.
+// The field at a stage; on a straight line it is linear in the deviation from the line.
 static inline real4 sample_at_stage(
     const Field *field,
     const Arrays *arrays,
@@ -95,13 +96,13 @@ static inline real3 kick_of(real h, real3 force, real4 s2, real4 s3)
     return (h * h) * (RKN_B1 * force + RKN_B2 * FORCE(s2) + RKN_B3 * FORCE(s3));
 }
 
-// What a step adds to the momentum.
+// Increment of the momentum over a step.
 static inline real3 impulse_of(real h, real3 force, real4 s2, real4 s3, real4 s4)
 {
     return h * (RKN_V1 * force + RKN_V2 * FORCE(s2) + RKN_V3 * FORCE(s3) + RKN_V4 * FORCE(s4));
 }
 
-// Whether a step with this error counts; `ratio` is how many times longer to go on.
+// Whether a step with this error is accepted; `ratio` is the ratio of the next step's length to this.
 static inline int step_acceptance(
     const Control *control,
     real off,

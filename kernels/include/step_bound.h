@@ -1,4 +1,5 @@
-// The length of a step on a uniform grid: the table of step bounds (step_bound.py), and the faces of cells.
+// The length of a step on a uniform grid: the table of step bounds, and the faces of cells. Warp's twin is
+// aerokernels/tracing/engines/warp/kernels/step_bound.py.
 #ifndef STEP_BOUND_H
 #define STEP_BOUND_H
 
@@ -8,7 +9,7 @@
 // Longer than any step.
 #define NO_STEP R(1e30)
 
-// Number of a direction's cone in step_bound.CONES.
+// Number of the direction's cone in step_bound.CONES.
 static inline int cone_of(double3 d)
 {
     int axis = 0;
@@ -32,12 +33,12 @@ static inline int cone_of(double3 d)
 static inline int step_bound_block(const Control *control, int axis, int cell, real place)
 {
     const int whole = cell + (int)floor(place);
-    // Blocks ahead of the first are clamped to it: that the quotient is rounded toward zero does not matter.
+    // Blocks before the first are clamped to it, so it does not matter that the quotient is rounded toward zero.
     return clamp(whole / control->block, 0, control->block_count[axis] - 1);
 }
 
-// Safe step where the point lies [sigma]; zero where none is known: on a mesh, and for a ray that turned out of the cone
-// that it started in.
+// Step bound at a point [sigma]. Zero where there is none: on a mesh, and for a ray that has turned out of the cone in
+// which it started.
 static inline real step_bound_of(
     const Control *control, const Arrays *arrays, int cone, int3 cell, real3 frac, real3 total)
 {
@@ -73,7 +74,7 @@ static inline real step_bound_of(
 #endif
 }
 
-// First t > 0 with speed t + pull t^2 / 2 = gap, gap above 0.
+// First t > 0 with speed t + pull t^2 / 2 = gap, for gap > 0.
 static inline real meet_face(real gap, real speed, real pull)
 {
     const real disc = speed * speed + R(2.0) * pull * gap;
@@ -81,7 +82,7 @@ static inline real meet_face(real gap, real speed, real pull)
     return disc < R(0.0) || toward <= R(0.0) ? NO_STEP : R(2.0) * gap / toward;
 }
 
-// Along an axis with faces at whole numbers.
+// Step to the next face along an axis with faces at whole numbers.
 static inline real flat_face(real place, real speed, real pull, real face_tolerance)
 {
     real behind = place - floor(place);
@@ -95,7 +96,7 @@ static inline real flat_face(real place, real speed, real pull, real face_tolera
     return lesser(meet_face(ahead, speed, pull), meet_face(behind, -speed, -pull));
 }
 
-// To the next cylinder of whole radius; (r^2 - R^2) / 2 along the parabola, its quartic term left out.
+// Step to the next cylinder of whole radius R: (r^2 - R^2) / 2 along the parabola without the quartic term.
 static inline real round_face(real3 frac, real3 velocity, real3 pull, real face_tolerance)
 {
     const real square = frac.x * frac.x + frac.y * frac.y;
@@ -113,19 +114,19 @@ static inline real round_face(real3 frac, real3 velocity, real3 pull, real face_
     if (inner > R(0.0)) {
         step = lesser(step, meet_face(R(0.5) * (radius - inner) * (radius + inner), -b, -c));
     } else if (radius > AXIS_CORE && b < -AXIS_CORE * sqrt(a)) {
-        step = lesser(step, -b / a);  // to where the ray is nearest to the axis, a kink if it meets it
+        step = lesser(step, -b / a);  // to where the ray is nearest to the axis: a kink if it meets the axis
     }
     return step;
 }
 
-// Along one axis, the push that brings a ray which stands in a face to the side that it flies to, in cells.
+// Along one axis, the push [cells] that brings a ray in a face to the side to which it flies.
 static inline real push_off_flat_face(real place, real speed)
 {
     const real push = speed < R(0.0) ? -R(2.0) * AT_FACE : R(2.0) * AT_FACE;
     return fabs(place - floor(place + R(0.5))) < AT_FACE ? push : R(0.0);
 }
 
-// The same across the axis of an axisymmetric grid.
+// The push off a cylindrical face of an axisymmetric grid.
 static inline real3 push_off_round_face(real3 frac, real3 velocity)
 {
     const real radius = sqrt(frac.x * frac.x + frac.y * frac.y);
@@ -137,7 +138,8 @@ static inline real3 push_off_round_face(real3 frac, real3 velocity)
     return (sense * R(2.0) * close / radius) * (real3)(frac.x, frac.y, R(0.0));
 }
 
-// To the other side of all faces in which a ray stands: a ray that grazes a face is not there within a hair of its way.
+// The push to the other side of all faces in which a ray is. A small step along a ray that grazes a face would not
+// bring it there.
 static inline real3 push_off_faces(real3 frac, real3 velocity)
 {
     real3 push = (real3)R(0.0);
@@ -153,7 +155,7 @@ static inline real3 push_off_faces(real3 frac, real3 velocity)
     return push;
 }
 
-// Step to the next face of a cell that is farther than face_tolerance; velocity and its derivative are per cell.
+// Step to the next face of a cell farther than face_tolerance; velocity and its derivative are in cells.
 static inline real to_face(real3 frac, real3 velocity, real3 pull, real face_tolerance)
 {
     real step = flat_face(frac.z, velocity.z, pull.z, face_tolerance);

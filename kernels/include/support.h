@@ -1,12 +1,13 @@
-// The part of the box in which the air is not uniform, the field's support, and ways out of it, for a packet of rays: outside
-// it a ray flies a straight line, whose meeting with the faces of the box is solved for exactly.
+// The field's support, the part of the box in which the air is not uniform, and paths out of it, for a packet of rays.
+//
+// Outside the support a ray is a straight line, whose intersection with the faces of the box is computed exactly.
 #ifndef SUPPORT_H
 #define SUPPORT_H
 
 #include "packet_box.h"
 
-// How far rays that end at p with this heading have run on outside the box, after a face other than `ends_on`;
-// infinite where they are farther outside than FACE_TOLERANCE.
+// Distance that a ray ending at p has run outside the box, beyond a face other than `ends_on`. Infinite if it is
+// farther outside than FACE_TOLERANCE.
 static inline doubles overrun(const Bounds *bounds, const Control *control, truths ends_on, Triples p, Triples heading)
 {
     const double face_tolerance = FACE_TOLERANCE / (double)greatest(VECTOR(control->cell_rate));
@@ -29,8 +30,8 @@ static inline doubles overrun(const Bounds *bounds, const Control *control, trut
     return excess;
 }
 
-// Whether rays that run along a face, and whose straight line of length `length` ends at p, may have left the box by that
-// face and come back: `angle` is the greatest angle by which they are deflected.
+// Whether a ray along a face, deflected by at most `angle`, may have left the box and come back. The undisturbed ray is
+// of length `length` and ends at p.
 static inline truths may_have_left(const Bounds *bounds, Triples p, Triples d, doubles length, doubles angle)
 {
     truths may = (truths)0;
@@ -47,7 +48,8 @@ static inline truths may_have_left(const Bounds *bounds, Triples p, Triples d, d
     return may;
 }
 
-// Shortens the rays' intervals in the box to the part in which the air is not uniform; which of them end in uniform air.
+// Shorten the interval in the box to the part in which the air is not uniform. Returns whether a ray ends in uniform
+// air.
 static inline truths keep_support(const Bounds *bounds, Triples p, Triples d, doubles *t_enter, doubles *t_exit)
 {
     const Spans span =
@@ -61,8 +63,9 @@ static inline truths keep_support(const Bounds *bounds, Triples p, Triples d, do
     return ends_before;
 }
 
-// Whether straight lines from p along `heading` stay out of the field's support: beyond one of its faces, unless they
-// come back to that. A support that ends within the box has a cell to spare at each side (support.py).
+// Whether the straight line from p along `heading` stays out of the field's support. It does if p is beyond a face of
+// the support and the line does not approach that face. A support that ends within the box has a spare cell at each
+// side (support.py).
 static inline truths leaves_support(const Bounds *bounds, Triples p, Triples heading)
 {
     truths leaves = (truths)0;
@@ -81,7 +84,8 @@ static inline truths leaves_support(const Bounds *bounds, Triples p, Triples hea
     return leaves;
 }
 
-// How far on, in `heading`, lines from p leave the box, and by which faces; not a number where they miss the box.
+// Distance at which a line from p leaves the box, and the number of the face. The distance is in units of `heading`,
+// and not a number if the line misses the box.
 static inline doubles exit_of(const Bounds *bounds, Triples p, Triples heading, truths *face)
 {
     const Spans span = crossing_each(VECTOR64(bounds->low), VECTOR64(bounds->high), bounds->radius, p, heading);

@@ -1,4 +1,4 @@
-// Where straight lines cross the triangles of a body in a volume, watertight. The formulas stand in
+// Where straight lines cross the triangles of a body in a volume, watertight. In float64. The formulas are in
 // aerokernels/medium/triangle_crossings.py. Warp's twin is aerokernels/tracing/engines/warp/kernels/triangles.py.
 #ifndef TRIANGLES_H
 #define TRIANGLES_H
@@ -6,9 +6,9 @@
 #include "constants.h"
 #include "types.h"
 
-#define NEVER 1.0e300
+#define NEVER 1.0e300  // stands for a distance that does not exist
 
-// Two unit vectors across a line, right-handed with its direction.
+// Set a line's two unit vectors across its direction, right-handed with it.
 static inline void set_axes_across(WallLine *line)
 {
     const double3 e = line->toward / sqrt(line->square);
@@ -18,7 +18,7 @@ static inline void set_axes_across(WallLine *line)
     line->up = (double3)(b, sign + e.y * e.y * a, -e.y);
 }
 
-// The part of a stretch of a line, from x to y, in which one of its coordinates lies between two bounds; x > y for none.
+// The part of `span` in which a coordinate of a line is between two bounds; reversed if there is none.
 static inline double2 within_slab(double place, double along, double low, double high, double2 span)
 {
     if (along == 0.0) {
@@ -28,7 +28,7 @@ static inline double2 within_slab(double place, double along, double low, double
     return (double2)(greater64(span.x, lesser64(one, other)), lesser64(span.y, greater64(one, other)));
 }
 
-// Whether a line may pass the box between two corners that is `margin` larger on every side, between t = first and last.
+// Whether a line may pass a box between t = first and last. The box is enlarged by `margin` on every side.
 static inline int passes_volume_box(
     const WallLine *line, double3 low, double3 high, double margin, double first, double last)
 {
@@ -39,14 +39,14 @@ static inline int passes_volume_box(
     return span.x <= span.y;
 }
 
-// Where a corner lies across a line and along it.
+// Coordinates of a corner across a line (two) and along it.
 static inline double3 corner_across(const WallLine *line, double3 corner)
 {
     const double3 offset = corner - line->point;
     return (double3)(dot(line->right, offset), dot(line->up, offset), dot(line->toward, offset));
 }
 
-// On which side of the edge from a to b the line lies: positive to the left, never zero, the opposite from b to a.
+// Side of the edge from a to b on which the line is: positive on the left, never zero, opposite from b to a.
 static inline double edge_side(double3 a, double3 b)
 {
     const int swap = a.x > b.x || (a.x == b.x && a.y > b.y);
@@ -56,6 +56,7 @@ static inline double edge_side(double3 a, double3 b)
     return swap ? -side : side;
 }
 
+// Crossings of a line with a triangle.
 static inline Crossings triangle_crossing(const WallLine *line, double3 one, double3 two, double3 three)
 {
     Crossings out = {0, 0, 0.0, 0.0};
@@ -69,8 +70,8 @@ static inline Crossings triangle_crossing(const WallLine *line, double3 one, dou
     return out;
 }
 
-// Whether a line may get into the body through a triangle between t_enter and t_exit, were it moved by `margin`. Triangles
-// that it can only leave through do not matter; those that it grazes do.
+// Whether a line may enter the body through a triangle between t_enter and t_exit if moved by `margin`. A triangle
+// through which the line can only leave the body does not count; one that it grazes does.
 static inline int may_enter_triangle(
     const WallLine *line, double3 a, double3 b, double3 c, double margin, double t_enter, double t_exit)
 {

@@ -1,5 +1,5 @@
-// What lies between a ray's leapfrog samples: the sum of a table of bounds along its path
-// (aerokernels/tracing/unresolved.py).
+// A bound of the error from features between a ray's leapfrog samples: a table summed along its path (see
+// aerokernels/tracing/unresolved.py).
 #ifndef UNRESOLVED_H
 #define UNRESOLVED_H
 
@@ -7,16 +7,16 @@
 #include "lanes.h"
 #include "types.h"
 
-// Block of the table along one of its axes, of places in cells.
+// Block of the table along one of its axes; places are in cells.
 static inline ints block_of(const Control *control, int axis, reals place)
 {
     const reals block = place * (R(1.0) / (real)control->block);
     return TO_INTS(min(max(block, (reals)R(0.0)), (reals)((real)control->block_count[axis] - R(0.5))));
 }
 
-// A bound of the error of the path [m] of rays from (x0, y0, z0), in cells from the grid's first node (x, y from the axis),
-// along (dx, dy, dz) for `length` metres, that end (qx, qy, qz) metres beside that; 0 without a table, infinite where
-// samples are further apart than it holds for.
+// A bound of the error of a ray's path [m]. The ray starts at (x0, y0, z0), in cells from the grid's first node (x, y
+// from the axis), runs along the unit vector (dx, dy, dz) for `length` metres, and ends (qx, qy, qz) [m] beside that
+// line. 0 without a table, infinite if the samples are further apart than the table is valid for.
 static inline reals unresolved_of(
     const Field *field,
     const Arrays *arrays,
@@ -69,8 +69,8 @@ static inline reals unresolved_of(
     return CHOOSE(sum * length * (R(1.0) / (real)count), (reals)INFINITY, spacing > R(1.001) * control->step);
 }
 
-// By how much an error of the path counts more for the error of direction that comes with it, `onward` metres before a stop
-// that the ray meets at this cosine with its normal.
+// Error of the path [m] including that from the error of direction, if the ray meets its stop `onward` metres further
+// on at this cosine with the stop's normal.
 static inline reals with_lever_arm(const Field *field, reals missed, reals onward, reals cosine)
 {
     const reals tangent = sqrt(max(R(1.0) - cosine * cosine, R(0.0))) / max(cosine, (real)LEAST_COSINE);

@@ -1,15 +1,18 @@
-// The body: where a ray leaves it, whether it keeps out of it, where a step enters it. Warp's twin is
+// The body: where a ray leaves it, whether a ray stays clear of it, where a step enters it.
+//
+// All use the crossings of straight lines with the body's surface, see crossings.h. Warp's twin is
 // aerokernels/tracing/engines/warp/kernels/wall.py.
 #ifndef WALL_H
 #define WALL_H
 
 #include "crossings.h"
 
-// Where a ray that starts behind the body's surface leaves it, NEVER if it does not; `first` for the others.
+// Distance at which a ray that starts inside the body leaves it. NEVER if it does not leave; `first` for rays that
+// start outside the body.
 APART double body_exit(const Field *field, const Arrays *arrays, double3 p, double3 d, double first)
 {
     if (GEOMETRY == PLANAR && d.y == 0.0 && d.z == 0.0) {
-        // Along x it stays where it is, in the body or beside it: any other line tells which.
+        // Along x the ray stays in the body or beside it: a line in any other direction shows which.
         const WallLine beside = wall_line(p, (double3)(0.0, 0.0, 1.0));
         return meet_wall(field, arrays, &beside, 0.0, NEVER).odd ? NEVER : first;
     }
@@ -18,7 +21,8 @@ APART double body_exit(const Field *field, const Arrays *arrays, double3 p, doub
     return met.odd ? met.exit : first;
 }
 
-// Where a ray from outside the box enters the body before it comes to the box at `last`; NEVER if it does not.
+// Distance at which a ray enters the body before it reaches the box. It reaches the box at `last`. NEVER if it does not
+// enter.
 APART double body_entry(const Field *field, const Arrays *arrays, double3 p, double3 d, double last)
 {
     if (last <= 0.0 || (GEOMETRY == PLANAR && d.y == 0.0 && d.z == 0.0)) {
@@ -29,7 +33,7 @@ APART double body_entry(const Field *field, const Arrays *arrays, double3 p, dou
 }
 
 #if GEOMETRY != VOLUME
-// A segment moved in r and z; in an axisymmetric field it stays on its side of the axis.
+// A segment moved in r and z; in an axisymmetric field it does not cross the axis.
 static inline double4 moved_segment(double4 s, double r, double z)
 {
     const double least = GEOMETRY == AXISYMMETRIC ? 0.0 : -NEVER;
@@ -38,11 +42,12 @@ static inline double4 moved_segment(double4 s, double r, double z)
 #endif
 
 #if GEOMETRY != VOLUME
-// Whether a line, wherever it is moved to, can only leave the body through a segment, and does not graze it. About the
-// axis, the surface that leans most toward the line counts.
+// Whether a line, however it is shifted, can only leave the body through a segment, without grazing it. In an
+// axisymmetric field, the side of the cone that leans most toward the line counts.
 static inline int only_leaves(const WallLine *line, double4 s)
 {
-    const double r = s.w - s.y, z = s.x - s.z;  // the normal, out of the body
+    // (r, z) is the normal, out of the body.
+    const double r = s.w - s.y, z = s.x - s.z;
     const double least = GRAZING_SQUARE * (r * r + z * z);
 #if GEOMETRY == AXISYMMETRIC
     const double rising = z * line->along;
@@ -55,7 +60,8 @@ static inline int only_leaves(const WallLine *line, double4 s)
 #endif
 
 #if GEOMETRY == VOLUME
-// Whether a straight ray may get into the body through a triangle, were the ray moved by `margin`.
+// Whether a ray may enter the body through a triangle, either where the ray is, or if moved by `margin` in any
+// direction.
 static inline int may_enter(
     const Arrays *arrays, const WallLine *line, int piece, double margin, double t_enter, double t_exit)
 {
@@ -64,7 +70,8 @@ static inline int may_enter(
     return may_enter_triangle(line, a, b, c, margin, t_enter, t_exit);
 }
 #else
-// Whether a straight ray gets into the body through a segment, where it is, or moved up and down in r and in z.
+// Whether a ray may enter the body through a segment, either where the ray is, or if moved by `margin` up and down in r
+// and in z.
 static inline int may_enter(
     const Arrays *arrays, const WallLine *line, int piece, double margin, double t_enter, double t_exit)
 {
@@ -87,8 +94,8 @@ static inline int may_enter(
 }
 #endif
 
-// Whether a straight ray, and all that are moved across the surface by `margin` [m], keep out of the body between two
-// distances. Where they leave it does not matter, so a ray may begin on the wall.
+// Whether a straight ray stays out of the body. It must do so between two distances, and so must the rays moved across
+// the surface by `margin` [m]. Places where they leave the body do not matter, so a ray may begin on the wall.
 APART int has_clearance(
     const Field *field, const Arrays *arrays, double3 p, double3 d, double t_enter, double t_exit, double margin)
 {
@@ -110,7 +117,7 @@ APART int has_clearance(
     return 1;
 }
 
-// Whether a place is no farther than `within` [m] from the box around the whole body along each axis.
+// Whether a point is within `within` [m] of the box around the whole body. The distance is taken along each axis.
 static inline int comes_near(const Arrays *arrays, double3 here, double within)
 {
 #if GEOMETRY == VOLUME
@@ -126,9 +133,9 @@ static inline int comes_near(const Arrays *arrays, double3 here, double within)
 #endif
 }
 
-// How much of a step of length h lies behind the place where it enters the body; -1 for none of it. The step goes from
-// `here` along its first tangent, with the bend `kick` [m]; chords that stay within WALL_SAG cells of it stand for it.
-// `allowance`: how far behind its start a wall counts, in the unit of h.
+// How much of a step of length h is behind its entry into the body; -1 if it does not enter. The step goes from `here`
+// along its first tangent, with the bend `kick` [m]; it is replaced by chords that stay within WALL_SAG cells of it.
+// `allowance`: how far before the step's start a wall counts, in the unit of h.
 APART real behind_wall(
     const Field *field,
     const Arrays *arrays,
@@ -142,7 +149,7 @@ APART real behind_wall(
     const real sag = size3(kick * VECTOR(control->cell_rate)) / (R(4.0) * WALL_SAG);
     const int pieces = sag > R(1.0) ? 1 + (int)lesser(sqrt(sag), R(15.0)) : 1;
     const double3 straight = convert_double3(h * tangent), bend = convert_double3(kick);
-    // Most steps come nowhere near the box around the whole body: they need no line.
+    // Most steps are far from the box around the whole body: they need no line.
     const double within = (double)(h + allowance) * (double)size3(tangent) + (double)size3(kick);
     if (!comes_near(arrays, here, within)) {
         return R(-1.0);

@@ -1,6 +1,7 @@
-"""Engines compute behind one small interface (interface.py); choice.py has their list and order.
+"""Compute engines behind one small interface (interface.py); choice.py lists and orders them.
 
-`engine_of` gives the one of a plan; the oracle of reference/ traces whole bundles by itself.
+`engine_of` returns the engine of a plan. The reference engine (reference/) traces whole bundles on its own and does not
+implement the interface.
 """
 
 from importlib import import_module
@@ -13,10 +14,10 @@ __all__ = ["OUTPUT_TYPES", "BackendInfo", "Engine", "Prepared", "available_backe
 
 
 def engine_of(backend: str, device: str) -> Engine:
-    """The engine "warp" or "opencl" on a device; its library is imported here, and no sooner.
+    """Return the engine "warp" or "opencl" on a device, importing its library only at this point.
 
     Raises:
-        ValueError: The device is not there, or does not open.
+        ValueError: The device does not exist, or does not open.
     """
     engine: Engine = import_module(f".{backend}.engine", __package__).Engine(device)
     return engine

@@ -1,8 +1,8 @@
-"""Which engines can trace here, and which one "auto" takes.
+"""List the engines that can trace on this machine, and choose the one for "auto".
 
-The order is fixed, so that the same installation always does the same: a GPU before a CPU, and on either OpenCL where
-it has a device that can trace, else Warp. docs/backend-speed.md has the speeds of both. AEROKERNELS_CPU_BACKEND and
-AEROKERNELS_GPU_BACKEND, "warp" or "opencl", put the other one first.
+The order is fixed, so that the same installation always makes the same choice: a GPU before a CPU, and on either OpenCL
+if it has a device that can trace, else Warp. docs/backend-speed.md has the speeds of both. The variables
+AEROKERNELS_CPU_BACKEND and AEROKERNELS_GPU_BACKEND, set to "warp" or "opencl", put that backend first.
 """
 
 import importlib.util
@@ -16,16 +16,16 @@ from ...process.opened import OPENED
 from .info import NO_CUDA, BackendInfo, cuda_driver_loads, known_memory, warp_processor
 
 BACKENDS = ("auto", "warp", "opencl", "reference")
-# Environment variables that decide between Warp and OpenCL on a kind of device.
+# Environment variables that choose between Warp and OpenCL on a kind of device.
 VARIABLES = {"cpu": "AEROKERNELS_CPU_BACKEND", "gpu": "AEROKERNELS_GPU_BACKEND"}
 KINDS = ("gpu", "cpu")
 
 
 def available_backends() -> list[BackendInfo]:
-    """Every backend and device found, the one that "auto" takes first.
+    """Return every backend and device found, the one that "auto" chooses first.
 
     Raises:
-        ValueError: A variable that decides between Warp and OpenCL names neither.
+        ValueError: A variable that chooses between Warp and OpenCL names neither.
     """
     warp, opencl = _warp_devices(memory=True), _opencl_devices()
     gpus, processors = (preferred(_of_kind(warp, kind), _of_kind(opencl, kind)) for kind in KINDS)
@@ -35,13 +35,13 @@ def available_backends() -> list[BackendInfo]:
 
 
 def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
-    """Backend, device, and why.
+    """Return the backend, the device, and the reason for the choice.
 
-    "auto" takes a GPU where there is one, else the CPU, and on either OpenCL where a device of it can trace, else Warp;
-    with a device's name it takes the backend that has it.
+    "auto" chooses a GPU if there is one, else the CPU, and on either OpenCL if one of its devices can trace, else Warp;
+    with the name of a device it chooses the backend that has the device.
 
     Raises:
-        ValueError: An unknown or absent backend or device, the message says what there is; or a variable that decides
+        ValueError: An unknown or absent backend or device (the message lists what there is), or a variable that chooses
             between Warp and OpenCL names neither.
     """
     if backend not in BACKENDS:
@@ -69,7 +69,7 @@ def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
 
 
 def _best(warp: list[BackendInfo], wanted: str | None) -> tuple[str, str, str]:
-    """The best device of a kind ("cpu", "gpu" or None for any)."""
+    """As `choose_backend`: the best device of a kind ("cpu", "gpu" or None for any)."""
     opencl = _opencl_devices()
     for kind in KINDS if wanted is None else (wanted,):
         mine, others = _of_kind(warp, kind), _of_kind(opencl, kind)
@@ -94,10 +94,10 @@ def _best(warp: list[BackendInfo], wanted: str | None) -> tuple[str, str, str]:
 
 
 def preferred(warp: list[BackendInfo], opencl: list[BackendInfo]) -> list[BackendInfo]:
-    """Devices of one kind ("cpu" or "gpu") of both backends, the one that "auto" takes first, each with the reason.
+    """Return the devices of one kind ("cpu" or "gpu") of both backends, the choice of "auto" first, with reasons.
 
     Raises:
-        ValueError: The variable that decides between Warp and OpenCL on this kind names neither.
+        ValueError: The variable that chooses between Warp and OpenCL on this kind of device names neither.
     """
     if not (warp and opencl):
         return warp + opencl
@@ -137,11 +137,11 @@ def _opencl_named(device: str | None) -> tuple[str, str, str]:
 
 
 def _warp_devices(quick: bool = False, memory: bool = False) -> list[BackendInfo]:
-    """Warp's devices. A quick look does without importing Warp where there is no CUDA driver.
+    """Return Warp's devices. With `quick`, Warp is not imported if there is no CUDA driver.
 
-    The size of a device's memory is told where `memory` asks for it: every trace comes here, and a GPU's takes a
-    context of the driver's, made and destroyed in 0.17 s on an H200 where Warp has none open, a processor's a dozen
-    files of its control groups.
+    The size of a device's memory is read only with `memory`, because every trace calls this function: for a GPU the
+    size costs a driver context, created and destroyed in 0.17 s on an H200 if Warp has none open; for a CPU it costs
+    reading a dozen files of its control groups.
     """
     if importlib.util.find_spec("warp") is None:
         return [_absent("warp", "the package warp-lang is not installed: pip install warp-lang")]
@@ -154,7 +154,7 @@ def _warp_devices(quick: bool = False, memory: bool = False) -> list[BackendInfo
 
 
 def _version(package: str) -> str:
-    """The version of an installed package: it stands in a file, and every trace asks."""
+    """Return the version of an installed package, cached: it is read from a file, and every trace needs it."""
     return str(OPENED.once(("version", package), lambda: version(package)))
 
 
@@ -165,7 +165,7 @@ def _opencl_devices() -> list[BackendInfo]:
 
 
 def _of_kind(devices: list[BackendInfo], kind: str) -> list[BackendInfo]:
-    """The devices of one backend that can trace: its GPUs, or its other devices."""
+    """Return the devices of one backend that can trace: its GPUs, or its other devices."""
     return [info for info in devices if info.available and info.is_gpu == (kind == "gpu")]
 
 
@@ -177,7 +177,7 @@ def _reference() -> BackendInfo:
 
 
 def _why_not(opencl: list[BackendInfo]) -> str:
-    """Why Warp is taken and not OpenCL, in one line."""
+    """Say in one line why Warp is chosen and not OpenCL."""
     broken = "; ".join(info.reason for info in opencl if not info.available)
     return " ".join(f"no OpenCL: {broken}".split()) if broken else "OpenCL has no device of that kind"
 

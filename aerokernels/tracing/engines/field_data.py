@@ -1,7 +1,7 @@
-"""What a kernel needs of a field, a plan and a stop, in NumPy: the same for every backend.
+"""Collect what a kernel needs of a field, a plan and a stop as NumPy data, the same for every backend.
 
-Names are those of the kernels' structs Field, Bounds and Control, see layout.py. Numbers are float64 here and rounded
-once, by the backend.
+Names are the members of the kernels' structs Field, Bounds and Control, see layout.py. Numbers are float64 here; the
+backend rounds them once.
 """
 
 from dataclasses import dataclass
@@ -21,23 +21,23 @@ from ..stop import ArcLength, Plane
 from ..support import left_out, support_box
 from ..unresolved import lookup_table
 
-# What is kept with a grid's places: of the last bodies and precisions.
+# How many FieldData of recent bodies and precisions are cached for one set of grid nodes.
 KEPT = 16  # speed only
-# A plane further than this from the box is met by no ray in there, however its last step rounds [cells].
+# No ray in the box meets a plane further than this from the box, however its last step rounds [cells].
 NEAR_BOX = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class FieldData(Derived):
-    """A field as kernels see it.
+    """The data of a field for the kernels.
 
     Attributes:
-        arrays: Arrays of struct Field, by name; an array that the field has no use for has one row. A grid's
-            coefficients are not among them, see `array_of`.
+        arrays: Arrays of struct Field, by name; an array that the field does not use has one row. A grid's
+            coefficients are not included, see `array_of`.
         field: Scalars and short vectors of struct Field, by name.
         bounds: Members of struct Bounds, without those of the stop.
         control: Members of struct Control, without those of the stop, the plan and the table of step bounds.
-        origin: Where cell 0 lies in x, y, z [m].
+        origin: Position of cell 0 along x, y, z [m].
         spacing: Metres per cell along x, y, z.
     """
 
@@ -50,7 +50,7 @@ class FieldData(Derived):
 
 
 def field_data(field: IndexField, precision: str, with_paper_step: bool) -> FieldData:
-    """The data of a field for one precision (mesh slack depends on it); kept as long as the field lives.
+    """Return the data of a field for one precision (the edge tolerance of a mesh depends on it), cached on the field.
 
     Raises:
         ValueError: More coefficients than the kernels' 32-bit index can count.
@@ -58,7 +58,7 @@ def field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fiel
     key = ("kernel data", precision, with_paper_step)
     if with_paper_step:
         return field.derive(key, lambda: _field_data(field, precision, with_paper_step))
-    # Values of a grid are in no array of it but the steps.
+    # Of a grid's data, only the paper's step lengths depend on the contrast: fields on the same nodes share the rest.
     place = *key, field.geometry, field.interpolation, field.ambient_index, field.body
     return field.derive(
         key, lambda: known(field.samples, place, lambda: _field_data(field, precision, with_paper_step), KEPT)
@@ -66,7 +66,7 @@ def field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fiel
 
 
 def array_of(field: IndexField, data: FieldData, name: str) -> np.ndarray:
-    """An array of struct Field; coefficients of a grid that lie on a device are fetched only where it is another."""
+    """Return an array of struct Field by name, with a grid's coefficients copied from the device that computed them."""
     if name == "coefficients" and isinstance(field.samples, UniformGrid):
         return field.samples.coefficients.ravel()
     return data.arrays[name]
@@ -175,20 +175,20 @@ def _per_position_axis(geometry: str, spacing, origin) -> tuple[np.ndarray, np.n
 
 
 def _whole(cells: np.ndarray) -> np.ndarray:
-    """Cell counts that are whole but for rounding, made whole."""
+    """Round counts of cells that differ from a whole number only by rounding errors."""
     near = np.round(cells)
     return np.where(np.abs(cells - near) < 1e-9 * np.maximum(near, 1.0), near, cells)
 
 
 def stop_kind(until) -> str:
-    """Name of the kind of stop: "none", "plane" or "arc"."""
+    """Return the kind of a stop: "none", "plane" or "arc"."""
     return {Plane: "plane", ArcLength: "arc"}.get(type(until), "none")
 
 
 def trace_members(
     field: IndexField, data: FieldData, plan: TracePlan, until, wavelength: float, outputs: frozenset
 ) -> tuple[dict, dict]:
-    """Members of Bounds and of Control that the plan, the stop and the outputs wanted set, by name."""
+    """Return the members of Bounds and of Control that depend on the plan, the stop and the requested outputs."""
     bounds: dict[str, object] = {"plane_point": np.zeros(3), "plane_normal": np.zeros(3), "length": 0.0}
     bounds |= _support_members(field, data, plan, wavelength)
     control: dict[str, object] = {
@@ -215,7 +215,7 @@ def trace_members(
 
 
 def _comes_near(plane: Plane, box: tuple[np.ndarray, np.ndarray], margin: float) -> bool:
-    """Whether a plane meets a box, which may have no end along an axis, or comes within a margin of it [m]."""
+    """Whether a plane comes within a margin [m] of a box, which may be infinite along an axis."""
     turned = plane.normal != 0.0
     ends = np.stack(box)[:, turned] * plane.normal[turned]
     offset = float(plane.normal @ plane.point)
@@ -223,7 +223,7 @@ def _comes_near(plane: Plane, box: tuple[np.ndarray, np.ndarray], margin: float)
 
 
 def _support_members(field: IndexField, data: FieldData, plan: TracePlan, wavelength: float) -> dict[str, object]:
-    """Only leapfrog samples ask for the field's support."""
+    """Return the members for the field's support, which only leapfrog samples use."""
     if not plan.sample_count:
         return {"support_low": np.zeros(3), "support_high": np.zeros(3), "support_radius": 0.0}
     low, high = support_box(field, held_error(field, plan.tolerance * wavelength), plan.lever_arms)
@@ -237,7 +237,7 @@ def _support_members(field: IndexField, data: FieldData, plan: TracePlan, wavele
 
 
 def _left_members(field: IndexField, plan: TracePlan, wavelength: float) -> dict[str, object]:
-    """What leapfrog samples leave out, at most: the potential outside the support, and its slope [1/m]."""
+    """Bound what leapfrog samples leave out: the potential outside the support, and its slope [1/m]."""
     if not plan.sample_count:
         return {"left_potential": 0.0, "left_slope": 0.0}
     potential, slope = left_out(field, held_error(field, plan.tolerance * wavelength), plan.lever_arms)
@@ -251,10 +251,10 @@ def _left_members(field: IndexField, plan: TracePlan, wavelength: float) -> dict
 def step_bound_tables(
     field: IndexField, plan: TracePlan, wavelength: float, directions: np.ndarray
 ) -> tuple[dict, dict]:
-    """The tables of step bounds of the cones that the directions lie in; none without error control or on a mesh.
+    """Return the tables of step bounds for the cones that contain the directions.
 
-    Leapfrog samples have in their place the one of what lies between them (unresolved.py), where that counts: the first
-    entry of "step_bound_start" is then 0.
+    There are none without error control or on a mesh. For leapfrog samples the table of the error from features between
+    samples (unresolved.py) takes their place if the plan has one: the first entry of "step_bound_start" is then 0.
 
     Returns:
         Arrays "step_bound" [m], flat, and "step_bound_start", -1 for a cone without a table; members of Control.

@@ -1,4 +1,4 @@
-"""What is known of a backend and its device."""
+"""The description of a backend on a device, and cheap checks for what this machine has."""
 
 import ctypes
 import math
@@ -13,18 +13,18 @@ NO_CUDA = "no CUDA device"
 
 @dataclass(frozen=True)
 class BackendInfo:
-    """One way to trace on one device.
+    """A backend on a device.
 
     Attributes:
         backend: "warp", "opencl" or "reference".
-        device: The name to give as `device`.
+        device: The name to pass as `device`.
         description: What the device is.
-        version: Version of the library behind it.
+        version: Version of the backend's library.
         available: Whether it can trace.
         float64: Whether it computes in float64.
-        memory: Memory of the device [bytes], or None where unknown.
-        reason: Why it is taken or not.
-        workaround: What is done to the driver so that it works, and how to switch that off; empty where nothing is.
+        memory: Memory of the device [bytes], or None if unknown.
+        reason: Why "auto" chooses it or not.
+        workaround: The workaround applied to the driver, and how to switch it off; empty if there is none.
     """
 
     backend: str
@@ -44,19 +44,19 @@ class BackendInfo:
 
 
 def known_memory() -> int | None:
-    """Memory that this process may have [bytes], or None where the system does not say."""
+    """Return the memory that this process may use [bytes], or None if the system does not report it."""
     memory = host_memory()
     return int(memory) if memory < math.inf else None
 
 
 def warp_processor(version: str, reason: str, memory: bool = False) -> BackendInfo:
-    """Warp's CPU device; with `memory`, how much of it this process may have."""
+    """Return the description of Warp's CPU device; with `memory`, including how much this process may use."""
     text = f"{core_count()} cores, launches chunked over threads"
     return BackendInfo("warp", "cpu", text, version, True, True, known_memory() if memory else None, reason)
 
 
 def cuda_driver_loads() -> bool:
-    """Whether the CUDA driver's library is there; without it nobody has a CUDA device."""
+    """Whether the CUDA driver's library loads; without it there is no CUDA device."""
     return bool(OPENED.once("CUDA driver", _cuda_driver_loads))
 
 

@@ -1,7 +1,7 @@
-"""What every engine offers: memory on its device, kernels launched on it, and a field made ready for them.
+"""The interface of every engine: device memory, kernel launches, and fields prepared for kernels.
 
-Kernels have the same names and arguments in Warp and in OpenCL (kernel_table.py has them), so what is
-written with these few functions is written once: a bundle in chunks (launch.py), a pupil and its sums (pupil_run.py).
+Kernels have the same names and arguments in Warp and in OpenCL (kernel_table.py), so code that uses only this interface
+is written once for both: a bundle in chunks (launch.py), a pupil and its sums (pupil_run.py).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -15,21 +15,21 @@ from ..bundle.table import BundleTable
 from ..plan import TracePlan
 from .layout import STRUCTS
 
-# What kernels may work out of a grid, besides its spline.
+# Tables that kernels may compute from a grid, besides its spline coefficients.
 GRID_TABLES = ("roughness", "potential by blocks", "potential peaks")
-# Per-ray outputs of the tracer's kernels, in their order: numbers for a ray, and their type.
+# Per-ray outputs of the tracing kernels, in their order: how many numbers per ray, and their type.
 OUTPUT_TYPES = {member.name: (member.parts[1], member.number_type()) for member in STRUCTS["RayOutputs"]}
 
 
 class Engine(Protocol):
-    """One way to compute on one device. Buffers are the engine's own objects; a row is what belongs to one ray.
+    """One library on one device. Buffers are the engine's own objects; one row of a buffer belongs to one ray.
 
     Attributes:
         device: Name of the device.
-        memory: Bytes that the device has, and that it gives in one piece.
+        memory: Total memory of the device, and the largest single allocation [bytes].
         is_gpu: Whether the device is a GPU.
-        grid_tables: What it works out of a grid in less time than NumPy, see tracing/grid_tables.py.
-        grid_key: Under which a grid holds the coefficients that it worked out, in float64.
+        grid_tables: The GRID_TABLES that the device computes faster than NumPy, see tracing/grid_tables.py.
+        grid_key: Key under which a grid caches the float64 spline coefficients computed on the device.
     """
 
     device: str
@@ -41,124 +41,125 @@ class Engine(Protocol):
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
     ) -> "Prepared":
-        """A field made ready for a plan, a stop and outputs; `directions` are those of the rays (n, 3).
+        """Prepare a field for a plan, a stop and outputs; `directions` are the rays' directions, shape (n, 3).
 
-        Clocked as "upload" and "compile".
+        The time counts as the stages "upload" and "compile".
 
         Raises:
-            ValueError: The device is not there, or too small for the field.
+            ValueError: The device does not exist, or is too small for the field.
         """
 
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
-        """Arguments of a `Prepared` with other numbers of the struct Control, by name; the former may be changed."""
+        """Return arguments of a `Prepared` with new values of struct Control, by name; `arguments` may be modified."""
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> "Prepared":
-        """Patches between traced rays made ready for outputs of rays of their family."""
+        """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
 
     def pupil_kernels(self, names: Iterable[str]) -> dict[str, Any]:
-        """Those kernels of a pupil, by name, of launch_pupil, sum_moments, sum_phasors and reduce_sums."""
+        """Return the named pupil kernels: any of launch_pupil, sum_moments, sum_phasors and reduce_sums."""
 
     def grid_kernels(self, names: Iterable[str]) -> dict[str, Any]:
-        """Those of GRID_KERNELS, which prepare a grid, by name."""
+        """Return the named kernels of GRID_KERNELS, which prepare a grid."""
 
     def keeps(self, size: float) -> bool:
-        """Whether results of so many bytes, and the rays, stay on the device until they are read."""
+        """Whether results of `size` bytes, and the rays, stay on the device until they are read."""
 
     def bring(self, starts: Sequence[Any]) -> tuple[list[Any], Iterable[slice]]:
-        """Buffers with the rays, of an engine that `keeps` them, and the rows that are there, as soon as they are.
+        """Return buffers for the rays, and an iterator over the slices of rows that have arrived, in order.
 
-        What is launched on rows that were given finds them. `starts` are NumPy arrays or DeviceArrays.
+        Only for an engine that `keeps` the rays. A kernel launched on rows already yielded finds them there. `starts`
+        are NumPy arrays or DeviceArrays.
         """
 
     def fetching(self, results: dict[str, Any], starts: Sequence[Any]) -> Any:
-        """What brings results to the host chunk by chunk (device_arrays/fetching.py); None where they wait to be read.
+        """Return an object that copies results to the host chunk by chunk (device_arrays/fetching.py).
 
-        Of an engine that `keeps` them.
+        Only for an engine that `keeps` the results. None if they stay on the device until they are read.
         """
 
     def put(self, array: np.ndarray) -> Any:
-        """A buffer with a copy of the array, whose rows are numbers, places or directions.
+        """Return a buffer with a copy of the array, whose rows are numbers, positions or directions.
 
-        An array whose rows are one in memory may be one row there, too: kernels read it as all others.
+        An array that repeats one row in memory may be stored as one row on the device; kernels read it like any other.
         """
 
     def share(self, array: np.ndarray) -> Any:
-        """A buffer in the memory of an array of numbers, on a processor; on a GPU a buffer with a copy of it.
+        """Return a buffer in the memory of an array of numbers on a CPU, a buffer with a copy of the array on a GPU.
 
-        The array lives as long as the buffer. What kernels write is there once `wait` has returned.
+        The array lives as long as the buffer. On a CPU the array holds what kernels wrote once `wait` has returned.
         """
 
     def put_into(self, buffer: Any, array: np.ndarray) -> None:
         """Copy an array over the first rows of a buffer."""
 
     def empty(self, count: int, width: int = 1, kind: type = np.float64) -> Any:
-        """A buffer of `count` rows of `width` numbers."""
+        """Return an uninitialised buffer of `count` rows of `width` numbers."""
 
     def get(self, buffer: Any, array: np.ndarray) -> None:
-        """Wait for what was launched, and copy the first rows of a buffer into the array."""
+        """Wait for the launched kernels, and copy the first rows of a buffer into the array."""
 
     def sent(self, array: np.ndarray) -> "Sent":
-        """A buffer with a copy of an array of numbers, which is sent there again and again."""
+        """Return a buffer with a copy of an array of numbers, for an array that is uploaded repeatedly."""
 
     def fetched(self, buffers: Sequence[Any], arrays: Sequence[np.ndarray]) -> "Fetched":
-        """What brings buffers into arrays of the same numbers, together, again and again."""
+        """Return an object that copies buffers together into arrays shaped like `arrays`, repeatedly."""
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
-        """What does the same work again and again: launches, `Sent` and `Fetched` on the same buffers each time.
+        """Return a callable that runs the same work repeatedly: launches, `Sent` and `Fetched` on the same buffers.
 
-        Where a device takes all of it as one, it gets it so from the second time on.
+        A device that can replay the work as one graph does so from the second call on.
         """
 
     def launch(self, kernel: Any, before: list, after: list, count: int) -> Any:
         """Start a kernel over `count` rays, or groups of rays, without waiting for it.
 
-        The kernel's arguments are `before`, the number of the first of them, and `after`; a dictionary of
+        The kernel's arguments are `before`, the number of the first ray or group, and `after`; a dictionary of
         buffers stands for the struct of outputs.
         """
 
     def wait(self) -> None:
-        """Wait for what this thread launched."""
+        """Wait for the kernels that this thread launched."""
 
     def settle(self) -> None:
-        """Wait for what was launched to make what other threads may be given, where these would not wait for it."""
+        """Wait for the launched kernels if other threads may use their results and would not wait themselves."""
 
 
 class Sent(Protocol):
-    """An array on the host and a buffer to which it is sent; see `Engine.sent`.
+    """An array on the host and the buffer to which it is uploaded; see `Engine.sent`.
 
     Attributes:
-        array: To be written before it is sent, and left alone until what was launched after that has ended.
-        buffer: Where it goes.
+        array: Write it before `send`; leave it unchanged until the kernels launched after `send` have ended.
+        buffer: The buffer on the device.
     """
 
     array: np.ndarray
     buffer: Any
 
     def send(self) -> None:
-        """Start to copy it; what is launched from now on finds it there."""
+        """Start the upload; kernels launched after this call read the new values."""
 
 
 class Fetched(Protocol):
-    """Buffers and the arrays that they come to; see `Engine.fetched`."""
+    """Buffers and the host arrays that receive them; see `Engine.fetched`."""
 
     def start(self) -> None:
-        """Start to bring them, as what was launched so far leaves them."""
+        """Start to copy the buffers in the state that the kernels launched so far leave them in."""
 
     def wait(self) -> Sequence[np.ndarray]:
-        """The arrays, once they are there; they hold until the next `start`."""
+        """Wait for the copies and return the arrays, which are valid until the next `start`."""
 
 
 @dataclass(eq=False)
 class Prepared:
-    """A field made ready on an engine: uploaded, with the kernel for a plan, a stop and outputs.
+    """A field prepared on an engine: uploaded, with the kernel for a plan, a stop and outputs.
 
     Attributes:
-        engine: Whose.
-        kernel: What traces.
-        arguments: What it is given before the rays.
-        outputs: What it computes for each ray, besides the status.
-        rejected: Buffer in which it counts rays that it does not hold for; None where it holds for all.
-        is_packed: Whether it moves packets of rays, which share lookups where they are in one column of cells.
+        engine: The engine.
+        kernel: The tracing kernel.
+        arguments: The kernel's arguments before the rays.
+        outputs: The outputs that it computes for each ray, besides the status.
+        rejected: Buffer in which the kernel counts the rays it rejects; None for a kernel that accepts every ray.
+        is_packed: Whether the kernel moves packets of rays, which share lookups if they are in one column of cells.
     """
 
     engine: Engine
@@ -175,13 +176,13 @@ class Prepared:
 
     @property
     def computed(self) -> frozenset:
-        """What it computes for each ray, the status among it."""
+        """The names of the outputs that it computes for each ray, status included."""
         return self.outputs | {"status"}
 
     def allocate(self, count: int, without: Iterable[str] = ()) -> dict[str, Any]:
-        """Buffers for the outputs of so many rays; those that are not computed share one row for each type.
+        """Return buffers for the outputs of `count` rays; outputs that are not computed share one row for each type.
 
-        As those do that the caller has buffers for, `without`.
+        So do the outputs in `without`, for which the caller has buffers.
         """
         computed = self.computed.difference(without)
         rows: dict[tuple[int, type], Any] = {}
@@ -196,11 +197,11 @@ class Prepared:
         return buffers
 
     def tune(self, **numbers: Any) -> None:
-        """Take other numbers of the struct Control from now on."""
+        """Set new values of members of struct Control for the launches that follow."""
         self.arguments = self.engine.tuned(self.arguments, numbers)
 
     def take_rejected(self) -> int:
-        """How many rays the kernel did not hold for since this was last asked."""
+        """Return how many rays the kernel has rejected since the last call, and reset the counter."""
         if self.rejected is None:
             return 0
         count = np.zeros(1, np.int32)
@@ -208,7 +209,7 @@ class Prepared:
         return self.taken(int(count[0]))
 
     def taken(self, count: int) -> int:
-        """The same of a number that was read: it is counted from 0 again."""
+        """Return the counter's value `count`, which the caller has read, and reset the counter on the device."""
         if count:
             self.engine.put_into(self.rejected, np.zeros(1, np.int32))
         return count

@@ -1,7 +1,6 @@
-"""The kernels and their arguments. Both engines take them from this table; the kinds are those of layout.py.
+"""The kernels and their arguments, which both engines read from this table; layout.py defines the kinds.
 
-The types of the arguments of Warp's kernels are made from it (warp/types.py), and so is the header arguments.h of
-OpenCL (opencl/headers.py).
+warp/types.py makes the argument types of Warp's kernels from it, and opencl/headers.py the OpenCL header arguments.h.
 """
 
 from .layout import Value
@@ -23,8 +22,8 @@ SUMMED = (
     Value("pupil_in", "double2*"),
     Value("opd_in", "double*"),
 )
-# Arguments of the kernels. In OpenCL a struct's arrays are arguments of their own, which follow the structs of values,
-# and what bounds a launch follows the number of its first: see BOUNDS.
+# Arguments of the kernels. In OpenCL the arrays of a struct are separate arguments, which follow the structs of values,
+# and the count that bounds a launch follows the number of its first ray, group or line: see BOUNDS.
 KERNELS: dict[str, tuple[Value, ...]] = {
     "trace_kernel": TRACED,
     "leapfrog": (*TRACED, Value("rejected_count_out", "int*")),
@@ -123,9 +122,9 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("maxima_out", "double*"),
     ),
 }
-# Those that prepare a grid (tracing/grid_tables.py).
+# The kernels that prepare a grid (tracing/grid_tables.py).
 GRID_KERNELS = ("spline_lines", "fourth_differences", "block_maxima")
-# What bounds a launch of OpenCL, whose sizes are rounded up to whole work-groups.
+# The counts that bound an OpenCL launch, whose size is rounded up to whole work-groups.
 BOUNDS = {
     "first_ray": "ray_count",
     "first_group": "group_count",

@@ -1,14 +1,14 @@
-"""What the kernels are made of: structs and compile options. Both engines take them from these tables.
+"""The structs and compile options of the kernels, which both engines read from these tables.
 
-Warp's structs are made from them (warp/types.py), and so are the headers types.h and options.h of OpenCL
-(opencl/headers.py). The kernels' arguments stand in kernel_table.py.
+warp/types.py makes Warp's structs from them, and opencl/headers.py the OpenCL headers types.h and options.h. The
+kernels' arguments are in kernel_table.py.
 
 A kind is a type of OpenCL C: int, uint, bool, real (of the kernel's precision) or double, or a vector of 2 to 4 such
-numbers; a star makes it an array in the device's memory, two stars one with two indices. Structs are kinds, too.
+numbers; one star makes it an array in device memory, two stars an array with two indices. Structs are kinds, too.
 
 Positions inside kernels are in cells: a whole part `cell` and a fraction `frac` along each of x, y, z, so that a lookup
-is exact to a rounding of the cell and not of the box. Axes that have no cells of their own (x and y of an axisymmetric
-field, all of a mesh) keep cell = 0.
+rounds relative to the size of a cell and not of the box. Axes without cells of their own (x and y of an axisymmetric
+field, all axes of a mesh) have cell = 0.
 """
 
 import re
@@ -31,19 +31,19 @@ class Value(NamedTuple):
 
     @property
     def parts(self) -> tuple[str, int, int]:
-        """Type of one number or struct, how many of them a vector has (1 for none), and how many indices."""
+        """The type of one number or struct, the length of a vector (1 for a scalar), and the number of indices."""
         found = _KIND.fullmatch(self.kind)
         if found is None:
             raise ValueError(f"{self.name}: {self.kind!r} is no kind, see layout.py")
         return found[1], int(found[2] or 1), len(found[3])
 
     def number_type(self, precision: str = "float64") -> type:
-        """NumPy's type of its numbers."""
+        """Return the NumPy type of its numbers."""
         plain = {"int": np.int32, "uint": np.uint32, "bool": np.int32, "double": np.float64}
         return {**plain, "real": REAL_TYPES[precision]}[self.parts[0]]
 
 
-# Members in their order; lengths are in metres where nothing else is said.
+# Members in order; lengths are in metres unless the meaning says otherwise.
 STRUCTS: dict[str, tuple[Value, ...]] = {
     "Field": (
         Value("coefficients", "real*", "uniform grid: of the potential, see medium/spline.py, flat"),
@@ -108,7 +108,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("left_slope", "real", "and its slope [1/m]"),
         Value("outputs", "int", "of a ray that are wanted, a bit each, see result.py"),
     ),
-    # Of the undisturbed ray; distances along it.
+    # The undisturbed ray against the box and the stop; distances along the ray.
     "Interval": (
         Value("t_enter", "double", "where the first step begins"),
         Value("t_exit", "double", "where it leaves the box, or stops before that"),
@@ -117,7 +117,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("meets", "bool", "whether it meets the box before the stop"),
         Value("side", "real", "times this, the normal of the stop plane points away from where the ray starts"),
     ),
-    # A ray at its stop.
+    # A ray at the stop.
     "Arrival": (
         Value("position", "double3"),
         Value("direction", "double3"),
@@ -128,7 +128,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("grazing", "double2", "what a ray that grazes its last surface lacks of it, and its cosine there"),
         Value("status", "int"),
     ),
-    # What the error of a direction does up to the stop.
+    # How an error of the direction grows up to the stop.
     "StopGeometry": (
         Value("obliquity", "real", "of the stop"),
         Value("lever_arm", "real", "how far on the error grows"),
@@ -139,13 +139,13 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
             "share of the step bounds of step_bound.py, which know nothing of the distance to a far stop",
         ),
     ),
-    # What a step is to be.
+    # The next step.
     "Stride": (
         Value("h", "real", "to try [sigma]"),
         Value("safe", "real", "in smooth air"),
         Value("stand_off", "real", "distance to keep from faces, in cells"),
     ),
-    # A line p + t d as the body sees it; d need not be of length 1.
+    # A line p + t d, prepared for intersections with the body's surface; d need not be a unit vector.
     "WallLine": (
         Value("first", "double", "planar: y of p; axisymmetric: square of the least distance from the axis"),
         Value("across", "double", "planar: dy; axisymmetric: dx^2 + dy^2"),
@@ -159,7 +159,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("right", "double3", "volume: unit vectors across d, right-handed with it"),
         Value("up", "double3"),
     ),
-    # Where a line crosses a segment r1, z1, r2, z2 (planar: y for r), or a triangle.
+    # Where a line crosses a segment r1, z1, r2, z2 (planar: y instead of r), or a triangle.
     "Crossings": (
         Value("count", "int", "0, 1 or 2 crossings"),
         Value(
@@ -170,13 +170,13 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("one", "double", "t of the first"),
         Value("two", "double", "and of the second, which leads the other way"),
     ),
-    # What a line meets of the body between two of its points.
+    # Where a line meets the body's surface between two of its points.
     "WallMeeting": (
         Value("entry", "double", "where it first enters it, NEVER if it does not"),
         Value("exit", "double", "where it first leaves it"),
         Value("odd", "bool", "whether it crosses the surface an odd number of times"),
     ),
-    # What is returned for each ray; arrays that are not wanted have one row.
+    # The outputs for each ray; arrays that are not requested have one row.
     "RayOutputs": (
         Value("position", "double3*"),
         Value("direction", "double3*"),
@@ -192,7 +192,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
 
 
 class Option(NamedTuple):
-    """What a kernel is built for: one of the names, the first by default; or a number, whose default that is."""
+    """A compile option: one of several names, the first by default; or a number, with its default."""
 
     choices: tuple[str, ...] | int
     meaning: str
@@ -219,10 +219,10 @@ OPTIONS: dict[str, Option] = {
 
 
 def arrays_of(struct: str) -> tuple[Value, ...]:
-    """The members of a struct that are arrays."""
+    """Return the members of a struct that are arrays."""
     return tuple(member for member in STRUCTS[struct] if member.kind.endswith("*"))
 
 
 def values_of(struct: str) -> tuple[Value, ...]:
-    """The members of a struct that are numbers or vectors."""
+    """Return the members of a struct that are numbers or vectors."""
     return tuple(member for member in STRUCTS[struct] if not member.kind.endswith("*"))

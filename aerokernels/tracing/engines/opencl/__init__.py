@@ -1,1 +1,1 @@
-"""OpenCL: kernels in C, on any device with a driver."""
+"""The OpenCL engine: kernels in C, on any device with a driver."""

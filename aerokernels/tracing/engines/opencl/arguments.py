@@ -1,4 +1,4 @@
-"""Kernels and their arguments; numbers and structs that are passed by value, as the kernels' compiler has them."""
+"""Set the arguments of kernels, and lay out numbers and structs passed by value as the kernels' compiler does."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,7 +9,7 @@ from pyopencl.cltypes import make_double3
 from ..layout import REAL_TYPES, values_of
 from .program import WORK_GROUP
 
-# The structs that are passed by value, as the kernels' compiler lays them out.
+# The memory layouts of the structs that are passed by value.
 LAYOUTS = {
     (struct, precision): np.dtype(
         [(value.name, value.number_type(precision), (value.parts[1],)) for value in values_of(struct)], align=True
@@ -20,7 +20,7 @@ LAYOUTS = {
 
 
 def pack(struct: str, precision: str, members: dict) -> np.ndarray:
-    """The values of one of the kernels' structs as the kernel's compiler lays them out, to be passed by value."""
+    """Pack the values of one of the kernels' structs in the layout of the kernels' compiler."""
     packed = np.zeros((), dtype=LAYOUTS[struct, precision])
     for name in LAYOUTS[struct, precision].names or ():
         packed[name] = members[name]
@@ -28,7 +28,7 @@ def pack(struct: str, precision: str, members: dict) -> np.ndarray:
 
 
 def by_value(value):
-    """A kernel's argument as OpenCL takes it: whole numbers are int, others double, three in an array double3."""
+    """Convert a kernel's argument for OpenCL: an int to int, a float to double, an array of three to double3."""
     if isinstance(value, int):
         return np.int32(value)
     if isinstance(value, float):
@@ -40,13 +40,13 @@ def by_value(value):
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
-    """A kernel object, which belongs to one caller: its arguments are set one by one.
+    """A kernel object with one owner, whose arguments are set one by one.
 
     Attributes:
-        kernel: PyOpenCL's.
+        kernel: PyOpenCL's kernel object.
         lanes: Rays that a work-item moves.
-        items: Work-items that one of what it is launched over takes.
-        given: The arguments of its last launch: those that are the same need not be set again.
+        items: Work-items per ray or group of the launch.
+        given: The arguments of the last launch, which are not set again if unchanged.
     """
 
     kernel: Any
@@ -55,10 +55,10 @@ class Kernel:
     given: list = field(default_factory=list)
 
     def set(self, arguments: list) -> None:
-        """Set those of the arguments that are not what they were.
+        """Set the arguments that have changed since the last launch.
 
-        One by one: calling the kernel would go through PyOpenCL's launchers, which it keeps on disk, and which a
-        damaged disk makes unusable.
+        They are set one by one, because calling the kernel would use PyOpenCL's launchers, which PyOpenCL caches on
+        disk and which a damaged file would make unusable.
         """
         known = self.given if len(self.given) == len(arguments) else [None] * len(arguments)
         for number, (new, old) in enumerate(zip(arguments, known, strict=True)):
@@ -67,5 +67,5 @@ class Kernel:
         self.given[:] = arguments
 
     def size(self, count: int) -> tuple[int]:
-        """Work-items of a launch: whole work-groups, at least one; the kernel itself knows where to stop."""
+        """Number of work-items of a launch: whole work-groups, at least one; the kernel ignores the surplus."""
         return (max(1, -(-(-(-count // self.lanes) * self.items) // WORK_GROUP)) * WORK_GROUP,)

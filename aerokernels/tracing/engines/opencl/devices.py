@@ -1,7 +1,7 @@
-"""OpenCL's platforms and devices, and one open session a device.
+"""Find OpenCL's platforms and devices, and open one session per device.
 
-The only way to PyOpenCL: it is imported here, late, so that every way in which OpenCL can be missing or broken ends in
-`OpenCLUnavailable` with a remedy, and a broken driver does not take the others with it.
+PyOpenCL is imported only here, on first use, so that every failure of OpenCL ends in `OpenCLUnavailable` with a remedy,
+and a broken driver does not affect the others.
 """
 
 import atexit
@@ -23,7 +23,7 @@ from .pocl_workaround import name_processor, workaround
 from .remedies import POCL, no_platform, why_no_devices
 from .session import Session
 
-KINDS = ("gpu", "cpu", "accelerator")  # in the order in which they are taken
+KINDS = ("gpu", "cpu", "accelerator")  # in order of preference
 SESSION = "OpenCL session"
 
 
@@ -47,7 +47,7 @@ class FoundDevice:
 
 @dataclass(frozen=True)
 class Survey:
-    """What a process found: the devices, best first; what is wrong; the process that started the drivers' threads."""
+    """The devices that a process found, best first; what is wrong; the process that started the drivers' threads."""
 
     devices: list[FoundDevice]
     troubles: list[str]
@@ -55,7 +55,7 @@ class Survey:
 
 
 def import_pyopencl():
-    """PyOpenCL.
+    """Import and return PyOpenCL.
 
     Raises:
         OpenCLUnavailable: It is not installed, or its import fails.
@@ -68,7 +68,7 @@ def import_pyopencl():
         raise OpenCLUnavailable("the package pyopencl is not installed: pip install 'aerokernels[opencl]'")
     try:
         if "pyopencl" not in sys.modules and not _cache_is_writable():
-            # Its first launch of a kernel would fail; it reads this variable once, when it is imported.
+            # PyOpenCL's first launch of a kernel would fail; it reads this variable once, when it is imported.
             os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
         return importlib.import_module("pyopencl")
     except Exception as error:  # a foreign package and a C extension: anything may come
@@ -79,7 +79,7 @@ def import_pyopencl():
 
 
 def _cache_is_writable() -> bool:
-    """Whether PyOpenCL has a place for the code by which it launches kernels."""
+    """Whether PyOpenCL can write its cache of the code that launches kernels."""
     import platformdirs  # PyOpenCL's own dependency, and the folder it uses
 
     folder = platformdirs.user_cache_dir("pytools", "pytools")
@@ -91,9 +91,9 @@ def _cache_is_writable() -> bool:
 
 
 def list_devices() -> list[BackendInfo]:
-    """Every device of every platform, the best first, then what is broken and why.
+    """Return every device of every platform, the best first, then entries for what is broken.
 
-    Never raises for a missing or broken OpenCL: an entry that is not available tells the reason.
+    A missing or broken OpenCL raises nothing: an entry that is not available gives the reason.
     """
     try:
         devices, troubles = survey()
@@ -103,11 +103,11 @@ def list_devices() -> list[BackendInfo]:
 
 
 def find_device(name: str | None = None) -> FoundDevice:
-    """The device of that name.
+    """Return the device with a name.
 
     Args:
-        name: None takes the best (a GPU before a CPU, then the most compute units), "gpu" and "cpu" the best of the
-            kind; otherwise a name from `list_devices`, in any case of letters, or a part of it that no other has.
+        name: None for the best device (a GPU before a CPU, then the most compute units), "gpu" or "cpu" for the best of
+            the kind; else a name from `list_devices`, in any case of letters, or a part that only one name has.
 
     Raises:
         OpenCLUnavailable: There is no OpenCL here, or the device cannot trace.
@@ -138,7 +138,7 @@ def find_device(name: str | None = None) -> FoundDevice:
 
 
 def session(name: str | None = None) -> Session:
-    """The open session of a device (see `find_device`), one for the process; thread-safe.
+    """Return the open session of a device (see `find_device`), one per process; thread-safe.
 
     Raises:
         OpenCLUnavailable: There is no OpenCL here, or the device cannot be opened.
@@ -164,7 +164,7 @@ def _open(found: FoundDevice) -> Session:
 
 @atexit.register
 def release_all() -> None:
-    """Finish and let go every session of this process; those that a fork inherited are left alone."""
+    """Finish and release every session of this process; sessions inherited by a fork are left alone."""
     for key, released in OPENED.held(SESSION).items():
         if key[1] != os.getpid() or OPENED.take_out(key) is None:
             continue
@@ -174,13 +174,13 @@ def release_all() -> None:
         try:
             released.queue.finish()
         except import_pyopencl().Error:
-            pass  # a lost device has nothing left to wait for
+            pass  # on a lost device there is nothing to wait for
         if built and POCL in released.device.platform.name:
             remove_damaged(cache_folder())  # records the checksums of what was built
 
 
 def survey() -> tuple[list[FoundDevice], list[str]]:
-    """The devices, best first, and what is wrong with platforms and drivers.
+    """Return the devices, best first, and what is wrong with platforms and drivers.
 
     Raises:
         OpenCLUnavailable: PyOpenCL is missing or broken, nothing at all was found, or this process is a fork of one
@@ -198,7 +198,7 @@ def survey() -> tuple[list[FoundDevice], list[str]]:
 
 
 def _survey() -> Survey:
-    """As `survey`; no devices where OpenCL is missing: a process looks once, as the driver loader itself does."""
+    """Search for devices; a process does this once, as the driver loader does. No devices if OpenCL is missing."""
     try:
         cl = import_pyopencl()
     except OpenCLUnavailable as error:
@@ -213,7 +213,7 @@ def _survey() -> Survey:
             troubles.append(f"the platforms cannot be listed: {error}")
     if not platforms:
         return Survey([], [no_platform(), *troubles])
-    opened_by = os.getpid()  # drivers start their threads when asked for devices
+    opened_by = os.getpid()  # drivers start their threads when their devices are listed
     devices: list[FoundDevice] = []
     for index, platform in enumerate(platforms):
         title = f"platform {index}"
@@ -255,16 +255,16 @@ def _describe(cl, platform, device) -> FoundDevice:
     elif not (device.available and device.compiler_available):
         reason = f"{name} says it is not available now" if not device.available else f"{name} has no compiler"
     elif platform.name.strip() == POCL:
-        # PoCL brings its own compiler, which may be older than the processor: other drivers know their device.
+        # PoCL contains its own compiler, which may be older than the CPU; other drivers know their devices.
         options = name_processor(device)
         done = workaround(device, options)
-        reason = linker_trouble(options)  # first: a trial that cannot write ends the process
+        reason = linker_trouble(options)  # before the trial, which would end the process if it could not write
         if not reason and (trouble := _trial(cl, device, options)):
             reason = (
                 f"the compiler of PoCL builds nothing for this processor ({trouble}): install a newer PoCL as the "
                 "system's OpenCL driver, or take backend 'warp'"
             )
-    # PoCL goes on with how it was compiled.
+    # PoCL's version string continues with how it was compiled: keep only its beginning.
     version = f"{platform.name.strip()} {re.split(r'  |,', platform.version.strip())[0]}"
     info = BackendInfo(
         "opencl",
@@ -290,7 +290,7 @@ def has_float64(cl, device) -> bool:
 
 
 def _trial(cl, device, options: tuple[str, ...]) -> str:
-    """The compiler's first complaint about a kernel of one line, "" where it builds."""
+    """Build a kernel of one line; return the compiler's first error, "" if it builds."""
     try:
         context = cl.Context([device])
         trial = cl.Program(context, "__kernel void trial(__global float *x) { x[get_global_id(0)] = 0.0f; }")
@@ -302,7 +302,7 @@ def _trial(cl, device, options: tuple[str, ...]) -> str:
 
 
 def with_unique_names(devices: list[FoundDevice]) -> list[FoundDevice]:
-    """The devices, with a number behind the names that come again."""
+    """Return the devices with a number appended to repeated names."""
     seen: dict[str, int] = {}
     named = []
     for found in devices:

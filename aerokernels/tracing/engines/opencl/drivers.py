@@ -1,4 +1,4 @@
-"""Which of the installed OpenCL drivers do not load: the loader itself passes over them without a word."""
+"""Find the installed OpenCL drivers that do not load: OpenCL's loader skips them silently."""
 
 import ctypes
 import os
@@ -9,7 +9,7 @@ SYSTEM_FOLDER = "/etc/OpenCL/vendors"
 
 
 def broken_drivers() -> list[str]:
-    """One sentence for every .icd file whose library does not load or is no OpenCL driver; Linux only."""
+    """Return one sentence for every .icd file whose library does not load or is no OpenCL driver; Linux only."""
     if not sys.platform.startswith("linux"):
         return []
     troubles = []
@@ -29,7 +29,7 @@ def broken_drivers() -> list[str]:
 
 
 def registered_files() -> list[Path]:
-    """The .icd files that the loader reads: OCL_ICD_VENDORS (a folder or a file) where it is set, else the system's."""
+    """Return the .icd files that the loader reads: those of OCL_ICD_VENDORS (a folder or a file) or the system's."""
     place = Path(os.environ.get("OCL_ICD_VENDORS") or SYSTEM_FOLDER)
     if place.suffix == ".icd" and place.is_file():
         return [place]
@@ -41,10 +41,10 @@ def registered_files() -> list[Path]:
 
 def _trouble(library: str) -> str:
     try:
-        driver = ctypes.CDLL(library)  # the loader has opened it already, or tried to
+        driver = ctypes.CDLL(library)  # the loader opens the same library
     except OSError as error:
         return f"which does not load ({error})"
-    # A driver gives its platforms by this function, itself or through clGetExtensionFunctionAddress.
+    # A driver provides its platforms by this function, directly or through clGetExtensionFunctionAddress.
     if hasattr(driver, "clIcdGetPlatformIDsKHR") or hasattr(driver, "clGetExtensionFunctionAddress"):
         return ""
     return "which is no OpenCL driver (it has no clIcdGetPlatformIDsKHR)"

@@ -1,4 +1,4 @@
-"""The OpenCL engine: fields uploaded once, kernels built for what they are to do, launches in order."""
+"""The OpenCL engine: uploads a field once, builds kernels specialised for a plan, and launches them in order."""
 
 import weakref
 from collections.abc import Callable, Iterable, Sequence
@@ -25,17 +25,17 @@ from .program import WORK_GROUP, build, build_options, lane_count
 from .tables import cell_polynomials, may_be_packed
 from .transfers import Fetched, Sent
 
-# On a GPU, numbers below 1e-38 are zero: roots and quotients then take fewer instructions.
+# On a GPU, numbers below 1e-38 are flushed to zero: roots and quotients then take fewer instructions.
 FLUSH = "-cl-denorms-are-zero"
-# Greatest buffer that comes from a GPU's pool [bytes].
+# Greatest buffer that is allocated from a GPU's pool [bytes].
 POOLED = 1 << 28
-# Packets of rays that a CPU's thread moves in turns: each sample waits for the one before.
+# Packets of rays that a CPU thread interleaves, because each sample waits for the previous one.
 PACKETS = 2
-# Equal rows that are copied to the device as they are.
+# Number of equal rows up to which they are copied from the host; more are doubled on the device.
 REPEATED = 1 << 12
-# Where Control and the coefficients stand among the arguments: behind the structs Field and Bounds.
+# Positions of Control and of the coefficients among the arguments: after the structs Field and Bounds.
 CONTROL, FIRST_ARRAY = 2, 3
-# Kernels of a pupil: work-items that each of what it is launched over takes.
+# Kernels of a pupil: work-items per ray, group or number of a launch.
 PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "reduce_sums": 1}
 
 
@@ -58,7 +58,7 @@ class Engine:
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
     ) -> Prepared:
-        """A field made ready for a plan, a stop and outputs; `directions` are those of the rays (n, 3).
+        """Prepare a field for a plan, a stop and outputs; `directions` are the rays' directions, shape (n, 3).
 
         Raises:
             ValueError: A field that does not fit the device.
@@ -95,7 +95,8 @@ class Engine:
             program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
             kernel = self._kernel(program, "leapfrog" if leapfrog else "trace_kernel", packets * lanes)
             rejected = self.put(np.zeros(1, np.int32)) if leapfrog else None
-            shares = lanes > 1 and not plan.looks_up_cubes  # rays by themselves: to order them costs more than it saves
+            # Without shared lookups, to order rays costs more than it saves.
+            shares = lanes > 1 and not plan.looks_up_cubes
             prepared = Prepared(self, kernel, arguments, outputs, rejected, is_packed=shares)
             self._finish_compiling(prepared, program)
             return prepared
@@ -110,7 +111,7 @@ class Engine:
         directions: np.ndarray,
         packs: bool = False,
     ) -> list:
-        """The structs Field, Bounds and Control, and their arrays, as `prepare` has them; see `_upload` for `packs`."""
+        """Return the structs Field, Bounds and Control, and their arrays, for `prepare`; see `_upload` for `packs`."""
         data = field_data(field, plan.precision, plan.method == "paper")
         bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
         tables, blocks = step_bound_tables(field, plan, wavelength, directions)
@@ -123,14 +124,14 @@ class Engine:
         ]
 
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
-        """A new struct, which the kernel is given when it is launched next."""
+        """Return the arguments with a new struct Control, which the kernel gets at its next launch."""
         control = arguments[CONTROL].copy()
         for name, value in numbers.items():
             control[name] = value
         return [*arguments[:CONTROL], control, *arguments[CONTROL + 1 :]]
 
     def _tables(self, field: IndexField, precision: str, tables: dict) -> list:
-        """Buffers of the arrays of Control; of a field without such tables they are kept."""
+        """Return the buffers of the arrays of Control; they are cached if the field has no step bounds."""
 
         def upload() -> list:
             return [self._buffer(member, tables[member.name], precision) for member in arrays_of("Control")]
@@ -142,7 +143,7 @@ class Engine:
         return kept
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
-        """Patches between traced rays made ready for outputs of rays of their family."""
+        """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
         with stage("upload"):
             arrays = table.derive(("opencl", self.session), lambda: [self.put(array) for array in kernel_arrays(table)])
         with stage("compile"):
@@ -151,39 +152,39 @@ class Engine:
         return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
 
     def pupil_kernels(self, names: Iterable[str]) -> dict[str, Kernel]:
-        """Those kernels of a pupil, by name."""
+        """Return the named pupil kernels."""
         with stage("compile"):
             return {
                 name: self._kernel(build(self.session, f"{name}.cl"), name, items=PUPIL_KERNELS[name]) for name in names
             }
 
     def grid_kernels(self, names: Iterable[str]) -> dict[str, Kernel]:
-        """Those kernels that prepare a grid, by name."""
+        """Return the named kernels that prepare a grid."""
         with stage("compile"):
             return {name: self._kernel(build(self.session, f"{name}.cl"), name) for name in names}
 
     def _kernel(self, program, name: str, lanes: int = 1, items: int = 1) -> Kernel:
-        """A kernel of a program, which is there for others once it is gone."""
+        """Return a kernel of a program; its kernel object is reused after the kernel is garbage-collected."""
         taken = take_kernel(self.session, program, name)
         kernel = Kernel(taken, lanes, items)
         weakref.finalize(kernel, give_back, self.session, program, name, taken).atexit = False
         return kernel
 
     def keeps(self, size: float) -> bool:
-        """Never: what OpenCL holds no other library reads."""
+        """Never: no other library can read OpenCL's buffers."""
         return False
 
     def bring(self, starts: Sequence[Any]) -> tuple[list[Any], Iterable[slice]]:
-        """Copies of the rays, which are there at once."""
+        """Return copies of the rays, all of which are complete."""
         return [self.put(np.asarray(each)) for each in starts], [slice(0, len(starts[0]))]
 
     def fetching(self, results: dict[str, Any], starts: Sequence[Any]) -> None:
-        """Nothing: no result stays on the device."""
+        """Return None: no result stays on the device."""
 
     def put(self, array: np.ndarray):
-        """A buffer that holds a copy of the array when this returns.
+        """Return a buffer with a complete copy of the array.
 
-        (COPY_HOST_PTR does it in one call, but NVIDIA's driver then copies only when a kernel asks for the buffer.)
+        (COPY_HOST_PTR does this in one call, but NVIDIA's driver then copies only when a kernel uses the buffer.)
         """
         if is_one_row(array) and len(array) > REPEATED:
             return self._repeated(np.ascontiguousarray(array[:REPEATED]), len(array))
@@ -196,14 +197,14 @@ class Engine:
         return buffer
 
     def share(self, array: np.ndarray):
-        """A buffer in the memory of an array, or with a copy of it."""
+        """Return a buffer in the memory of an array, on a GPU a buffer with a copy of it."""
         if self.is_gpu:
             return self.put(array)
         access = cl.mem_flags.READ_WRITE if array.flags.writeable else cl.mem_flags.READ_ONLY
         return cl.Buffer(self.session.context, access | cl.mem_flags.USE_HOST_PTR, hostbuf=array)
 
     def _repeated(self, some: np.ndarray, count: int):
-        """A buffer of `count` equal rows, of which some are given: copied on the device, twice as many each time."""
+        """Return a buffer of `count` equal rows, given some of them; the device copies twice as many each time."""
         row, done = some[0].nbytes, some.nbytes
         buffer = self._memory(row * count)
         self.put_into(buffer, some)
@@ -220,18 +221,18 @@ class Engine:
             cl.enqueue_copy(self.session.queue, buffer, np.ascontiguousarray(array), is_blocking=True)
 
     def empty(self, count: int, width: int = 1, kind: type = np.float64):
-        """A buffer of `count` rows of `width` numbers."""
+        """Return an uninitialised buffer of `count` rows of `width` numbers."""
         return self._memory(max(1, count) * width * np.dtype(kind).itemsize)
 
     def _memory(self, size: int):
-        """A buffer of so many bytes; a GPU's come from its pool, unless they are so large that it would waste some."""
+        """Return a buffer of `size` bytes; on a GPU from the pool, which would waste memory for very large ones."""
         size = max(size, 1)
         if self.session.pool is not None and size <= POOLED:
             return self.session.pool.allocate(size)
         return cl.Buffer(self.session.context, cl.mem_flags.READ_WRITE, size)
 
     def get(self, buffer, array: np.ndarray) -> None:
-        """Wait for what was launched, and copy the first rows of a buffer into the array."""
+        """Wait for the launched kernels, and copy the first rows of a buffer into the array."""
         if array.nbytes:
             cl.enqueue_copy(self.session.queue, array, buffer, is_blocking=True)
 
@@ -244,33 +245,33 @@ class Engine:
         return Fetched(self.session, buffers, arrays, self._memory)
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
-        """What does the work as it is."""
+        """Return a callable that simply does the work: there are no graphs."""
         return lambda work: work()
 
     def launch(self, kernel: Kernel, before: list, after: list, count: int):
-        """Start a kernel over all rays, or groups of rays; returns its event."""
+        """Start a kernel over all rays, or groups of rays; return its event."""
         outputs = [buffer for value in after for buffer in (value.values() if isinstance(value, dict) else [value])]
         kernel.set([*before, 0, count, *outputs])
         return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, kernel.size(count), (WORK_GROUP,))
 
     def wait(self) -> None:
-        """Wait for what this thread launched."""
+        """Wait for the kernels that this thread launched."""
         self.session.queue.finish()
 
     def settle(self) -> None:
-        """Wait for what other threads may be given, where each thread has a queue of its own."""
+        """Wait, on a CPU, where each thread has its own queue, for results that other threads may use."""
         if not self.is_gpu:
             self.wait()
 
     def _finish_compiling(self, prepared: Prepared, program) -> None:
-        """Launch the kernel on no rays, once for a program: PoCL compiles the last part of it at the first launch."""
+        """Launch the kernel without rays, once per program: PoCL finishes compiling at the first launch."""
         if program not in self.session.launched:
             nowhere = self.put(np.zeros(3))
             prepared.launch([nowhere, nowhere], prepared.allocate(0), 0).wait()
             self.session.launched.add(program)
 
     def _buffer(self, member: Value, values: np.ndarray, precision: str):
-        """An array of a struct on the device."""
+        """Upload an array of a struct to the device."""
         numbers: np.ndarray = np.asarray(values, member.number_type(precision))
         limit = int(self.memory[1])
         if numbers.nbytes > limit:
@@ -281,7 +282,7 @@ class Engine:
         return self.put(numbers)
 
     def _upload(self, field: IndexField, data: FieldData, precision: str, with_paper_step: bool, packs: bool) -> list:
-        """Buffers of the arrays of Field, coefficients packed for leapfrog or not; kept as long as the field lives."""
+        """Return the buffers of the arrays of Field, cached on the field; `packs` packs coefficients for leapfrog."""
 
         def upload() -> list:
             there = self._coefficients(field, precision)
@@ -305,16 +306,16 @@ class Engine:
         return [table, *unpacked[1:]]
 
     def _others(self, data: FieldData, precision: str) -> dict[str, Any]:
-        """Buffers of the arrays of Field that come with its data, by name: fields of other values have the same."""
+        """Return the buffers of the arrays in `data`, by name, which fields on the same nodes may share."""
         members = [member for member in arrays_of("Field") if member.name in data.arrays]
         return {member.name: self._buffer(member, data.arrays[member.name], precision) for member in members}
 
     def _cubes(self, field: IndexField):
-        """The table of polynomials of cubes; kept as long as the field lives."""
+        """Return the table of polynomials of cubes, cached on the field."""
         return field.derive(("opencl cubes", self.session), lambda: self.put(cubes_of(field)))
 
     def _coefficients(self, field: IndexField, precision: str) -> Any:
-        """A grid's coefficients where this device has worked them out; None elsewhere."""
+        """Return a grid's coefficients if this device has computed them, else None."""
         found = field.samples.held(self.grid_key)
         if found is None or precision == "float64":
             return found
@@ -327,6 +328,6 @@ class Engine:
 
 
 def _packed_field(data: FieldData, precision: str) -> np.ndarray:
-    """The struct Field of some data."""
+    """Return the struct Field of some data, cached on the data."""
     packed: np.ndarray = data.derive(("opencl members", precision), lambda: pack("Field", precision, data.field))
     return packed

@@ -1,7 +1,7 @@
-"""The headers of the OpenCL kernels that follow from Python: options, structs, arguments, status codes and constants.
+"""Generate the OpenCL headers that follow from Python: options, structs, arguments, status codes and constants.
 
-A kernel includes them by name like those of kernels/include; program.py puts their texts in place. Warp's kernels take
-the same tables and numbers as they are. `scripts/kernel_headers` prints them.
+A kernel includes them by name like those of kernels/include; program.py inserts their texts. Warp's kernels use the
+same tables and numbers directly. `scripts/kernel_headers` prints the headers.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,19 +20,19 @@ from ...step_bound import CONE_SINES, CONES
 from ..kernel_table import BOUNDS, KERNELS
 from ..layout import OPTIONS, STRUCTS, Value, arrays_of, values_of
 
-# Structs that are passed to kernels: their arrays are arguments of their own, in OpenCL gathered in struct Arrays.
+# Structs that are passed to kernels: their arrays are separate arguments, which OpenCL gathers in struct Arrays.
 GIVEN = ("Field", "Bounds", "Control")
-# Numbers of scheme.py that are double in either precision: they belong to the ends of rays and to the body.
+# Numbers of scheme.py that are double in either precision: they are used for the ends of rays and for the body.
 DOUBLES = ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_TOLERANCE", "LEAST_SLOPE", "ENTRY_ROUNDING", "GRAZING_SQUARE")
 
 
 def in_c(name: str) -> str:
-    """An option or its value as a macro: "bilinear-barron" is BILINEAR_BARRON."""
+    """Return the macro of an option or of its value: BILINEAR_BARRON for "bilinear-barron"."""
     return name.upper().replace("-", "_")
 
 
 def options() -> list[str]:
-    """Every option of layout.py, its names, and what it is by default; the host sets them by -D."""
+    """Return the header with every option of layout.py, its values, and its default; the host sets options by -D."""
     lines: list[str] = []
     for name, (choices, meaning) in OPTIONS.items():
         lines += _group(f"{in_c(name)}: {meaning}")
@@ -44,7 +44,7 @@ def options() -> list[str]:
 
 
 def types() -> list[str]:
-    """Structs passed by value, the arrays that belong to them, and structs inside kernels."""
+    """Return the header with the structs passed by value, their arrays, and the structs inside kernels."""
     lines = ['#include "real.h"']
     for name in STRUCTS:
         if values_of(name):
@@ -57,7 +57,7 @@ def types() -> list[str]:
 
 
 def arguments() -> list[str]:
-    """A macro with the arguments of each kernel, and the structs of arrays made of them."""
+    """Return the header with a macro for the arguments of each kernel, and macros for the structs of arrays."""
     arrays = [member for name in GIVEN for member in arrays_of(name)]
     outputs = [member._replace(name=f"{member.name}_out") for member in STRUCTS["RayOutputs"]]
     lines = ['#include "types.h"']
@@ -70,12 +70,12 @@ def arguments() -> list[str]:
 
 
 def ray_status() -> list[str]:
-    """Every status code with what it means."""
+    """Return the header with every status code and its meaning."""
     return [f"#define RAY_{status.name} {status.value}  // {status.meaning}" for status in RayStatus]
 
 
 def constants() -> list[str]:
-    """Numbers of the scheme: R(...) makes a literal of the kernel's precision, see real.h; the rest is double or int.
+    """Return the header with the numbers of the scheme: R(...) has the kernel's precision, others are double or int.
 
     The tableau's numbers carry the prefix RKN_, since names such as B1 are too short to be macros.
     """
@@ -133,7 +133,7 @@ HEADERS: dict[str, Callable[[], list[str]]] = {
 
 
 def _declared(values: Sequence[Value]) -> list[str]:
-    """The arguments of a kernel as OpenCL C declares them."""
+    """Return the declarations of a kernel's arguments in OpenCL C."""
     found = [_argument(value) for value in values if value.kind in GIVEN]
     found += ["ARRAY_ARGUMENTS"] if found else []
     for value in values:
@@ -145,7 +145,7 @@ def _declared(values: Sequence[Value]) -> list[str]:
 
 
 def _argument(value: Value) -> str:
-    """An array is one of plain numbers, since OpenCL keeps vectors of three apart from one another."""
+    """Declare an argument; arrays are of plain numbers, because OpenCL pads vectors of three."""
     if not value.parts[2]:
         return f"const {value.kind} {value.name}"
     constant = "" if value.name.endswith("_out") else "const "
@@ -153,7 +153,7 @@ def _argument(value: Value) -> str:
 
 
 def _member(member: Value, packed: bool) -> str:
-    """Declaration and meaning; vectors of structs that the host fills are plain arrays, laid out as NumPy does."""
+    """Declare a member, with its meaning; in structs that the host fills, vectors are plain arrays as in NumPy."""
     kind, width, indices = member.parts
     kind = kind.replace("bool", "int")
     if indices:
@@ -182,7 +182,7 @@ def _group(what: str) -> list[str]:
 
 
 def _reals(values: Mapping[str, float]) -> list[str]:
-    """Definitions with all digits that a float64 needs, in the kernel's precision."""
+    """Define numbers in the kernel's precision, with all digits of a float64."""
     return _defines({name: f"R({float(value)!r})" for name, value in values.items()})
 
 

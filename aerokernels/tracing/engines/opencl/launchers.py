@@ -1,6 +1,6 @@
-"""Kernel objects, made whatever state PyOpenCL's own cache is in.
+"""Create kernel objects even if PyOpenCL's own cache is damaged.
 
-PyOpenCL writes a launcher in Python for each kernel and keeps it in an SQLite file of all programs of this user. This
+PyOpenCL writes a launcher in Python for each kernel and caches it in an SQLite file for all programs of the user. This
 package sets arguments itself and needs no launcher, but PyOpenCL makes one with each kernel object, and a damaged file
 would end in an error of SQLite or of Python's unmarshalling ("co_varnames is too small") at this and every later start.
 """
@@ -14,7 +14,7 @@ from .session import Session
 
 
 def take_kernel(session: Session, program, name: str):
-    """A kernel of a session's program to set arguments of; see `give_back`."""
+    """Return a kernel of a session's program for the sole use of the caller; see `give_back`."""
     free = session.kernels.setdefault((program, name), [])
     with suppress(IndexError):
         return free.pop()
@@ -22,12 +22,12 @@ def take_kernel(session: Session, program, name: str):
 
 
 def give_back(session: Session, program, name: str, kernel) -> None:
-    """A kernel that nobody launches any more, for the next who asks: to make one takes PyOpenCL half a millisecond."""
+    """Return a kernel that is out of use to the session's free list: to make one takes PyOpenCL half a millisecond."""
     session.kernels[program, name].append(kernel)
 
 
 def make_kernel(program, name: str):
-    """The kernel of that name, a pyopencl.Kernel; a damaged cache is removed, with a RuntimeWarning, and left unused.
+    """Create the pyopencl.Kernel with a name; a damaged cache is removed, with a RuntimeWarning, and not used again.
 
     Raises:
         pyopencl.Error: The program has no such kernel.
@@ -37,9 +37,9 @@ def make_kernel(program, name: str):
         return cl.Kernel(program, name)
     except cl.Error:
         raise
-    except Exception as error:  # SQLite's, pickle's and marshal's: whatever damaged bytes come to
+    except Exception as error:  # SQLite, pickle and marshal raise various errors for damaged bytes
         removed = _remove_cache()
-        cl._PYOPENCL_NO_CACHE = True  # what PYOPENCL_NO_CACHE sets; looked at whenever a launcher is made
+        cl._PYOPENCL_NO_CACHE = True  # as PYOPENCL_NO_CACHE does; checked whenever a launcher is made
         words = f"PyOpenCL's cache of launchers is damaged ({type(error).__name__}: {error})"
         warnings.warn(
             f"{words}: {'removed ' + removed[0].name if removed else 'it is not used'}", RuntimeWarning, stacklevel=2
@@ -48,7 +48,7 @@ def make_kernel(program, name: str):
 
 
 def _remove_cache() -> list[Path]:
-    """Remove the file; returns what was removed."""
+    """Remove the cache file; return the files removed."""
     import platformdirs  # PyOpenCL's own dependency, and the folder it uses
 
     removed = []

@@ -1,4 +1,4 @@
-"""Whether PoCL can link and write the kernels that it compiles: where it cannot, it ends the process."""
+"""Check that PoCL can link and write the kernels that it compiles: if it cannot, it ends the process."""
 
 import glob
 import os
@@ -28,7 +28,7 @@ cl.enqueue_nd_range_kernel(queue, kernel, (64,), (64,)).wait()
 
 
 def _greatest_file() -> float:
-    """Size [bytes] that this process's files may have; infinite where there is no limit."""
+    """Return the size that files of this process may have [bytes]; infinite without a limit."""
     import resource
 
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
@@ -51,14 +51,14 @@ def _succeeds(command: list[str], seconds: float, environment: dict[str, str] | 
 
 
 def _linker() -> str | None:
-    """The linker that PoCL's compiler finds; where there is no PATH it looks nowhere, and Python in /usr/bin."""
+    """Return the linker that PoCL's compiler finds; without PATH it finds none, while Python would search /usr/bin."""
     return shutil.which("ld", path=os.environ.get("PATH", ""))
 
 
 def _links(folder: str) -> bool:
-    """Whether `ld` links what PoCL's compiler hands it: GCC's libraries and that of C."""
+    """Whether `ld` links what PoCL's compiler passes to it: GCC's libraries and the C library."""
     linker = _linker()
-    # Where distributions put GCC's libraries; that of C is where the linker looks by itself.
+    # Where distributions put GCC's libraries; the linker finds the C library by itself.
     places = [f"-L{place}" for place in glob.glob("/usr/lib/gcc/*/*/")]
     library = os.path.join(folder, "library.so")
     return linker is not None and _succeeds(
@@ -67,17 +67,16 @@ def _links(folder: str) -> bool:
 
 
 def _compiles(folder: str, options: tuple[str, ...]) -> bool:
-    """Whether PoCL, in a process of its own, compiles and launches a kernel."""
+    """Whether PoCL compiles and launches a kernel in a child process."""
     environment = child_environment({"POCL_CACHE_DIR": folder})
     return _succeeds([sys.executable, "-c", _TRIAL, *options], seconds=60.0, environment=environment)
 
 
 def linker_trouble(options: tuple[str, ...] = ()) -> str:
-    """Why kernels of PoCL cannot be linked here, with the remedy; empty where they can.
+    """Say why kernels of PoCL cannot be linked on this machine, with the remedy; empty if they can.
 
-    PoCL's compiler calls `ld` from PATH, with libraries that come with a compiler of C. Where that does not link, a
-    process of its own tries a kernel, since PoCL may have been built with a linker in it and libraries may lie
-    elsewhere.
+    PoCL's compiler calls `ld` from PATH, with libraries that come with a C compiler. If that does not link, a child
+    process tries a kernel, because PoCL may contain a linker and the libraries may be in other places.
 
     Args:
         options: Compile options that the device needs.

@@ -1,10 +1,10 @@
-"""PoCL's kernel cache, looked through before PoCL reads it: a damaged file there ends the process, at every start.
+"""Check PoCL's kernel cache before PoCL reads it: a damaged file there would end the process at every start.
 
-PoCL keeps for every program a folder with LLVM bitcode (`program.bc`) and a library for each kernel (`*.so`), and
-trusts what it finds: a file cut short by a full disk or a power failure ends in SIGABRT or SIGBUS inside the driver,
-which no `except` can catch. So before the driver is opened each file is compared with what is recorded of it, by size
-and time, and by checksum where these differ; of a file that is not recorded yet the structure is walked through, which
-finds one that is cut or partly zero. The folder of a program with a damaged file is removed, and PoCL builds it again.
+PoCL keeps for every program a folder with LLVM bitcode (`program.bc`) and a library for each kernel (`*.so`), and reads
+them without checks: a file cut short by a full disk or a power failure ends in SIGABRT or SIGBUS inside the driver,
+which no `except` can catch. So before the driver is opened, each file is compared with a record of its size and time,
+and of its checksum if these differ. If a file is not in the record yet, its structure is checked, which detects a file
+that is cut or partly zero. The folder of a program with a damaged file is removed, and PoCL builds it again.
 """
 
 import json
@@ -23,16 +23,16 @@ from ....process.spare_cache import spare_cache, why_unwritable
 
 VARIABLE = "POCL_CACHE_DIR"
 RECORD = "aerokernels-checked.json"  # beside PoCL's folders, which have names of two letters
-LEAST_SPACE = 8 << 20  # [bytes] that kernels need to be built; PoCL aborts where it cannot write them
-READ_AT_MOST = 32 << 20  # [bytes] of files not recorded yet that are read for their checksums at one start
-CLOCK_STEP = 2.0  # [s] by which a file system's times may be coarse
-SETTLED = 5.0  # [s] after its last change from which a file that is not whole is no longer being written
-UNREAD = -1  # the checksum of those beyond that
+LEAST_SPACE = 8 << 20  # [bytes] needed to build kernels; PoCL aborts if it cannot write them
+READ_AT_MOST = 32 << 20  # [bytes] of files not recorded yet whose checksums are computed at one start
+CLOCK_STEP = 2.0  # [s] resolution of a file system's times
+SETTLED = 5.0  # [s] without a change after which an incomplete file is no longer being written
+UNREAD = -1  # stands for the checksum of files beyond READ_AT_MOST
 BITCODE, ELF = b"BC\xc0\xde", b"\x7fELF"
 
 
 def cache_folder() -> Path:
-    """The folder that PoCL will use, by its own rules."""
+    """Return the folder that PoCL will use, by PoCL's rules."""
     if named := os.environ.get(VARIABLE):
         return Path(named)
     if caches := os.environ.get("XDG_CACHE_HOME"):
@@ -43,10 +43,10 @@ def cache_folder() -> Path:
 
 
 def make_safe() -> None:
-    """Remove what is damaged in the cache, once for a process and before its driver is opened.
+    """Remove damaged programs from the cache, once per process and before its driver is opened.
 
-    Where that cannot be done, where the folder cannot be written or the disk is full, this process gets a cache of its
-    own in the folder for temporary files. Either is reported as a RuntimeWarning.
+    If that is impossible, if the folder cannot be written or if the disk is full, this process gets its own cache in
+    the folder for temporary files. Both cases are reported as a RuntimeWarning.
     """
     folder = cache_folder()
     damaged = remove_damaged(folder)
@@ -68,9 +68,9 @@ def make_safe() -> None:
 
 
 def remove_damaged(folder: Path) -> list[Path]:
-    """Remove the folders of programs with damaged files, and record what is whole; returns those folders.
+    """Remove the folders of programs with damaged files, and record the intact files; return the folders removed.
 
-    What is recorded is looked at file by file; what is not is looked for where something was added since.
+    Recorded files are checked one by one; other files are searched for in folders that have changed since the record.
     """
     begun = time.time()
     known, when = _read_record(folder)
@@ -113,7 +113,7 @@ def remove_damaged(folder: Path) -> list[Path]:
 
 
 def _settle(file: BinaryIO, state: os.stat_result) -> tuple[bool, os.stat_result]:
-    """Whether a file becomes whole before it rests, and its state then."""
+    """Wait until a file is whole or unchanged for SETTLED; return whether it is whole, and its state."""
     whole = False
     while not whole and 0.0 <= time.time() - state.st_mtime < SETTLED:
         time.sleep(0.05)
@@ -123,7 +123,7 @@ def _settle(file: BinaryIO, state: os.stat_result) -> tuple[bool, os.stat_result
 
 
 def is_whole(file: BinaryIO, size: int) -> bool:
-    """Whether bitcode or a library of that size [bytes] is there to its end, by its own account of its parts."""
+    """Whether a file of bitcode or a library, `size` bytes long, is complete according to its own headers."""
     try:
         head = _read(file, 0, 64) if size >= 64 else b""
         if head[:4] == BITCODE:
@@ -134,7 +134,7 @@ def is_whole(file: BinaryIO, size: int) -> bool:
 
 
 def _is_whole_bitcode(file: BinaryIO, size: int) -> bool:
-    """Blocks follow each other up to the end: a word that opens one (LLVM: abbreviation 1, of two bits), its length."""
+    """Whether blocks fill the file: each has an opening word (LLVM: abbreviation 1, of two bits) and a length."""
     place = 4
     while place < size:
         opening, words = struct.unpack("<II", _read(file, place, 8))
@@ -145,7 +145,7 @@ def _is_whole_bitcode(file: BinaryIO, size: int) -> bool:
 
 
 def _is_whole_elf(file: BinaryIO, head: bytes, size: int) -> bool:
-    """The table of sections, which a linker writes last, and the names of sections lie in the file."""
+    """Whether the table of sections, which a linker writes last, and the names of the sections are within the file."""
     (start,) = struct.unpack_from("<Q", head, 40)
     width, count, names = struct.unpack_from("<HHH", head, 58)
     if not start or not count or start + width * count > size:
@@ -160,7 +160,7 @@ def _read(file: BinaryIO, place: int, count: int) -> bytes:
 
 
 def _code_files(folder: Path, groups: list[os.DirEntry]) -> Iterator[str]:
-    """Path within the cache of every file with code in some of its folders."""
+    """Yield the path within the cache of every file with code in the given folders."""
     start = len(os.fspath(folder)) + 1
     for group in groups:
         open_folders = [program.path for program in _entries(group.path)]
@@ -188,7 +188,7 @@ def _entries(folder: str | Path) -> list[os.DirEntry]:
 
 
 def _read_record(folder: Path) -> tuple[dict[str, list[int]], float]:
-    """Size, time and checksum of files by their paths, and when that was written [s]."""
+    """Return size, time and checksum of files by path, and when the record was written [s]."""
     try:
         when = (folder / RECORD).stat().st_mtime
         record = json.loads((folder / RECORD).read_bytes())
@@ -197,12 +197,12 @@ def _read_record(folder: Path) -> tuple[dict[str, list[int]], float]:
                 return {}, 0.0
         return record, when
     except (OSError, ValueError, TypeError, AttributeError, RecursionError):
-        return {}, 0.0  # none yet, or damaged itself
+        return {}, 0.0  # there is no record yet, or it is damaged
 
 
 def _write_record(folder: Path, record: dict[str, list[int]], begun: float) -> None:
     beside = folder / f"{RECORD}.{os.getpid()}"
-    with suppress(OSError):  # no right to write, or no space: the next start looks at structures again
+    with suppress(OSError):  # no right to write, or no space: the next start checks structures again
         try:
             beside.write_text(json.dumps(record))
             os.utime(beside, (begun, begun))
@@ -212,7 +212,7 @@ def _write_record(folder: Path, record: dict[str, list[int]], begun: float) -> N
 
 
 def _free_space(folder: Path) -> float:
-    """Free space [bytes] where the cache is or will be; infinite where that is not known."""
+    """Return the free space where the cache is or will be [bytes]; infinite if unknown."""
     for place in (folder, *folder.parents):
         try:
             return shutil.disk_usage(place).free

@@ -1,15 +1,15 @@
-"""PoCL 3.0 on processors that its compiler, or its library of built-in functions, has another name for.
+"""Change the CPU name in PoCL 3.0 if its compiler, or its library of built-in functions, does not support the name.
 
-pip's PoCL is version 3.0 with LLVM 14. Where that does not know the processor (AMD's from family 26 on), PoCL calls it
-"generic", a name that its own compiler refuses, so that nothing at all builds; no option or variable of that version
-gives another one (later versions have POCL_LLVM_CPU_NAME). The name is a string that PoCL's record of the device points
-to, so it is exchanged there, before anything is built, for a processor of which this one has everything. Nothing is
-touched unless the version is that one, on 64-bit Linux on x86, and the word found points to exactly that string.
+pip's PoCL is version 3.0 with LLVM 14. If LLVM 14 does not know the CPU (AMD's from family 26 on), PoCL calls it
+"generic", a name that its own compiler rejects, so that nothing builds; that version has no option or variable for
+another name (later versions have POCL_LLVM_CPU_NAME). The name is a string to which PoCL's record of the device points.
+Before anything is built, it is replaced there by the name of a CPU whose instructions this CPU has. The record is
+changed only in that version, on 64-bit Linux on x86, and only if a word in it points to exactly that string.
 
-Where LLVM 14 does know the processor, by a name that the library was not compiled for ("icelake-client"), everything
-builds, but no built-in function is inlined: every load of four numbers is a call. The name is exchanged there too.
+If LLVM 14 knows the CPU by a name for which the library was not compiled ("icelake-client"), everything builds, but no
+built-in function is inlined: every load of four numbers is a call. The name is replaced in this case too.
 
-AEROKERNELS_POCL_CPU gives another name that LLVM 14 knows ("znver3"), or "off" to leave PoCL alone.
+AEROKERNELS_POCL_CPU sets another name that LLVM 14 knows ("znver3"), or "off" to leave PoCL unchanged.
 """
 
 import ctypes
@@ -19,11 +19,12 @@ import re
 import sys
 
 VARIABLE = "AEROKERNELS_POCL_CPU"
-RECORD_WORDS = 256  # words of a device's record that are looked through; the name is near word 80
+RECORD_WORDS = 256  # words of a device's record that are searched; the name is near word 80
 
-# Processors that PoCL's own library of built-in functions is compiled for, and which instructions a compiler would use
-# on them unasked, by the names in /proc/cpuinfo. A name of the library's own is worth much: functions compiled for a
-# processor with more than the kernel's are not inlined, every sqrt() and dot() is a call then (1.6 times slower).
+# CPUs for which PoCL's library of built-in functions is compiled, and the instructions that a compiler uses on them by
+# default, by the names in /proc/cpuinfo. The kernel must be compiled for one of these names: functions compiled for a
+# CPU with more instructions than the kernel's are not inlined, so every sqrt() and dot() would be a call (1.6 times
+# slower).
 PROCESSORS = (
     ("skylake-avx512", "avx512f avx512bw avx512cd avx512dq avx512vl"),
     ("haswell", "avx avx2 bmi1 bmi2 f16c fma abm movbe"),
@@ -31,14 +32,14 @@ PROCESSORS = (
 )
 
 OF_LIBRARY = tuple(name for name, _ in PROCESSORS)
-# What PoCL calls a processor that LLVM does not know.
+# PoCL's name for a CPU that LLVM does not know.
 UNKNOWN = "generic"
 
 
 def name_processor(device) -> tuple[str, ...]:
-    """Name the processor as this PoCL's library does; the compile options that keep its cache apart by that name.
+    """Replace the CPU's name in PoCL; return compile options that keep PoCL's cache entries for that name apart.
 
-    Safe to call again: what was named is not "generic" any more, and the options stay the same.
+    It may be called again: the name is then no longer "generic", and the options stay the same.
     """
     given = _given_name(device)
     name = os.environ.get(VARIABLE) or processor_name()
@@ -56,14 +57,14 @@ def name_processor(device) -> tuple[str, ...]:
         if _within(word.value, len(old), readable) and ctypes.string_at(word.value, len(old)) == old:
             libc = ctypes.CDLL(None)
             libc.strdup.restype = ctypes.c_void_p
-            word.value = libc.strdup(name.encode())  # PoCL keeps the pointer for the process's life
+            word.value = libc.strdup(name.encode())  # PoCL keeps the pointer until the process ends
             break
-    # PoCL's cache goes by source, options and the name given: the other name makes it one of this kind of processor.
+    # PoCL's cache is keyed by source, options and the original name: the option adds the new name to the key.
     return ("-DPROCESSOR_" + re.sub(r"\W", "_", name),)
 
 
 def workaround(device, options: tuple[str, ...]) -> str:
-    """What `name_processor` did to a device, by the options that it gave, in words; empty where nothing is amiss."""
+    """Describe what `name_processor`, which returned `options`, did to a device; empty if nothing was needed."""
     given = _given_name(device)
     asked = os.environ.get(VARIABLE)
     if not given or (given != UNKNOWN and not options):
@@ -83,7 +84,7 @@ def workaround(device, options: tuple[str, ...]) -> str:
 
 
 def processor_name() -> str:
-    """The best of PROCESSORS that this one can do, as LLVM names it."""
+    """Return the best of PROCESSORS whose instructions this CPU has, by LLVM's name."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as text:
             flags = next((set(line.split(":", 1)[1].split()) for line in text if line.startswith("flags")), set())
@@ -96,7 +97,7 @@ def processor_name() -> str:
 
 
 def _given_name(device) -> str:
-    """What PoCL 3.0 calls the processor, where it may better be called otherwise; empty elsewhere."""
+    """Return PoCL 3.0's name of the CPU if it should be replaced, else an empty string."""
     if not (sys.platform == "linux" and platform.machine() == "x86_64" and "PoCL 3.0" in device.platform.version):
         return ""
     name: str = device.version.rpartition("x86_64-unknown-linux-gnu-")[2].strip()

@@ -1,8 +1,8 @@
-"""From the OpenCL C sources to built programs: found, expanded, specialised by options, built once.
+"""Build programs from the OpenCL C sources: find, expand, specialise by options, and build each once.
 
-Programs are kept in memory with their session and on disk across processes: PoCL and NVIDIA's driver keep what they
-built by source and options, for other drivers PyOpenCL does. Headers are written into the source before it is built, so
-a changed header changes the source and is never missed.
+Programs are cached in memory with their session and on disk across processes: PoCL and NVIDIA's driver cache them by
+source and options, for other drivers PyOpenCL does. Headers are inserted in the source before it is built, so that a
+changed header changes the source and the cache is never stale.
 """
 
 import re
@@ -19,18 +19,18 @@ from .session import Session
 # Work-items of a work-group. Global sizes are rounded up to whole groups, and kernels test `ray < ray_count`.
 WORK_GROUP = 64
 
-# What every kernel is built with: no warnings, whose number PoCL would print past any Python stream, and nothing that
-# relaxes the arithmetic, since compensated sums would be optimised away. Kernels are built for the work-group's size.
+# Options of every kernel: no warnings, because PoCL would print their number past any Python stream, and nothing that
+# relaxes the arithmetic, because compensated sums would be optimised away. Kernels are built for the work-group's size.
 BASE_OPTIONS = ("-cl-std=CL1.2", "-w", f"-DWORK_GROUP={WORK_GROUP}")
-# Seconds after which the package's own sources are looked at again.
+# Seconds after which the package's own sources are checked for changes again.
 LOOKED = 1.0
-# The names that an option may have; in C they and the options are upper-case with underscores.
+# The values of the options that have names; in C, values and options are upper-case with underscores.
 OPTION_VALUES = {name: option.choices for name, option in OPTIONS.items() if isinstance(option.choices, tuple)}
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"\n]+)"[ \t]*(?://.*)?$')
 
 
 def kernel_folder() -> Path:
-    """The folder of the OpenCL C sources: in an installed package, or beside it in a checkout.
+    """Return the folder of the OpenCL C sources: in an installed package, or beside it in a checkout.
 
     Raises:
         RuntimeError: They are in neither place.
@@ -47,14 +47,13 @@ def kernel_folder() -> Path:
 
 
 def expand(kernel_file: str, folder: Path | None = None) -> str:
-    """A kernel's source with every `#include "..."` written in place, each header once.
+    """Return a kernel's source with every `#include "..."` replaced by the header, each header once.
 
-    Headers are looked for in `include/` and in the folder itself, then among those of headers.py; `#line` directives
-    keep the compiler's messages on file and line of the original. An include stands for itself: not inside an #if that
-    does not always hold.
+    Headers are searched in `include/` and in the folder itself, then among those of headers.py; `#line` directives make
+    the compiler's messages refer to file and line of the original. An include must not be inside a conditional #if.
 
     Raises:
-        RuntimeError: A source or header that is not there, by name and by the line that asked for it.
+        RuntimeError: A source or header does not exist; the message has its name and the line that includes it.
     """
     folder = kernel_folder() if folder is None else folder
     lines: list[str] = []
@@ -78,7 +77,7 @@ def _expand(folder: Path, name: str, source: list[str], seen: set[str], lines: l
 
 
 def _header(folder: Path, name: str, asked: str) -> tuple[str, list[str]]:
-    """The place of a header below the folder, and its lines; one that is made from Python is in no place."""
+    """Return the path of a header below the folder (its name for a header generated from Python), and its lines."""
     places = (f"include/{name}", name)
     for place in places:
         if (folder / place).is_file():
@@ -96,14 +95,14 @@ def _read(path: Path, asked: str) -> list[str]:
 
 
 def build_options(*, precision: str = "float32", **chosen: str | int) -> tuple[str, ...]:
-    """The compile options of one kind of scene: the only place where they are made.
+    """Return the compile options of one kind of scene; no other function makes them.
 
     Args:
         precision: "float32" or "float64".
-        chosen: Names or numbers for OPTIONS in layout.py, by name; the others have their defaults.
+        chosen: Names or numbers for OPTIONS in layout.py, by name; other options have their defaults.
 
     Raises:
-        ValueError: A name that is not known.
+        ValueError: An unknown option or value.
     """
     if precision not in REAL_TYPES:
         raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
@@ -129,27 +128,27 @@ def is_processor(session: Session) -> bool:
 
 
 def lane_count(session: Session, precision: str) -> int:
-    """Rays to a work-item of leapfrog: what fills a CPU's vectors; on a GPU each lane is a work-item of its own."""
+    """Return the rays per work-item of leapfrog: on a CPU as many as fill its vectors, on a GPU one."""
     if not is_processor(session):
         return 1
     return 16 if precision == "float32" else 8
 
 
 def build(session: Session, kernel_file: str, options: Iterable[str] = (), folder: Path | None = None):
-    """The built program of a source file; thread-safe, and built once for a session, a source and its options.
+    """Return the built program of a source file, built once for a session, a source and its options; thread-safe.
 
     Args:
         session: An open device.
         kernel_file: Name of the source in the folder.
         options: See `build_options`.
-        folder: Where sources are; None takes `kernel_folder()`.
+        folder: The folder of the sources; None for `kernel_folder()`.
 
     Returns:
-        A pyopencl.Program. Make a kernel of your own by `pyopencl.Kernel(program, name)`: a kernel holds its
-        arguments, so it is not to be shared between threads.
+        A pyopencl.Program. Make one kernel per thread with `pyopencl.Kernel(program, name)`: a kernel stores its
+        arguments, so threads must not share it.
 
     Raises:
-        RuntimeError: The source is not there or does not build; with the compiler's messages and the options.
+        RuntimeError: The source does not exist or does not build; with the compiler's messages and the options.
     """
     options = (*BASE_OPTIONS, *options, *session.options)
     if is_processor(session):
@@ -167,7 +166,7 @@ def build(session: Session, kernel_file: str, options: Iterable[str] = (), folde
 
 
 def _own_sources(session: Session) -> tuple[Path, tuple]:
-    """The package's own folder and its stamp, LOOKED seconds old at most: to look takes as long as some rays do."""
+    """Return the package's folder and its stamp, at most LOOKED seconds old: to read it may take as long as a trace."""
     now = time.monotonic()
     if not session.looked or now - session.looked["when"] > LOOKED:
         folder = kernel_folder()
@@ -177,7 +176,7 @@ def _own_sources(session: Session) -> tuple[Path, tuple]:
 
 
 def _stamp(folder: Path) -> tuple:
-    """What changes when a source changes, so that a running process notices too."""
+    """Return a value that changes when a source changes, so that a running process notices the change."""
     files = [*folder.glob("*.cl"), *folder.glob("include/*.h")]
     return tuple(sorted((path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in files))
 
@@ -185,14 +184,14 @@ def _stamp(folder: Path) -> tuple:
 def _build(session: Session, kernel_file: str, source: str, options: list[str]):
     cl = import_pyopencl()
     with warnings.catch_warnings():
-        # What a compiler says of a program that it does build is no news to users.
+        # A compiler's remarks about a program that builds do not concern users.
         warnings.simplefilter("ignore", cl.CompilerWarning)
         try:
             try:
                 return cl.Program(session.context, source).build(options)
             except (cl.Error, cl.RuntimeError):
                 raise
-            except Exception:  # what PyOpenCL keeps on disk cannot be written, or is damaged: build without it
+            except Exception:  # PyOpenCL's cache on disk cannot be written, or is damaged: build without it
                 return cl.Program(session.context, source).build(options, cache_dir=False)
         except (cl.Error, cl.RuntimeError) as error:
             raise RuntimeError(

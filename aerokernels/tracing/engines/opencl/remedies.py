@@ -1,4 +1,4 @@
-"""What to do where OpenCL has no platform, or a platform no device."""
+"""Remedies for an OpenCL without platforms, and for a platform without devices."""
 
 import os
 
@@ -6,14 +6,14 @@ POCL = "Portable Computing Language"
 
 
 def why_no_devices(title: str) -> str:
-    """What a platform without devices may lack."""
+    """Return the remedy for a platform without devices."""
     if POCL in title:
         return "it needs a folder to write to for its cache: set POCL_CACHE_DIR to one"
     return "for a GPU, check that its driver is loaded"
 
 
 def no_platform() -> str:
-    """What to do where OpenCL has no platform."""
+    """Return the message for an OpenCL without platforms, with the remedy."""
     message = (
         "pyopencl is installed but finds no OpenCL platform: pip install 'pyopencl[pocl]' brings one for CPUs "
         "(64-bit Linux on x86), or install your device's OpenCL driver (on Debian and Ubuntu pocl-opencl-icd for CPUs)"

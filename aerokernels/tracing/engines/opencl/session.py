@@ -1,4 +1,4 @@
-"""An open device of OpenCL, and what is kept for as long as it is."""
+"""An open OpenCL device, with the objects that are cached as long as it is open."""
 
 import threading
 from dataclasses import dataclass, field
@@ -8,10 +8,21 @@ from typing import Any
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """An open device: its context, its first queue (in order), sources read and programs built for it, those launched.
+    """An open device.
 
-    `looked` is when the package's sources were looked at and what was found, `kernels` those that nobody uses, by
-    program and name.
+    Attributes:
+        name: Name of the device.
+        device: PyOpenCL's device.
+        context: Its context.
+        first_queue: Its first queue, in order.
+        options: Compile options that the device needs.
+        sources: Expanded sources, by file, folder and stamp.
+        programs: Built programs, by source and options.
+        launched: Programs that have been launched.
+        looked: When the package's sources were last checked, and their folder and stamp.
+        kernels: Kernels that are out of use, by program and name.
+        lock: Held while a program is built.
+        own: The queue of each thread, on a CPU.
     """
 
     name: str
@@ -29,9 +40,9 @@ class Session:
 
     @property
     def queue(self) -> Any:
-        """A queue, in order: on a processor the thread's own, so that no thread waits for what others have launched.
+        """A queue, in order: on a CPU each thread's own, so that no thread waits for the launches of others.
 
-        What one thread launches there has ended before another one is given what it made: see `Engine.settle`.
+        Before a thread passes results to another thread, it waits for its launches: see `Engine.settle`.
         """
         if self.pool is not None:
             return self.first_queue
@@ -43,7 +54,7 @@ class Session:
 
     @cached_property
     def pool(self) -> Any:
-        """Memory of a GPU that is used again, since it takes longer to get than rays to trace; None on a processor."""
+        """Pool of GPU memory, because an allocation takes longer than tracing some rays; None on a CPU."""
         import pyopencl as cl
 
         if not self.device.type & cl.device_type.GPU:

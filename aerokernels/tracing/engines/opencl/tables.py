@@ -1,4 +1,4 @@
-"""Tables for leapfrog samples in two dimensions: all that a lookup takes side by side (kernels/include/cell.h)."""
+"""Tables for leapfrog samples in two dimensions, with contiguous data for each lookup (kernels/include/cell.h)."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -7,27 +7,27 @@ import numpy as np
 
 from ....medium import IndexField
 
-# Numbers in such a table.
+# Greatest count of numbers in a table.
 MOST_PACKED = 1 << 27
-# Six times the coefficients of the powers of a cell's fraction in the weights of its four spline coefficients, by power
-# and weight.
+# The weights of a cell's four spline coefficients as polynomials of the fraction of the cell: six times their
+# coefficients, by power and weight.
 SPLINE_POWERS = ((1, 4, 1, 0), (-3, 0, 3, 0), (3, -6, 3, 0), (-1, 3, -3, 1))
 
 
 def may_be_packed(field: IndexField, kind: type, most_bytes: int) -> bool:
-    """Whether a uniform cubic grid has a table, `cell_polynomials`; not a volume, whose would be too large."""
+    """Whether a uniform cubic grid gets a table of `cell_polynomials`; for a volume it would be too large."""
     size = int(np.prod(field.samples.coefficient_shape)) * 16
     return field.geometry != "volume" and size <= MOST_PACKED and size * np.dtype(kind).itemsize <= most_bytes
 
 
 def cell_polynomials(coefficients: np.ndarray, kind: type) -> np.ndarray:
-    """The polynomial in each cell of a spline in two dimensions, flat, shape (16 n,) for n spline coefficients.
+    """Return the polynomial in each cell of a spline in two dimensions, flat, shape (16 n,) for n spline coefficients.
 
-    Entry 16 e + 4 i + j belongs to the i-th power of the fraction along the first axis and the j-th along the second,
-    in the cell whose 4 x 4 coefficients begin with coefficient e; zeros where no cell begins.
+    Entry 16 e + 4 i + j is the coefficient of the i-th power of the fraction along the first axis and the j-th along
+    the second, in the cell whose 4 x 4 coefficients begin with coefficient e; zero if no cell begins there.
     """
     rows, columns = (count - 3 for count in coefficients.shape)
-    # Plane by plane, and side by side at the end: numbers that are far apart in memory take longer to write.
+    # Fill plane by plane and interleave at the end, because scattered writes are slower.
     planes = np.empty((4, 4, rows, columns), dtype=kind)
     for second, along in enumerate(_by_powers(coefficients.T)):
         for first, values in enumerate(_by_powers(along.T)):
@@ -38,7 +38,7 @@ def cell_polynomials(coefficients: np.ndarray, kind: type) -> np.ndarray:
 
 
 def _by_powers(values: np.ndarray) -> Iterator[np.ndarray]:
-    """For each power of the fraction along the first axis, the sum of four values in a row under their weights."""
+    """Yield, for each power of the fraction along the first axis, the weighted sum of four consecutive values."""
     cells = len(values) - 3
     times = {size: values * (size / 6.0) for size in (1, 3, 4, 6)}
     for weights in SPLINE_POWERS:

@@ -1,4 +1,4 @@
-"""Copies to and from an OpenCL device that are made again and again, without waiting where none is needed."""
+"""Repeated copies to and from an OpenCL device, which wait only if necessary."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,23 +10,23 @@ import pyopencl as cl
 
 @dataclass(eq=False)
 class Sent:
-    """An array and its buffer, which lie in the same memory where there is no queue; see interface.py."""
+    """An array and its buffer, which share memory if there is no queue; see interface.py."""
 
     queue: Any
     array: np.ndarray
     buffer: Any
 
     def send(self) -> None:
-        """Start to copy it: the queue is in order."""
+        """Start the upload; the queue is in order, so later launches see it."""
         if self.queue is not None:
             cl.enqueue_copy(self.queue, self.buffer, self.array, is_blocking=False)
 
 
 class Fetched:
-    """Buffers and their arrays, which are read as one; see interface.py."""
+    """Buffers and the host arrays that receive them, read in a single copy; see interface.py."""
 
     def __init__(self, session: Any, buffers: Sequence[Any], arrays: Sequence[np.ndarray], empty: Callable[[int], Any]):
-        """`empty` makes the buffer of so many bytes in which the others are put side by side."""
+        """Take the buffers; `empty` allocates a buffer of so many bytes, in which they are joined."""
         self.session, self.buffers = session, buffers
         sizes = [array.nbytes for array in arrays]
         self.starts = [-(-sum(sizes[:number]) // 8) * 8 for number in range(len(sizes))]
@@ -38,7 +38,7 @@ class Fetched:
         ]
 
     def start(self) -> None:
-        """Put them side by side: to read each on its own, the driver waits for the device each time."""
+        """Join the buffers on the device: in separate reads, the driver would wait for the device each time."""
         if self.joined is self.buffers[0]:
             return
         for buffer, start, array in zip(self.buffers, self.starts, self.arrays, strict=True):
@@ -47,6 +47,6 @@ class Fetched:
             )
 
     def wait(self) -> Sequence[np.ndarray]:
-        """The arrays."""
+        """Read the joined buffer, and return the arrays."""
         cl.enqueue_copy(self.session.queue, self.bytes, self.joined, is_blocking=True)
         return self.arrays

@@ -1,1 +1,1 @@
-"""The oracle in float64 NumPy and SciPy."""
+"""The reference engine, the oracle of the kernels, in float64 NumPy and SciPy."""

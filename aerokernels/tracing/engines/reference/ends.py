@@ -1,4 +1,4 @@
-"""Both ends of the reference's rays: from the start to the field, and from where the integration ends to the stop."""
+"""Both ends of the reference engine's rays: from the start to the field, and from the last step to the stop."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from .medium import dot, plane_motion
 from .steps import EPSILON, Integrator
 from .walls import Segments, Triangles
 
-# Cosines of less than this at a stop are not divided by.
+# Never divide by a cosine at the stop that is smaller than this.
 LEAST_COSINE = 1e-3
 
 
@@ -30,7 +30,7 @@ class Walls(Segments):
         self.body = body
 
     def contains(self, place: np.ndarray) -> np.ndarray:
-        """Whether places (n, 3) lie inside the body."""
+        """Whether places (n, 3) are inside the body."""
         zero = np.zeros_like(place)
         return self.body.contains(plane_motion(place, zero, zero, self.axisymmetric)[0])
 
@@ -44,18 +44,18 @@ class SurfaceWalls(Triangles):
         self.body = body
 
     def contains(self, place: np.ndarray) -> np.ndarray:
-        """Whether places (n, 3) lie inside the body."""
+        """Whether places (n, 3) are inside the body."""
         return self.body.contains(place)
 
 
 def walls_of(body: Body | SolidBody | None) -> Walls | SurfaceWalls | None:
-    """The surface of a body, None for none."""
+    """Return the surface of a body, None without a body."""
     return None if body is None else SurfaceWalls(body) if isinstance(body, SolidBody) else Walls(body)
 
 
 @dataclass
 class Interval:
-    """The undisturbed rays: where they enter and leave the field and meet the stop [m], and their status."""
+    """The undisturbed rays: distances at which they enter and leave the field and meet the stop [m]; their status."""
 
     t_enter: np.ndarray
     t_exit: np.ndarray
@@ -103,7 +103,7 @@ class Ends:
         return np.where(missed, 1.0, near), np.where(missed, -1.0, far)
 
     def interval(self, start, heading) -> Interval:
-        """What stands in the way of the undisturbed rays."""
+        """Return the undisturbed rays as an Interval, with the status of those that end before they enter the field."""
         near, leave = self.span(start, heading)
         meets, enter = (near <= leave) & (leave >= 0.0), np.maximum(near, 0.0)
         status = np.full(len(start), RayStatus.OK, dtype=np.int64)
@@ -116,12 +116,12 @@ class Ends:
             stop = np.full(len(start), self.until.length)
         else:
             stop = leave
-            status[meets & ~np.isfinite(leave)] = RayStatus.STOP_NOT_REACHED  # along x, where a planar field has no end
+            status[meets & ~np.isfinite(leave)] = RayStatus.STOP_NOT_REACHED  # along x a planar field is infinite
         stops = has_stop & (self.until is not None)
         meets &= ~(stops & (stop <= enter))
         if self.walls is not None:
             inside = np.flatnonzero(meets)
-            # Where the body sticks out of the box, a ray may hit it on its way to the box.
+            # If the body extends beyond the box, a ray may hit the body before it reaches the box.
             hits = self.walls.first_crossing(start[inside], heading[inside], inward=True, least=0.0)[0]
             hit = (enter[inside] > 0.0) & (hits <= (1.0 + ENTRY_ROUNDING) * enter[inside])
             enter[inside[hit]] = hits[hit]
@@ -134,14 +134,14 @@ class Ends:
             stopped = stops[inside] & (stop[inside] <= enter[inside])
             meets[inside[stopped]] = False
             status[inside] = np.where(stopped, RayStatus.OK, status[inside])
-            # One that comes out where the box ends meets no air.
+            # A ray that leaves the body where the box ends meets no air.
             status[inside[~stopped & ~(out < (1.0 - ENTRY_ROUNDING) * leave[inside])]] = RayStatus.INSIDE_BODY
         if self.until is None:
             status[~meets & (status == RayStatus.OK)] = RayStatus.MISSED_FIELD
         return Interval(enter, leave, stop, has_stop, meets, status)
 
     def flight(self, start, heading, interval: Interval, cell) -> Flight:
-        """Rays at the places where they enter the field."""
+        """Return the rays at the positions where they enter the field."""
         stops = interval.has_stop & (self.until is not None)
         side = np.ones(len(start))
         cosine = np.ones(len(start))
@@ -170,7 +170,7 @@ class Ends:
         return cosine
 
     def event(self, flight: Flight, rows, along, q, tangent, force, stretch, index):
-        """The stop as a function that rises through zero [m], with rate and curvature over sigma; (n, 1) each."""
+        """The stop as a function that rises through zero [m], with its rate and curvature over sigma; (n, 1) each."""
         if isinstance(self.until, Plane):
             side, normal = flight.side[rows], self.until.normal
             line = flight.start[rows] + along[:, None] * flight.direction[rows]
@@ -184,7 +184,7 @@ class Ends:
         return value[:, None], rate[:, None], curve[:, None]
 
     def glide(self, integrator: Integrator, flight: Flight, rows) -> None:
-        """Straight flight through a gap: to a cell, the stop, the body or the end of the box."""
+        """Fly straight through a gap: to a cell, the stop, the body or the end of the box."""
         a, d = self.ambient, flight.direction[rows]
         turn = integrator.turn(d, flight.momentum[rows])
         flight.momentum[rows] = a * turn
@@ -223,7 +223,7 @@ class Ends:
     def finish(
         self, interval: Interval, rows, flight: Flight | None, turn, start, heading, straight: bool
     ) -> dict[str, np.ndarray]:
-        """The results of all rays; `rows` are those that flew, `turn` their tangent less the first direction."""
+        """Return the results of all rays; `rows` flew, and `turn` are their tangents minus the first directions."""
         count = len(start)
         along, work, stretch, error = (np.zeros(count) for _ in range(4))
         q, turned = np.zeros((count, 3)), np.zeros((count, 3))
@@ -253,7 +253,7 @@ class Ends:
             along += distance
             q += distance[:, None] * turned
         elif straight and flight is not None:
-            # The undisturbed line has met a face there; the ray, which is ahead of it or behind, flies on to a face.
+            # The undisturbed line ends on a face of the box; the ray ends beside it and flies on, or back, to the face.
             leaves = rows[flight.left]
             place = start[leaves] + along[leaves, None] * heading[leaves] + q[leaves]
             near, far = self.span(place, heading[leaves] + turned[leaves])
@@ -285,21 +285,21 @@ class Ends:
         }
 
     def distance_to_stop(self, place, tangent, arc) -> tuple[np.ndarray, np.ndarray]:
-        """How far rays outside the box have to fly straight on to the stop [m], and whether they get there."""
+        """Distance that rays outside the box have to fly straight on to the stop [m], and whether they reach it."""
         if isinstance(self.until, ArcLength):
             return self.until.length - arc, np.ones(len(place), dtype=bool)
         height, slope = (place - self.until.point) @ self.until.normal, tangent @ self.until.normal
-        # A plane on a face of the box: rounding may have put the ray behind it.
+        # If the plane is on a face of the box, rounding may have put the ray behind the plane.
         close = np.abs(height) <= 64.0 * EPSILON * (self.extent + np.abs(place).max(axis=1))
         reaches = (height * slope < 0.0) | close
         distance = np.where(slope != 0.0, -height / np.where(slope != 0.0, slope, 1.0), 0.0)
         return np.where(close & (np.abs(slope) < LEAST_COSINE), 0.0, distance), reaches
 
     def further(self, stop, start, heading, q, difference) -> np.ndarray:
-        """How much further along its first direction each ray ends than undisturbed, from its deviation q [m].
+        """How much further along its first direction each ray ends than the undisturbed ray, from its deviation q [m].
 
-        `difference` is that of the two distances, which has lost digits; it stands where the ray ends on another
-        face than the undisturbed one, or where that is met too obliquely.
+        `difference` is the difference of the two distances, which has lost digits. It is returned for a ray that ends
+        on another face than the undisturbed ray, or meets that face too obliquely.
         """
         best = difference.copy()
         if isinstance(self.until, Plane):
@@ -327,6 +327,6 @@ class Ends:
 
 
 def _take(best, on, share, rate) -> None:
-    """Put share / rate where it is to be taken and the rate is no mere rounding."""
+    """Set `best` to share / rate where `on` holds and the rate is more than rounding."""
     good = on & (np.abs(rate) > LEAST_COSINE)
     best[good] = share[good] / rate[good]

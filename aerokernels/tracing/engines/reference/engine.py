@@ -1,9 +1,9 @@
-r"""The oracle: whole bundles in float64 NumPy, written to be read, sharing no formula with the kernels.
+r"""The reference engine: traces whole bundles in float64 NumPy, for readability and without formulas of the kernels.
 
-"adaptive" and "straight" integrate by steps.py, DOP853 within one smooth piece of the field after the other,
-to the tolerance asked for and never more loosely than TIGHTEST. "fixed" and "paper" take the steps of their rule by
-rule.py. `step_error` is the sum of what the embedded formulae say of each step, grown by its lever to the
-stop, and of rounding.
+"adaptive" and "straight" integrate with steps.py: DOP853 within one smooth piece of the field after another, to the
+requested tolerance, at most TIGHTEST. "fixed" and "paper" take the steps of their rule with rule.py. `step_error` is
+the sum over the steps of the errors by the embedded formulas, multiplied by their lever arms to the stop, and of
+rounding.
 """
 
 import numpy as np
@@ -19,13 +19,13 @@ from .mesh import MeshAir
 from .rule import march
 from .steps import Integrator
 
-# The laxest tolerance that is taken [waves], and the share of it that the steps may use up.
+# The greatest tolerance with which it integrates [waves], and the share of the tolerance that the steps may use.
 TIGHTEST = 1e-9
 SHARE = 0.1
 
 
 def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
-    """Trace a bundle: per-ray arrays by name."""
+    """Trace a bundle and return per-ray arrays by name."""
     start, heading = np.array(rays.position), np.array(rays.direction)
     ends = Ends(field, until)
     interval = ends.interval(start, heading)

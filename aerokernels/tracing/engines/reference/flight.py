@@ -1,4 +1,4 @@
-"""The rays of the reference on their way, and where a parabola first meets a surface."""
+"""The state of the reference engine's rays in flight, and where a parabola first meets a surface."""
 
 from dataclasses import dataclass, field
 
@@ -7,12 +7,13 @@ import numpy as np
 
 @dataclass
 class Flight:
-    """Rays on their way; one entry for each.
+    """The state of rays in flight, one entry per ray.
 
-    Attributes: start [m], direction, and side (the sign of what is before the plane), which stay; along t [m], q [m],
-    momentum P, work W [m], stretch S [m], cell; lever [m] and gain, by which errors of direction and of place grow into
-    the optical path; error [m], steps, evaluations; stopped (at the user's stop), left (the box), hit (the body),
-    failed (not finite), spent (all its steps).
+    Constant: start [m], direction, side (1 or -1, so that side times the distance from the stop plane is negative
+    before the plane). State: along t [m], q [m], momentum P, work W [m], stretch S [m], cell. Errors: lever_arm [m] and
+    gain, by which errors of direction and of position become errors of the optical path; error [m]. Counts: steps,
+    evaluations, attempts. Ends: stopped (at the user's stop), left (the box), hit (the body), failed (not finite),
+    spent (all steps).
     """
 
     start: np.ndarray
@@ -35,12 +36,12 @@ class Flight:
 
     @property
     def going(self) -> np.ndarray:
-        """Rays that are still on their way."""
+        """Numbers of the rays that are still in flight."""
         return np.flatnonzero(~(self.stopped | self.left | self.hit | self.failed | self.spent))
 
 
 def rising_root(v0, v1, v2, tolerance) -> np.ndarray:
-    """The first h >= 0 at which v0 + v1 h + v2 h^2 rises through zero; inf where it does not, 0 where it is above."""
+    """Return the first h >= 0 at which v0 + v1 h + v2 h^2 rises through zero; inf if it does not, 0 if it is above."""
     known = np.isfinite(v0)
     v0 = np.where(known, v0, -1.0)
     disc = v1 * v1 - 4.0 * v2 * v0
@@ -50,7 +51,7 @@ def rising_root(v0, v1, v2, tolerance) -> np.ndarray:
         back = np.where(v2 > 0.0, (rest - v1) / (2.0 * v2), np.inf)
         root = np.where(v1 >= 0.0, forward, back)
     root = np.where(disc < 0.0, np.inf, root)
-    # Above by rounding only, and on the way in: not outside.
+    # A ray that is above only by rounding and moves inward is not outside.
     above = (v0 >= 0.0) & ((v1 > 0.0) | ((v1 == 0.0) & (v2 > 0.0)) | ((v0 > tolerance) & (disc < 0.0)))
     root = np.where(above, 0.0, root)
     return np.where(known, np.maximum(root, 0.0), np.inf)

@@ -1,15 +1,15 @@
-"""A field as the reference integrator sees it: one smooth piece at a time, evaluated for a whole bundle in float64.
+"""A uniform grid for the reference integrator: one smooth piece at a time, evaluated for a whole bundle in float64.
 
-An interpolant is a polynomial in every cell, and only there. A `Frame` holds, for each ray of a bundle, the cell that
-the ray is in and the place from which its step starts; it evaluates that cell's piece, continued analytically where a
-stage of the step leaves the cell, and tells how far the ray is from the faces of the cell. The integrator ends its
-steps on the faces, so that no step ever crosses a jump of any derivative.
+An interpolant is a polynomial in every cell, and only there. A frame has, for each ray of a bundle, the cell of the ray
+and the place from which its step starts. It evaluates the polynomial of that cell, continued analytically if a stage of
+the step leaves the cell, and returns the distances from the faces of the cell. The integrator ends its steps on the
+faces, so that no step crosses a jump of any derivative.
 
-Places within a step are kept as differences from its start: a fraction of a cell then keeps all its digits.
+Places within a step are differences from its start, so that a fraction of a cell keeps all its digits.
 
 Arrays: `place` (n, 3) [m]; `tangent` T = n dr/ds and `force` dT/d sigma = grad s, both (n, 3); `cell` (n, axes), whole
-numbers. Faces are numbered 2 k (low) and 2 k + 1 (high) along local axis k. On the axis of symmetry the low radial face
-is the closest approach to the axis instead, where a function of the radius has its kink.
+numbers. Faces are numbered 2 k (low) and 2 k + 1 (high) along local axis k. At the axis of symmetry the low radial face
+is replaced by the closest approach to the axis, where a function of the radius has its kink.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ from ....medium import IndexField
 from ....medium.grid import AXIS_CORE
 from ....medium.spline import STRIDE, SUPPORT, weights
 
-# Share of a cell by which a ray may be on a face when its cell is looked up: then its direction decides.
+# A ray within this share of a cell from a face counts as on the face when its cell is searched: its direction decides.
 ON_FACE = 1e-9
 
 
@@ -50,7 +50,7 @@ def outward(place) -> np.ndarray:
 
 
 def approach(place, tangent, force) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """How far behind its closest approach to the axis a ray is [m], with rate and curvature; -inf along the axis."""
+    """Distance of a ray behind its closest approach to the axis [m], with rate and curvature; -inf along the axis."""
     square = dot(tangent[:, :2], tangent[:, :2])
     speed = np.sqrt(np.where(square > 0.0, square, 1.0))
     value = np.where(square > 0.0, dot(place[:, :2], tangent[:, :2]) / speed, -np.inf)
@@ -59,7 +59,7 @@ def approach(place, tangent, force) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def radius_increment(place, delta) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Radius [m] at place and at place + delta, and their difference to all its digits."""
+    """Radius [m] at place and at place + delta, and their difference without cancellation."""
     before = np.hypot(place[:, 0], place[:, 1])
     after = np.hypot(place[:, 0] + delta[:, 0], place[:, 1] + delta[:, 1])
     both = before + after
@@ -78,7 +78,7 @@ class GridAir:
         self.interpolation = samples.interpolation
         self.low, self.spacing = samples.origin, samples.spacing
         self.axes = samples.samples.ndim
-        # Edges of the cells along each axis, in spacings, and the row of samples that each cell belongs to.
+        # Edges of the cells along each axis, in spacings, and the row of samples to which each cell belongs.
         self.edges = [np.arange(n, dtype=np.float64) for n in samples.shape]
         self.core = AXIS_CORE * self.spacing[0] if self.axisymmetric and self.interpolation == "linear" else 0.0
         if self.core > 0.0:
@@ -96,7 +96,7 @@ class GridAir:
         self.axis_is_kink = False  # even in r, or rounded off
         self.jumps = False
         self.size = float(self.spacing.min())
-        # What forces are sums and differences of [1/m]: their rounding is a share of it, however small they are.
+        # Size of the terms of which forces are sums and differences [1/m]: the rounding of a force is a share of it.
         self.force_scale = float(np.abs(self.coefficients).max()) / self.size
 
     def local(self, place, tangent) -> tuple[np.ndarray, np.ndarray]:
@@ -108,7 +108,7 @@ class GridAir:
         return (there - self.low) / self.spacing, velocity
 
     def cell_at(self, place, tangent) -> np.ndarray:
-        """The cell that a ray is in, or goes into where it is on a face."""
+        """The cell of a ray; for a ray on a face, the cell that it enters."""
         there, velocity = self.local(place, tangent)
         cell = np.empty(there.shape, dtype=np.int64)
         for k, edges in enumerate(self.edges):
@@ -121,7 +121,7 @@ class GridAir:
         return np.zeros(len(cell), dtype=bool)
 
     def cross(self, cell, face, place, tangent) -> tuple[np.ndarray, np.ndarray]:
-        """The cells behind faces, and which rays have left the grid by them."""
+        """The cells behind faces, and which rays have left the grid through them."""
         axis, step = face // 2, 2 * (face % 2) - 1
         rows = np.arange(len(cell))
         after = cell.copy()
@@ -139,12 +139,12 @@ class GridAir:
         return np.where((face < 2)[:, None], outward(place), [0.0, 0.0, 1.0])
 
     def frame(self, cell, place) -> "GridFrame":
-        """The pieces of these cells, seen from these places."""
+        """The pieces of the interpolant in these cells, relative to these places."""
         return GridFrame(self, cell, place)
 
 
 class GridFrame:
-    """The cells of a grid that a bundle is in."""
+    """The cells of a grid in which the rays of a bundle are."""
 
     def __init__(self, air: GridAir, cell, place):
         """Gather the coefficients of the cells."""
@@ -186,7 +186,7 @@ class GridFrame:
         return _under(along, value[:, 0]), np.concatenate([outward * first[:, None], second[:, None]], axis=1)
 
     def faces(self, delta, tangent, force) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """How far outside each face [m], its rate and its curvature over sigma, each (n, face_count)."""
+        """Distance outside each face [m], its rate and its curvature over sigma, each (n, face_count)."""
         air = self.air
         shape = (len(delta), air.face_count)
         value, rate, curve = np.empty(shape), np.empty(shape), np.empty(shape)
@@ -205,7 +205,7 @@ class GridFrame:
         return value, rate, curve
 
     def _cylinders(self, low, high, delta, tangent, force, value, rate, curve) -> None:
-        """The radial faces, as the quadratic functions of a straight ray that they are."""
+        """Fill in the radial faces, which are quadratic functions along a straight ray."""
         air = self.air
         there = self.place + delta
         radius = np.hypot(there[:, 0], there[:, 1])
@@ -233,7 +233,7 @@ class GridFrame:
 
 
 def _under(array: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """The sum over the last axis but one, which the weights (support, n) belong to; rays are the last axis."""
+    """Return the sum over the last axis but one with the weights (support, n); rays are the last axis."""
     total = array[..., 0, :] * weight[0]
     for k in range(1, len(weight)):
         total = total + array[..., k, :] * weight[k]

@@ -1,6 +1,6 @@
-"""A quadrilateral mesh as the reference integrator sees it (see engines/reference/medium.py), with the gaps around it.
+"""A quadrilateral mesh for the reference integrator (see engines/reference/medium.py), with the gaps around it.
 
-Outside all cells the index is ambient: there a ray flies straight to where it next enters a cell or leaves the box.
+Outside all cells the index is ambient: a ray flies straight to where it next enters a cell or leaves the box.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ from ....medium.mesh_samples import inverse_distance_weights
 from .medium import approach, dot, outward, plane_motion
 from .walls import Segments
 
-# Share of a cell's size that a place is moved ahead to find the cell behind an edge.
+# Share of a cell's size by which a place is moved ahead to find the cell behind an edge.
 AHEAD = 1e-7
 NEWTON_STEPS = 30
 
@@ -19,12 +19,12 @@ class MeshAir:
     """A mesh."""
 
     def __init__(self, field: IndexField):
-        """Find the rim."""
+        """Find the rim, the edges without a neighbour."""
         samples, mesh = field.samples, field.samples.mesh
         self.samples, self.mesh, self.ambient = samples, mesh, field.ambient_index
         self.interpolation = samples.interpolation
         self.axisymmetric = field.geometry == "axisymmetric"
-        self.jumps = self.interpolation == "cells"  # from cell to cell
+        self.jumps = self.interpolation == "cells"  # the index jumps from cell to cell
         # The slope along the radius need not vanish on the axis.
         self.axis_is_kink = self.axisymmetric and not self.jumps
         self.face_count = 5 if self.axisymmetric else 4
@@ -33,7 +33,7 @@ class MeshAir:
         # Edges without a neighbour: the rim, and both sides of a seam.
         cell, edge = np.nonzero(mesh.neighbors < 0)
         corners = mesh.corners
-        # An edge on the axis of symmetry is no edge: rays go on beyond it.
+        # An edge on the axis of symmetry is not an end of the mesh: rays go on beyond it.
         self.on_axis = (corners[..., 0] == 0.0) & (np.roll(corners[..., 0], -1, axis=1) == 0.0) & self.axisymmetric
         keep = ~self.on_axis[cell, edge]
         cell, edge = cell[keep], edge[keep]
@@ -41,7 +41,7 @@ class MeshAir:
         self.rim_cell = cell
 
     def cell_at(self, place, tangent) -> np.ndarray:
-        """The cell that a ray is in, or goes into where it is on an edge; -1 in a gap."""
+        """The cell of a ray; for a ray on an edge, the cell that it enters; -1 in a gap."""
         there, velocity, _ = plane_motion(place, tangent, np.zeros_like(place), self.axisymmetric)
         speed = np.linalg.norm(velocity, axis=1)
         ahead = velocity / np.where(speed > 0.0, speed, 1.0)[:, None]
@@ -54,9 +54,9 @@ class MeshAir:
         return cell[:, 0] < 0
 
     def cross(self, cell, face, place, tangent) -> tuple[np.ndarray, np.ndarray]:
-        """The cells behind edges (-1: a gap); rays leave a mesh's box through gaps only."""
+        """The cells behind edges (-1: a gap), and which rays leave the box: none, they leave it through gaps only."""
         after = cell.copy()
-        edge = face < 4  # the last is the closest approach to the axis
+        edge = face < 4  # the last face is the closest approach to the axis
         after[edge, 0] = self.mesh.neighbors[cell[edge, 0], face[edge]]
         lost = np.flatnonzero(after[:, 0] < 0)
         if len(lost):
@@ -78,12 +78,12 @@ class MeshAir:
         return np.maximum(distance, 0.0), self.rim_cell[which][:, None]
 
     def frame(self, cell, place) -> "MeshFrame":
-        """The pieces of these cells, seen from these places."""
+        """The pieces of the interpolant in these cells, relative to these places."""
         return MeshFrame(self, cell[:, 0], place)
 
 
 class MeshFrame:
-    """The cells of a mesh that a bundle is in."""
+    """The cells of a mesh in which the rays of a bundle are."""
 
     def __init__(self, air: MeshAir, cell, place):
         """Gather corners and values of the cells."""
@@ -131,7 +131,7 @@ class MeshFrame:
         return potential, np.concatenate([outward * force[:, :1], force[:, 1:]], axis=1)
 
     def _bilinear(self, point) -> tuple[np.ndarray, np.ndarray]:
-        """Contrast and its gradient in the plane: the inverse of the bilinear map by Newton, from where it last was."""
+        """Contrast and its gradient in the plane: inverts the bilinear map by Newton, starting at the last solution."""
         b, c, d = (self.corners[:, k] for k in (1, 2, 3))
         twist = c - b - d
         xi, eta = self.local[:, :1], self.local[:, 1:]
@@ -142,7 +142,7 @@ class MeshFrame:
             step = (miss[:, :1] * across[:, 1:] - miss[:, 1:] * across[:, :1]) / determinant
             lift = (along[:, :1] * miss[:, 1:] - along[:, 1:] * miss[:, :1]) / determinant
             xi, eta = np.clip(xi + step, -0.5, 1.5), np.clip(eta + lift, -0.5, 1.5)
-            if max(np.abs(step).max(initial=0.0), np.abs(lift).max(initial=0.0)) < 1e-9:  # the next one is rounding
+            if max(np.abs(step).max(initial=0.0), np.abs(lift).max(initial=0.0)) < 1e-9:  # the next would be rounding
                 break
         self.local = np.concatenate([xi, eta], axis=1)
         along, across = b + eta * twist, d + xi * twist
@@ -158,7 +158,7 @@ class MeshFrame:
         return contrast[:, 0], np.concatenate([first, second], axis=1)
 
     def faces(self, delta, tangent, force) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """How far outside each edge [m], its rate and its curvature over sigma, each (n, face_count)."""
+        """Distance outside each edge [m], its rate and its curvature over sigma, each (n, face_count)."""
         air = self.air
         shape = (len(delta), air.face_count)
         value, rate, curve = np.empty(shape), np.empty(shape), np.empty(shape)

@@ -1,4 +1,4 @@
-"""A pupil by the reference backend: the sums of the other backends' kernels, in NumPy."""
+"""Trace a pupil with the reference backend and form the sums of the other backends' kernels in NumPy."""
 
 import numpy as np
 
@@ -11,14 +11,14 @@ from ...trace import run_plan
 
 
 class PupilRun:
-    """A pupil, to be traced any number of times; its points are those of `RayBundle.collimated`, a seed a replicate."""
+    """A pupil that can be traced repeatedly; its points are those of `RayBundle.collimated`, one seed per replicate."""
 
     def __init__(self, task: PupilTask):
-        """Nothing is to be made ready."""
+        """Take the task; nothing needs preparation."""
         self.task = task
 
     def __call__(self, seed: int) -> PupilSums:
-        """Trace and sum."""
+        """Trace the rays of every replicate, and return their sums."""
         task = self.task
         moments = np.zeros((task.replicates, MOMENT_COUNT))
         kept = []
@@ -36,7 +36,7 @@ class PupilRun:
             evaluations = arrays["evaluation_count"].sum()
             moments[replicate] = [*(share @ term for term in terms), worst, evaluations, *of_square]
             kept.append((x, y, share, opd))
-        # Phases from the mean on: what is left of them is small, and so is their rounding.
+        # Phases are relative to the fitted surface: they are small, and so is their rounding.
         height, right, up, focus = fit_surface(moments, task.terms)
         wave = 2j * np.pi / task.wavelength
         phasors = [

@@ -1,9 +1,9 @@
-"""The reference's "fixed" and "paper": steps of a rule, by the pair of tableau.py, for a whole bundle.
+"""The methods "fixed" and "paper" of the reference engine: steps by a rule, with the pair of tableau.py.
 
-State (r, T, optical path, arc length) as it is, not in deviation; the momentum is brought back to |T| = n after each
-step where index and gradient are one interpolant's. The last step is shortened by bisection until it ends on the stop
-or on a face of the box. `lag` sums the index less the momentum along the first direction, by which the deviation along
-it is better known than from the steps' own.
+The state (r, T, optical path, arc length) is not in deviation form. If index and gradient come from the same
+interpolant, the momentum is projected back to |T| = n after each step. The last step is shortened by bisection until it
+ends on the stop or on a face of the box. `lag` sums the index minus the momentum along the first direction, which gives
+the deviation along that direction more accurately than the positions do.
 """
 
 import numpy as np
@@ -23,19 +23,19 @@ PATH, ARC, LAG = 6, 7, 8
 
 
 def march(field: IndexField, ends: Ends, integrator: Integrator, flight: Flight, plan: TracePlan) -> np.ndarray:
-    """Take a flight to its end; its tangents less the first directions, shape (n, 3)."""
+    """Take a flight to its end; return its tangents minus the first directions, shape (n, 3)."""
     rule = _Rule(field, ends, flight, plan)
     rule.run()
     state, enter = rule.state, rule.enter
     ambient, heading = field.ambient_index, flight.direction
     along = state[:, ARC].copy()
     if rule.consistent_gradient:
-        # Along the first direction the deviation is the arc less the lag.
+        # Along the first direction the deviation is the arc minus the lag.
         slip = state[:, ARC] - enter - state[:, LAG] - dot(state[:, :3] - rule.origin, heading)
         slip = np.where(rule.deflection <= NEARLY_STRAIGHT, slip, 0.0)
         by_arc = flight.stopped & isinstance(ends.until, ArcLength)
         state[by_arc, :3] += slip[by_arc, None] * heading[by_arc]
-        slip = np.where(by_arc, 0.0, slip)  # elsewhere its place is right, its length is not
+        slip = np.where(by_arc, 0.0, slip)  # at other stops the position is right, and the length is corrected
         state[:, PATH] -= ambient * slip
         along = along - slip
     turn = state[:, 3:6] / np.linalg.norm(state[:, 3:6], axis=1)[:, None] - heading
@@ -60,7 +60,7 @@ class _Rule:
         self.state = np.concatenate([self.state, np.zeros((count, 1))], axis=1)
 
     def look(self, place) -> tuple[np.ndarray, np.ndarray]:
-        """Index and its gradient; the field goes on smoothly a little beyond its box for stages that leave it."""
+        """Index and its gradient; for stages beyond the box the field is extrapolated linearly."""
         field = self.field
         local = field.local_coordinates(place)
         inside = np.clip(local, field.samples.low, field.samples.high)
@@ -75,7 +75,7 @@ class _Rule:
         return self.ambient + contrast + dot(gradient, place - point), gradient
 
     def run(self) -> None:
-        """Step until every ray has ended; the last steps of all are shortened together."""
+        """Step until every ray has ended; the last steps of all rays are shortened together at the end."""
         flight, waiting = self.flight, []
         going = np.arange(len(self.state))
         while len(going):
@@ -103,7 +103,7 @@ class _Rule:
             self.land(*(np.concatenate(parts) for parts in zip(*waiting, strict=True)))
 
     def land(self, rows, index, gradient, h, over) -> None:
-        """Shorten the last steps to where they meet the stop or the box, whichever is first."""
+        """Shorten the last steps to where they meet the stop or the box, whichever comes first."""
         lengths = np.full(over.shape, np.inf)
         for column in (0, 1):
             some = np.flatnonzero(over[:, column])
@@ -125,7 +125,7 @@ class _Rule:
             return self.outside(after) if column == 0 else self.stop_value(after, rows)
 
         now = self.outside(state) if column == 0 else self.stop_value(state, rows)
-        # A step from the face by which the ray came in starts on the surface: look from just behind it.
+        # A step from the face by which the ray entered starts on the surface: begin just behind it.
         low, high = np.where(now < 0.0, 0.0, 1e-6 * h), h.copy()
         at_once = end(low) >= 0.0
         for _ in range(BISECTIONS):
@@ -135,7 +135,7 @@ class _Rule:
         return np.where(at_once, 0.0, high)
 
     def outside(self, state) -> np.ndarray:
-        """How far outside the box each ray is [m]; negative inside."""
+        """Distance of each ray outside the box [m]; negative inside."""
         place, low, high = state[:, :3], self.ends.low, self.ends.high
         if self.ends.axisymmetric:
             side = np.hypot(place[:, 0], place[:, 1]) - self.ends.radius
@@ -151,7 +151,7 @@ class _Rule:
         return np.full(len(state), -1.0)
 
     def paper_step(self, place) -> np.ndarray:
-        """Step of eq 5 in the cells that hold these places [m]."""
+        """Step of eq 5 in the cells of these places [m]."""
         samples, local = self.field.samples, self.field.local_coordinates(place)
         if not self.field.is_uniform:
             cell = samples.mesh.locate(local)
@@ -185,7 +185,7 @@ class _Rule:
 
 
 def _longitudinal_deficit(momentum, heading, index) -> np.ndarray:
-    """Index less the momentum along the first direction."""
+    """Return the index minus the momentum along the first direction, without cancellation."""
     ahead = dot(momentum, heading)
     across = momentum - ahead[:, None] * heading
     both = index + ahead

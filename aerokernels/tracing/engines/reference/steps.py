@@ -1,16 +1,17 @@
-r"""The integrator of the reference: all rays of a bundle in step, each with its own step length, DOP853 in NumPy.
+r"""The integrator of the reference engine: DOP853 in NumPy, all rays of a bundle together, each with its step length.
 
 Over sigma, d sigma = ds / n, in deviation from the undisturbed ray p + t d, with the potential s = (n^2 - a^2) / 2:
 
     q' = P,    P' = grad s(r),    W' = 2 s,    S' = n - a = 2 s / (n + a),    r = p + t d + q,    t' = a,    T = a d + P
 
-so that the optical path is a t + W and the arc length t + S, and float64 holds an optical path difference to its own
-rounding and not to that of the path. Steps of order 8 with error estimates of orders 5 and 3 (E. Hairer, S. P. Norsett,
-G. Wanner, Solving Ordinary Differential Equations I, 1993), each within one smooth piece of the field: a step is
-shortened to where the ray, as a parabola, first meets a face of its cell or its stop, and what is left is flown by
-Newton steps of second order. Steps above their share of the tolerance, or past a face, are taken again, shorter.
+so that the optical path is a t + W and the arc length t + S, and an optical path difference in float64 has its own
+rounding error and not that of the path. Steps are of order 8 with error estimates of orders 5 and 3 (E. Hairer,
+S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 1993), each within one smooth piece of the field: a
+step is shortened to where the ray, as a parabola, first meets a face of its cell or its stop, and the rest is flown by
+Newton steps of second order. A step whose error exceeds its share of the tolerance, or that passes a face, is repeated
+with a shorter length.
 
-"straight" samples the field on the undisturbed line, with the potential continued linearly to the ray.
+"straight" samples the field on the undisturbed line and continues the potential linearly to the ray.
 """
 
 import numpy as np
@@ -21,26 +22,27 @@ from .medium import dot
 
 A, B, C, E3, E5 = (np.asarray(getattr(DOP853, name)) for name in ("A", "B", "C", "E3", "E5"))
 STAGES = DOP853.n_stages
-# Landing by Newton: its steps are of second order, so they may be this share of the step before them.
+# Newton steps to a surface are of second order, so they may be at most this share of the step before them.
 CLOSE = 1e-6
-# Shortest step, in cells, to which error control goes; and where slopes jump on the axis.
+# Shortest step of error control [cells], and the shortest where slopes jump on the axis.
 LEAST, LEAST_AT_KINK = 1e-7, 1e-11
-# Rounding in an error estimate, in units of that of a step; steps [cells] from which down an estimate may be rounding.
+# Rounding of an error estimate, in units of a step's rounding; length of steps [cells] below which an estimate may be
+# rounding.
 NOISE, NOISE_STEP = 32.0, 1e-3
-# Closer to the axis than this, in cells, a kink on it is hopped over.
+# Distance from the axis [cells] within which a ray hops over a kink on the axis.
 HOP = 1e-7
 EPSILON = np.finfo(np.float64).eps
-# Crossings without a step between after which a ray is held on the face.
+# Crossings of faces without a step in between after which a ray is held on the face.
 IDLE = 8
-# Attempts a ray may take for each step it is allowed.
+# Attempts that a ray may take for each step that it is allowed.
 ATTEMPTS = 20
 
 
 class Integrator:
-    """Takes a flight to its end: through `air` to `stop` (the `Ends` of ends.py), `tolerance` in metres."""
+    """Take a flight to its end: through `air` to `stop` (the `Ends` of ends.py), with `tolerance` in metres."""
 
     def __init__(self, air, ambient: float, stop, tolerance: float, max_steps: int, straight: bool):
-        """Keep what every step needs."""
+        """Set what every step needs."""
         self.air, self.ambient, self.stop, self.walls, self.extent = air, ambient, stop, stop.walls, stop.extent
         self.tolerance, self.max_steps, self.straight = tolerance, max_steps, straight
         self.least = (LEAST_AT_KINK if air.axis_is_kink else LEAST) * air.size / ambient
@@ -50,9 +52,10 @@ class Integrator:
         count = len(flight.start)
         self.wanted = np.full(count, 2.0 * self.air.size / self.ambient)
         self.aim = np.full(count, np.nan)
-        # Crossings of faces without a step between, and the normal of the ridge that a ray is held on.
+        # Crossings of faces without a step in between, and the normal of the ridge on which a ray is held.
         self.idle, self.held, self.holds = np.zeros(count, dtype=np.int64), np.zeros((count, 3)), False
-        self.cap, self.refused = np.full(count, np.inf), np.full(count, np.inf)  # error a length of the last refused
+        # Greatest step, and error per length of the last step that was too inaccurate.
+        self.cap, self.refused = np.full(count, np.inf), np.full(count, np.inf)
         while len(rows := flight.going):
             gap = self.air.in_gap(flight.cell[rows])
             if gap.any():
@@ -65,7 +68,7 @@ class Integrator:
             flight.spent[rows] = over & ~ended
 
     def place(self, flight: Flight, rows) -> np.ndarray:
-        """Where the field is sampled [m], shape (n, 3)."""
+        """Positions at which the field is sampled [m], shape (n, 3)."""
         line = flight.start[rows] + flight.along[rows, None] * flight.direction[rows]
         return line if self.straight else line + flight.q[rows]
 
@@ -83,7 +86,7 @@ class Integrator:
             flight.momentum[rows] = contrast[:, None] * heading + self.ambient * turn
 
     def turn(self, direction, momentum) -> np.ndarray:
-        """Unit tangent less the first direction, to all its digits, shape (n, 3)."""
+        """Unit tangent minus the first direction, without cancellation, shape (n, 3)."""
         tangent = self.ambient * direction + momentum
         size = np.linalg.norm(tangent, axis=1)
         excess = dot(2.0 * self.ambient * direction + momentum, momentum) / (size + self.ambient)  # size - ambient
@@ -111,7 +114,7 @@ class Integrator:
         return tuple(np.concatenate(group, axis=1) for group in zip(*parts, strict=True))
 
     def step(self, flight: Flight, rows: np.ndarray) -> None:
-        """One attempt at a step for each of the rays, which are in cells."""
+        """Attempt one step for each of the rays, all of which are in cells."""
         a, d, air = self.ambient, flight.direction[rows], self.air
         place = self.place(flight, rows)
         frame = air.frame(flight.cell[rows], place)
@@ -156,7 +159,7 @@ class Integrator:
         value1, rate1, _ = self.events(frame, flight, rows, h, y[:, :3], y[:, 3:6], y[:, 7], potential, force, wall)
         finite = np.isfinite(y).all(axis=1) & np.isfinite(error)
         allowed = self.tolerance * a * h / self.extent + NOISE * rounding
-        # What does not fall with the length of a short step is rounding.
+        # An error that does not fall with the length of a short step is rounding.
         before = self.refused[rows]
         stays = (before < np.inf) & (error > 0.5 * h * np.where(before < np.inf, before, 0.0))
         short = (h <= self.least) | ((h < NOISE_STEP * air.size / a) & stays)
@@ -167,14 +170,14 @@ class Integrator:
             factor = np.clip(0.9 * (allowed / np.where(error > 0.0, error, np.inf)) ** 0.125, 0.2, 6.0)
         factor = np.where(error > 0.0, factor, 6.0)
 
-        # Where the parabola was wrong about a face, come closer first.
+        # If the parabola missed a face, come closer first.
         at = (np.arange(len(rows)), chosen)
         with np.errstate(divide="ignore", invalid="ignore"):
             miss = np.where(lands, -value1[at] / rate1[at], 0.0)
         there = np.abs(value1[at]) <= tolerance
         off = lands & ~(np.abs(miss) <= CLOSE * h) & ~there
         miss = np.where(np.isfinite(miss) & ~(there & (np.abs(miss) > CLOSE * h)), miss, 0.0)  # on a face it grazes
-        if nearest is not None:  # the lines of walls that are not ahead are no walls
+        if nearest is not None:  # the lines through walls that are not ahead do not count
             value[~np.isfinite(nearest), -1] = value1[~np.isfinite(nearest), -1] = -np.inf
         others = np.where(turning, -np.inf, value1)
         others[at] = np.where(lands, -np.inf, others[at])
@@ -185,7 +188,7 @@ class Integrator:
         retake = good & (off | passed) & (h > tolerance / a)
         off &= h > tolerance / a
         accept = good & ~retake & ~hop
-        # By Newton if the face is the trouble and it is near, else by halves.
+        # Repeat by Newton if the face was missed and is near, else with half the length.
         near = retake & ~passed & (np.abs(miss) < 0.1 * h)
         self.aim[rows] = np.where(near, h + miss, np.nan)
         self.cap[rows] = np.where(retake & ~near, 0.5 * h, np.inf)
@@ -215,7 +218,7 @@ class Integrator:
             )
 
     def accept(self, flight, rows, accept, lands, chosen, h, y, potential, force, miss, error, turning) -> None:
-        """Move rays to the ends of their steps, and onto the surfaces that they meet."""
+        """Move rays to the ends of their steps, and on to the surfaces that they meet."""
         a = self.ambient
         kept = rows[accept]
         flight.steps[kept] += 1
@@ -245,7 +248,7 @@ class Integrator:
             self.enter(flight, rows[~left & ~self.air.in_gap(cell)])
 
     def hold(self, flight, rows, chosen, idle) -> None:
-        """Keep rays on a ridge of the index, where slopes from both sides drive them back to it over and over."""
+        """Hold rays on a ridge of the index, where slopes on both sides drive them back to it repeatedly."""
         self.idle[rows] = np.where(idle, self.idle[rows] + 1, 0)
         if self.holds:
             self.held[rows[~idle]] = 0.0
@@ -257,7 +260,7 @@ class Integrator:
             flight.momentum[rows] -= dot(flight.momentum[rows], normal)[:, None] * normal
 
     def drift(self, flight, rows, h, potential, force) -> None:
-        """A Newton step of second order, forward or back."""
+        """Take a Newton step of second order, forward or back."""
         a, step = self.ambient, h[:, None]
         momentum = flight.momentum[rows]
         index = self.index(potential)
@@ -269,12 +272,12 @@ class Integrator:
         flight.stretch[rows] += h * (2.0 * potential / (index + a) + 0.5 * rise / index * h)
 
     def over_axis(self, flight, rows, h, potential) -> None:
-        """Over the kink on the axis by as much as the ray was before it: what turns it cancels."""
+        """Step over the kink on the axis to the mirrored position: the forces on both sides cancel."""
         self.drift(flight, rows, h, potential, np.zeros((len(rows), 3)))
         flight.steps[rows] += 1
 
     def hops(self, value, rate, turning, place, tolerance, root) -> np.ndarray:
-        """Rays so close before a kink on the axis, and so straight for it, that they are to hop; others aim short."""
+        """Rays that hop over a kink on the axis because they are close and head straight for it; others aim short."""
         result = np.zeros(len(place), dtype=bool)
         if not self.air.axis_is_kink or self.straight:
             return result
@@ -288,7 +291,7 @@ class Integrator:
         return close & (root[:, column] <= root.min(axis=1))
 
     def sample(self, frame, rows, delta, q) -> tuple[np.ndarray, np.ndarray]:
-        """Potential and force on the ray, or continued from the line; none across a ridge that holds the ray."""
+        """Potential and force on the ray, or continued from the line; no force across a ridge that holds the ray."""
         potential, force = frame.sample(delta)
         if self.holds:
             held = self.held[rows]
@@ -301,7 +304,7 @@ class Integrator:
         return np.concatenate([momentum, force, twice, twice / (self.index(potential) + self.ambient)[:, None]], axis=1)
 
     def estimate(self, flight, rows, h, slopes) -> tuple[np.ndarray, np.ndarray]:
-        """What a step may have put into the optical path [m]: its error by the embedded formulae, and its rounding."""
+        """Errors of a step as optical path [m]: the error by the embedded formulas, and the rounding."""
         fifth, third = np.tensordot(E5, slopes, axes=1), np.tensordot(E3, slopes, axes=1)
         lever_arm, gain = flight.lever_arm[rows], flight.gain[rows]
         total, floor = np.zeros(len(rows)), np.zeros(len(rows))
@@ -319,7 +322,7 @@ class Integrator:
         return h * total, EPSILON * h * floor
 
     def bulges(self, value, rate, value1, rate1, h, tolerance, turning, lands, chosen) -> np.ndarray:
-        """Rays that leave their cell and come back within a step, by the cubic through values and rates at its ends."""
+        """Rays that leave their cell and return within a step, by the cubic through values and rates at its ends."""
         turns = (rate > 0.0) & (rate1 < 0.0) & ~turning & np.isfinite(value)
         turns[np.arange(len(h)), chosen] &= ~lands
         result = np.zeros(len(h), dtype=bool)
@@ -327,14 +330,14 @@ class Integrator:
         v0, v1 = value[row, column], value1[row, column]
         r0, r1 = rate[row, column] * h[row], rate1[row, column] * h[row]
         c2, c3 = 3.0 * (v1 - v0) - 2.0 * r0 - r1, r0 + r1 - 2.0 * (v1 - v0)
-        with np.errstate(divide="ignore", invalid="ignore"):  # of numbers so small that their squares are zero
+        with np.errstate(divide="ignore", invalid="ignore"):  # for numbers so small that their squares are zero
             at = r0 / (np.sqrt(np.maximum(c2 * c2 - 3.0 * c3 * r0, 0.0)) - c2)  # where it is greatest
         peak = ((c3 * at + c2) * at + r0) * at + v0
         np.logical_or.at(result, row, peak > tolerance[row])
         return result
 
     def nearest_wall(self, flight, rows) -> tuple[np.ndarray | None, np.ndarray | None]:
-        """The wall that each ray would meet first if it went straight on, and how far ahead [m]."""
+        """The wall that each ray would meet first if it went straight on, and its distance [m]."""
         if self.walls is None:
             return None, None
         tangent = self.ambient * flight.direction[rows] + flight.momentum[rows]
@@ -344,6 +347,6 @@ class Integrator:
         return wall, distance
 
     def in_body(self, flight, rows, h, y) -> np.ndarray:
-        """Whether the ends of steps lie inside the body."""
+        """Whether the ends of steps are inside the body."""
         there = flight.start[rows] + (flight.along[rows] + self.ambient * h)[:, None] * flight.direction[rows]
         return self.walls.contains(there + y[:, :3])

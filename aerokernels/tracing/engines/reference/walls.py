@@ -1,7 +1,7 @@
-"""Straight rays against segments in the plane of a field: the walls of a body, the rim of a mesh.
+"""Intersect straight rays with segments in the plane of a field (walls of a body, rim of a mesh) and with triangles.
 
-In an axisymmetric field a segment is a piece of a cone. Along a straight ray p + t d its equation, with the radius
-r^2 = A + 2 B t + C t^2 and the cone's r = g0 + g1 t, is the quadratic
+In an axisymmetric field a segment is a piece of a cone. Along a straight ray p + t d, with the radius
+r^2 = A + 2 B t + C t^2 and the cone's r = g0 + g1 t, its equation is the quadratic
 
     (g1^2 - C) t^2 + 2 (g0 g1 - B) t + (g0 - r(0)) (g0 + r(0)) = 0,    g0 + g1 t >= 0.
 """
@@ -10,8 +10,8 @@ import numpy as np
 
 from .medium import dot, plane_motion
 
-PAIRS = 200_000  # rays times segments that are looked at together; speed only
-# Share of a segment's length by which a crossing may lie beyond its ends, so that no ray slips through a corner.
+PAIRS = 200_000  # rays times segments that are computed together; speed only
+# Share of a segment's length by which a crossing may be beyond its ends, so that no ray slips through a corner.
 BEYOND = 1e-10
 
 
@@ -30,7 +30,7 @@ class Segments:
         return len(self.start)
 
     def depth(self, which, place, tangent, force) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """How far inside segment `which` (n,) each ray is [m], with the rate and curvature over sigma, each (n,)."""
+        """Distance of each ray inside segment `which` (n,) [m], with the rate and curvature over sigma, each (n,)."""
         there, velocity, bend = plane_motion(place, tangent, force, self.axisymmetric)
         normal = -self.normal[which]
         return dot(normal, there - self.start[which]), dot(normal, velocity), dot(normal, bend)
@@ -61,7 +61,7 @@ class Segments:
                 rate = np.broadcast_to((heading[:, 1:] @ self.normal.T)[..., None], root.shape)
             share = (first - self.start[:, None, 0]) * self.step[:, None, 0]
             share = (share + (met[..., 2] - self.start[:, None, 1]) * self.step[:, None, 1]) / self.length[:, None] ** 2
-            # A root on the other nappe of the cone has the wrong radius: its distance from the segment tells.
+            # A root on the other nappe of the cone has the wrong radius, which its distance from the segment shows.
             off = n0[:, None] * (first - self.start[:, None, 0]) + n1[:, None] * (met[..., 2] - self.start[:, None, 1])
             size = self.length[:, None] + np.abs(self.start).max()
             good = (share >= -BEYOND) & (share <= 1.0 + BEYOND) & (np.abs(off) <= 1e-9 * size)
@@ -76,7 +76,7 @@ class Segments:
         g1 = -n1 / n0 * climb
         a, b, c = g1**2 - sideways, g0 * g1 - middle, -apart / n0 * (g0 + radius[:, None])
         square = b * b - a * c
-        # On the axis both roots are one: rounding must not make it none.
+        # On the axis both roots are equal: rounding must not remove them.
         rest = np.sqrt(np.where(np.abs(square) <= 1e-14 * b * b, 0.0, square))
         big = -(b + np.where(b >= 0.0, rest, -rest))
         flat = np.abs(n0) < 1e-12
@@ -103,15 +103,15 @@ class Segments:
 
 
 class Triangles(Segments):
-    """Triangles in space, counter-clockwise seen from outside, as a plane each and the shares of its corners."""
+    """Triangles in space, counter-clockwise seen from outside, each as a plane with barycentric coordinates."""
 
     def __init__(self, corners: np.ndarray):
-        """Keep their planes; corners [m], shape (w, 3, 3)."""
+        """Compute their planes; corners [m], shape (w, 3, 3)."""
         self.corner, self.axisymmetric = corners[:, 0], False
         self.edge = corners[:, 1:] - corners[:, :1]
         area = np.cross(self.edge[:, 0], self.edge[:, 1])
         self.normal = area / np.linalg.norm(area, axis=1)[:, None]  # outward
-        # Shares of the second and the third corner, as products with the way from the first.
+        # Barycentric coordinates of the second and the third corner, as products with the vector from the first corner.
         size = np.sum(area * area, axis=1)[:, None]
         self.share = (
             np.stack([np.cross(self.edge[:, 1], area), np.cross(area, self.edge[:, 0])], axis=1) / size[:, None]
@@ -122,7 +122,7 @@ class Triangles(Segments):
         return len(self.corner)
 
     def depth(self, which, place, tangent, force) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """How far inside the plane of triangle `which` each ray is [m], with the rate and curvature over sigma."""
+        """Distance of each ray inside the plane of triangle `which` [m], with the rate and curvature over sigma."""
         normal = -self.normal[which]
         return dot(normal, place - self.corner[which]), dot(normal, tangent), dot(normal, force)
 

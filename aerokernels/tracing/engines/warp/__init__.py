@@ -1,1 +1,1 @@
-"""Warp: kernels in Python, on the CPU and on CUDA devices."""
+"""The Warp engine: kernels in Python, on the CPU and on CUDA devices."""

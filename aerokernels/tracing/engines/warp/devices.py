@@ -1,4 +1,4 @@
-"""Starting Warp, and the devices it finds."""
+"""Start Warp, and list its devices."""
 
 import warp as wp
 
@@ -7,7 +7,7 @@ from ..info import NO_CUDA, BackendInfo, warp_processor
 
 
 def list_devices(memory: bool = False) -> list[BackendInfo]:
-    """Warp's devices, a CUDA device first where there is one; with `memory`, how much of it each has."""
+    """Return Warp's devices, CUDA devices first; with `memory`, including the memory of each."""
     start_warp()
     version, found = wp.__version__, []
     for device in wp.get_devices():

@@ -1,4 +1,4 @@
-"""The Warp engine: fields uploaded once, launches over all cores of a CPU or on a GPU."""
+"""The Warp engine: uploads a field once, and launches kernels over all cores of a CPU or on a GPU."""
 
 from collections.abc import Callable, Iterable, Sequence
 from operator import is_
@@ -34,13 +34,14 @@ from .loading import load_module
 from .transfers import Fetched, Recorded, Sent
 from .types import types
 
-# Kernels of which a GPU's warp takes one group of rays.
+# Kernels in which a warp of a GPU shares one group of rays.
 SHARED = (pupil.sum_moments, pupil.sum_phasors)
-# Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
+# Rays in one launch of a host thread; small enough to balance threads, large enough to hide the cost of the launch.
 CHUNK = 4096
-# The share of the device's memory that one result may keep, and the rays that come to a GPU chunk by chunk.
+# The share of the device's memory that one result may occupy; the number of rays from which they are copied to a GPU
+# chunk by chunk.
 KEPT_SHARE, MANY = 0.25, 1 << 19
-# The share of a GPU's memory that its pool holds though not all of it is used: what is used counts, too.
+# The share of a GPU's memory that its pool may hold, used and unused memory together.
 POOL_SHARE = 0.5
 SCALARS: dict[Any, type] = {
     np.dtype(np.float64): wp.float64,
@@ -71,7 +72,7 @@ class Engine:
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
     ) -> Prepared:
-        """A field made ready for a plan, a stop and outputs; `directions` are those of the rays (n, 3)."""
+        """Prepare a field for a plan, a stop and outputs; `directions` are the rays' directions, shape (n, 3)."""
         if plan.controls_error:
             outputs = outputs | {"step_error"}
         with stage("upload"):
@@ -95,7 +96,7 @@ class Engine:
     def arguments(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
     ) -> list:
-        """The structs Field, Bounds and Control, as `prepare` has them."""
+        """Return the structs Field, Bounds and Control, with their arrays, for `prepare`."""
         data = field_data(field, plan.precision, plan.method == "paper")
         bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
         tables, blocks = step_bound_tables(field, plan, wavelength, directions)
@@ -110,7 +111,7 @@ class Engine:
         ]
 
     def _tables(self, field: IndexField, precision: str, tables: dict) -> dict[str, wp.array]:
-        """The arrays of Control on the device; of a field without such tables they are kept."""
+        """Return the arrays of Control on the device; they are cached if the field has no step bounds."""
 
         def upload() -> dict[str, wp.array]:
             return {member.name: self._array(member, tables[member.name], precision) for member in arrays_of("Control")}
@@ -122,13 +123,13 @@ class Engine:
         return kept
 
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
-        """The same structs, of which the last one is changed."""
+        """Return the same structs with the last one, Control, changed in place."""
         for name, value in numbers.items():
             setattr(arguments[-1], name, value)
         return arguments
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
-        """Patches between traced rays made ready for outputs of rays of their family."""
+        """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
         with stage("upload"):
             arrays = table.derive(("warp", self.device), lambda: [self.put(array) for array in kernel_arrays(table)])
         with stage("compile"):
@@ -137,23 +138,23 @@ class Engine:
         return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
 
     def pupil_kernels(self, names: Iterable[str]) -> dict[str, Any]:
-        """Those kernels of a pupil, by name; they are compiled together."""
+        """Return the named pupil kernels; all pupil kernels are compiled together."""
         with stage("compile"):
             self._load(pupil.launch_pupil.module)
         return {name: getattr(pupil, name) for name in names}
 
     def grid_kernels(self, names: Iterable[str]) -> dict[str, Any]:
-        """Those kernels that prepare a grid, by name; they are compiled together."""
+        """Return the named kernels that prepare a grid; all of them are compiled together."""
         with stage("compile"):
             self._load(grid_tables.spline_lines.module)
         return {name: getattr(grid_tables, name) for name in names}
 
     def keeps(self, size: float) -> bool:
-        """Wherever they leave room for others."""
+        """Whether results of `size` bytes take at most KEPT_SHARE of the device's memory."""
         return size <= KEPT_SHARE * self.memory[0]
 
     def bring(self, starts: Sequence[Any]) -> tuple[list[wp.array], Iterable[slice]]:
-        """Rays on the device; many that come from the host to a GPU come chunk by chunk."""
+        """Return buffers for the rays; many rays are copied from the host to a GPU chunk by chunk."""
         count = len(starts[0])
         if self.device == "cpu" or count < MANY or any(in_reach(each, self.device) for each in starts):
             found = [each.buffer if in_reach(each, self.device) else self.put(np.asarray(each)) for each in starts]
@@ -167,13 +168,13 @@ class Engine:
         return buffers, chunks
 
     def fetching(self, results: dict[str, wp.array], starts: Sequence[Any]) -> Fetching | None:
-        """What brings results of many rays to the host as they are finished, where the rays come from there."""
+        """Return an object that copies results to the host as they are finished, for many rays from the host."""
         if self.device == "cpu" or len(starts[0]) < MANY or any(isinstance(each, DeviceArray) for each in starts):
             return None
         return Fetching.of(results)
 
     def put(self, array: np.ndarray) -> wp.array:
-        """A buffer with a copy of the array; rows of float64 are places or directions. Equal rows may be one."""
+        """Return a buffer with a copy of the array; rows of float64 become vectors. Equal rows are stored once."""
         kind = SCALARS[array.dtype]
         if array.ndim == 2 and kind is wp.float64:
             kind = VECTORS[array.shape[1]]
@@ -183,18 +184,18 @@ class Engine:
         made = wp.array(
             ptr=one.ptr, dtype=kind, shape=(len(array),), strides=(0,), capacity=one.capacity, device=self.device
         )
-        made._ref = one  # whose memory it is
+        made._ref = one  # keeps the memory alive
         return made
 
     def share(self, array: np.ndarray) -> wp.array:
-        """A buffer in the memory of an array, or with a copy of it."""
+        """Return a buffer in the memory of an array, on a GPU a buffer with a copy of it."""
         if self.device != "cpu":
             return self.put(array)
         kind, shape = SCALARS[array.dtype], array.shape
         if array.ndim == 2 and kind is wp.float64:
             kind, shape = VECTORS[array.shape[1]], array.shape[:1]
         made = wp.array(ptr=array.ctypes.data, dtype=kind, shape=shape, capacity=array.nbytes, device="cpu")
-        made._ref = array  # whose memory it is
+        made._ref = array  # keeps the memory alive
         return made
 
     def put_into(self, buffer: wp.array, array: np.ndarray) -> None:
@@ -203,12 +204,12 @@ class Engine:
         wp.copy(buffer, source, count=source.size)  # elements, not rows
 
     def empty(self, count: int, width: int = 1, kind: type = np.float64) -> wp.array:
-        """A buffer of `count` rows of `width` numbers."""
+        """Return an uninitialised buffer of `count` rows of `width` numbers."""
         dtype = VECTORS[width] if width > 1 else SCALARS[np.dtype(kind)]
         return wp.empty(count, dtype=dtype, device=self.device)
 
     def get(self, buffer: wp.array, array: np.ndarray) -> None:
-        """Wait for what was launched, and copy the first rows of a buffer into the array."""
+        """Wait for the launched kernels, and copy the first rows of a buffer into the array."""
         array[...] = buffer[: len(array)].numpy() if len(array) < len(buffer) else buffer.numpy()
 
     def sent(self, array: np.ndarray) -> Sent:
@@ -220,11 +221,11 @@ class Engine:
         return Fetched(buffers, arrays)
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
-        """What makes a graph of CUDA of the work; on the CPU what does it as it is."""
+        """Return a callable that records the work as a CUDA graph; on the CPU one that simply does the work."""
         return Recorded(self.device) if self.is_gpu else lambda work: work()
 
     def launch(self, kernel, before: list, after: list, count: int) -> None:
-        """Run a kernel over all rays: one launch on a GPU, not waited for; chunks over host threads on the CPU."""
+        """Run a kernel over all rays: one launch on a GPU, without waiting; chunks over host threads on the CPU."""
         before = [wp.vec3d(*value) if isinstance(value, np.ndarray) else value for value in before]
         after = [self._outputs(value) if isinstance(value, dict) else value for value in after]
         if self.device != "cpu":
@@ -240,31 +241,31 @@ class Engine:
         in_threads(run, range(0, count, chunk))
 
     def wait(self) -> None:
-        """Wait for what was launched; on the CPU a launch has ended when it returns."""
+        """Wait for the launched kernels; on the CPU a launch has ended when it returns."""
         if self.device != "cpu":
             wp.synchronize_stream(self.device)
 
     def settle(self) -> None:
-        """Nothing: threads share a stream, and a launch on the CPU has ended when it returns."""
+        """Do nothing: threads share a GPU's stream, and a launch on the CPU has ended when it returns."""
 
     def _outputs(self, results: dict[str, wp.array]):
-        """The struct of the buffers: that of the last launch where they are the same, since to make one takes 20 us."""
+        """Return the struct of the buffers; that of the last launch if they are the same, as making one takes 20 us."""
         buffers = list(results.values())
         if len(self.outputs[0]) != len(buffers) or not all(map(is_, self.outputs[0], buffers)):
             self.outputs = buffers, _filled("RayOutputs", results)
         return self.outputs[1]
 
     def _load(self, module) -> None:
-        # The block size of a default launch on the CPU is 1; another one would be compiled again at the launch.
+        # The block size of a default launch on the CPU is 1; for another one, Warp would compile again at the launch.
         load_module(module, self.device, 1 if self.device == "cpu" else None)
 
     def _array(self, member: Value, values: np.ndarray, precision: str) -> wp.array:
-        """An array of a struct on the device."""
+        """Upload an array of a struct to the device."""
         numbers: np.ndarray = np.ascontiguousarray(values, member.number_type(precision))
         return wp.array(numbers, dtype=types(precision).kinds[member.kind.rstrip("*")], device=self.device)
 
     def _upload(self, field: IndexField, data: FieldData, precision: str, with_paper_step: bool) -> dict[str, wp.array]:
-        """The field's arrays on the device, by name; kept as long as the field lives."""
+        """Return the field's arrays on the device, by name, cached on the field."""
 
         def upload() -> dict[str, wp.array]:
             there = self._coefficients(field, precision)
@@ -281,16 +282,16 @@ class Engine:
         return field.derive(("warp", self.device, precision, with_paper_step), upload)
 
     def _others(self, data: FieldData, precision: str) -> dict[str, wp.array]:
-        """The arrays of Field that come with its data, by name: fields of other values have the same."""
+        """Upload the arrays in `data`, by name, which fields on the same nodes may share."""
         members = [member for member in arrays_of("Field") if member.name in data.arrays]
         return {member.name: self._array(member, data.arrays[member.name], precision) for member in members}
 
     def _cubes(self, field: IndexField) -> wp.array:
-        """The table of polynomials of cubes; kept as long as the field lives."""
+        """Return the table of polynomials of cubes, cached on the field."""
         return field.derive(("warp cubes", self.device), lambda: self.put(cubes_of(field)))
 
     def _coefficients(self, field: IndexField, precision: str) -> wp.array | None:
-        """A grid's coefficients where this device has worked them out; None elsewhere."""
+        """Return a grid's coefficients if this device has computed them, else None."""
         found = field.samples.held(self.grid_key)
         if found is None or precision == "float64":
             return found
@@ -302,9 +303,9 @@ class Engine:
 
 
 def _keep_memory(device: wp.Device) -> None:
-    """Leave memory with a GPU's pool: to get a result's from the driver takes longer than to trace its rays.
+    """Let a GPU's pool keep unused memory: to allocate a result from the driver takes longer than to trace its rays.
 
-    The driver takes from the pool what is unused where memory would run out.
+    If memory runs out, the driver takes back what is unused.
     """
     held = int(POOL_SHARE * device.total_memory)
     if device.is_mempool_supported and wp.get_mempool_release_threshold(device) < held:
@@ -312,7 +313,7 @@ def _keep_memory(device: wp.Device) -> None:
 
 
 def _filled(name: str, members: dict, precision: str = "float64"):
-    """One of the kernels' structs; Warp takes vectors of the very type only."""
+    """Return one of the kernels' structs, filled; Warp accepts only vectors of exactly the member's type."""
     t = types(precision)
     struct = getattr(t, name)()
     for member in STRUCTS[name]:

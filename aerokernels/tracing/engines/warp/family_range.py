@@ -1,4 +1,4 @@
-"""The range of parameters that rays on a device have in a family, found there: see bundle/known.py."""
+"""Find, on a device, the range of the parameters that rays on it have in a family: see bundle/known.py."""
 
 from typing import Any
 
@@ -9,23 +9,23 @@ from ...bundle.family import Family
 from ...bundle.frame import family_numbers
 from .kernels.family_range import NUMBERS, find_range
 
-# Threads that look at the rays.
+# Number of threads.
 THREADS = 1 << 10
 
 
 def rows_on_device(rows: np.ndarray, device: str) -> Any:
-    """Numbers of rays, as `range_on_device` takes them."""
+    """Upload the numbers of rays for `range_on_device`."""
     return wp.array(rows, dtype=wp.int32, device=device)
 
 
 def range_on_device(family: Family, rows: Any, position: Any, direction: Any) -> tuple[np.ndarray, np.ndarray] | None:
-    """The least and greatest parameters of some rays, each of shape (2,); None where some do not belong to the family.
+    """Return the least and greatest parameters of some rays, each of shape (2,); None if some are not of the family.
 
     Args:
         family: The family.
-        rows: Which rays, a warp.array.
-        position: Where the rays start [m], a warp.array of vectors.
-        direction: Where they point.
+        rows: Numbers of the rays, a warp.array.
+        position: Starts of all rays [m], a warp.array of vectors.
+        direction: Directions of all rays, a warp.array of vectors.
     """
     device, threads = position.device, min(THREADS, len(rows))
     frame = wp.array(family_numbers(family), dtype=wp.float64, device=device)

@@ -1,4 +1,4 @@
-"""The device functions and kernels of one precision, each built once."""
+"""Cache of the device functions and kernels of one precision, each built once."""
 
 import functools
 import threading
@@ -10,15 +10,15 @@ from .types import types
 
 
 class KernelLibrary:
-    """What the builders in kernels/ have made for one precision, and the types that all of it shares.
+    """The functions and kernels that the builders in kernels/ have made for one precision, and their shared types.
 
     Attributes:
         precision: "float32" or "float64".
-        types: Its scalar, vector and struct types, see types.py.
+        types: The scalar, vector and struct types of the precision, see types.py.
     """
 
     def __init__(self, precision: str):
-        """Nothing is built yet."""
+        """Start empty."""
         self.precision = precision
         self.types = types(precision)
         self.built: dict[Hashable, Any] = {}
@@ -26,13 +26,13 @@ class KernelLibrary:
 
 
 def library_of(precision: str) -> KernelLibrary:
-    """The library of this process, which Warp on all devices shares."""
+    """Return the library of a precision for this process, which all of Warp's devices share."""
     library: KernelLibrary = OPENED.once(("Warp kernels", precision), lambda: KernelLibrary(precision))
     return library
 
 
 def built_once(build: Callable) -> Callable:
-    """Decorate a builder, `build(library, *options)`: a library builds the same options once, and keeps the result."""
+    """Decorate a builder, `build(library, *options)`: the library caches its result for each set of options."""
 
     @functools.wraps(build)
     def built(library: KernelLibrary, *options: Hashable) -> Any:

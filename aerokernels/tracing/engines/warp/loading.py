@@ -1,4 +1,4 @@
-"""Kernels loaded from Warp's cache, and built again where what it holds is damaged."""
+"""Load kernels from Warp's cache, and build them again if their files are damaged."""
 
 import shutil
 import warnings
@@ -9,21 +9,21 @@ import warp as wp
 
 
 def load_module(module, device: str, block_size: int | None) -> None:
-    """Compile a Warp module for a device, or load what was compiled.
+    """Load a Warp module for a device from the cache, or compile it.
 
-    What the cache holds of it is removed where it does not load, with a RuntimeWarning, and compiled again, once.
+    If the cached files do not load, they are removed, with a RuntimeWarning, and the module is compiled again, once.
 
     Args:
         module: A warp.Module.
         device: Warp's name of the device.
-        block_size: Threads to a block; None takes Warp's own.
+        block_size: Threads per block; None for Warp's default.
 
     Raises:
-        Exception: Warp's own, where it does not compile.
+        Exception: Warp's own, if the module does not compile.
     """
     try:
         module.load(device, block_size)
-    except Exception as error:  # Warp raises bare Exceptions, and JSON's and NumPy's of damaged files
+    except Exception as error:  # Warp raises bare Exceptions, and for damaged files those of JSON and NumPy
         folder = _cached(module, block_size)
         if folder is None:
             raise
@@ -36,8 +36,8 @@ def load_module(module, device: str, block_size: int | None) -> None:
 
 
 def _cached(module, block_size: int | None) -> Path | None:
-    """The folder of Warp's cache with this module; None where there is none, so that nothing in it is at fault."""
-    with suppress(Exception):  # names that another version of Warp may not have
+    """Return the folder of this module in Warp's cache; None if there is none, so that the cache is not the cause."""
+    with suppress(Exception):  # another version of Warp may not have these names
         folder = Path(wp.config.kernel_cache_dir) / module.get_module_identifier(block_size)
         if folder.name.startswith("wp_") and folder.is_dir():
             return folder

@@ -1,6 +1,6 @@
-"""Copies to and from Warp's devices that are made again and again, and work that a GPU repeats as one graph.
+"""Repeated copies to and from Warp's devices, and work that a GPU replays as one graph.
 
-On a GPU the host's side of a copy is pinned, so that the copy can be part of a graph.
+For a GPU the host memory of a copy is pinned, so that the copy can be part of a graph.
 """
 
 import threading
@@ -18,7 +18,7 @@ class Sent:
     """An array and its buffer; see interface.py."""
 
     def __init__(self, array: np.ndarray, buffer: wp.array):
-        """A buffer that holds the array, or lies in its memory."""
+        """Take an array and the buffer that has a copy of it or shares its memory."""
         self.array, self.buffer = array, buffer
         self._there: wp.array | None = None
         if buffer.device.is_cuda:
@@ -27,16 +27,16 @@ class Sent:
             self.array[...] = array
 
     def send(self) -> None:
-        """Start to copy it: a stream is in order."""
+        """Start the upload; a stream is in order, so later launches see it."""
         if self._there is not None:
             wp.copy(self.buffer, self._there)
 
 
 class Fetched:
-    """Buffers and the arrays they come to; see interface.py."""
+    """Buffers and the host arrays that receive them; see interface.py."""
 
     def __init__(self, buffers: Sequence[wp.array], arrays: Sequence[np.ndarray]):
-        """Buffers of at least as many numbers as their arrays have."""
+        """Take buffers with at least as many numbers as their arrays."""
         self.buffers = list(buffers)
         self._there = [_beside(buffer, self) for buffer in buffers]
         self.arrays = [
@@ -44,12 +44,12 @@ class Fetched:
         ]
 
     def start(self) -> None:
-        """Start to bring them, on the stream of the launches."""
+        """Start the copies, on the stream of the launches."""
         for there, buffer in zip(self._there, self.buffers, strict=True):
             wp.copy(there, buffer)
 
     def wait(self) -> Sequence[np.ndarray]:
-        """The arrays, once the stream has come so far."""
+        """Wait for the stream, and return the arrays."""
         device = self.buffers[0].device
         if device.is_cuda:
             wp.synchronize_stream(device)
@@ -57,20 +57,20 @@ class Fetched:
 
 
 class Recorded:
-    """The same work on a GPU: done as it is the first time, when it may load what it needs; a graph from then on.
+    """Repeated work on a GPU: run directly the first time, when it may load modules; replayed as a graph afterwards.
 
-    Threads share a device's stream: what another one launched while a graph is recorded would become part of it, and
-    not be done. So it is recorded only where there is no other thread; until then the work is done as it is.
+    Threads share a device's stream: what another thread launched while a graph is recorded would become part of the
+    graph, and not run. So the graph is recorded only if there is no other thread; until then the work runs directly.
     """
 
     def __init__(self, device: str):
-        """Nothing is done yet."""
+        """Start without a graph."""
         self.device = device
         self._graph: Any = None
         self._was_done = False
 
     def __call__(self, work: Callable[[], None]) -> None:
-        """Start it."""
+        """Start the work."""
         if not self._was_done or (self._graph is None and threading.active_count() > 1):
             work()
             self._was_done = True
@@ -83,11 +83,11 @@ class Recorded:
 
 
 def _beside(buffer: wp.array, owner: Any) -> wp.array:
-    """An array on the host for the numbers of a buffer, as long as its owner lives; pinned where that is on a GPU."""
+    """Return a host array for the numbers of a buffer, as long as its owner lives; pinned if the buffer is on a GPU."""
     kind, size = buffer.dtype, buffer.size
     if not buffer.device.is_cuda:
         return wp.empty(size, dtype=kind, device="cpu")
-    # To pin memory anew would take longer than a pupil does.
+    # Reuse pinned memory: to pin new memory would take longer than to trace a pupil.
     taken = pinned_memory().take(max(size * wp.types.type_size_in_bytes(kind), LEAST))
     if taken is None:
         return wp.empty(size, dtype=kind, device="cpu", pinned=True)

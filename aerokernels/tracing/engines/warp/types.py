@@ -1,4 +1,4 @@
-"""Data types of the Warp kernels, one set per precision: the structs and kinds of layout.py."""
+"""Make the data types of the Warp kernels, one set per precision, from the structs and kinds of layout.py."""
 
 import inspect
 from collections.abc import Callable
@@ -23,14 +23,14 @@ PLAIN = {
 
 
 def type_of(value: Value, kinds: dict):
-    """Warp's type of a struct's member or a kernel's argument."""
+    """Return Warp's type of a struct's member or a kernel's argument."""
     indices = value.parts[2]
     kind = kinds[value.kind.rstrip("*")]
     return wp.array(dtype=kind, ndim=indices) if indices else kind
 
 
 def _types(real: type, shared: dict) -> SimpleNamespace:
-    """The types of one precision; structs without numbers of it are those of the other, `shared`."""
+    """Make the types of one precision; structs without `real` members are taken from the other precision, `shared`."""
     vectors = {f"real{size}": wp.types.vector(size, real) for size in (2, 3, 4)}
     kinds = {**PLAIN, "real": real, **vectors}
     for name, members in STRUCTS.items():
@@ -49,15 +49,15 @@ TYPES = {"float64": _DOUBLE, "float32": _types(wp.float32, _DOUBLE.kinds)}
 
 
 def types(precision: str) -> SimpleNamespace:
-    """The scalar, vector and struct types of one precision, "float32" or "float64"."""
+    """Return the scalar, vector and struct types of one precision, "float32" or "float64"."""
     return TYPES[precision]
 
 
 def takes(kernel: str, precision: str = "float64") -> Callable:
-    """Decorate a kernel's function: its arguments have the types of kernel_table.py.
+    """Decorate a kernel's function to give its arguments the types of kernel_table.py.
 
     Raises:
-        TypeError: They have other names there, or stand in another order.
+        TypeError: The arguments' names or their order differ from kernel_table.py.
     """
 
     def decorate(function: Callable) -> Callable:

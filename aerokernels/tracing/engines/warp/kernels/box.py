@@ -1,4 +1,4 @@
-"""Device functions in float64: where a straight ray meets the field's box, and the box's faces as stop surfaces."""
+"""Device functions: where a straight ray meets the field's box, and the box's faces as stop surfaces. In float64."""
 
 import warp as wp
 
@@ -6,13 +6,16 @@ from ....scheme import GRAZING_TOLERANCE, LEAST_COSINE
 from ..library import KernelLibrary, built_once
 
 FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
-# Axes, from the last one on, whose faces are flat: the first surfaces, two to an axis.
+# How many axes, counted from z, have flat faces: these are the first surfaces, two per axis.
 FLAT_AXES = {"volume": 3, "planar": 2, "axisymmetric": 1}
 
 
 @built_once
 def build_crossing(library: KernelLibrary, geometry: str):
-    """A function (low, high, radius, position, direction) -> (entry, exit) of a box; entry > exit means a miss."""
+    """Build a function (low, high, radius, p, d) -> distances at which a straight ray enters and leaves a box.
+
+    Entry > exit means a miss.
+    """
 
     @wp.func
     def slab(low: wp.float64, high: wp.float64, p: wp.float64, d: wp.float64, span: wp.vec2d):
@@ -57,7 +60,7 @@ def build_crossing(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_surface(library: KernelLibrary, geometry: str):
-    """A function (control, k, cell, frac) -> how far outside surface k, and the gradient of that per cell.
+    """Build a function (control, k, cell, frac) -> distance outside surface k, and its gradient per cell.
 
     Surfaces 0 and 1 are the z faces; then the cylinder, or the y faces, or the y and x faces; the last is the plane.
     """
@@ -91,7 +94,7 @@ def build_surface(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_surface_distance(library: KernelLibrary, geometry: str):
-    """A function (bounds, k, point) -> (distance outside surface k [m], unit normal), in float64."""
+    """Build a function (bounds, k, p) -> distance outside surface k [m], and the unit normal of the surface."""
     Bounds = library.types.Bounds
     faces = FACE_COUNT[geometry]
 
@@ -120,9 +123,9 @@ def build_surface_distance(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_meeting(library: KernelLibrary, geometry: str):
-    """A function (bounds, k, point, direction, guess) -> distance at which a line meets surface k.
+    """Build a function (bounds, k, p, d, guess) -> distance at which a line meets surface k.
 
-    A line that grazes the surface keeps its guess.
+    For a line that grazes the surface it returns the guess.
     """
     Bounds = library.types.Bounds
     surface_distance = build_surface_distance(library, geometry)
@@ -133,7 +136,7 @@ def build_meeting(library: KernelLibrary, geometry: str):
         trials = int(1)
         if wp.static(geometry == "axisymmetric"):
             if k == 2:
-                trials = int(3)  # the others are flat
+                trials = int(3)  # Newton's method; on flat faces one step is exact
         for _trial in range(trials):
             miss = surface_distance(bounds, k, p + along * d)
             cosine = wp.dot(wp.vec3d(miss[1], miss[2], miss[3]), d)
@@ -146,11 +149,11 @@ def build_meeting(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_grazing_correction(library: KernelLibrary, geometry: str):
-    """A function (bounds, control, k, point, direction, heading) -> what a ray on surface k lacks of it.
+    """Build a function (bounds, control, k, p, d, heading) -> correction for a ray that grazes surface k.
 
-    Three numbers: that length along its tangent `heading` [m], 0 where it is more than rounding of the ray's place
-    leaves, or where the surface was met along the direction already (see `build_meeting`); the length that is left
-    for that reason; the cosine of the angle with the normal.
+    Three numbers: the remaining length along the tangent `heading` to the surface [m]; 0 if that is more than the
+    rounding of the ray's position explains, or if the line along d met the surface already (see `build_meeting`). The
+    length left uncorrected because it is too long [m]. The cosine of the angle between tangent and normal.
     """
     t = library.types
     Bounds, Control = t.Bounds, t.Control
@@ -176,10 +179,10 @@ def build_grazing_correction(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_detour(library: KernelLibrary, geometry: str):
-    """A function -> how much further along d a line shifted by `q` meets face k than the line itself.
+    """Build a function (bounds, k, p, d, q, leave, other) -> extra distance along d to face k for a line shifted by q.
 
-    Its arguments: bounds, k, start, direction, q, the distance at which the line itself leaves the box, and what to
-    answer where it leaves by another face or at a grazing angle.
+    It is relative to the line itself, which leaves the box at `leave`. The function returns `other` if the line leaves
+    by another face or at a grazing angle.
     """
     Bounds = library.types.Bounds
     surface_distance = build_surface_distance(library, geometry)
@@ -196,7 +199,7 @@ def build_detour(library: KernelLibrary, geometry: str):
         further = -wp.dot(normal, q) / cosine
         if wp.static(geometry == "axisymmetric"):
             if k == 2:
-                # |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`: the root that q = 0 makes 0
+                # |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`: the root that is 0 for q = 0
                 a = d[0] * d[0] + d[1] * d[1]
                 b = (at[0] + q[0]) * d[0] + (at[1] + q[1]) * d[1]
                 c = (wp.float64(2.0) * at[0] + q[0]) * q[0] + (wp.float64(2.0) * at[1] + q[1]) * q[1]

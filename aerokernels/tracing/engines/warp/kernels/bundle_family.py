@@ -1,6 +1,6 @@
-"""Warp functions: whether a ray belongs to a family of two parameters, and its undisturbed line through the box.
+"""Device functions: whether a ray belongs to a family of two parameters, and its undisturbed line through the box.
 
-See bundle/family.py and bundle/nodes.py; `frame` holds numbers in the order of bundle/frame.py.
+See bundle/family.py and bundle/nodes.py; bundle/frame.py has the order of the numbers in `frame`.
 """
 
 import warp as wp
@@ -17,7 +17,7 @@ NO_STOP, PLANE = STOPS["none"], STOPS["plane"]
 
 @wp.struct
 class BoxCrossing:
-    """Where a line is within the box [m along it], and the faces by which it comes and goes."""
+    """Distances along a line at which it enters and leaves the box [m], and the faces by which it does."""
 
     enter: wp.float64
     leave: wp.float64
@@ -27,13 +27,13 @@ class BoxCrossing:
 
 @wp.func
 def frame_vector(frame: wp.array(dtype=wp.float64), first: int) -> wp.vec3d:
-    """Three numbers of `frame`."""
+    """The three numbers of `frame` from `first` on."""
     return wp.vec3d(frame[first], frame[first + 1], frame[first + 2])
 
 
 @wp.func
 def family_parameters(frame: wp.array(dtype=wp.float64), converges: int, p: wp.vec3d, d: wp.vec3d) -> wp.vec3d:
-    """The parameters of a ray, and 1 if it belongs to the family, else 0."""
+    """The parameters of a ray, and whether it belongs to the family (1 or 0)."""
     axis = frame_vector(frame, 13)
     from_origin = p - frame_vector(frame, 4)
     close = frame[24]
@@ -66,7 +66,7 @@ def family_parameters(frame: wp.array(dtype=wp.float64), converges: int, p: wp.v
 def narrowed(
     crossing: BoxCrossing, first: wp.float64, last: wp.float64, first_face: int, last_face: int
 ) -> BoxCrossing:
-    """The part of the line that also lies between two more faces."""
+    """The part of the line in the box that is also between two more faces."""
     if first > crossing.enter:
         crossing.entry_face = first_face
         crossing.enter = first
@@ -127,7 +127,7 @@ def box_crossing(frame: wp.array(dtype=wp.float64), shape: int, p: wp.vec3d, d: 
 def depth_at_exit(
     frame: wp.array(dtype=wp.float64), shape: int, p: wp.vec3d, d: wp.vec3d, crossing: BoxCrossing
 ) -> wp.float64:
-    """How far from the other faces a line leaves the box [m]."""
+    """Distance from the other faces at which a line leaves the box [m]."""
     place = p + crossing.leave * d
     depth = wp.float64(wp.static(FAR))
     first_axis = 0
@@ -153,7 +153,10 @@ def undisturbed_length(
     p: wp.vec3d,
     d: wp.vec3d,
 ) -> wp.vec2d:
-    """How far it is to the stop along the undisturbed line [m], not positive without one; number of its face pair."""
+    """Distance to the stop along the undisturbed line [m], not positive without a stop; number of its pair of faces.
+
+    The pair is the face by which the line enters the box and the face by which it leaves.
+    """
     length = frame[32]
     if stop == wp.static(PLANE):
         normal = frame_vector(frame, 29)

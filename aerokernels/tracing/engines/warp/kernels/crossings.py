@@ -1,7 +1,7 @@
-"""Device functions: where straight lines cross the surface of the body, exactly.
+"""Device functions: where straight lines cross the surface of the body, by exact formulas. In float64.
 
-The formulas stand in medium/crossings.py, the tree of boxes in medium/wall_tree.py; all in float64. A line p + t d is
-nine numbers here, see `build_wall_line`; d need not be of length 1. The OpenCL twin is kernels/include/crossings.h.
+The formulas are in medium/crossings.py, the tree of boxes in medium/wall_tree.py. A line p + t d is a struct WallLine,
+see `build_wall_line`; d need not be a unit vector. The OpenCL twin is kernels/include/crossings.h.
 """
 
 import warp as wp
@@ -11,13 +11,13 @@ from ..library import KernelLibrary, built_once
 from ..types import types
 from .triangles import NEVER, axes_across, passes_volume_box, triangle_crossing
 
-# Structs without numbers of the kernels' precision.
+# These structs have no members of the kernels' precision, so both precisions share them.
 WallLine, Crossings, WallMeeting = (types("float64").kinds[name] for name in ("WallLine", "Crossings", "WallMeeting"))
 
 
 @built_once
 def build_wall_line(library: KernelLibrary, geometry: str):
-    """A function (position, direction) -> WallLine."""
+    """Build a function (p, d) -> WallLine of a line."""
     if geometry == "volume":
 
         @wp.func
@@ -63,7 +63,10 @@ def build_wall_line(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_passes_box(library: KernelLibrary, geometry: str):
-    """A function: whether a line may pass a box, `margin` larger on every side, between t = from and to."""
+    """Build a function (line, box, margin, first, last): whether a line may pass a box between t = first and last.
+
+    The box, lowest and greatest (r, z), is enlarged by `margin` on every side.
+    """
 
     @wp.func
     def passes_box(line: WallLine, box: wp.vec4d, margin: wp.float64, first: wp.float64, last: wp.float64):
@@ -100,14 +103,17 @@ def build_passes_box(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_segment_crossings(library: KernelLibrary, geometry: str):
-    """A function (line, segment, entries_only) -> Crossings.
+    """Build a function (line, segment, entries_only) -> Crossings of a line with a segment.
 
-    With `entries_only`, a single crossing that leads out of the body is passed over: it costs a root and a division.
+    With `entries_only`, a single crossing that leads out of the body is skipped, which saves a root and a division.
     """
 
     @wp.func
     def corner_side(line: WallLine, place: wp.float64, height: wp.float64):
-        """Axisymmetric: positive outside the surface that the line sweeps; planar: the side of the line."""
+        """Axisymmetric: positive if a corner is outside the surface that the line sweeps about the axis.
+
+        Planar: the side of the line on which a corner is.
+        """
         if wp.static(geometry == "axisymmetric"):
             return line.along * line.along * (place * place - line.first) - line.across * height * height
         return line.across * (height - line.z) - line.along * (place - line.first)
@@ -139,7 +145,7 @@ def build_segment_crossings(library: KernelLibrary, geometry: str):
                 out.count = 1
             steepness = line.across * dz * dz - d * d * dr * dr
             if steepness > none:
-                # Less steep than the line: the roots of the cone's equation.
+                # Less steep than the line: find the roots of the cone's equation.
                 k = segment[0] * dz - h1 * dr
                 mean = k * dr * d
                 rest = line.first * dz * dz - k * k
@@ -168,7 +174,7 @@ def build_segment_crossings(library: KernelLibrary, geometry: str):
                         out.one = line.nearest + low
                         out.two = line.nearest + high
             elif once:
-                # As steep as the line or steeper: the place along the segment.
+                # As steep as the line or steeper: solve for the place along the segment.
                 slope = d * d * segment[0] * dr - line.across * h1 * dz
                 root = wp.sqrt(wp.max(slope * slope + steepness * w1, none))
                 share = wp.float64(0.0)
@@ -203,7 +209,10 @@ def build_segment_crossings(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_passes_node(library: KernelLibrary, geometry: str):
-    """A function (field, line, node, margin, from, to): whether a line may pass a node's box, `margin` larger."""
+    """Build a function (field, line, node, margin, first, last): whether a line may pass the box of a node of the tree.
+
+    The box is enlarged by `margin`; only the line between t = first and last counts.
+    """
     Field = library.types.Field
     passes_box = build_passes_box(library, geometry)
     if geometry == "volume":
@@ -229,7 +238,7 @@ def build_passes_node(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_triangle_at(library: KernelLibrary):
-    """A function (field, number, corner) -> a corner of a triangle of the surface."""
+    """Build a function (field, piece, corner) -> a corner of a triangle of the surface."""
     Field = library.types.Field
 
     @wp.func
@@ -242,7 +251,7 @@ def build_triangle_at(library: KernelLibrary):
 
 @built_once
 def build_piece_crossings(library: KernelLibrary, geometry: str):
-    """A function (field, line, number): where a line crosses a piece of the surface."""
+    """Build a function (field, line, piece) -> Crossings of a line with a piece of the surface."""
     Field = library.types.Field
     if geometry == "volume":
         triangle_at = build_triangle_at(library)
@@ -265,7 +274,7 @@ def build_piece_crossings(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_meet_wall(library: KernelLibrary, geometry: str):
-    """A function (field, line, from, to) -> WallMeeting."""
+    """Build a function (field, line, first, last) -> WallMeeting of a line with the body between t = first and last."""
     Field = library.types.Field
     passes_node = build_passes_node(library, geometry)
     piece_crossings = build_piece_crossings(library, geometry)

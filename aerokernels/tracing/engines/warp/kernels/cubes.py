@@ -1,13 +1,14 @@
-"""Device functions: a volume's potential by the polynomials of cubes of cells, see tracing/cube_polynomials.py."""
+"""Device functions: a volume's potential from the polynomials of cubes of cells, see tracing/cube_polynomials.py."""
 
 import warp as wp
 
 from ....scheme import CUBE_ROW, CUBE_SIDE
 from ..library import KernelLibrary, built_once
 
-# A GPU looks at each line that a warp's load touches: four neighbours load one row after the other together, sixteen
-# bytes each; each thread then takes its own row from the desk of its warp (kernels/include/cubes.h). Only whole warps
-# do, in blocks of Warp's size; rows of five fours, of which the last is spare, lie in different banks of memory.
+# A GPU fetches every cache line that a load of a warp touches. If each of 32 threads loaded its own row, in four loads,
+# that would be 128 lines. So four neighbouring threads load one row after the other together, sixteen bytes each, which
+# touches 32; each thread then reads its own row from the desk of its warp in shared memory. Only whole warps do so, in
+# blocks of Warp's default size. A row of the desk takes five float4, the last unused, to avoid bank conflicts.
 ROW_OF_CUBE = """
     wp::vec_t<16, wp::float32> row;
 #if defined(__CUDA_ARCH__)
@@ -21,7 +22,7 @@ ROW_OF_CUBE = """
             const int start = __shfl_sync(0xffffffffu, at, first + k);
             fours[k] = __ldg(reinterpret_cast<const float4 *>(numbers.data + start) + quarter);
         }
-        __syncwarp();  // nobody reads the rows before these any more
+        __syncwarp();  // every thread has read the rows of the previous call
 #pragma unroll
         for (int k = 0; k < 4; k++) {
             desk[5 * (first + k) + quarter] = fours[k];
@@ -55,15 +56,15 @@ ROW_OF_CUBE = """
 
 @wp.func_native(ROW_OF_CUBE)
 def row_of_cube(numbers: wp.array(dtype=wp.float32), at: int) -> wp.types.vector(CUBE_ROW, wp.float32):
-    """The numbers of a cube's polynomial, which begin at a place of the table."""
+    """The CUBE_ROW numbers of a cube's polynomial, which begin at entry `at` of the table."""
     ...
 
 
 @built_once
 def build_cube_sample(library: KernelLibrary):
-    """A function (field, place in cells) -> potential and its gradient [1/m], bounds of what they are off the spline.
+    """Build a function (field, place in cells) -> potential and its gradient [1/m], and bounds of their errors.
 
-    In single precision. The field's coefficients are the table of the polynomials.
+    The errors are relative to the spline. All in single precision; the field's coefficients are the polynomial table.
     """
     t = library.types
     vec3, vec4, Field = t.vec3, t.vec4, t.Field
@@ -72,7 +73,7 @@ def build_cube_sample(library: KernelLibrary):
 
     @wp.func
     def cube_of(place: number, last_cell: int):
-        """Which cube of an axis a place is in, and where in it: from -1 to 1."""
+        """Number of the cube that contains a place along an axis, and the place in the cube, from -1 to 1."""
         last = last_cell // side
         cubes = place / number(side)
         cube = int(wp.clamp(cubes, number(0.0), number(last) + number(0.5)))
@@ -80,7 +81,7 @@ def build_cube_sample(library: KernelLibrary):
 
     @wp.func
     def lower_number(both: number):
-        """Numbers of the third degree are the upper halves of floats, two to a number."""
+        """Coefficients of the third degree are the upper halves of floats, two packed in one number."""
         return wp.cast(wp.cast(both, wp.uint32) << wp.uint32(16), number)
 
     @wp.func

@@ -1,4 +1,8 @@
-"""The Warp kernel of a two-parameter family of rays, interpolated between traced ones (the tests have it in NumPy)."""
+"""The Warp kernel that interpolates rays of a two-parameter family between traced rays.
+
+It uses the table of bundle/table.py, one lookup per ray. tests/tracing/bundle_delivery.py has the same formulas in
+NumPy.
+"""
 
 import warp as wp
 
@@ -10,13 +14,13 @@ from ..types import takes
 from .bundle_family import family_parameters, undisturbed_length
 from .outputs import build_write_outputs
 
-# What a block's header has for its rays.
+# The outputs that a block's header has for all its rays.
 COSTS = output_mask(frozenset(("step_error", "step_count", "evaluation_count")))
 
 
 @wp.func
 def hermite_weights(u: wp.float64) -> wp.vec4d:
-    """Weights of value and slope at 0 and at 1."""
+    """Weights of the value and the slope at 0 and at 1."""
     one = wp.float64(1.0)
     two = wp.float64(2.0)
     v = one - u
@@ -25,7 +29,7 @@ def hermite_weights(u: wp.float64) -> wp.vec4d:
 
 @built_once
 def build_bundle_kernel(library: KernelLibrary, channel_count: int):
-    """Build the kernel for patches of so many channels: 1, 4 or 8 (bundle/nodes.py), stored in a precision."""
+    """Build the kernel for patches with `channel_count` channels: 1, 4 or 8 (bundle/nodes.py)."""
     real = library.types.real
     vector = wp.types.vector(channel_count, wp.float64)
     Arrival = library.types.Arrival
@@ -41,6 +45,7 @@ def build_bundle_kernel(library: KernelLibrary, channel_count: int):
         v: wp.float64,
         dv: wp.float64,
     ) -> vector:
+        """Contribution of the four numbers per channel of a node, which begin at entry `at`."""
         found = vector()
         first = at * channel_count
         for k in range(channel_count):

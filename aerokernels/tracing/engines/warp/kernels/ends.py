@@ -1,4 +1,4 @@
-"""Device functions in float64: both ends of a ray, before its first step and after its last one."""
+"""Device functions: both ends of a ray, before its first step and after its last one. In float64."""
 
 import warp as wp
 
@@ -21,7 +21,7 @@ from .wall import build_body_entry, build_body_exit
 
 @built_once
 def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool):
-    """A function (field, bounds, position, direction) -> (status, interval of the undisturbed ray)."""
+    """Build a function (field, bounds, p, d) -> initial status of a ray, and Interval of the undisturbed ray."""
     t = library.types
     real, Field, Bounds, Interval = t.real, t.Field, t.Bounds, t.Interval
     crossing = build_crossing(library, geometry)
@@ -60,8 +60,8 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
             if meets and span[1] > wp.float64(1.0e299):
                 status = int(not_reached)  # along x in a planar field, which has no end there
 
-        # A ray that starts behind the body's surface begins where it leaves it. Where the body sticks out of the box, a
-        # ray may hit it on its way to the box.
+        # A ray that starts inside the body begins where it leaves the body. If the body extends beyond the box, a ray
+        # may hit the body before it reaches the box.
         if wp.static(has_body):
             if meets:
                 leaves = body_exit(field, p, d, enter)
@@ -96,7 +96,7 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
 
 @built_once
 def build_last_surface(library: KernelLibrary, geometry: str, stop: str):
-    """A function: the surface on which the undisturbed ray stops."""
+    """Build a function (bounds, interval, p, d) -> number of the surface on which the undisturbed ray ends."""
     t = library.types
     Bounds, Interval = t.Bounds, t.Interval
     surface_distance = build_surface_distance(library, geometry)
@@ -121,9 +121,9 @@ def build_last_surface(library: KernelLibrary, geometry: str, stop: str):
 
 @built_once
 def build_obliquity(library: KernelLibrary, geometry: str, stop: str):
-    """A function: how much further along d the stop is met per length that the ray is beside its place.
+    """Build a function (bounds, interval, p, d) -> shift of the stop along d per sideways shift of the ray.
 
-    The tangent of the angle at which it meets the stop; no more than that of the smallest angle believed.
+    This is the tangent of the angle of incidence on the stop, at most the tangent that STEEPEST_COSINE allows.
     """
     t = library.types
     real, Bounds, Interval = t.real, t.Bounds, t.Interval
@@ -148,7 +148,7 @@ def build_obliquity(library: KernelLibrary, geometry: str, stop: str):
 
 @built_once
 def build_stop_geometry(library: KernelLibrary, geometry: str, stop: str, controlled: bool):
-    """A function -> Lever; its arguments: bounds, control, the undisturbed interval, start and direction."""
+    """Build a function (bounds, control, interval, p, d) -> StopGeometry."""
     t = library.types
     real, StopGeometry, Bounds, Control, Interval = t.real, t.StopGeometry, t.Bounds, t.Control, t.Interval
     obliquity_of = build_obliquity(library, geometry, stop)
@@ -174,12 +174,11 @@ def build_stop_geometry(library: KernelLibrary, geometry: str, stop: str, contro
 
 @built_once
 def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: str):
-    """A function -> Arrival, the ray at its stop.
+    """Build a function -> Arrival, the ray at its stop.
 
-    It puts the sums of the steps back onto the straight ray and flies on to a stop outside the box. Its arguments:
-    bounds, control, start, direction, interval and status as `build_start` has them, the number of the surface that the
-    ray ends on or -1, deviation, its carry, momentum, the sums (sigma, S, M, B), their carry, and the greatest angle
-    with the direction.
+    It adds the sums of the steps, (sigma, S, M, B), to the straight ray and flies on to a stop outside the box. p and d
+    are the ray's start and direction, `interval` and `status` are those of `build_start`. `ends_on` is the number of
+    the surface on which the ray ended, or -1. `max_deflection` is the greatest angle between the ray and d.
     """
     t = library.types
     real, vec3, vec4, Bounds, Control, Interval = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Interval
@@ -218,7 +217,7 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         work = wp.float64(2.0) * (wp.float64(sums[1]) - wp.float64(sums_carry[1]))
         stretch = wp.float64(sums[2]) - wp.float64(sums_carry[2])
         if wp.static(consistent_gradient) and max_deflection <= real(NEARLY_STRAIGHT):
-            # Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
+            # Along d the deviation is int (T . d - a) d sigma = M - B: sums of the same values as the path (motion.py).
             lagging = wp.float64(sums[3]) - wp.float64(sums_carry[3])
             q64 += (stretch - lagging - wp.dot(q64, d)) * d
         tangent_change = deflection(ambient, d, p64)
@@ -245,7 +244,7 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
                     here = p + along * d + q64
                     height = wp.dot(bounds.plane_normal, here - bounds.plane_point)
                     slope = wp.dot(bounds.plane_normal, heading)
-                    # A plane on a face of the box: rounding may put the ray behind it.
+                    # If the plane is on a face of the box, rounding may put the ray behind the plane.
                     face_tolerance = wp.float64(1.0e-3) / wp.float64(wp.max(control.cell_rate))
                     toward = height * slope < none and wp.abs(slope) > wp.float64(LEAST_SLOPE)
                     if toward or (interval.meets and wp.abs(height) < face_tolerance * wp.abs(slope)):
@@ -259,8 +258,8 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
 
         opd = wp.float64(0.0)
         if status == ok and interval.has_stop and wp.static(stop != "arc"):
-            # How much further along d the stop is met than by the undisturbed ray: from the deviation where that is
-            # exact, since the difference of two distances would lose its last digits.
+            # How much further along d than the undisturbed ray the ray meets the stop: computed from the deviation
+            # where that is exact, because the difference of two distances would lose its last digits.
             further = along - stop_distance
             if wp.static(stop == "plane"):
                 descent = wp.dot(bounds.plane_normal, d)
@@ -277,7 +276,7 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         arrival.direction = heading / wp.length(heading)
         arrival.optical_path = wp.max(ambient * along + work, none)
         arrival.opd = opd
-        arrival.arc_length = wp.max(along + stretch, none)  # a ray that leaves where it starts ends a rounding before
+        arrival.arc_length = wp.max(along + stretch, none)  # rounding may make it negative if a ray leaves at its start
         arrival.flight = flight
         arrival.grazing = grazing
         arrival.status = status

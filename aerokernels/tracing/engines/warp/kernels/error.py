@@ -1,8 +1,8 @@
-"""Device functions: the error of a step, as optical path, and what of it may be rounding.
+"""Device functions: the error of a step and of a ray, as optical path, and the share that may be rounding.
 
-A step's error is the embedded formula's in S, in position and in momentum, the latter two weighted by how much they can
-matter further on. On a nearly straight ray the error of S is known better, from a rule of degree 7 that also uses the
-slopes along the ray.
+The error of a step is that of the embedded formula in S, in position and in momentum; the latter two are weighted by
+their effect further along the ray. On a nearly straight ray a quadrature of degree 7 that also uses the slopes along
+the ray gives a sharper error of S.
 """
 
 import warp as wp
@@ -39,7 +39,7 @@ from .motion import build_contrast
 
 @built_once
 def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, stop: str):
-    """Functions: a step's error, angle, direction weight, displacement; its rounding; errors at faces and at a stop."""
+    """Build functions for the error of a step, its rounding, the gain behind a face, and the errors at the stop."""
     t = library.types
     real, vec3, vec4, Bounds, Control, StopGeometry = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.StopGeometry
     contrast = build_contrast(library)
@@ -72,8 +72,14 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         s3: vec4,
         s4: vec4,
     ):
+        """The error [m], the greatest angle with d so far, the weight of an error of direction, the displacement.
+
+        The weight is the length by which an error of the direction is multiplied. The displacement is how far sideways
+        the step may put the ray where it leaves the field. The ray meets its stop at an `obliquity` (ends.py),
+        `lever_arm` further on.
+        """
         reach, lever_arm = to_stop.reach, to_stop.lever_arm
-        # Where the ray has turned, the obliquity is another one, and the turn counts instead.
+        # After the ray has turned, the initial obliquity does not apply; the angle of the turn counts instead.
         obliquity = to_stop.obliquity * wp.max(real(1.0) - max_deflection / real(OBLIQUITY_KEPT), real(0.0))
         force2 = vec3(s2[1], s2[2], s2[3])
         force3 = vec3(s3[1], s3[2], s3[3])
@@ -85,8 +91,8 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         angle = wp.max(max_deflection, wp.length(end_momentum - wp.dot(end_momentum, d) * d) / ambient)
         error_ratio = real(1.0)
         if wp.static(sharpened):
-            # On a nearly straight ray the path's error is known better, by a rule of higher order with the slopes
-            # along the ray; the other errors are taken to be overestimated alike.
+            # On a nearly straight ray a quadrature of higher order with the slopes along the ray gives a sharper error
+            # of the path; the other errors are assumed to be overestimated in the same ratio.
             slope1 = wp.dot(force, total)
             slope2 = wp.dot(force2, total + (real(0.5) * real(c2) * h) * (force + force2))
             slope3 = wp.dot(force3, total + (real(0.5) * real(c3) * h) * (force + force3))
@@ -100,20 +106,19 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
             error_ratio = wp.clamp(error_ratio, wp.min(least_ratio + real(RATIO_GROWTH) * angle, real(1.0)), real(1.0))
         off = real(4.0) * error_ratio * wp.abs(off_s)
         if wp.static(not consistent_gradient) or angle > real(NEARLY_STRAIGHT):
-            # Along d, and in arc length.
+            # The errors along d and in arc length.
             off_m = real(f1) * contrast(ambient, pot) + real(f2) * contrast(ambient, s2[0])
             off_m += real(f3) * contrast(ambient, s3[0]) + real(f4) * contrast(ambient, s4[0])
             off += ambient * (wp.abs(wp.dot(off_q, d)) + h * wp.abs(off_m))
         off_q -= wp.dot(off_q, d) * d
         off_p -= wp.dot(off_p, d) * d
         weight = angle + error_ratio * real(DIRECTION_SHARE)
-        # The ray meets its stop at an angle (engines/warp/kernels/ends.py), `lever_arm` further on.
         tilt = error_ratio * obliquity
         if wp.static(interpolation == "linear"):
             tilt = wp.max(error_ratio, real(LEAST_RATIO)) * obliquity
         if lever_arm > real(2.0) * reach:
-            # At far stops the ray's own deflection adds to the obliquity, and the error of a direction is not believed
-            # to be overestimated as much as that of the path: it is no sum along the ray.
+            # At far stops the ray's own deflection adds to the obliquity. The error of a direction is assumed to be
+            # overestimated less than that of the path, because it is not a sum along the ray.
             tilt = wp.max(error_ratio, real(LEAST_RATIO)) * (
                 obliquity + wp.where(angle < real(LEAPFROG_ANGLE), angle, real(0.0))
             )
@@ -136,19 +141,17 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         force: vec3,
         s3: vec4,
     ):
+        """Rounding error of a step [m]."""
         size = wp.max(wp.abs(pot), wp.abs(s3[0]))
         if wp.static(geometry == "axisymmetric"):
-            # Places across the axis are kept from the axis on, and rounded like their distance from it.
+            # Coordinates across the axis are measured from the axis, and rounded relative to the distance from it.
             size += wp.length(force) * wp.length(vec3(frac[0], frac[1], real(0.0))) / rate[0]
         steep = wp.max(wp.length(force), size * wp.max(control.cell_rate))
         return real(noise) * h * (real(2.0) * size + steep * direction_weight)
 
     @wp.func
     def possible_gain(ambient: real, to_stop: StopGeometry, angle: real, pot: real, force: vec3, s3: vec4):
-        """What a ray may gain behind a face per length of its step.
-
-        Without another stop the face may be where it ends.
-        """
+        """Optical path that a ray may gain behind a face per length of its step; without a stop it may end there."""
         gain = ambient * ambient
         if wp.static(stop != "none"):
             steep = wp.max(wp.length(force), wp.length(vec3(s3[1], s3[2], s3[3])))
@@ -168,11 +171,12 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         to_stop: StopGeometry,
         displacement: real,
     ):
-        """The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there.
+        """Error of a ray at its stop: the errors of its steps, and the rounding of the direction of its flight there.
 
-        Rounded are its greatest momentum, what it had at first, along d, and the slopes between nodes. A plane may be
-        met at a smaller angle than the obliquity allows for. A ray that is turned later on meets a far stop at that
-        angle with the errors of direction of its first steps, too: `displacement`, beside its place, grows beyond.
+        Rounding affects the greatest momentum, the initial momentum along d, and the slopes between nodes. The ray may
+        meet a plane at a smaller angle than the obliquity allows for. If the ray is turned late, the errors of
+        direction of its first steps also meet a far stop at that angle: the sideways `displacement` grows beyond the
+        field.
         """
         size = wp.length(momentum) + first_momentum + ambient * max_deflection
         size *= real(1.0) + real(SLOPE_NOISE) * to_stop.reach * wp.max(control.cell_rate)
@@ -197,12 +201,12 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         opd_rate: real,
         displacement: real,
     ):
-        """The error of a ray that ended on surface `ends_on`, with what it lacks of it and at which cosine.
+        """Error of a ray that ended on surface `ends_on`; `grazing` has the length left to the surface and the cosine.
 
-        A ray may end at a smaller angle, or on another surface, than the undisturbed one, for which `obliquity` is.
-        Where the ray flies on from the surface, each metre beside its place changes the path by `opd_rate`. Its place
-        across the surface is off by a share of a `cell` [m] for rounding and by `displacement` for its steps; along
-        the ray by that over the cosine.
+        `obliquity` is that of the undisturbed ray; the ray may end at a smaller angle, or on another surface. If the
+        ray flies on from the surface, a shift of one metre along the ray changes the path by `opd_rate`. Normal to the
+        surface, the position is wrong by a share of a `cell` [m] by rounding and by `displacement` from the steps;
+        along the ray, by these over the cosine.
         """
         lack = real(wp.min(grazing[0], wp.float64(1.0e30)))
         cosine = real(wp.max(grazing[1], wp.float64(1.0e-15)))

@@ -1,8 +1,9 @@
-"""Device functions: ending a ray on the surfaces of its box, on a plane, or at a length of arc.
+"""Device functions that end a ray on a face of its box, on a plane, or at an arc length.
 
-The step is shortened to where its parabola first meets a surface, by the root of the quadratic; what is left, of third
-order in the step, is flown along the parabola at its end. A ray that grazes a surface is far from where it meets
-it even if it is close to it: what is left must be short beside the step, or as close as rounding has it.
+The step is shortened to where its parabola first meets a surface, by the root of the quadratic. The rest, of third
+order in the step, is flown along the parabola at the step's end. A ray that grazes a surface may be close to it and
+still far from the place where it meets it: the rest must be short compared with the step, or as small as rounding
+errors.
 """
 
 import warp as wp
@@ -22,7 +23,7 @@ from .box import FACE_COUNT, FLAT_AXES, build_surface
 
 @built_once
 def build_event_location(library: KernelLibrary, geometry: str, stop: str):
-    """Functions about the surfaces a ray can end on: the step that ends on one, what it misses, the intersection."""
+    """Build functions about the surfaces on which a ray can end: the step to one, what it misses, the intersection."""
     t = library.types
     real, vec3, Control = t.real, t.vec3, t.Control
     surface = build_surface(library, geometry)
@@ -34,11 +35,12 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
     least_rise = LEAST_RISE[library.precision]
     flat_count = wp.constant(2 * FLAT_AXES[geometry])
     clear_by = max(surface_tolerance, event_location_noise)
-    most_behind = 2.5 * EVENT_LOCATION_SHARE  # a product inside a kernel would be taken in float32
+    most_behind = 2.5 * EVENT_LOCATION_SHARE  # a product inside a kernel would be computed in float32
     none = 1e30
 
     @wp.func
     def oriented(control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3):
+        """As `surface`, with the plane's normal turned away from the ray's start."""
         s = surface(control, k, cell, frac)
         if k == face_count:
             s = side * s
@@ -46,14 +48,14 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
 
     @wp.func
     def surface_unit(control: Control, k: int):
-        """Size of a cell in the unit of surface k: faces are measured in cells, the plane in metres."""
+        """Size of a cell in the unit of surface k: distances to faces are in cells, to the plane in metres."""
         if k == face_count:
             return real(1.0) / wp.max(control.cell_rate)
         return real(1.0)
 
     @wp.func
     def rising_root(v0: real, v1: real, v2: real):
-        """The first positive h at which v0 + v1 h + v2 h^2 rises through zero; 0 if it is above and stays there."""
+        """The first positive h at which v0 + v1 h + v2 h^2 rises through zero; 0 if it is positive and stays so."""
         disc = v1 * v1 - real(4.0) * v2 * v0
         if v0 > real(0.0):
             if v1 >= real(0.0) or disc < real(0.0):
@@ -71,7 +73,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
 
     @wp.func
     def half_curve(control: Control, k: int, normal: vec3, along: vec3, bend: vec3):
-        """Half the second derivative by the step of a ray's distance outside a surface with this normal there."""
+        """Half the second derivative, by the step, of a ray's distance outside surface k, whose normal is given."""
         curve = wp.dot(normal, bend)
         if wp.static(geometry == "axisymmetric"):
             if k == 2:
@@ -80,15 +82,15 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
 
     @wp.func
     def grazes(control: Control, k: int, outside: real, rise: real, along: vec3):
-        """Whether a ray that rises with `rise` runs in surface k or outside it, all but along it."""
+        """Whether a ray that rises with `rise` is in surface k or outside it and runs almost parallel to it."""
         grazing = real(1.0e-4) * wp.length(along) * surface_unit(control, k)
         return rise >= real(0.0) and rise <= grazing and outside >= -real(surface_tolerance) * surface_unit(control, k)
 
     @wp.func
     def stays_within_noise(outside: real, rise: real, curved: real, h: real):
-        """Whether rounding decides on which side of a face a step of length h begins and ends.
+        """Whether rounding decides on which side of a face a step of length h begins and ends; never in float64.
 
-        In float64, SURFACE_TOLERANCE does.
+        In float64, SURFACE_TOLERANCE decides.
         """
         within = bool(False)
         if wp.static(single):
@@ -98,7 +100,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
 
     @wp.func
     def outside_flat_faces(control: Control, cell: wp.vec3i, frac: vec3):
-        """How far outside the flat faces a place is along each axis [cells]."""
+        """Distance of a place outside the flat faces along each axis [cells]."""
         whole = vec3(real(cell[0]), real(cell[1]), real(cell[2]))
         outside = wp.max((control.face_low - whole) - frac, (whole - control.face_high) + frac)
         for axis in range(wp.static(3 - FLAT_AXES[geometry])):
@@ -107,9 +109,9 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
 
     @wp.func
     def clears_flat_faces(control: Control, cell: wp.vec3i, frac: vec3, along: vec3, bend: vec3, h: real):
-        """Whether no flat face is met by a step of length h, or is as near as rounding, whatever way the ray flies.
+        """Whether a step of length h, whatever its direction, stays farther from every flat face than rounding errors.
 
-        Nothing of what is asked about single faces below can then be true of one, as rounded as it is.
+        Then none of the checks of single faces below can be true, rounding errors included.
         """
         rising = wp.abs(along) + (real(0.5) * wp.abs(bend)) * h
         farthest = wp.max(outside_flat_faces(control, cell, frac) + rising * h)
@@ -124,9 +126,9 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
     def event_location(
         control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
     ):
-        """The step, at most h, that ends where the parabola first meets a surface; that surface or -1.
+        """The step, at most h, that ends where the parabola first meets a surface; that surface or -1; whether it runs.
 
-        At last whether the ray may run in a face, so near that rounding decides.
+        A ray runs in a face if it is so near the face that rounding decides on which side it is.
         """
         best = h
         which = int(-1)
@@ -143,7 +145,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
                 normal = vec3(s[1], s[2], s[3])
                 curved = half_curve(control, k, normal, along, bend)
                 rise = wp.dot(normal, along)
-                # A ray that runs in a face is not thrown out by rounding.
+                # Rounding must not end a ray that runs in a face.
                 tolerance = real(surface_tolerance) * surface_unit(control, k)
                 outside = s[0]
                 if grazes(control, k, outside, rise, along):
@@ -151,7 +153,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
                     runs = runs or k < face_count
                 if k < face_count:
                     runs = runs or stays_within_noise(outside, rise, curved, best)
-                # Most surfaces are out of reach.
+                # Most surfaces are out of reach: skip the root.
                 rising = wp.max(rise, real(0.0)) + wp.max(curved, real(0.0)) * best
                 if outside + rising * best >= real(0.0):
                     root = rising_root(outside, rise, curved)
@@ -164,7 +166,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
     def time_beyond_face(
         control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
     ):
-        """How much of a step of length h may lie behind a face in which the ray runs. Few rays ask."""
+        """How much of a step of length h may be behind a face in which the ray runs. Few rays need this."""
         first = h
         along = wp.cw_mul(momentum, rate)
         bend = wp.cw_mul(force, rate)
@@ -187,7 +189,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
     def leaves_by_rounding(
         control: Control, event: int, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3
     ):
-        """Whether a ray that leaves through face `event` rises so little that rounding alone says where, or whether."""
+        """Whether a ray that leaves by face `event` rises so little that rounding alone decides where, or whether."""
         if event < 0 or event >= face_count:
             return bool(False)
         s = oriented(control, event, side, cell, frac)
@@ -197,7 +199,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
 
     @wp.func
     def rounding_of(control: Control, k: int):
-        """What rounding leaves of a place's distance from surface k, in its unit."""
+        """Rounding error of a place's distance from surface k, in the unit of the surface."""
         allowance = real(event_location_noise) * surface_unit(control, k)
         if k == face_count:
             allowance += real(event_location_noise) * wp.abs(control.plane_offset)
@@ -210,7 +212,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
     def overshoots(
         control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3, velocity: vec3, h: real, close: real
     ):
-        """Whether the end of a step h is further behind surface k than `close` cells, or than a share of the step."""
+        """Whether a step of length h ends further behind surface k than `close` cells, or than a share of the step."""
         ahead = oriented(control, k, side, cell, frac)
         speed = wp.max(wp.dot(vec3(ahead[1], ahead[2], ahead[3]), velocity), real(0.0))
         is_far = ahead[0] > real(most_behind) * speed * h and ahead[0] > rounding_of(control, k)
@@ -218,7 +220,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
 
     @wp.func
     def passed_surface(control: Control, side: real, cell: wp.vec3i, frac: vec3, event: int):
-        """Whether a place is behind a surface other than `event`, by more than rounding; how near a face is [cells]."""
+        """Whether a place is behind a surface other than `event` by more than rounding; distance to the next face."""
         is_behind = bool(False)
         nearest = real(none)
         farthest = wp.max(outside_flat_faces(control, cell, frac))
@@ -239,17 +241,17 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
 
     @wp.func
     def face_margin(control: Control, displacement: real):
-        """How near a face counts as in it [cells]; `displacement` is how far beside its place the ray may be [m]."""
+        """Distance from a face within which a ray counts as in it [cells]; the ray may be shifted by `displacement`."""
         return (
             real(event_location_noise) + real(2.0) * real(surface_tolerance) + displacement * wp.max(control.cell_rate)
         )
 
     @wp.func
     def in_face(control: Control, side: real, cell: wp.vec3i, frac: vec3, velocity: vec3, allowance: real):
-        """Whether a ray runs along a face so close to it that its error may put it on the other side.
+        """Whether a ray runs along a face within `allowance` cells, so that its error may put it on the other side.
 
-        Close is within `allowance` cells. A ray that crosses the face is beyond it a little sooner or later; one that
-        stays exactly in it is on no side.
+        A ray that crosses the face does not count: its error only shifts the crossing a little. Neither does a ray that
+        stays exactly in the face: it is on no side.
         """
         is_in = bool(False)
         for k in range(face_count):
@@ -272,27 +274,27 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         h: real,
         h_cell: real,
     ):
-        """After a step to surface k: (sigma still to go along its parabola, negative to go back; whether that is all).
+        """After a step to surface k: (sigma still to go along the parabola, negative to go back; whether the ray ends).
 
         The velocity and its derivative are in cells. A ray that is neither behind the surface nor close to it takes
-        another step to it.
+        another step toward it.
         """
         now = oriented(control, k, side, cell, frac)
         speed = wp.dot(vec3(now[1], now[2], now[3]), velocity)
-        # Behind it, or close enough to fly the rest along the parabola.
+        # Behind the surface, or close enough to fly the rest along the parabola.
         unit = surface_unit(control, k)
         if speed > real(0.0) and now[0] >= real(-EVENT_LOCATION_SHARE) * speed * h - rounding_of(control, k):
             curve = wp.dot(vec3(now[1], now[2], now[3]), pull)
             root = wp.sqrt(wp.max(speed * speed - real(2.0) * curve * now[0], real(0.0)))
-            # A ray that rounding alone moves goes back no further than it came.
+            # A ray that only rounding moves goes back no further than its step.
             back = wp.max(real(-2.0) * now[0] / (speed + root), -h)
-            # The rest may lead through another surface before.
+            # The rest may cross another surface first.
             there = frac + back * velocity + (real(0.5) * back * back) * pull
             behind, _ = passed_surface(control, side, cell, there, k)
             if back > real(0.0) and behind:
                 return real(0.0), bool(False)
             return back, bool(True)
-        # Outside, and coming back or not moving.
+        # Outside, and coming back or not moving relative to the surface.
         return real(0.0), bool(h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit)
 
     return (
@@ -309,14 +311,14 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
 
 @built_once
 def build_arc_event_location(library: KernelLibrary):
-    """The same for a stop at a length of arc: the step that ends there, and the intersection."""
+    """Build functions for a stop at an arc length: the step that ends there, and the intersection."""
     t = library.types
     real, vec3 = t.real, t.vec3
     arc_surface = wp.constant(ARC_SURFACE)
 
     @wp.func
     def arc_event_location(rest: real, index: real, total: vec3, force: vec3, h: real, event: int):
-        """The step that flies `rest`, if it is no longer than h; the index grows along it."""
+        """The step over `rest` of arc, if it is no longer than h; the index changes along it."""
         bend = wp.dot(force, total) / index
         if h * (index + real(0.5) * bend * h) >= rest:
             h_arc = wp.min(rest / index, h)
@@ -325,6 +327,7 @@ def build_arc_event_location(library: KernelLibrary):
 
     @wp.func
     def arc_surface_intersection(rest: real, index: real, arc_left: real, h: real):
+        """After a step to the arc length: (sigma still to go, negative to go back; whether the ray ends)."""
         if wp.abs(rest) <= real(1.0e-4) * h * index + real(1.0e-6) * arc_left:
             return rest / index, bool(True)
         return real(0.0), bool(False)

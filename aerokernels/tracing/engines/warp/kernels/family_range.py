@@ -1,11 +1,11 @@
-"""The Warp kernel that measures the parameters of rays in a family: see bundle/known.py."""
+"""The Warp kernel that finds the range of the parameters of rays in a family: see bundle/known.py."""
 
 import warp as wp
 
 from ....bundle.nodes import FAR
 from .bundle_family import family_parameters
 
-# Numbers that each thread gives: rays that do not belong, least and greatest parameters.
+# Numbers that each thread returns: how many rays do not belong, least and greatest parameters.
 NUMBERS = 5
 
 
@@ -19,7 +19,7 @@ def find_range(
     direction_in: wp.array(dtype=wp.vec3d),
     found_out: wp.array(dtype=wp.float64),
 ):
-    """How many rays do not belong to a family, and the ends of the others' parameters, of the rows of a thread."""
+    """For the rays of each thread: how many do not belong to a family, and the range of the others' parameters."""
     thread = wp.tid()
     far = wp.float64(wp.static(FAR))
     outside = wp.float64(0.0)

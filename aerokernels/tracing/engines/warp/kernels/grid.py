@@ -10,10 +10,13 @@ from .native_lookup import build_entry, build_volume_lookup, on_processor
 
 @built_once
 def build_weights(library: KernelLibrary, interpolation: str):
-    """Functions u -> weights and u -> slopes of the weights, as vectors of four (two used if linear)."""
+    """Build functions u -> weights of the coefficients at fraction u of a cell, and u -> slopes of these weights.
+
+    Both return vectors of four numbers, of which linear interpolation uses two.
+    """
     t = library.types
     real, vec4 = t.real, t.vec4
-    one_sixth = 1.0 / 6.0  # a quotient written inside a kernel would be taken in float32
+    one_sixth = 1.0 / 6.0  # a quotient written inside a kernel would be computed in float32
 
     if interpolation == "linear":
 
@@ -67,7 +70,7 @@ def build_weights(library: KernelLibrary, interpolation: str):
 
 @built_once
 def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
-    """A function (field, cell, frac, current_cell) -> (potential s = (n^2 - a^2) / 2, its gradient [1/m])."""
+    """Build a function (field, cell, frac, current_cell) -> potential s = (n^2 - a^2) / 2 and its gradient [1/m]."""
     t = library.types
     real, vec3, vec4, Field = t.real, t.vec3, t.vec4, t.Field
     value_weights, slope_weights = build_weights(library, interpolation)
@@ -76,7 +79,7 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
 
     @wp.func
     def split(place: real, base: int, last: int):
-        """Clamped cell along one axis and the fraction in it, which may leave [0, 1] at the box's edge."""
+        """Clamped cell along one axis, and the fraction in it, which may leave [0, 1] at the box's edge."""
         shift = int(wp.floor(place))
         cell = wp.clamp(base + shift, 0, last)
         return cell, place - real(cell - base)
@@ -177,7 +180,7 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
 
 @built_once
 def build_paper_step(library: KernelLibrary, geometry: str):
-    """A function (field, cell, frac, current_cell) -> step length of eq 5 in the cell that holds the point [m]."""
+    """Build a function (field, cell, frac, current_cell) -> step length of eq 5 in the cell of the point [m]."""
     t = library.types
     vec3, Field = t.vec3, t.Field
 
@@ -212,7 +215,7 @@ def build_paper_step(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_find_current_cell(library: KernelLibrary, geometry: str):
-    """A function (field, frac, current_cell) -> current_cell: only a mesh has cells to be remembered."""
+    """Build a function (field, frac, current_cell) -> current_cell: only a mesh needs the cell of the last lookup."""
     t = library.types
     vec3, Field = t.vec3, t.Field
 

@@ -1,6 +1,6 @@
-"""Warp kernels that prepare a grid: its spline, and the greatest of what it holds by blocks (tracing/grid_tables.py).
+"""Warp kernels that prepare a grid: its spline, and the greatest values in blocks of cells (tracing/grid_tables.py).
 
-Their twins are kernels/spline_lines.cl and those of the same names, which say what the arguments are.
+Their OpenCL twins are the kernels of the same names in kernels/, whose comments describe the arguments.
 """
 
 import warp as wp
@@ -11,7 +11,7 @@ from ..types import takes
 
 @wp.func
 def value_at(values_in: wp.array(dtype=wp.float64), place: int, ambient: wp.float64) -> wp.float64:
-    """A value, or the potential of a contrast where `ambient` is above 0."""
+    """A value; if `ambient` is above 0, the value is a contrast m, and the result its potential m (ambient + m / 2)."""
     value = values_in[place]
     if ambient > wp.float64(0.0):
         value = value * (ambient + wp.float64(0.5) * value)
@@ -21,7 +21,7 @@ def value_at(values_in: wp.array(dtype=wp.float64), place: int, ambient: wp.floa
 @wp.kernel(enable_backward=False)
 @takes("spline_lines")
 def spline_lines(values_in, inverse_in, count, pitch, even, ambient, first_line, coefficients_out):
-    """Coefficients of the cubic spline through the values of a line, by elimination: medium/spline.py."""
+    """Solve for the coefficients of the cubic spline through the values of a line, by elimination: medium/spline.py."""
     line = wp.tid() + first_line
     two = wp.float64(2.0)
     four = wp.float64(4.0)
@@ -77,7 +77,7 @@ def spline_lines(values_in, inverse_in, count, pitch, even, ambient, first_line,
 @wp.kernel(enable_backward=False)
 @takes("fourth_differences")
 def fourth_differences(coefficients_in, first_count, second_count, third_count, axis, block, first_place, maxima_out):
-    """Greatest size of the fourth differences of coefficients along an axis, in blocks along the first one."""
+    """Greatest size of the fourth differences of coefficients along an axis, in blocks along the first axis."""
     place = wp.tid() + first_place
     across = second_count * third_count
     first = place // across * block

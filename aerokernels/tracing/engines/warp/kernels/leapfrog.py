@@ -1,28 +1,29 @@
-r"""Nearly straight rays by equally many, evenly spaced samples: the Warp kernel.
+r"""The Warp kernel that traces nearly straight rays, all with the same number of evenly spaced samples.
 
-Equation. With t the distance along the undisturbed ray p + d t, P the part of the momentum n dr/ds across d, q that of
-the deviation, s = (n^2 - a^2) / 2 and w the momentum along d,
+Equation. With t the distance along the undisturbed ray p + d t, P the part of the momentum n dr/ds across d, q the part
+of the deviation across d, s = (n^2 - a^2) / 2 and w the momentum along d,
 
     q' = P / w,   P' = grad s / w across d,   w = sqrt(a^2 + 2 s - P^2)
     optical path - a t = int (2 s - a (w - a)) / w dt
 
-These are the full ray equations for as long as a ray does not turn away from d. Every ray takes the same number N of
-samples, in the middles of N equal parts of its path: a step of the leapfrog is one lookup, without a branch, so that
-neighbours stay together (on a CPU in the lanes of a vector, on a GPU in a warp).
+These are the full ray equations as long as the ray does not turn away from d. Every ray takes the same number N of
+samples, in the middles of N equal parts of its path: a leapfrog step is one lookup without a branch, so neighbouring
+rays stay in step (on a CPU in the lanes of a vector, on a GPU in a warp).
 
-Order. The sums are the midpoint rule with the weights 13/12, 7/8, 25/24, 1, 1 ... at both ends, fourth order; on fields
-that fade out at both ends it converges faster than any power. P and q at the end are such sums, q that of P' times the
-way still to go. The leapfrog's own P and q, of second order in t / N, decide where samples are taken, which matters in
-the second order of the contrast only.
+Order. The sums are the midpoint rule with the weights 13/12, 7/8, 25/24, 1, 1 ... at both ends, of fourth order; on
+fields that fade out at both ends it converges faster than any power. P and q at the end are such sums, q the sum of P'
+times the path still to go. The P and q of the leapfrog itself, of second order in t / N, determine where samples are
+taken, which matters only in the second order of the contrast.
 
-Error. The same sums over every third sample are the rule with N / 3 samples: a share of the differences (those of place
-and direction as far as they matter at an oblique stop), and a share of int P^2 / w dt for the leapfrog, are taken for
-the error, both as a pilot bundle has it (leapfrog.py). A ray is "rejected", and to be traced by another method, where
-that is above the budget, or it turns by more than LEAPFROG_ANGLE, comes near a body or leaves by an edge of the box.
+Error. The same sums over every third sample are the rule with N / 3 samples. The error estimate is a share of the
+differences (those of position and direction as far as they matter at an oblique stop), and a share of int P^2 / w dt
+for the leapfrog; a pilot bundle determines both shares (leapfrog.py). A ray is rejected, and traced by another method,
+if the estimate exceeds the budget, or if the ray turns by more than LEAPFROG_ANGLE, comes near a body or leaves by an
+edge of the box.
 
-Stop. A ray that has left the field's support flies straight on: to a plane (ends.py), or to where that very line leaves
-the box. In disturbed air the rest of the way from the undisturbed ray's last point to its surface is flown along a
-parabola; what that leaves out counts as an error too, as does the air outside the support (support.py).
+Stop. A ray that has left the field's support flies straight on: to a plane (ends.py), or to where this line leaves the
+box. In disturbed air the ray flies along a parabola from the last point of the undisturbed ray to its surface; the
+error of the parabola counts as an error too, as does the air outside the support (support.py).
 """
 
 import warp as wp
@@ -48,7 +49,7 @@ from .support import (
 from .unresolved import build_unresolved, build_with_lever_arm
 from .wall import build_has_clearance
 
-# Of a GPU's thread: with the 200 that the compiler would take, too few rays wait for memory side by side.
+# Per thread of a GPU: with the 200 that the compiler would use, too few rays could wait for memory at the same time.
 MOST_REGISTERS = 128
 
 
@@ -70,7 +71,7 @@ def quadrature_weight(k: int, count: int):
 def build_leapfrog_kernel(
     library: KernelLibrary, geometry: str, interpolation: str, stop: str, has_body: bool, cubes: bool = False
 ):
-    """Build the kernel for one kind of scene; its arguments are the tracer's, and the count of rejected rays."""
+    """Build the kernel for one kind of scene; its arguments are those of the tracer and the count of rejected rays."""
     t = library.types
     real, vec3, vec4 = t.real, t.vec3, t.vec4
     sample = build_cube_sample(library) if cubes else build_sample(library, geometry, interpolation)
@@ -99,8 +100,8 @@ def build_leapfrog_kernel(
         s = total + y
         return s, (s - total) - y
 
-    # On a GPU roots and quotients are its own, right to two units in the last place or so: here they are factors of
-    # what is itself a small deviation. Sums are compensated as written: the compiler does not change their order.
+    # With fast_math a GPU uses its own roots and quotients, accurate to about two units in the last place; here they
+    # are factors of small deviations. Compensated sums stay as written: the compiler does not change their order.
     @wp.kernel(
         module="unique", enable_backward=False, cuda_max_registers=MOST_REGISTERS, module_options={"fast_math": True}
     )
@@ -121,29 +122,29 @@ def build_leapfrog_kernel(
         momentum = none  # across the ray
         q = none  # deviation across it
         impulse = none  # the end-corrected sum of the momentum
-        moment = none  # that of its moments about the start
-        momentum_diff = none  # the momentum's difference from the one by every third sample
-        deviation_diff = none  # and its moments
+        moment = none  # the sum of its moments about the start
+        momentum_diff = none  # the momentum minus the sum over every third sample
+        deviation_diff = none  # the same of its moments
         sigma = real(0.0)  # int 1 / w dt
-        bend = real(0.0)  # of P^2 / w
+        bend = real(0.0)  # sum of P^2 / w
         slowness = real(1.0) / ambient  # 1 / w
         sums = vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # of s / w, (w - a) / w, m / w, and every third sample
         carry = sums
         max_deflection = real(0.0)
-        s = real(0.0)  # of the last sample: the potential, its slope along the ray, and that across it
+        s = real(0.0)  # the potential at the last sample, its slope along the ray (ahead) and across it (force)
         ahead = real(0.0)
         force = none
         length = real(0.0)
         h = real(0.0)
         error = real(0.0)
-        whole = wp.vec2d(wp.float64(0.0), wp.float64(0.0))  # its path through the box, with the part in uniform air
+        whole = wp.vec2d(wp.float64(0.0), wp.float64(0.0))  # ends of its path in the box, with the part in uniform air
         missed = real(0.0)
         start = none
-        swerves = none  # sums of bounds of what cubes are off the spline: potential, slope, and its moments
+        swerves = none  # sums of error bounds of the cubes: of the potential, of the slope, and of the slope's moments
         clear = bool(True)
         ends_on = int(-1)
         uniform = bool(False)
-        chord = wp.float64(0.0)  # of the undisturbed ray through the box, up to its stop
+        chord = wp.float64(0.0)  # length of the undisturbed ray in the box, up to its stop
         if runs:
             whole = wp.vec2d(interval.t_enter, interval.t_exit)
             chord = interval.t_exit - interval.t_enter
@@ -207,7 +208,7 @@ def build_leapfrog_kernel(
             difference = wp.abs(h * ((real(2.0) * sums[0] - ambient * sums[1]) - real(3.0) * sums[3]))
             error = wp.max(difference * control.quadrature_error_scale, h * bend * control.trajectory_error_scale)
 
-        # At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
+        # Momentum and deviation at the end, half a step behind the last sample, in fourth order.
         momentum = impulse
         q = sigma * impulse - moment
         momentum_diff += impulse
@@ -216,7 +217,7 @@ def build_leapfrog_kernel(
             missed = unresolved_of(field, control, start, d, length, q)
         steep = wp.sqrt(ahead * ahead + wp.dot(force, force))
         s += real(0.5) * h * ahead
-        if uniform:  # in uniform air there is nothing to leave out
+        if uniform:  # in uniform air there is no force
             s = real(0.0)
             ahead = real(0.0)
             steep = real(0.0)
@@ -229,10 +230,10 @@ def build_leapfrog_kernel(
         turned = none
         normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
         more = wp.float64(0.0)
-        off_tail = real(0.0)  # error of direction from the path between last sample and surface
+        off_tail = real(0.0)  # error of the direction from the path between the last sample and the surface
         end = p0
         if runs:
-            # What is left to the surface, which the ray meets a little beside the undisturbed one.
+            # The rest to the surface, which the ray meets a little beside the undisturbed ray.
             obliquity = slowness * momentum
             heading = d0 + wp.vec3d(wp.float64(obliquity[0]), wp.float64(obliquity[1]), wp.float64(obliquity[2]))
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
@@ -240,7 +241,7 @@ def build_leapfrog_kernel(
             pull = slowness * force
             if uniform:
                 if length > real(0.0) and not leaves_support(bounds, tip, heading):
-                    clear = bool(False)  # turned, it goes on through disturbed air
+                    clear = bool(False)  # it has turned and may fly on through disturbed air
                 if wp.static(stop == "plane"):
                     ends_on = int(beyond_support)
                     normal = bounds.plane_normal
@@ -253,7 +254,7 @@ def build_leapfrog_kernel(
                 normal = wp.vec3d(miss[1], miss[2], miss[3])
             cosine = wp.dot(normal, heading)
             if not uniform and wp.abs(cosine) > wp.float64(LEAST_COSINE):
-                # Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
+                # Along the parabola; its error, from the change of the slope over a cell, counts as an error.
                 line = more
                 inward = normal[0] * wp.float64(pull[0]) + normal[1] * wp.float64(pull[1])
                 inward += normal[2] * wp.float64(pull[2])
@@ -278,24 +279,25 @@ def build_leapfrog_kernel(
             fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > wp.float64(LEAST_COSINE)
             if wp.static(stop == "plane"):
                 fit = fit and wp.abs(wp.dot(bounds.plane_normal, heading)) > wp.float64(LEAST_COSINE)
-            # Where the box's end is the stop, the path is off by all of that excess, else by what the field adds on it.
+            # If the box's end is the stop, the path is wrong by the whole excess, else by the field's contribution on
+            # it.
             excess = overrun(bounds, control, ends_on, end, heading)
             rise = bounds.ambient
             if wp.static(stop != "none"):
                 rise = wp.max(wp.abs(wp.float64(s)) / bounds.ambient, wp.float64(1.0e-30))
             if uniform:
-                # One that has left the support must not have left the box before.
+                # A ray that has left the support must not have left the box before.
                 excess = overrun(bounds, control, -1, tip, heading)
                 rise = wp.float64(1.0e-30)
             if excess > wp.float64(0.0):
                 error = wp.max(error, real(excess * rise))
             if wp.static(has_body):
-                # Beside the undisturbed ray it stays within the greatest angle of it.
+                # The ray stays within the greatest angle about the undisturbed ray.
                 margin = (whole[1] - whole[0]) * wp.float64(wp.sqrt(max_deflection) / ambient)
                 fit = fit and has_clearance(field, p0, d0, whole[0], whole[1], margin)
             if not (fit and clear):
                 error = real(wp.inf)
-        # In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
+        # As the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
         exact = wp.vec4d((flown - longitudinal_deficit) / bounds.ambient, path, arc, arc - longitudinal_deficit)
         rounded = vec4(real(exact[0]), real(exact[1]), real(exact[2]), real(exact[3]))
         rest = vec4(
@@ -308,8 +310,8 @@ def build_leapfrog_kernel(
         if runs and arrival.status != ok:
             error = real(wp.inf)  # a deflected ray may miss a plane on the box's edge
         elif runs:
-            # Errors of place and direction count where the ray meets its stop at an angle, and so does what the air
-            # outside the field's support does to both.
+            # Errors of position and direction count if the ray meets its stop at an angle, and so does the effect of
+            # the air outside the field's support on both.
             flight = wp.length(arrival.position - end)
             beside = wp.vec3d(
                 wp.float64(deviation_diff[0]), wp.float64(deviation_diff[1]), wp.float64(deviation_diff[2])
@@ -319,7 +321,7 @@ def build_leapfrog_kernel(
                 normal = bounds.plane_normal
             else:
                 flight += more
-            # The direction error of a deflected ray also has a part along d, by which it meets a far stop earlier.
+            # The error of direction of a deflected ray also has a part along d, which shifts where it meets a far stop.
             swerve = wp.vec3d(wp.float64(turned[0]), wp.float64(turned[1]), wp.float64(turned[2]))
             displacement = beside + flight * wp.float64(slowness) * aside
             off_stop = wp.abs(wp.dot(normal, displacement)) + wp.abs(
@@ -336,7 +338,7 @@ def build_leapfrog_kernel(
             if left > real(LEFT_SHARE) * control.tolerance:
                 error = wp.max(error, left)
             if wp.static(cubes):
-                # What its samples may be off the spline, and what their slopes do up to the stop.
+                # The errors of the cubes' polynomials at the samples, and the effect of their slopes up to the stop.
                 swerve_ends = (length + real(flight)) * swerves[1] - swerves[2]
                 error += h * slowness * (swerves[0] + swerve_ends * real(greatest_tangent))
         if missed > real(0.0):

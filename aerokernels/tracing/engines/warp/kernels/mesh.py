@@ -1,7 +1,7 @@
 """Device functions: the optical potential on a quadrilateral mesh.
 
-The cell that holds a point is found from the one that held the ray at the start of its step, walking over edges; where
-that leads nowhere, through the uniform bins.
+The cell that contains a point is found by walking over edges from the cell that contained the ray at the start of its
+step; if the walk fails, through the uniform bins.
 """
 
 import warp as wp
@@ -12,9 +12,9 @@ from ..library import KernelLibrary, built_once
 
 @built_once
 def build_locate(library: KernelLibrary):
-    """A function (field, point, current_cell) -> index of the cell that holds the point, -1 if none does.
+    """Build a function (field, p, current_cell) -> index of the cell that contains a point, -1 if none does.
 
-    `current_cell` is a cell nearby, or -1: the walk starts there, and goes over the edge that the point lies furthest
+    The walk starts at `current_cell`, a cell nearby, or -1 for no walk. It crosses the edge that the point is furthest
     behind.
     """
     t = library.types
@@ -22,7 +22,7 @@ def build_locate(library: KernelLibrary):
 
     @wp.func
     def furthest_edge(field: Field, cell: int, p: vec2):
-        """-1 if the cell holds the point, edges included, else the edge that it lies furthest behind."""
+        """-1 if the cell contains the point, edges included, else the number of the edge that it is furthest behind."""
         edge_number = int(-1)
         furthest = -field.edge_tolerance
         for k in range(4):
@@ -66,7 +66,7 @@ def build_locate(library: KernelLibrary):
 
 @built_once
 def build_plane_point(library: KernelLibrary, geometry: str):
-    """A function (frac) -> point in the plane of the mesh (mesh positions are in metres)."""
+    """Build a function (frac) -> point in the plane of the mesh; positions on a mesh are in metres."""
     t = library.types
     vec2, vec3 = t.vec2, t.vec3
 
@@ -87,9 +87,9 @@ def build_plane_point(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_within_box(library: KernelLibrary):
-    """A function (field, point) -> the point, moved into the mesh's box.
+    """Build a function (field, p) -> the nearest point in the mesh's box.
 
-    Stages of the last step may look beyond it: the field goes on linearly there.
+    Stages of the last step may be beyond the box, where the field is extrapolated linearly.
     """
     t = library.types
     vec2, Field = t.vec2, t.Field
@@ -105,7 +105,7 @@ def build_within_box(library: KernelLibrary):
 
 @built_once
 def build_find_current_cell(library: KernelLibrary, geometry: str):
-    """A function (field, frac, current_cell) -> the cell to remember for a ray at this place."""
+    """Build a function (field, frac, current_cell) -> the cell from which the next lookups of a ray start."""
     t = library.types
     vec3, Field = t.vec3, t.Field
     locate = build_locate(library)
@@ -121,9 +121,9 @@ def build_find_current_cell(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
-    """A function (field, cell, frac, current_cell) -> (potential s, its gradient [1/m]); zero outside the mesh.
+    """Build a function (field, cell, frac, current_cell) -> potential s and its gradient [1/m]; zero outside the mesh.
 
-    On a mesh the contrast m is interpolated, and s = m (a + m / 2), grad s = (a + m) grad m.
+    The contrast m is interpolated, and s = m (a + m / 2), grad s = (a + m) grad m.
     """
     t = library.types
     real, vec2, vec3, vec4, Field = t.real, t.vec2, t.vec3, t.vec4, t.Field
@@ -133,7 +133,7 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
 
     @wp.func
     def blend(field: Field, first: int, w: vec4):
-        """Value and node gradient under four weights."""
+        """Contrast and node gradient, each the sum over the four corners by weights."""
         m = real(0.0)
         g = vec2(real(0.0), real(0.0))
         for k in range(4):
@@ -171,7 +171,7 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
             along = b
             across = d
             det = real(1.0)
-            # Newton's method; the last pass leaves the Jacobian of the solution for the gradient.
+            # Newton's method; the last pass only computes the Jacobian at the solution, for the gradient.
             for trial in range(8):
                 along = (real(1.0) - eta) * b + eta * (c - d)
                 across = (real(1.0) - xi) * d + xi * (c - b)
@@ -219,9 +219,9 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
 
 @built_once
 def build_paper_step(library: KernelLibrary, geometry: str):
-    """A function (field, cell, frac, current_cell) -> step length of eq 5 in the cell that holds the point [m].
+    """Build a function (field, cell, frac, current_cell) -> step length of eq 5 in the cell of the point [m].
 
-    Outside the mesh the median over all cells, kept behind the last cell's entry, is taken.
+    Outside the mesh it is the median over all cells, which is stored after the entry of the last cell.
     """
     t = library.types
     vec3, Field = t.vec3, t.Field

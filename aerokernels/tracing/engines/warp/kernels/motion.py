@@ -1,8 +1,9 @@
-"""Device functions of the tracer: positions in cells, compensated sums, and what a step adds to them.
+"""Device functions of the tracer: positions in cells, compensated sums, and the increments of a step.
 
-Along d. On a nearly straight ray q . d enters the path difference in first order and, as a twofold sum of slopes, would
-bring in their error. It is int (T . d - a) d sigma = M - B with B = int (n - T . d) d sigma of second order: sums of
-values, taken by the rule of the path itself. So the OPD of a ray through a shock is as good as the quadrature of S.
+The component of the deviation q along the direction d enters the path difference of a nearly straight ray in first
+order. Summed twice from gradients, it would carry their error. It equals int (T . d - a) d sigma = M - B, with
+B = int (n - T . d) d sigma of second order; M and B are sums of values by the quadrature of the optical path. So the
+OPD of a ray through a shock is as accurate as the quadrature of S.
 """
 
 from typing import Any
@@ -12,13 +13,13 @@ import warp as wp
 from ....tableau import BT, STAGE_MOMENTUM
 from ..library import KernelLibrary, built_once
 
-# Axes along which a position is kept as cell + fraction.
+# Axes along which a position is split into cell + fraction.
 SHIFTED = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,), "mesh": ()}
 
 
 @wp.func
 def advance(total: Any, carry: Any, term: Any):
-    """Kahan's compensated sum: (sum, carry, term) -> (sum, carry)."""
+    """Add a term to Kahan's compensated sum: (sum, carry, term) -> (sum, carry)."""
     y = term - carry
     s = total + y
     return s, (s - total) - y
@@ -34,12 +35,12 @@ def deflection(ambient: wp.float64, d: wp.vec3d, p: wp.vec3d):
 
 @built_once
 def build_contrast(library: KernelLibrary):
-    """A function (ambient, potential) -> contrast."""
+    """Build a function (ambient, potential) -> contrast."""
     real = library.types.real
 
     @wp.func
     def contrast(ambient: real, potential: real):
-        """M from s without cancellation."""
+        """Contrast from the potential, without cancellation."""
         square = wp.max(ambient * ambient + real(2.0) * potential, real(0.0))
         return real(2.0) * potential / (wp.sqrt(square) + ambient)
 
@@ -48,7 +49,7 @@ def build_contrast(library: KernelLibrary):
 
 @built_once
 def build_sums(library: KernelLibrary):
-    """Functions -> what a step, and what flying on along the tangent, adds to (sigma, S, M, B)."""
+    """Build functions for the increments of (sigma, S, M, B): over a step, and over a flight along the tangent."""
     t = library.types
     real, vec3, vec4 = t.real, t.vec3, t.vec4
     contrast = build_contrast(library)
@@ -58,7 +59,7 @@ def build_sums(library: KernelLibrary):
 
     @wp.func
     def longitudinal_deficit(ambient: real, d: vec3, momentum: vec3, potential: real):
-        """|T|^2 - (T . d)^2 over the sum of both: of second order on a nearly straight ray."""
+        """Index minus the momentum along d, |T|^2 - (T . d)^2 over the sum of both: second order if nearly straight."""
         ahead = wp.dot(momentum, d)
         across = momentum - ahead * d
         return wp.dot(across, across) / (real(2.0) * ambient + contrast(ambient, potential) + ahead)
@@ -86,7 +87,7 @@ def build_sums(library: KernelLibrary):
     def step_sums(
         ambient: real, d: vec3, momentum: vec3, h: real, pot: real, force: vec3, s2: vec4, s3: vec4, s4: vec4
     ):
-        """By the rule of the path: momentum, potential and force are those at the start of the step."""
+        """Increments over a step by the quadrature of the path; momentum, pot and force are those at its start."""
         return vec4(
             h,
             h * (real(v1) * pot + real(v2) * s2[0] + real(v3) * s3[0] + real(v4) * s4[0]),
@@ -102,6 +103,7 @@ def build_sums(library: KernelLibrary):
 
     @wp.func
     def tangent_sums(ambient: real, d: vec3, momentum: vec3, back: real, pot: real, force: vec3):
+        """Increments over a flight along the tangent."""
         half = real(0.5) * back * back
         climb = wp.dot(force, ambient * d + momentum)
         m = contrast(ambient, pot)
@@ -117,7 +119,7 @@ def build_sums(library: KernelLibrary):
 
 @built_once
 def build_project_momentum(library: KernelLibrary):
-    """A function (ambient, direction, momentum, potential) -> what brings the momentum back onto |T| = n, along T."""
+    """Build a function (ambient, d, momentum, pot) -> correction along T that brings the momentum back onto |T| = n."""
     t = library.types
     real, vec3 = t.real, t.vec3
 
@@ -134,20 +136,20 @@ def build_project_momentum(library: KernelLibrary):
 
 @built_once
 def build_cells(library: KernelLibrary, kind: str):
-    """Functions (bounds, point) -> (frac, cell), and (cell, frac) -> the same with frac in [0, 1)."""
+    """Build functions (bounds, p) -> (frac, cell), and (cell, frac) -> (cell, frac) with frac in [0, 1)."""
     t = library.types
     real, vec3, Bounds = t.real, t.vec3, t.Bounds
     shift = wp.vec3i(*(int(axis in SHIFTED[kind]) for axis in range(3)))
 
     @wp.func
     def whole_cells(place: Any):
-        """Whole cells in a place, zero along axes without cells of their own."""
+        """Whole cells of a position, zero along axes without cells of their own."""
         floors = wp.vec3i(int(wp.floor(place[0])), int(wp.floor(place[1])), int(wp.floor(place[2])))
         return wp.cw_mul(floors, shift)
 
     @wp.func
     def in_cells(bounds: Bounds, p: wp.vec3d):
-        """Split a point into whole cells and fractions, in float64."""
+        """Split a point into whole cells and fractions of a cell, in float64."""
         g = wp.cw_div(p - bounds.origin, bounds.spacing)
         cell = whole_cells(g)
         rest = g - wp.vec3d(wp.float64(cell[0]), wp.float64(cell[1]), wp.float64(cell[2]))

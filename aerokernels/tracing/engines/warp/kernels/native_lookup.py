@@ -1,16 +1,17 @@
-"""Device functions in C++: reading the coefficients of a grid, one by one or a volume's cell at once.
+"""Device functions in C++ that read the coefficients of a grid, one by one or for a whole cell of a volume.
 
-Warp looks at every index whether it counts from the array's end, and multiplies it by a stride that the compiler does
-not know: six instructions a coefficient beside the four that use it. Here an index is a place from the array's begin.
+Warp checks every index for counting from the array's end, and multiplies it by a stride that the compiler does not
+know: six instructions per coefficient, beside the four that use it. Here an index counts from the start of a contiguous
+array.
 """
 
 import warp as wp
 
 from ..library import KernelLibrary, built_once
 
-# On a processor the 64 coefficients of a volume's cell fill vectors of 16 lanes, and all is summed in the order of the
-# loops of grid.py: the results are theirs to the bit. A lane is a row along the last axis, four times four, the first
-# axis outermost; `transposed` exchanges, within each four lanes, the lane's number and the vector's.
+# On a CPU the 64 coefficients of a volume's cell fill vectors of 16 lanes. All sums are in the order of the loops of
+# grid.py, so the results are the same to the bit. A lane is a row along the last axis, four times four, the first axis
+# outermost; `transposed` transposes each block of four lanes and four vectors.
 VOLUME_LOOKUP = """
 #if defined(__CUDA_ARCH__)
     return wp::vec_t<4, REAL>();
@@ -41,20 +42,20 @@ VOLUME_LOOKUP = """
         const four once = {w[0], w[1], w[2], w[3]};
         return __builtin_shufflevector(once, once, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
     };
-    lanes c[4], along = {}, climb = {};  // by the coefficient's number in its row; value and slope along the last axis
+    lanes c[4], along = {}, climb = {};  // coefficient k of every row; value and slope along the last axis
     transposed(column(0), column(1), column(2), column(3), c);
     for (int k = 0; k < 4; k++) {
         along = along + wc[k] * c[k];
         climb = climb + sc[k] * c[k];
     }
-    // Sums along the second axis of value, value, slope along it, slope along the last one: a lane each.
+    // Sum along the second axis the value, the value, the slope along it, the slope along the last axis: a lane each.
     lanes term[4], sheet = {};
     const lanes value = repeated(wb) * along, second = repeated(sb) * along, third = repeated(wb) * climb;
     transposed(value, value, second, third, term);
     for (int j = 0; j < 4; j++) {
         sheet = sheet + term[j];
     }
-    // Along the first axis: what the lanes are now, the second one being the slope along it.
+    // Sum along the first axis; the second lane takes the slopes of the weights and becomes the slope along this axis.
     const four values = {wa[0], wa[1], wa[2], wa[3]}, slopes = {sa[0], sa[1], sa[2], sa[3]};
     sheet = __builtin_shufflevector(values, slopes, 0, 4, 0, 0, 1, 5, 1, 1, 2, 6, 2, 2, 3, 7, 3, 3) * sheet;
     four total = {};
@@ -75,13 +76,13 @@ VOLUME_LOOKUP = """
 #endif
 """)
 def on_processor() -> bool:
-    """Whether the kernel is compiled for a processor; the branch not taken is none of its code."""
+    """Whether the kernel is compiled for a CPU; the compiler drops the branch not taken."""
     ...
 
 
 @built_once
 def build_entry(library: KernelLibrary):
-    """A function (array, place) -> the number at that place of an array without gaps."""
+    """Build a function (numbers, place) -> the number at that place of a contiguous array."""
     real = library.types.real
 
     @wp.func_native("return numbers.data[place];")
@@ -92,10 +93,10 @@ def build_entry(library: KernelLibrary):
 
 @built_once
 def build_volume_lookup(library: KernelLibrary):
-    """A function -> value and slopes per cell of a volume; on a processor, see VOLUME_LOOKUP.
+    """Build a function -> value and slopes per cell of a volume, for CPUs only; see VOLUME_LOOKUP.
 
-    Its arguments: the coefficients, where those of the cell begin, how far apart its rows are along the first two axes,
-    and the four weights and their slopes along each axis.
+    Its arguments: the coefficients, the entry at which the cell's coefficients begin, the distance of its rows along
+    the first two axes, and the four weights and their slopes along each axis.
     """
     t = library.types
     real, vec4 = t.real, t.vec4

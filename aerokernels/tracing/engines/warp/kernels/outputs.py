@@ -1,4 +1,4 @@
-"""A device function that writes those outputs of a ray that are wanted."""
+"""A device function that writes the requested outputs of a ray."""
 
 import warp as wp
 
@@ -8,7 +8,7 @@ from ..library import KernelLibrary, built_once
 
 @built_once
 def build_write_outputs(library: KernelLibrary):
-    """A function that writes the outputs of a ray at its stop; `wanted` has a bit for each, see result.py."""
+    """Build a function that writes the requested outputs of a ray at its stop; `wanted` has bits as in result.py."""
     t = library.types
     Arrival, RayOutputs = t.Arrival, t.RayOutputs
 

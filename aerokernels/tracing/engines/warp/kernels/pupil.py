@@ -1,8 +1,8 @@
-"""Kernels of the million-ray pupil: scrambled Sobol points or those of a lattice, and sums over groups of rays.
+"""Warp kernels of a pupil with many rays: scrambled Sobol or lattice points, and sums over groups of rays.
 
 Points are the two-dimensional Sobol sequence (bit reversal, and the sequence of x + 1) with a nested uniform scramble
-by hashing (B. Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)), one seed per replicate and axis; equal
-shares of the square map to equal shares of the pupil (pupil_shape.py).
+by hashing (B. Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)), one seed per replicate and axis. Equal
+areas of the unit square map to equal shares of the pupil (pupil_shape.py).
 """
 
 import warp as wp
@@ -14,7 +14,7 @@ from ....status import RayStatus
 from ..types import takes
 from .team import greatest_of_team, place_in_team, sum_of_team, team_size
 
-# Constants of 32 bits are typed here: a literal inside a kernel would pass through a signed integer.
+# 32-bit constants get their type here: a literal inside a kernel would pass through a signed integer.
 _HASH_1 = wp.constant(wp.uint32(HASHES[0]))
 _HASH_2 = wp.constant(wp.uint32(HASHES[1]))
 _HASH_3 = wp.constant(wp.uint32(HASHES[2]))
@@ -31,7 +31,7 @@ _REDUCTION_WIDTH = wp.constant(REDUCTION_WIDTH)
 
 @wp.func
 def reverse_bits(x: wp.uint32):
-    """Mirror the 32 bits of x."""
+    """The 32 bits of x in reverse order."""
     x = ((x >> wp.uint32(1)) & wp.uint32(0x55555555)) | ((x & wp.uint32(0x55555555)) << wp.uint32(1))
     x = ((x >> wp.uint32(2)) & wp.uint32(0x33333333)) | ((x & wp.uint32(0x33333333)) << wp.uint32(2))
     x = ((x >> wp.uint32(4)) & wp.uint32(0x0F0F0F0F)) | ((x & wp.uint32(0x0F0F0F0F)) << wp.uint32(4))
@@ -41,7 +41,7 @@ def reverse_bits(x: wp.uint32):
 
 @wp.func
 def scramble(x: wp.uint32, seed: wp.uint32):
-    """Nested uniform scramble of a 32-bit fraction."""
+    """Nested uniform scramble of a fraction."""
     x = reverse_bits(x)
     x = x + seed
     x = x ^ (x * _HASH_1)
@@ -53,7 +53,7 @@ def scramble(x: wp.uint32, seed: wp.uint32):
 
 @wp.func
 def second_axis(index: wp.uint32):
-    """Second coordinate of the Sobol sequence."""
+    """Second coordinate of point `index`; the first is reverse_bits(index)."""
     result = wp.uint32(0)
     column = _TOP_BIT
     rest = wp.uint32(index)
@@ -73,7 +73,7 @@ def periodic_place(t: wp.float64):
 
 @wp.func
 def periodic_weight(t: wp.float64):
-    """Its slope."""
+    """The slope of `periodic_place`."""
     half = t * (wp.float64(1.0) - t)
     return wp.float64(30.0) * half * half
 
@@ -100,10 +100,10 @@ def launch_pupil(
     pupil_out,
     weight_out,
 ):
-    """Points of the pupil; `first` and `second` are its axes times its reach.
+    """Place points on the pupil and launch their rays; `first` and `second` are the pupil's axes times its reach.
 
-    Ray r of a replicate is its point order_in[r]: neighbours in the launch are then neighbours on the pupil. With a
-    generator the points are those of a lattice, with weights: see lattice_quadrature.py.
+    Ray r of a replicate is point order_in[r] of the replicate: neighbours in the launch are then neighbours on the
+    pupil. With a generator the points are those of a lattice, with weights: see lattice_quadrature.py.
     """
     ray = wp.tid() + first_ray
     replicate = ray // per_replicate
@@ -143,7 +143,7 @@ def has_arrived(status: int):
 
 @wp.func
 def weight_of(weight_count: int, weight_in: wp.array(dtype=wp.float64), ray: int):
-    """What a ray counts: a number of its own, or one for all."""
+    """The weight of a ray: its own, or the one that all rays share."""
     if weight_count == 1:
         return weight_in[0]
     return weight_in[ray]
@@ -151,7 +151,7 @@ def weight_of(weight_count: int, weight_in: wp.array(dtype=wp.float64), ray: int
 
 @wp.func
 def group_span(group: int, per_replicate: int):
-    """First ray of a group and one past its last; a replicate begins with a new group."""
+    """First ray of a group, and one past its last; a replicate begins with a new group."""
     groups = (per_replicate + _GROUP - 1) // _GROUP
     replicate = group // groups
     begin = (group - replicate * groups) * _GROUP
@@ -173,7 +173,7 @@ def sum_moments(
     status_in,
     sums_out,
 ):
-    """Moments of one group of rays, those that arrived."""
+    """Sum the moments of the rays of one group that arrived; kernels/sum_moments.cl has the order of the sums."""
     group = wp.tid() // team_size() + first_group
     begin, stop = group_span(group, per_replicate)
     count = wp.float64(0.0)
@@ -264,7 +264,7 @@ def sum_phasors(
     status_in,
     sums_out,
 ):
-    """Sum of exp(i k (OPD - surface)) over one group of rays, those that arrived."""
+    """Sum exp(i k (OPD - surface)) over the rays of one group that arrived."""
     group = wp.tid() // team_size() + first_group
     begin, stop = group_span(group, per_replicate)
     total = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
@@ -284,9 +284,9 @@ def sum_phasors(
 @wp.kernel(enable_backward=False)
 @takes("reduce_sums")
 def reduce_sums(row_count, reduced_count, first_sum, sums_in, sums_out):
-    """One level of a tree reduction: row_count rows of each replicate become reduced_count, in their order.
+    """One level of a tree reduction: reduce row_count rows of each replicate to reduced_count rows.
 
-    Each of them is the sum of REDUCTION_WIDTH rows.
+    Each new row is the sum of REDUCTION_WIDTH rows, in order.
     """
     index = wp.tid() + first_sum
     joined = index // _SUMS
@@ -297,7 +297,7 @@ def reduce_sums(row_count, reduced_count, first_sum, sums_in, sums_out):
     whole = wp.float64(0.0)
     for row in range(replicate * row_count + first, replicate * row_count + stop):
         part = sums_in[row * _SUMS + k]
-        if k == 10:  # the greatest error, no sum
+        if k == 10:  # the greatest error is a maximum, not a sum
             whole = wp.max(whole, part)
         else:
             whole += part

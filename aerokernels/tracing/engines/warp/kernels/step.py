@@ -1,4 +1,4 @@
-"""Device functions of a step of the tracer: how long it is up to a face, the field at its stages, whether it counts."""
+"""Device functions of a step of the tracer: its length, the field at its later stages, and whether it is accepted."""
 
 import warp as wp
 
@@ -11,7 +11,7 @@ from .step_bound import build_step_bound, build_to_face
 
 @built_once
 def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_mesh: bool, method: str):
-    """Functions: what a step is to be; what is left to the face before which one stopped; the push off that face."""
+    """Build functions: the length of the next step, the rest to a face before which a step stopped, the push off it."""
     t = library.types
     real, vec3, Field, Control, Stride = t.real, t.vec3, t.Field, t.Control, t.Stride
     paper_step = (mesh if on_mesh else grid).build_paper_step(library, geometry)
@@ -19,7 +19,7 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
     to_face, push_off_faces = build_to_face(library, geometry)
     linear, piecewise_smooth = interpolation == "linear", interpolation in ("linear", "monotone")
     at_face = AT_FACE[library.precision]
-    # Products of literals would be taken in float32 inside a kernel.
+    # Products of literals would be computed in float32 inside a kernel.
     least_stand_off, clearance = 0.1 * FACE_TOLERANCE, 10.0 * FACE_TOLERANCE
 
     @wp.func
@@ -48,21 +48,21 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
         else:
             limit = control.step_limit * h_cell
             if wp.static(piecewise_smooth):
-                # The interpolant has kinks at the cells' faces: no step across one. On a linear grid the rest is flown
-                # along the tangent (rest_to_face); elsewhere a face that is nearer than it is to be approached counts
-                # as reached.
+                # The interpolant has kinks at the cells' faces, so no step crosses one. On a linear grid the ray flies
+                # the rest along the tangent (rest_to_face); on a monotone grid a face nearer than the distance to keep
+                # from faces counts as reached.
                 pace = wp.cw_mul(total, field.inverse_spacing)
                 pull = wp.cw_mul(force, field.inverse_spacing)
                 close = real(10.0) * out.stand_off
                 if wp.static(linear):
-                    # How far before a face to stop: a share of the bend over a cell, whose change over the step the
-                    # parabola does not know.
+                    # How far before a face to stop, in cells: a share of the bend over a cell, because the parabola
+                    # leaves out that the bend changes over the step.
                     bend = real(0.15) * wp.length(pull) / wp.dot(pace, pace)
                     out.stand_off += wp.min(bend, real(GREATEST_STAND_OFF))
                     close = real(at_face)
                 face = to_face(frac, pace, pull, close)
                 limit = wp.max(face - out.stand_off / wp.length(pace), real(0.5) * face)
-            # Short of the face at which the first block that is not smooth may begin.
+            # End before the face at which the first block that is not smooth may begin.
             bound = derating * step_bound_of(control, cone, cell, frac, total)
             out.safe = bound - real(clearance) * h_cell
             out.h = wp.min(out.h, wp.max(limit, out.safe))
@@ -71,7 +71,7 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
 
     @wp.func
     def rest_to_face(frac: vec3, pace: vec3, pull: vec3, stand_off: real, h: real):
-        """What is left to the face before which a step of length h stopped, `stand_off` cells; 0 if elsewhere."""
+        """Rest [sigma] to the face `stand_off` cells before which a step of length h stopped; 0 if it did not."""
         rest = to_face(frac, pace, pull, real(0.0))
         if rest <= h and rest * wp.length(pace) <= real(4.0) * stand_off:
             return rest
@@ -81,7 +81,7 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
 
 
 def build_sample_at_stage(library: KernelLibrary, sample, straight: bool):
-    """A function that looks the field up at a stage of a step."""
+    """Build a function that evaluates the field at a stage of a step."""
     t = library.types
     real, vec3, Field = t.real, t.vec3, t.Field
 
@@ -98,7 +98,7 @@ def build_sample_at_stage(library: KernelLibrary, sample, straight: bool):
         q: vec3,
         kick: vec3,
     ):
-        """The field at a stage; on a straight line the contrast beside it is first order in the deviation."""
+        """The field at a stage; on a straight line it is linear in the deviation from the line."""
         if wp.static(straight):
             s = sample(field, cell, frac + h * wp.cw_mul(total, rate), current_cell)
             s[0] += wp.dot(vec3(s[1], s[2], s[3]), q + h * momentum + kick)
@@ -111,7 +111,7 @@ def build_sample_at_stage(library: KernelLibrary, sample, straight: bool):
 
 @built_once
 def build_kick(library: KernelLibrary):
-    """Functions of a step and its forces: h^2 times the mean one, and what the step adds to the momentum."""
+    """Build functions of a step and its forces: h^2 times the mean force, and the increment of the momentum."""
     t = library.types
     real, vec3, vec4 = t.real, t.vec3, t.vec4
     b1, b2, b3 = (float(v) for v in B[:3])
@@ -135,7 +135,7 @@ def build_kick(library: KernelLibrary):
 
 @built_once
 def build_step_acceptance(library: KernelLibrary):
-    """A function of a step's error and its rounding -> (whether the step counts, how many times longer to go on)."""
+    """Build a function -> (whether a step with this error is accepted, ratio of the next step's length to this)."""
     t = library.types
     real, Control = t.real, t.Control
 

@@ -1,4 +1,7 @@
-"""Device functions about the length of a step on a uniform grid: the table of step bounds, and the faces of cells."""
+"""Device functions about the length of a step on a uniform grid: the table of step bounds, and the faces of cells.
+
+The OpenCL twin is kernels/include/step_bound.h.
+"""
 
 import numpy as np
 import warp as wp
@@ -11,7 +14,7 @@ from ..library import KernelLibrary, built_once
 
 @built_once
 def build_cone(library: KernelLibrary, geometry: str):
-    """A function (direction) -> number of its cone in step_bound.CONES."""
+    """Build a function (d) -> number of the direction's cone in step_bound.CONES."""
     narrow, wide = (float(sine) ** 2 for sine in CONE_SINES)
 
     @wp.func
@@ -42,9 +45,9 @@ def build_cone(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_step_bound(library: KernelLibrary, geometry: str):
-    """A function (control, cone, cell, frac, total) -> step bound where the point lies [sigma].
+    """Build a function (control, cone, cell, frac, total) -> step bound at a point [sigma].
 
-    Zero where none is known: on a mesh, and for a ray that turned out of the cone that it started in.
+    Zero where there is none: on a mesh, and for a ray that has turned out of the cone in which it started.
     """
     t = library.types
     real, vec3, Control = t.real, t.vec3, t.Control
@@ -94,7 +97,7 @@ def build_step_bound(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_to_face(library: KernelLibrary, geometry: str):
-    """Functions: the step to the next face beyond a tolerance; the push off the faces in which a ray stands."""
+    """Build functions: the step to the next face of a cell; the push off the faces in which a ray is."""
     t = library.types
     real, vec3 = t.real, t.vec3
     axes = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
@@ -103,7 +106,7 @@ def build_to_face(library: KernelLibrary, geometry: str):
 
     @wp.func
     def meet_face(gap: real, speed: real, pull: real):
-        """First t > 0 with speed t + pull t^2 / 2 = gap, gap above 0."""
+        """First t > 0 with speed t + pull t^2 / 2 = gap, for gap > 0."""
         disc = speed * speed + real(2.0) * pull * gap
         if disc < real(0.0):
             return real(none)
@@ -114,7 +117,7 @@ def build_to_face(library: KernelLibrary, geometry: str):
 
     @wp.func
     def flat_face(place: real, speed: real, pull: real, face_tolerance: real):
-        """Along an axis with faces at whole numbers."""
+        """Step to the next face along an axis with faces at whole numbers."""
         ahead = place - wp.floor(place)
         behind = ahead
         ahead = real(1.0) - ahead
@@ -126,7 +129,7 @@ def build_to_face(library: KernelLibrary, geometry: str):
 
     @wp.func
     def round_face(frac: vec3, velocity: vec3, pull: vec3, face_tolerance: real):
-        """To the next cylinder of whole radius; (r^2 - R^2) / 2 along the parabola, its quartic term left out."""
+        """Step to the next cylinder of whole radius R: (r^2 - R^2) / 2 along the parabola without the quartic term."""
         square = frac[0] * frac[0] + frac[1] * frac[1]
         b = frac[0] * velocity[0] + frac[1] * velocity[1]
         a = velocity[0] * velocity[0] + velocity[1] * velocity[1]
@@ -141,12 +144,12 @@ def build_to_face(library: KernelLibrary, geometry: str):
         if inner > real(0.0):
             step = wp.min(step, meet_face(real(0.5) * (radius - inner) * (radius + inner), -b, -c))
         elif radius > real(AXIS_CORE) and b < real(-AXIS_CORE) * wp.sqrt(a):
-            step = wp.min(step, -b / a)  # to where the ray is nearest to the axis, a kink if it meets it
+            step = wp.min(step, -b / a)  # to where the ray is nearest to the axis: a kink if it meets the axis
         return step
 
     @wp.func
     def push_off_flat_face(place: real, speed: real):
-        """Along one axis, the push that brings a ray which stands in a face to the side that it flies to, in cells."""
+        """Along one axis, the push [cells] that brings a ray in a face to the side to which it flies."""
         push = real(0.0)
         if wp.abs(place - wp.floor(place + real(0.5))) < real(at_face):
             push = real(2.0) * real(at_face)
@@ -156,7 +159,7 @@ def build_to_face(library: KernelLibrary, geometry: str):
 
     @wp.func
     def push_off_round_face(frac: vec3, velocity: vec3):
-        """The same across the axis of an axisymmetric grid."""
+        """The push off a cylindrical face of an axisymmetric grid."""
         radius = wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1])
         close = real(at_face) + real(radius_noise) * radius
         push = vec3(real(0.0), real(0.0), real(0.0))
@@ -169,9 +172,9 @@ def build_to_face(library: KernelLibrary, geometry: str):
 
     @wp.func
     def push_off_faces(frac: vec3, velocity: vec3):
-        """To the other side of all faces in which a ray stands.
+        """The push to the other side of all faces in which a ray is.
 
-        A ray that grazes a face is not there within a hair of its way.
+        A small step along a ray that grazes a face would not bring it there.
         """
         push = vec3(real(0.0), real(0.0), real(0.0))
         if wp.static(geometry == "axisymmetric"):
@@ -185,6 +188,7 @@ def build_to_face(library: KernelLibrary, geometry: str):
 
     @wp.func
     def to_face(frac: vec3, velocity: vec3, pull: vec3, face_tolerance: real):
+        """Step to the next face of a cell farther than face_tolerance; velocity and its derivative are in cells."""
         step = real(none)
         if wp.static(0 in axes):
             step = wp.min(step, flat_face(frac[0], velocity[0], pull[0], face_tolerance))

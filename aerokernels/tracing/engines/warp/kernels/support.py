@@ -1,6 +1,6 @@
-"""Device functions about the part of the box in which the air is not uniform, the field's support, and ways out of it.
+"""Device functions about the field's support, the part of the box in which the air is not uniform, and paths out of it.
 
-A ray outside the support flies a straight line, whose meeting with the faces of the box is solved for exactly.
+Outside the support a ray is a straight line, whose intersection with the faces of the box is computed exactly.
 """
 
 import warp as wp
@@ -12,9 +12,9 @@ from .box import FACE_COUNT, build_crossing, build_surface_distance
 
 @built_once
 def build_overrun(library: KernelLibrary, geometry: str):
-    """A function: how far a ray that ends at p has run on outside the box, after a face other than `ends_on`.
+    """Build a function -> distance that a ray ending at p has run outside the box, beyond a face other than `ends_on`.
 
-    Infinite where it is farther outside than FACE_TOLERANCE.
+    Infinite if it is farther outside than FACE_TOLERANCE.
     """
     t = library.types
     Bounds, Control = t.Bounds, t.Control
@@ -39,7 +39,7 @@ def build_overrun(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_may_have_left(library: KernelLibrary, geometry: str):
-    """A function: whether a ray along a face, deflected by `angle` at most, may have left the box and come back.
+    """Build a function: whether a ray along a face, deflected by at most `angle`, may have left the box and come back.
 
     The undisturbed ray is of length `length` and ends at p.
     """
@@ -66,9 +66,9 @@ def build_may_have_left(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_keep_support(library: KernelLibrary, geometry: str):
-    """A function (bounds, position, direction, t_enter, t_exit) -> (whether it ends in uniform air, t_enter, t_exit).
+    """Build a function (bounds, p, d, t_enter, t_exit) -> (whether a ray ends in uniform air, t_enter, t_exit).
 
-    The last two are those of the part of the ray in which the air is not uniform.
+    It shortens the interval in the box to the part in which the air is not uniform.
     """
     Bounds = library.types.Bounds
     crossing = build_crossing(library, geometry)
@@ -87,10 +87,10 @@ def build_keep_support(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_leaves_support(library: KernelLibrary, geometry: str):
-    """A function: whether the straight line from p along `heading` stays out of the field's support.
+    """Build a function: whether the straight line from p along `heading` stays out of the field's support.
 
-    It does beyond one of the support's faces unless it comes back to that. A support that ends within the box has a
-    cell to spare at each side (support.py).
+    It does if p is beyond a face of the support and the line does not approach that face. A support that ends within
+    the box has a spare cell at each side (support.py).
     """
     Bounds = library.types.Bounds
     flat = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
@@ -119,9 +119,9 @@ def build_leaves_support(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_exit(library: KernelLibrary, geometry: str):
-    """A function (bounds, p, heading) -> (how far on the line from p leaves the box, in `heading`; by which face).
+    """Build a function (bounds, p, heading) -> (distance at which a line from p leaves the box, number of the face).
 
-    Not a number where the line misses the box.
+    The distance is in units of `heading`, and not a number if the line misses the box.
     """
     Bounds = library.types.Bounds
     crossing = build_crossing(library, geometry)
@@ -148,9 +148,9 @@ def build_exit(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_line_to(library: KernelLibrary, geometry: str):
-    """A function (bounds, k, p, heading) -> how far on, in `heading`, the line from p meets surface k on its way out.
+    """Build a function (bounds, k, p, heading) -> distance at which a line from p meets surface k going outward.
 
-    Not a number where it never does.
+    The distance is in units of `heading`, and not a number if the line never does.
     """
     Bounds = library.types.Bounds
     surface_distance = build_surface_distance(library, geometry)

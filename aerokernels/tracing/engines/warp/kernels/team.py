@@ -1,8 +1,8 @@
-"""Device functions for threads that share a group of rays: a warp of a GPU; on a processor one thread has it all."""
+"""Device functions for threads that share a group of rays: a warp on a GPU, a single thread on a CPU."""
 
 import warp as wp
 
-# Threads of a warp, all of which are there: kernels that use these are launched over whole warps.
+# Threads of a warp, all of them active: kernels that use these functions are launched over whole warps.
 WARP = 32
 
 
@@ -14,7 +14,7 @@ WARP = 32
 #endif
 """)
 def place_in_team() -> int:
-    """Which of a group's threads this is."""
+    """Number of this thread in its team."""
     ...
 
 
@@ -26,7 +26,7 @@ def place_in_team() -> int:
 #endif
 """)
 def team_size() -> int:
-    """Threads that share a group."""
+    """Number of threads that share a group of rays."""
     ...
 
 
@@ -39,7 +39,7 @@ def team_size() -> int:
     return part;
 """)
 def sum_of_team(part: wp.float64) -> wp.float64:
-    """The sum of what all threads of a group have."""
+    """The sum of `part` over the threads of a team."""
     ...
 
 
@@ -52,5 +52,5 @@ def sum_of_team(part: wp.float64) -> wp.float64:
     return part;
 """)
 def greatest_of_team(part: wp.float64) -> wp.float64:
-    """The greatest of what all threads of a group have."""
+    """The greatest `part` of the threads of a team."""
     ...

@@ -1,8 +1,8 @@
-r"""The ray tracer as a Warp kernel.
+r"""The ray tracer as a Warp kernel, one ray per thread.
 
 Equation. r'' = grad s with the optical potential s = (n^2 - a^2) / 2, T = r' = n dr/ds, d sigma = ds / n,
-optical path' = n^2 = a^2 + 2 s (A. Sharma, D. V. Kumar, A. K. Ghatak, Appl. Opt. 21 (1982) 984), moved by the
-Runge-Kutta-Nystrom pair of tableau.py: order 4, three field evaluations a step.
+optical path' = n^2 = a^2 + 2 s (A. Sharma, D. V. Kumar, A. K. Ghatak, Appl. Opt. 21 (1982) 984), integrated by the
+Runge-Kutta-Nystrom pair of tableau.py: order 4, three field evaluations per step.
 
 Deviation form. With n = a + m (ambient + contrast) and the straight ray p + d a sigma:
 
@@ -10,16 +10,16 @@ Deviation form. With n = a + m (ambient + contrast) and the straight ray p + d a
     optical path = a^2 sigma + 2 S,   S = int s d sigma
     arc length   = a sigma + M,       M = int m d sigma,   m = 2 s / (n + a)
 
-q, P, S and M are small and summed with compensation, so float32 loses nothing that matters; a ray's start, the free
-flight outside the box and the meeting with the stop are float64. After each step T is brought back to |T| = n. The
+q, P, S and M are small and summed with compensation, so float32 is accurate enough; the start of a ray, the free flight
+outside the box and the intersection with the stop are float64. After each step T is projected back to |T| = n. The
 optical path difference against the undisturbed ray at the same stop is 2 S + a (distance along d at the stop - that of
 the undisturbed ray).
 
-Method "straight" looks the field up along p + d a sigma and adds grad s . q: the optical path is right to second order
-in the contrast, position and direction to first order.
+Method "straight" evaluates the field along p + d a sigma and adds grad s . q: the optical path is correct to second
+order in the contrast, position and direction to first order.
 
-Along d the deviation is a sum of values (motion.py); a step's error is estimated in error.py; how far it may look ahead
-says the table of step_bound.py, and how it ends on a surface event_location.py.
+The deviation along d is a sum of values (motion.py). error.py estimates the error of a step, the table of step_bound.py
+bounds its length, and event_location.py ends it on a surface.
 """
 
 import warp as wp
@@ -52,9 +52,9 @@ def build_kernel(
     has_body: bool,
     measured: bool,
 ):
-    """Build the kernel for one kind of scene; Warp compiles it at its first launch and keeps it on disk.
+    """Build the kernel for one kind of scene; Warp compiles it at its first launch and caches it on disk.
 
-    Where steps are not `measured`, their errors are neither estimated nor given out; error control needs them.
+    Unless `measured`, the kernel neither estimates nor returns the errors of steps; error control needs them.
     """
     t = library.types
     real, vec3 = t.real, t.vec3
@@ -115,9 +115,9 @@ def build_kernel(
         steps, evaluations, ends_on = int(0), int(0), int(-1)
         obliquity_first = real(0.0)
         opd_rate = real(0.0)
-        displacement = real(0.0)  # how far beside its place the ray may be
-        gain = real(0.0)  # what it may gain behind a face
-        undecided = bool(False)  # whether it has run in a face and may have left there
+        displacement = real(0.0)  # how far sideways the ray may be displaced
+        gain = real(0.0)  # optical path that it may gain behind a face
+        undecided = bool(False)  # whether it has run in a face, where it may have left the box
 
         if interval.meets and status == ok:
             frac, cell = in_cells(bounds, p0 + interval.t_enter * d0)
@@ -134,19 +134,19 @@ def build_kernel(
             obliquity, lever_arm, reach = to_stop.obliquity, to_stop.lever_arm, to_stop.reach
             derating = real(to_stop.derating)
             if wp.static(at_faces):
-                # The table of step bounds weighs the kinks that a step may pass by the path, not by what they turn a
-                # ray aside.
+                # The table of step bounds weighs the kinks that a step may pass by their effect on the path, not by how
+                # they deflect the ray.
                 if obliquity * lever_arm * wp.max(control.cell_rate) > real(1.0):
                     derating = real(0.0)
             first_momentum = wp.length(momentum)
             arc_left = real(bounds.length - interval.t_enter)
-            aside = real(0.0)  # so far beside its undisturbed line the ray meets no body
+            aside = real(0.0)  # sideways deviation within which the ray meets no body
             if wp.static(has_body):
                 near = real(WALL_ASIDE) / wp.max(control.cell_rate)
                 if has_clearance(field, p0, d0, interval.t_enter, wp.float64(NEVER), wp.float64(near)):
                     aside = near
             h_next = control.extent / ambient
-            h_cap = h_next  # shorter after a step that would have ended well behind a surface
+            h_cap = h_next  # reduced after a step that would have ended far behind a surface
             running = bool(True)
             while running:
                 tangent = ambient * d + momentum
@@ -167,7 +167,7 @@ def build_kernel(
                     rest = arc_left - (ambient * sums[0] + sums[2])
                     h, event = arc_event_location(rest, index, total, force, h, event)
 
-                # The later stages stand here: in a function of their own they are slower.
+                # The later stages are inline: in a function of their own they are slower.
                 kick2 = (real(a21) * (h * h)) * force
                 s2 = sample_at_stage(field, current_cell, cell, frac, rate, real(c2) * h, total, momentum, q, kick2)
                 force2 = vec3(s2[1], s2[2], s2[3])
@@ -188,15 +188,15 @@ def build_kernel(
                     rounding = step_rounding(control, ambient, h, judged[2], rate, frac, pot, force, s3)
                     accept, ratio = step_acceptance(control, off, rounding, used, h, h_cell, h_least, index, reach)
                     if accept:
-                        # A step cut short by a surface says nothing against the length wanted.
+                        # A step cut short by a surface is no reason to shorten the next one.
                         h_next = wp.max(h * ratio, h_least)
                         if event >= 0:
                             h_next = wp.max(h_next, ahead.h)
                     else:
                         h_next = wp.max(h * wp.min(ratio, real(0.8)), h_least)
 
-                # Where the force changes along the step, the parabola may miss the surface: come closer first.
-                runs_on = bool(False)  # whether it ends in a face
+                # If the force changes along the step, the parabola may miss the surface: come closer first.
+                runs_on = bool(False)  # whether the step ends in a face
                 if accept and h > h_least:
                     there = shown + wp.cw_mul(h * (tangent) + kick, rate)
                     end_velocity = wp.cw_mul(tangent + h * force4, rate)
@@ -212,7 +212,8 @@ def build_kernel(
                         accept = bool(False)
                         h_cap = real(0.5) * h
 
-                # A step into the body is taken again up to its surface, until the rest is flown along the tangent.
+                # A step into the body is repeated up to the body's surface, until the rest is short enough for the
+                # tangent.
                 behind = real(-1.0)
                 if wp.static(has_body):
                     if accept and not (wp.length(q + h * momentum + kick) < aside):
@@ -252,8 +253,8 @@ def build_kernel(
                     pot = s4[0]
                     force = force4
                     if wp.static(at_faces):
-                        # The slope jumps at the face before which the step stopped: the rest is flown along the
-                        # tangent, and the next step is to have the slope behind it.
+                        # The slope jumps at the face before which the step stopped: the ray flies the rest along the
+                        # tangent, and the next step starts with the slope behind the face.
                         bearing = ambient * d + momentum
                         curve = force
                         if wp.static(straight):
@@ -282,11 +283,11 @@ def build_kernel(
                             pot += wp.dot(force, q)
                         evaluations += 1
                     if wp.static(consistent_gradient):
-                        # Back onto |T| = n: the error along the ray, which the path would feel in full, is gone.
+                        # Project back onto |T| = n: this removes the error along the ray, which would add to the path.
                         projecting = project_momentum(ambient, d, momentum, pot)
                         momentum += projecting
                         if wp.static(straight):
-                            q += (real(0.5) * h) * projecting  # it grew over the step
+                            q += (real(0.5) * h) * projecting  # the error grew linearly over the step
 
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
                     if behind >= real(0.0):

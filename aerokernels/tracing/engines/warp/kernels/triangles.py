@@ -1,6 +1,6 @@
-"""Device functions: where straight lines cross the triangles of a body in a volume, watertight, in float64.
+"""Device functions: where straight lines cross the triangles of a body in a volume, watertight. In float64.
 
-The formulas stand in medium/triangle_crossings.py. The OpenCL twin is kernels/include/triangles.h.
+The formulas are in medium/triangle_crossings.py. The OpenCL twin is kernels/include/triangles.h.
 """
 
 import warp as wp
@@ -9,13 +9,13 @@ from .....medium.triangle_crossings import LEAST_SIDE
 from ....scheme import GRAZING_SQUARE
 from ..types import types
 
-NEVER = 1e300  # of a distance that is not there
+NEVER = 1e300  # stands for a distance that does not exist
 WallLine, Crossings = (types("float64").kinds[name] for name in ("WallLine", "Crossings"))
 
 
 @wp.func
 def axes_across(line: WallLine):
-    """Two unit vectors across a line, right-handed with its direction, put into it."""
+    """Set a line's two unit vectors across its direction, right-handed with it."""
     one = wp.float64(1.0)
     e = line.toward / wp.sqrt(line.square)
     sign = one
@@ -30,7 +30,7 @@ def axes_across(line: WallLine):
 
 @wp.func
 def within_slab(place: wp.float64, along: wp.float64, low: wp.float64, high: wp.float64, span: wp.vec2d):
-    """The part of a stretch of a line in which one of its coordinates lies between two bounds; reversed for none."""
+    """The part of `span` in which a coordinate of a line is between two bounds; reversed if there is none."""
     if along == wp.float64(0.0):
         if place < low or place > high:
             return wp.vec2d(wp.float64(NEVER), wp.float64(-NEVER))
@@ -44,7 +44,7 @@ def within_slab(place: wp.float64, along: wp.float64, low: wp.float64, high: wp.
 def passes_volume_box(
     line: WallLine, low: wp.vec3d, high: wp.vec3d, margin: wp.float64, first: wp.float64, last: wp.float64
 ):
-    """Whether a line may pass the box between two corners, `margin` larger, between t = first and last."""
+    """Whether a line may pass a box between t = first and last. The box is enlarged by `margin` on every side."""
     span = wp.vec2d(first, last)
     for k in range(3):
         span = within_slab(line.point[k], line.toward[k], low[k] - margin, high[k] + margin, span)
@@ -53,14 +53,14 @@ def passes_volume_box(
 
 @wp.func
 def corner_across(line: WallLine, corner: wp.vec3d):
-    """Where a corner lies across a line and along it."""
+    """Coordinates of a corner across a line (two) and along it."""
     offset = corner - line.point
     return wp.vec3d(wp.dot(line.right, offset), wp.dot(line.up, offset), wp.dot(line.toward, offset))
 
 
 @wp.func
 def edge_side(a: wp.vec3d, b: wp.vec3d):
-    """On which side of an edge the line lies: positive to the left, never zero, the opposite from b to a."""
+    """Side of the edge from a to b on which the line is: positive on the left, never zero, opposite from b to a."""
     p = a
     q = b
     sign = wp.float64(1.0)
@@ -76,7 +76,7 @@ def edge_side(a: wp.vec3d, b: wp.vec3d):
 
 @wp.func
 def triangle_crossing(line: WallLine, one: wp.vec3d, two: wp.vec3d, three: wp.vec3d):
-    """Where a line crosses a triangle."""
+    """Crossings of a line with a triangle."""
     none = wp.float64(0.0)
     out = Crossings()
     out.count = 0
@@ -103,9 +103,9 @@ def may_enter_triangle(
     t_enter: wp.float64,
     t_exit: wp.float64,
 ):
-    """Whether a line may get into the body through a triangle between t_enter and t_exit, were it moved by `margin`.
+    """Whether a line may enter the body through a triangle between t_enter and t_exit if moved by `margin`.
 
-    Triangles that it can only leave through do not matter; those that it grazes do.
+    A triangle through which the line can only leave the body does not count; one that it grazes does.
     """
     normal = wp.cross(b - a, c - a)
     rising = wp.dot(normal, line.toward)

@@ -1,4 +1,7 @@
-"""A device function: what lies between a ray's leapfrog samples, a table summed along its path (see unresolved.py)."""
+"""Device functions: a bound of the error from features between a ray's leapfrog samples.
+
+It is a table summed along the ray's path (see tracing/unresolved.py).
+"""
 
 import warp as wp
 
@@ -8,16 +11,18 @@ from ..library import KernelLibrary, built_once
 
 @built_once
 def build_unresolved(library: KernelLibrary, geometry: str):
-    """A function (field, control, start, direction, length, beside) -> a bound of the error of a ray's path [m].
+    """Build a function (field, control, start, d, length, beside) -> a bound of the error of a ray's path [m].
 
-    From `start`, in cells from the grid's first node (x, y from the axis), `length` metres along the unit vector, to
-    `beside` [m] from there. 0 without a table, infinite where samples are further apart than it holds for.
+    The ray starts at `start`, in cells from the grid's first node (x, y from the axis), runs along the unit vector d
+    for `length` metres, and ends `beside` [m] beside that line. 0 without a table, infinite if the samples are further
+    apart than the table is valid for.
     """
     t = library.types
     real, vec3, Field, Control = t.real, t.vec3, t.Field, t.Control
 
     @wp.func
     def block_of(control: Control, axis: int, place: real):
+        """Block of the table along one of its axes; places are in cells."""
         return wp.clamp(int(wp.floor(place / real(control.block))), 0, control.block_count[axis] - 1)
 
     @wp.func
@@ -52,9 +57,9 @@ def build_unresolved(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_with_lever_arm(library: KernelLibrary):
-    """A function (field, missed, onward, cosine) -> the error of the path that the one of direction adds to [m].
+    """Build a function (field, missed, onward, cosine) -> error of the path [m] including that from the direction.
 
-    `onward` metres before a stop that the ray meets at this cosine with its normal.
+    The ray meets its stop `onward` metres further on at this cosine with the stop's normal.
     """
     t = library.types
     real, Field = t.real, t.Field

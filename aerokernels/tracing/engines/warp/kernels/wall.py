@@ -1,6 +1,7 @@
-"""Device functions about the body: where a ray leaves it, whether it keeps out of it, where a step enters it.
+"""Device functions about the body: where a ray leaves it, whether a ray stays clear of it, where a step enters it.
 
-All by the crossings of straight lines with its surface, see engines/warp/kernels/crossings.py.
+All use the crossings of straight lines with the body's surface, see crossings.py. The OpenCL twin is
+kernels/include/wall.h.
 """
 
 import warp as wp
@@ -21,9 +22,9 @@ from .triangles import NEVER, may_enter_triangle
 
 @built_once
 def build_body_exit(library: KernelLibrary, geometry: str):
-    """A function (field, position, direction, from) -> where a ray that starts behind the surface leaves it.
+    """Build a function (field, p, d, first) -> distance at which a ray that starts inside the body leaves it.
 
-    NEVER if it does not; `from` for other rays.
+    NEVER if it does not leave; `first` for rays that start outside the body.
     """
     Field = library.types.Field
     wall_line = build_wall_line(library, geometry)
@@ -37,7 +38,7 @@ def build_body_exit(library: KernelLibrary, geometry: str):
         along_x = bool(False)
         if wp.static(geometry == "planar"):
             if d[1] == none and d[2] == none:
-                # Along x it stays where it is, in the body or beside it: any other line tells which.
+                # Along x the ray stays in the body or beside it: a line in any other direction shows which.
                 toward = wp.vec3d(none, none, wp.float64(1.0))
                 begin = none
                 along_x = bool(True)
@@ -54,9 +55,9 @@ def build_body_exit(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_body_entry(library: KernelLibrary, geometry: str):
-    """A function (field, position, direction, to) -> where a ray from outside the box enters the body before that.
+    """Build a function (field, p, d, last) -> distance at which a ray enters the body before it reaches the box.
 
-    NEVER if it does not.
+    It reaches the box at `last`. NEVER if it does not enter.
     """
     Field = library.types.Field
     wall_line = build_wall_line(library, geometry)
@@ -78,9 +79,9 @@ def build_body_entry(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_may_enter(library: KernelLibrary, geometry: str):
-    """A function (field, line, number, margin, t_enter, t_exit): whether a ray gets into the body through a piece.
+    """Build a function (field, line, piece, margin, t_enter, t_exit): whether a ray may enter the body through a piece.
 
-    Where it is, or moved: up and down in r and in z by `margin`, or in space by that in any direction.
+    Either where the ray is, or if moved by `margin`: up and down in r and in z, or in a volume in any direction.
     """
     Field = library.types.Field
     if geometry == "volume":
@@ -101,16 +102,16 @@ def build_may_enter(library: KernelLibrary, geometry: str):
 
     @wp.func
     def moved_segment(s: wp.vec4d, r: wp.float64, z: wp.float64):
-        """A segment moved in r and z; in an axisymmetric field it stays on its side of the axis."""
+        """A segment moved in r and z; in an axisymmetric field it does not cross the axis."""
         return wp.vec4d(wp.max(s[0] + r, wp.float64(least)), s[1] + z, wp.max(s[2] + r, wp.float64(least)), s[3] + z)
 
     @wp.func
     def only_leaves(line: WallLine, s: wp.vec4d):
-        """Whether a line, wherever it is moved to, can only leave the body through a segment, and does not graze it.
+        """Whether a line, however it is shifted, can only leave the body through a segment, without grazing it.
 
-        About the axis, the surface that leans most toward the line counts.
+        In an axisymmetric field, the side of the cone that leans most toward the line counts.
         """
-        # The normal, out of the body.
+        # (r, z) is the normal, out of the body.
         r = s[3] - s[1]
         z = s[0] - s[2]
         rising = z * line.along
@@ -156,10 +157,10 @@ def build_may_enter(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_has_clearance(library: KernelLibrary, geometry: str):
-    """A function (field, position, direction, t_enter, t_exit, margin): whether a ray keeps out of the body there.
+    """Build a function (field, p, d, t_enter, t_exit, margin): whether a straight ray stays out of the body.
 
-    All rays beside it do too that are moved across the surface by `margin` [m]. Where they leave the body does not
-    matter, so a ray may begin on the wall.
+    It must do so between two distances, and so must the rays moved across the surface by `margin` [m]. Places where
+    they leave the body do not matter, so a ray may begin on the wall.
     """
     Field = library.types.Field
     wall_line = build_wall_line(library, geometry)
@@ -189,7 +190,10 @@ def build_has_clearance(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_comes_near(library: KernelLibrary, geometry: str):
-    """A function (field, place, within): whether a place is so near the box around the whole body along each axis."""
+    """Build a function (field, here, within): whether a point is within `within` [m] of the box around the whole body.
+
+    The distance is taken along each axis.
+    """
     Field = library.types.Field
     if geometry == "volume":
 
@@ -219,7 +223,7 @@ def build_comes_near(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_place(library: KernelLibrary):
-    """A function: where a ray is, from the sums of its steps so far."""
+    """Build a function -> position of a ray, from the sums of its steps so far."""
     t = library.types
     vec3, vec4, Interval = t.vec3, t.vec4, t.Interval
 
@@ -247,10 +251,10 @@ def build_place(library: KernelLibrary):
 
 @built_once
 def build_behind_wall(library: KernelLibrary, geometry: str):
-    """A function -> how much of a step of length h lies behind the place where it enters the body; -1 for none of it.
+    """Build a function -> how much of a step of length h is behind its entry into the body; -1 if it does not enter.
 
-    Its arguments: field, control, where the step begins, its first tangent, its bend [m], h, and how far behind its
-    start a wall counts, in the unit of h. Chords that stay within WALL_SAG cells of the step stand for it.
+    The step goes from `here` along its first tangent, with the bend `kick` [m]; it is replaced by chords that stay
+    within WALL_SAG cells of it. `allowance`: how far before the step's start a wall counts, in the unit of h.
     """
     t = library.types
     real, vec3, Field, Control = t.real, t.vec3, t.Field, t.Control
@@ -273,7 +277,7 @@ def build_behind_wall(library: KernelLibrary, geometry: str):
         begin = here
         found = real(-1.0)
         first = -wp.float64(pieces) * wp.float64(allowance / h)
-        # Most steps come nowhere near the box around the whole body: they need no line.
+        # Most steps are far from the box around the whole body: they need no line.
         within = wp.float64(h + allowance) * wp.float64(wp.length(tangent)) + wp.float64(wp.length(kick))
         k = int(0)
         if not comes_near(field, here, within):
