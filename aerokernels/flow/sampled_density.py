@@ -1,4 +1,4 @@
-"""Density fields from samples: at the vertices of a mesh, and on a uniform grid of two or three axes."""
+"""Density fields from samples at the vertices of a mesh, or on a uniform grid of two or three axes."""
 
 from dataclasses import dataclass, field
 
@@ -19,7 +19,7 @@ from .species import Composition
 def _checked(density, what: str) -> np.ndarray:
     refuse_masked(density, "density")
     ours = isinstance(density, np.ndarray) and density.dtype == np.float64 and density.flags.c_contiguous
-    # What nobody can write to is not copied: grids of 100 million nodes come here.
+    # Read-only arrays are not copied, since grids may have 100 million nodes.
     values = density if ours and not density.flags.writeable else np.array(density, dtype=np.float64)
     if wrong := no_gas(values):
         fault, count, place = wrong
@@ -35,7 +35,7 @@ def _checked(density, what: str) -> np.ndarray:
 @shown
 @dataclass(frozen=True, eq=False)
 class VertexDensity(MeshDensity):
-    """Density at the vertices of a quadrilateral mesh, in the optical frame (z looks upstream), in ambient gas.
+    """Density at the vertices of a quadrilateral mesh, in the optical frame (z points upstream), in ambient gas.
 
     Attributes:
         mesh: Mesh with columns (r, z) or (y, z) [m].
@@ -47,8 +47,8 @@ class VertexDensity(MeshDensity):
         composition: The gas, where it is a mixture that is known vertex by vertex; None for one gas.
 
     Raises:
-        TypeError: The mesh is no QuadMesh.
-        ValueError: Densities that are no gas's, or another number of them than of vertices.
+        TypeError: The mesh is not a QuadMesh.
+        ValueError: Densities that no gas has, or a number of densities other than the number of vertices.
     """
 
     def __post_init__(self):
@@ -61,7 +61,7 @@ class VertexDensity(MeshDensity):
 
     @checked
     def density_at(self, points: Numbers) -> np.ndarray:
-        """Density [kg/m3], bilinear between vertices, at points (x, y, z) [m], shape (n, 3): shape (n,).
+        """Return the density [kg/m3], shape (n,), bilinear between vertices, at points (x, y, z) [m], shape (n, 3).
 
         NaN inside the body; the ambient density outside the mesh.
         """
@@ -71,7 +71,7 @@ class VertexDensity(MeshDensity):
         return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
 
     def _index(self, contrast: np.ndarray, interpolation: str | None, **common) -> IndexField:
-        # In a shape that cannot be taken for cell averages.
+        # from_mesh tells values at vertices from cell averages by the shape.
         at_vertices = contrast.reshape(self.mesh.shape or contrast.shape)
         return IndexField.from_mesh(self.mesh, at_vertices, interpolation=interpolation or "bilinear", **common)
 
@@ -79,7 +79,7 @@ class VertexDensity(MeshDensity):
 @shown
 @dataclass(frozen=True, eq=False)
 class GridDensity(SampledDensity):
-    """Density on a uniform grid, in the optical frame (z looks upstream), surrounded by ambient gas.
+    """Density on a uniform grid, in the optical frame (z points upstream), surrounded by ambient gas.
 
     Attributes:
         density: Densities [kg/m3], axes [x, y, z], [y, z] or [r, z].
@@ -91,11 +91,11 @@ class GridDensity(SampledDensity):
         body: Solid body in the flow: a `Body`, in a volume a `SolidBody`; or None.
         conditions: The free stream, or None where it is not known.
         provenance: Where the field comes from, in words.
-        resampling: What was measured when the grid was made from a mesh, or None.
+        resampling: Errors measured when the grid was made from a mesh, or None.
         composition: The gas, where it is a mixture that is known node by node; None for one gas.
 
     Raises:
-        ValueError: Densities that are no gas's, shapes that disagree, or what `IndexField.from_samples` refuses.
+        ValueError: Densities that no gas has, shapes that disagree, or a grid that `IndexField.from_samples` rejects.
     """
 
     density: np.ndarray
@@ -131,7 +131,7 @@ class GridDensity(SampledDensity):
 
     @checked
     def density_at(self, points: Numbers) -> np.ndarray:
-        """Density [kg/m3], linear between nodes, at points (x, y, z) [m], shape (n, 3): shape (n,).
+        """Return the density [kg/m3], shape (n,), linear between nodes, at points (x, y, z) [m], shape (n, 3).
 
         NaN inside the body; the ambient density outside the grid.
         """
@@ -161,7 +161,7 @@ class GridDensity(SampledDensity):
 
 
 def linear_between(samples: np.ndarray, origin, spacing, points: np.ndarray) -> np.ndarray:
-    """Values at points (n, d), linear between the nodes of a grid; at its edge beyond it."""
+    """Return values at points (n, d), linear between the nodes of a grid; beyond the grid those at its edge."""
     from scipy.ndimage import map_coordinates
 
     place = ((points - origin) / spacing).T
