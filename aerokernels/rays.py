@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .device_arrays import DeviceArray, device_array, plain_array, read_on_touch
 from .display.shown import shown
-from .inputs.arguments import Numbers, checked
+from .inputs.arguments import GREAT, SMALL, Numbers, checked
 from .inputs.checks import check_count
 from .pupils import (
     Annulus,
@@ -134,8 +134,10 @@ class RayBundle(ReadOnly):
         if self.weight is None:
             return np.full(count, 1.0 / count)
         weight = np.array(plain_array(self.weight), dtype=np.float64)
-        if weight.shape != (count,) or not np.isfinite(weight).all() or (weight < 0).any() or weight.sum() <= 0:
+        if weight.shape != (count,) or not np.isfinite(weight).all() or (weight < 0).any() or not weight.any():
             raise ValueError("ray weights must be finite, not negative and not all zero, one for each ray")
+        if not SMALL <= weight.max() <= GREAT:
+            raise ValueError(f"the greatest ray weight is {weight.max():g}: scale the weights to about 1")
         return np.asarray(weight / weight.sum())
 
     def _take_from_device(self, position: Any, direction: Any) -> None:

@@ -17,6 +17,7 @@ Reference: P. E. Ciddor, Refractive index of air: new equations for the visible 
 """
 
 import math
+import warnings
 
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive
@@ -24,6 +25,8 @@ from ..inputs.wavelength import SAME, check_wavelength
 
 # Wavelengths for which the equations were fitted [m].
 RANGE = (0.3e-6, 1.69e-6)
+# State of moist air outside of which the compressibility is extrapolated: temperatures [K], and greatest pressure [Pa].
+TEMPERATURE_RANGE, GREATEST_PRESSURE = (233.0, 373.3), 140e3
 STANDARD_CO2 = 450e-6  # mole fraction in dry air
 GREATEST_CO2 = 2000e-6
 # Gas constant in Ciddor's paper [J/(mol K)]: his densities use it, and it cancels in their ratios.
@@ -84,6 +87,9 @@ def ciddor_refractivity(
 def moist_air_density(temperature: float, pressure: float, *, water: float = 0.0, co2: float = STANDARD_CO2) -> float:
     """Return the density of moist air [kg/m3] as a real gas (BIPM 1981/91, Ciddor's eq 4).
 
+    Outside -40 to 100 degC and above 140 kPa the compressibility is extrapolated, with a warning: its error is about
+    1e-3 at 600 K and 1e-2 at 1500 K (at 1e5 Pa), and at 100 MPa the density is not meaningful.
+
     Args:
         temperature: [K].
         pressure: [Pa].
@@ -96,6 +102,13 @@ def moist_air_density(temperature: float, pressure: float, *, water: float = 0.0
     _check(water, co2)
     check_positive(temperature, "temperature")
     check_positive(pressure, "pressure")
+    low, high = TEMPERATURE_RANGE
+    if not low <= temperature <= high or pressure > GREATEST_PRESSURE:
+        warnings.warn(
+            f"the density of moist air at {temperature:g} K and {pressure:g} Pa is extrapolated: its compressibility "
+            f"is known from {low:g} to {high:g} K and up to {GREATEST_PRESSURE:g} Pa",
+            stacklevel=3,
+        )
     mass = (1.0 - water) * _molar_mass(co2) + water * WATER_MOLAR_MASS
     return mass * _molar_density(temperature, pressure, water)
 

@@ -86,11 +86,14 @@ class ConicalFlow(DensityField):
         return replace(self, ambient_density=check_density(ambient_density, "ambient_density"))
 
     def density_at(self, points) -> np.ndarray:
-        """Return the exact density [kg/m3], shape (n,), at points (x, y, z) [m], shape (n, 3); NaN inside the body."""
+        """Return the exact density [kg/m3], shape (n,), at points (x, y, z) [m], shape (n, 3).
+
+        NaN inside the body and at points that are NaN.
+        """
         radius, z = in_plane(points, "axisymmetric").T
         angle = np.arctan2(radius, -z)
-        ratio = np.where(angle < self.half_angle, np.nan, self.shock.density_ratio_at(angle))
-        return self.ambient_density * np.where((z >= -self.length) & (radius <= self.radius), ratio, 1.0)
+        ratio = np.where(angle >= self.half_angle, self.shock.density_ratio_at(angle), np.nan)
+        return self.ambient_density * np.where((z < -self.length) | (radius > self.radius), 1.0, ratio)
 
     def index_field(
         self,

@@ -204,6 +204,13 @@ class SampledDensity(DensityField):
             **({} if composition else self._walls(lambda rho: model.contrast(rho, self.ambient_density, wavelength))),
         )
 
+    def _where_known(self, density: np.ndarray, local: np.ndarray) -> np.ndarray:
+        """Return densities, shape (n,), with NaN at local points (n, d) [m] that are inside the body or are NaN."""
+        unknown = np.isnan(local).any(axis=1)
+        if self.body is not None:
+            unknown |= self.body.contains(local)
+        return np.where(unknown, np.nan, density)
+
     def _also_scaled(self, ratio: float) -> dict[str, Any]:
         """Return other attributes that scale with the density, multiplied by a ratio."""
         return {}
@@ -302,15 +309,14 @@ class CellDensity(MeshDensity):
     def density_at(self, points: Numbers) -> np.ndarray:
         """Return the density [kg/m3], shape (n,), of the cells that contain points (x, y, z) [m], shape (n, 3).
 
-        NaN inside the body; the ambient density outside the mesh.
+        NaN inside the body and at points that are NaN; the ambient density outside the mesh.
 
         Raises:
             ValueError: Points of another shape.
         """
         local = in_plane(points, self.geometry)
         cell = self.mesh.locate(local)
-        density = np.where(cell >= 0, self.density[cell], self.ambient_density)
-        return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
+        return self._where_known(np.where(cell >= 0, self.density[cell], self.ambient_density), local)
 
     @checked
     def columns(self, position: Numbers, direction: Numbers) -> np.ndarray:

@@ -40,7 +40,7 @@ class ExactField(CellDensity):
     def density_at(self, points) -> np.ndarray:
         """Return the formula's density [kg/m3], shape (n,), at points (x, y, z) [m], shape (n, 3).
 
-        NaN inside the body; the ambient density outside the mesh.
+        NaN inside the body and at points that are NaN; the ambient density outside the mesh.
 
         Raises:
             ValueError: Points of another shape.
@@ -50,9 +50,7 @@ class ExactField(CellDensity):
         inside = np.all((local >= low) & (local <= high), axis=1)
         assert self.solution is not None
         ratio = np.where(inside, self.solution.density_ratio_at(local[:, 0], local[:, 1]), 1.0)
-        if self.body is not None:
-            ratio = np.where(self.body.contains(local), np.nan, ratio)
-        return self.ambient_density * ratio
+        return self._where_known(self.ambient_density * ratio, local)
 
 
 def square_step(length: float, spacing: float | None, cells: int = DEFAULT_CELLS) -> float:

@@ -103,10 +103,13 @@ class RefractivityModel:
         inside = self.constant(wavelength)
         if np.ndim(inside) == 0 and (self.composition is None or self.composition.ambient is None):
             return index_contrast(density, ambient_density, inside, self.form)
-        if np.ndim(inside) and np.size(inside) != np.size(density):
+        fits = np.size(inside) == np.size(density) and (
+            min(np.ndim(inside), np.ndim(density)) <= 1 or np.shape(inside) == np.shape(density)
+        )
+        if np.ndim(inside) and not fits:
             raise ValueError(
                 f"the composition has fractions of shape {np.shape(inside)}, the density shape {np.shape(density)}: "
-                "give one fraction for each density"
+                "give one fraction for each density, in the same order"
             )
         if np.ndim(inside):
             inside = np.reshape(inside, np.shape(density))

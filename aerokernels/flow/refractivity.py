@@ -70,7 +70,8 @@ def index_contrast(
     difference taken is that of the densities.
 
     Raises:
-        ValueError: An unknown relation, or a constant outside 1e-5 to 1e-2 m3/kg.
+        ValueError: An unknown relation, a constant outside 1e-5 to 1e-2 m3/kg, or densities for which Lorentz-Lorenz
+            has no solution.
     """
     _check(gladstone_dale, relation)
     density = np.asarray(density, dtype=np.float64)
@@ -81,6 +82,11 @@ def index_contrast(
             return difference
         return gladstone_dale * difference
     inside, outside = 1.0 - 2.0 / 3.0 * gladstone_dale * density, 1.0 - 2.0 / 3.0 * gladstone_dale * ambient_density
+    if np.any(inside <= 0.0) or np.any(outside <= 0.0):
+        greatest = float(np.max(gladstone_dale * np.maximum(density, ambient_density)))
+        raise ValueError(
+            f"Lorentz-Lorenz has no index where K times density is 1.5 or more, got {greatest:.3g}: no gas is so dense"
+        )
     difference_of_squares = 2.0 * gladstone_dale * difference / (inside * outside)
     index = np.sqrt(1.0 + 2.0 * gladstone_dale * density / inside)
     ambient_index = np.sqrt(1.0 + 2.0 * gladstone_dale * ambient_density / outside)

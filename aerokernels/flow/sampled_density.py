@@ -8,7 +8,7 @@ from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked, refuse_masked
 from ..inputs.checks import check_choice
 from ..medium import Body, IndexField, SolidBody
-from ..medium.grid import checked_axes
+from ..medium.grid import check_starts_on_axis, checked_axes
 from ..medium.mesh import GEOMETRIES
 from ..medium.mesh_samples import MeshSamples
 from .density_field import MeshDensity, SampledDensity, in_plane
@@ -39,7 +39,7 @@ class VertexDensity(MeshDensity):
 
     Attributes:
         mesh: Mesh with columns (r, z) or (y, z) [m].
-        density: Densities at the vertices [kg/m3], shape (vertex_count,).
+        density: Densities at the vertices [kg/m3], shape (vertex_count,); (ni, nj) is accepted.
         ambient_density: Density outside the mesh [kg/m3].
         body: Solid body in the flow, or None.
         conditions: The free stream, or None where it is not known.
@@ -48,27 +48,30 @@ class VertexDensity(MeshDensity):
 
     Raises:
         TypeError: The mesh is not a QuadMesh.
-        ValueError: Densities that no gas has, or a number of densities other than the number of vertices.
+        ValueError: Densities that no gas has, or an array that has not one density for each vertex.
     """
 
     def __post_init__(self):
         """Check the densities."""
         self._check_mesh()
         density = _checked(self.density, "at vertices")
-        if density.size != len(self.mesh.vertices):
-            raise ValueError(f"density has shape {density.shape}, the mesh {len(self.mesh.vertices)} vertices")
+        shapes, _ = self.mesh.array_shapes
+        if density.shape not in shapes:
+            raise ValueError(
+                f"density has shape {density.shape}, the mesh {len(self.mesh.vertices)} vertices: "
+                f"give one density for each vertex, shape {' or '.join(map(str, shapes))}"
+            )
         object.__setattr__(self, "density", density.reshape(-1))
 
     @checked
     def density_at(self, points: Numbers) -> np.ndarray:
         """Return the density [kg/m3], shape (n,), bilinear between vertices, at points (x, y, z) [m], shape (n, 3).
 
-        NaN inside the body; the ambient density outside the mesh.
+        NaN inside the body and at points that are NaN; the ambient density outside the mesh.
         """
         local = in_plane(points, self.geometry)
         excess = MeshSamples(self.mesh, self.density - self.ambient_density, "bilinear").evaluate(local)[0]
-        density = self.ambient_density + excess
-        return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
+        return self._where_known(self.ambient_density + excess, local)
 
     def _index(self, contrast: np.ndarray, interpolation: str | None, **common) -> IndexField:
         # from_mesh tells values at vertices from cell averages by the shape.
@@ -120,6 +123,8 @@ class GridDensity(SampledDensity):
         if self.body is not None and self.body.geometry != self.geometry:
             raise ValueError(f"the body is {self.body.geometry}, the field {self.geometry}: they must agree")
         origin, spacing = checked_axes(density.shape, self.origin, self.spacing)
+        if self.geometry == "axisymmetric":
+            check_starts_on_axis(origin, spacing)
         for name, value in (("density", density), ("origin", origin), ("spacing", spacing)):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "ambient_density", float(self.ambient_density))
@@ -133,7 +138,7 @@ class GridDensity(SampledDensity):
     def density_at(self, points: Numbers) -> np.ndarray:
         """Return the density [kg/m3], shape (n,), linear between nodes, at points (x, y, z) [m], shape (n, 3).
 
-        NaN inside the body; the ambient density outside the grid.
+        NaN inside the body and at points that are NaN; the ambient density outside the grid.
         """
         points = np.atleast_2d(np.asarray(points, dtype=np.float64))
         local = points if self.geometry == "volume" else in_plane(points, self.geometry)
@@ -142,7 +147,7 @@ class GridDensity(SampledDensity):
         inside = np.all((local >= low - slack) & (local <= high + slack), axis=1)
         density = np.full(len(local), self.ambient_density)
         density[inside] = linear_between(self.density, self.origin, self.spacing, local[inside])
-        return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
+        return self._where_known(density, local)
 
     @property
     def _column_error(self) -> float:  # type: ignore[override]

@@ -181,8 +181,8 @@ class Composition:
 
     Raises:
         TypeError: Fractions that are not a mapping.
-        ValueError: An unknown species or basis, a fraction below 0 or not finite, a sum that is not 1, or fractions by
-            cell without `ambient`.
+        ValueError: An unknown species or basis, a fraction below 0 or not finite, a sum that is not 1, fractions of
+            different shapes, or fractions by cell without `ambient`.
     """
 
     fractions: Mapping[str, object]
@@ -214,6 +214,12 @@ class Composition:
             if not (np.isfinite(share).all() and (share >= 0.0).all()):
                 raise ValueError(f"the fraction of {name} must be finite and not negative, got {value!r}")
             shares[name] = share
+        shapes = {share.shape for share in shares.values() if share.ndim}
+        if len(shapes) > 1:
+            raise ValueError(
+                f"the fractions of {', '.join(shares)} have the shapes {', '.join(map(str, sorted(shapes)))}: give one "
+                "fraction of each species for each density"
+            )
         total = np.asarray(sum(shares.values()))
         if not (np.abs(total - 1.0) <= SUM_TOLERANCE).all():
             worst = float(total.ravel()[np.argmax(np.abs(total - 1.0))])

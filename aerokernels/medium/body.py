@@ -89,6 +89,14 @@ class Body(Derived):
         return start, end
 
     @cached_property
+    def _oriented_surface(self) -> tuple[np.ndarray, np.ndarray]:
+        """The surface in the direction of the profile, whichever side of that the solid is on."""
+        start, end = self.surface
+        first, second = self.profile.T
+        clockwise = np.sum(first * np.roll(second, -1) - second * np.roll(first, -1)) < 0.0
+        return (end, start) if clockwise else (start, end)
+
+    @cached_property
     def tree(self) -> WallTree:
         """The tree of boxes around the segments of the surface, for kernels."""
         return wall_tree(np.stack(self.surface, axis=1))
@@ -132,7 +140,7 @@ class Body(Derived):
         return inside
 
     def nearest_wall(self, points: np.ndarray) -> np.ndarray:
-        """Return the exact wall point nearest to each point (n, 2) [m], shape (n, 2).
+        """Return the exact point of the surface nearest to each point (n, 2) [m], shape (n, 2).
 
         Points are processed in square tiles. A segment farther from a tile's middle than the nearest segment by more
         than the tile's diameter is nearest to none of the tile's points, and is skipped.
@@ -146,7 +154,7 @@ class Body(Derived):
         low = np.minimum.reduceat(points[order], first)
         high = np.maximum.reduceat(points[order], first)
         middle, radius = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
-        start, end = self.walls
+        start, end = self._oriented_surface
         block = max(1, 1_000_000 // len(start))  # speed only
         for tile in range(0, len(first), block):
             part = slice(tile, tile + block)
@@ -159,7 +167,7 @@ class Body(Derived):
         return foot
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
-        """Return the distance to the wall [m], negative inside the body, at points (n, 2)."""
+        """Return the distance to the surface [m], negative inside the body, at points (n, 2)."""
         distance = np.linalg.norm(points - self.nearest_wall(points), axis=1)
         return np.where(self.contains(points), -distance, distance)
 

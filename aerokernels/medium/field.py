@@ -13,12 +13,12 @@ import numpy as np
 from ..derived import Derived
 from ..device_arrays import plain_array
 from ..display.shown import shown
-from ..inputs.arguments import Numbers, checked
+from ..inputs.arguments import Numbers, are_numbers, checked
 from ..inputs.checks import check_choice, check_positive
 from ..inputs.wavelength import check_wavelength, field_wavelength
 from .body import Body
 from .cell_averages import node_values
-from .grid import AXIS_CORE, UniformGrid, check_box, check_finite
+from .grid import AXIS_CORE, UniformGrid, check_box, check_finite, check_starts_on_axis
 from .kept_averages import conserving_values, cut_and_kept
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
@@ -30,6 +30,32 @@ from .vertex_values import vertex_values
 def check_ambient(ambient_index: float) -> None:
     """Raise ValueError for an ambient index that is not a positive number."""
     check_positive(ambient_index, "ambient_index")
+
+
+def _warn_of_index(least: float, greatest: float) -> None:
+    """Warn a caller of from_samples or from_mesh whose contrasts look like indices n."""
+    if 0.99 < least <= greatest < 1.5:
+        warnings.warn(
+            f"contrast is {least:g} to {greatest:g} everywhere: it is n - ambient_index, not n itself",
+            stacklevel=4,
+        )
+
+
+def _checked_walls(walls: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions at walls [m], shape (n, 2), and the contrast there, shape (n,), as float64 arrays.
+
+    Raises:
+        TypeError: Not a pair of arrays of numbers.
+        ValueError: Other shapes, or entries that are not finite.
+    """
+    if not isinstance(walls, (tuple, list)) or len(walls) != 2 or not all(are_numbers(each) for each in walls):
+        raise TypeError(f"walls must be a pair of arrays, points [m] and contrasts, got {type(walls).__name__}")
+    points, contrast = (np.asarray(each, dtype=np.float64) for each in walls)
+    if contrast.ndim != 1 or points.shape != (len(contrast), 2):
+        raise ValueError(f"walls need points of shape (n, 2) and n contrasts, got {points.shape} and {contrast.shape}")
+    check_finite(points, "the points at walls")
+    check_finite(contrast, "the contrast at walls")
+    return points, contrast
 
 
 @dataclass(frozen=True)
@@ -134,16 +160,11 @@ class IndexField(Derived):
         grid = UniformGrid(
             array, np.asarray(origin), np.asarray(spacing), interpolation, axisymmetric, float(ambient_index)
         )
-        low, high = grid.extremes
-        if 0.99 < low <= high < 1.5:
-            warnings.warn(
-                f"contrast is {low:g} to {high:g} everywhere: it is n - ambient_index, not n itself",
-                stacklevel=3,
-            )
+        _warn_of_index(*grid.extremes)
         if cell_averages:
             grid = replace(grid, samples=node_values(grid.samples, interpolation, axisymmetric))
-        if axisymmetric and abs(grid.origin[0]) > 1e-9 * grid.spacing[0]:
-            raise ValueError(f"an axisymmetric grid starts at r = 0, got origin {grid.origin[0]!r}")
+        if axisymmetric:
+            check_starts_on_axis(grid.origin, grid.spacing)
         return cls(grid, geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
     @classmethod
@@ -192,12 +213,14 @@ class IndexField(Derived):
 
         Raises:
             TypeError: `mesh` is not a QuadMesh.
-            ValueError: A shape that fits neither vertices nor cells, or entries that are not finite.
+            ValueError: A shape that fits neither vertices nor cells, or entries that are not finite, also of `walls`.
         """
         if not isinstance(mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(mesh).__name__}: see QuadMesh.structured")
         values = np.array(plain_array(contrast), dtype=np.float64)
         check_finite(values, "the contrast")
+        _warn_of_index(values.min(initial=np.inf), values.max(initial=-np.inf))
+        walls = None if walls is None else _checked_walls(walls)
         at_vertices, in_cells = mesh.array_shapes
         averages = None
         if interpolation == "conserving" and values.shape not in in_cells:
@@ -280,7 +303,10 @@ class IndexField(Derived):
 
     @checked
     def evaluate(self, points: Numbers) -> tuple[np.ndarray, np.ndarray]:
-        """Return contrast, shape (n,), and its gradient [1/m], shape (n, 3), at points (n, 3); zero outside the box."""
+        """Return contrast, shape (n,), and its gradient [1/m], shape (n, 3), at points (n, 3).
+
+        Both are zero outside the box, and NaN at points that are NaN.
+        """
         points = np.atleast_2d(np.asarray(points, dtype=np.float64))
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"points must have shape (n, 3), x, y and z of each [m], got {points.shape}")
@@ -300,6 +326,8 @@ class IndexField(Derived):
             outward = points[inside, :2] / np.where(size > 0.0, size, 1.0)[:, None]
             gradient[inside, :2] = outward * slope[:, :1]
             gradient[inside, 2] = slope[:, 1]
+        unknown = np.isnan(local).any(axis=1)
+        contrast[unknown], gradient[unknown] = np.nan, np.nan
         return contrast, gradient
 
     @checked

@@ -90,6 +90,16 @@ def checked_axes(shape: tuple[int, ...], origin, spacing) -> tuple[np.ndarray, n
     return origin, spacing
 
 
+def check_starts_on_axis(origin: np.ndarray, spacing: np.ndarray) -> None:
+    """Reject the first node and spacing [m] of an axisymmetric grid that does not start at r = 0.
+
+    Raises:
+        ValueError: It starts elsewhere.
+    """
+    if abs(origin[0]) > 1e-9 * spacing[0]:
+        raise ValueError(f"an axisymmetric grid starts at r = 0, got origin {origin[0]:g} m")
+
+
 @shown
 @dataclass(frozen=True, eq=False)
 class UniformGrid(Derived):

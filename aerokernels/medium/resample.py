@@ -58,7 +58,8 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
         tolerance: greatest allowed change of the optical path along lines parallel to z, in waves. The spacing is
             halved until the measured change is within it.
         wavelength: Wavelength for `tolerance` [m]; None takes the field's own, or 905 nm where it has none.
-        region: Lowest and highest corner along the field's axes [m]; the whole box if None.
+        region: Lowest and highest corner along the field's axes [m], of which the part in the field's box is resampled;
+            None takes the whole box.
         interpolation: Interpolant of the result.
 
     Returns:
@@ -126,7 +127,8 @@ def _region(field, region):
     finite = np.isfinite(first).all() and np.isfinite(last).all()
     if not (finite and (last > first).all() and (first < high).all() and (last > low).all()):
         raise ValueError(f"region {region!r} does not lie in the field's box {low.tolist()} to {high.tolist()}")
-    return first, last
+    # Nodes outside the box would be ambient, and an interpolant would smooth the jump at its faces.
+    return np.maximum(first, low), np.minimum(last, high)
 
 
 def _resample_once(field, low, high, step, interpolation):

@@ -18,7 +18,7 @@ from .wall_tree import WallTree, wall_tree
 
 # Direction of the lines by which `contains` decides; edges of bodies are unlikely to be parallel to it.
 ASKEW = np.array([0.312_8, 0.541_7, 0.780_2]) / np.linalg.norm([0.312_8, 0.541_7, 0.780_2])
-NEAREST = 12  # triangles with the nearest centroids, among which the nearest triangle is sought
+NEAREST = 12  # triangles with the nearest centroids, among which the search for the nearest one begins
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +123,10 @@ class SolidBody(Derived):
         return np.asarray(inside)
 
     def nearest_wall(self, points) -> np.ndarray:
-        """Return the surface point nearest to each point (n, 3) [m], among the dozen triangles of nearest centroids.
+        """Return the exact point of the surface nearest to each point (n, 3) [m], shape (n, 3).
 
-        On surfaces whose triangles differ much in size, the nearest triangle may not be among the dozen: the point
-        returned is then on a neighbour of that triangle.
+        The nearest of the dozen triangles with the nearest centroids limits the boxes of the tree that may contain a
+        nearer one.
         """
         points = np.asarray(points, dtype=np.float64)
         if not len(points):
@@ -139,10 +139,32 @@ class SolidBody(Derived):
             some = _nearest_in(points[part, None], self.surface[near[part]])
             best = np.argmin(np.sum((some - points[part, None]) ** 2, axis=2), axis=1)
             foot[part] = some[np.arange(len(best)), best]
+        self._improve(points, foot)
         return foot
 
+    def _improve(self, points: np.ndarray, foot: np.ndarray) -> None:
+        """Replace points `foot` of the surface, in place, by nearer ones where there are any."""
+        least = np.sum((foot - points) ** 2, axis=1)
+        tree, waiting = self.tree, [(0, np.arange(len(points)))]
+        while waiting:
+            node, rows = waiting.pop()
+            low, high = tree.boxes[node]
+            outside = points[rows] - np.clip(points[rows], low, high)
+            rows = rows[np.sum(outside**2, axis=1) < least[rows]]
+            if not len(rows):
+                continue
+            first, last = tree.links[node][1:]
+            if last == first:
+                waiting += tree.children(node, rows)
+                continue
+            for corners in tree.corners[first:last]:
+                found = _nearest_in(points[rows], corners)
+                distance = np.sum((found - points[rows]) ** 2, axis=1)
+                nearer = distance < least[rows] * (1.0 - 1e-12)  # feet that are equally near stay as they are
+                foot[rows[nearer]], least[rows[nearer]] = found[nearer], distance[nearer]
+
     def signed_distance(self, points) -> np.ndarray:
-        """Return the distance to the wall [m], negative inside the body, at points (n, 3)."""
+        """Return the distance to the surface [m], negative inside the body, at points (n, 3)."""
         distance = np.linalg.norm(points - self.nearest_wall(points), axis=1)
         return np.where(self.contains(points), -distance, distance)
 

@@ -70,8 +70,8 @@ def _through(tree: WallTree, position: np.ndarray, direction: np.ndarray) -> tup
         rows = rows[_pass_box(position[rows], direction[rows], *tree.boxes[node])]
         if not len(rows):
             continue
-        if last == first:  # the first child follows its parent; its link is the second child
-            waiting += [(node + 1, rows), (int(tree.links[node + 1][0]), rows)]
+        if last == first:
+            waiting += tree.children(node, rows)
             continue
         offset = tree.corners[first:last][None] - position[rows][:, None, None]
         x, y, w = (np.einsum("ntkc,nc->ntk", offset, axis[rows]) for axis in (right, up, direction))

@@ -42,6 +42,10 @@ class WallTree:
             return self.corners.reshape(-1, 4), self.boxes.reshape(-1, 4)
         return tuple(np.pad(rows.reshape(-1, 3), ((0, 0), (0, 1))) for rows in (self.corners, self.boxes))  # type: ignore[return-value]
 
+    def children(self, node: int, rows: np.ndarray) -> list[tuple[int, np.ndarray]]:
+        """Return the two children of a node that is not a leaf, each with the rows of lines or points to test there."""
+        return [(node + 1, rows), (int(self.links[node + 1][0]), rows)]
+
 
 def wall_tree(corners: np.ndarray) -> WallTree:
     """Return the tree of pieces with corners [m], shape (w, d, d)."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..display.shown import shown
-from ..inputs.arguments import are_numbers, checked
+from ..inputs.arguments import GREAT, SMALL, are_numbers, checked
 from ..inputs.checks import check_positive
 from .base import Pupil
 from .square_map import PIXELS, SquareMap, cumulative
@@ -164,8 +164,8 @@ class Mask(_Pixels):
         normal: Direction in which the pupil looks (made a unit vector), shape (3,).
 
     Raises:
-        ValueError: Weights that are not a two-axis array of finite numbers, negative or all zero; a pixel that is not
-            positive; a centre or normal that is not three finite numbers.
+        ValueError: Weights that are not a two-axis array of finite numbers, negative, all zero or with a greatest one
+            outside 1e-60 to 1e60; a pixel that is not positive; a centre or normal that is not three finite numbers.
     """
 
     weights: np.ndarray
@@ -192,8 +192,11 @@ class Mask(_Pixels):
         if bad.any():
             first = tuple(int(index) for index in np.argwhere(bad)[0])
             raise ValueError(f"{bad.sum()} weights of a Mask are negative or not finite, the first is {first}")
-        if not weights.any():
+        greatest = float(weights.max())
+        if greatest == 0.0:
             raise ValueError("the weights of a Mask are all zero: no light gets through")
+        if not SMALL <= greatest <= GREAT:
+            raise ValueError(f"the greatest weight of a Mask is {greatest:g}: scale the weights to about 1")
         weights.setflags(write=False)
         object.__setattr__(self, "weights", weights)
         if not are_numbers(self.pixel):
