@@ -1,4 +1,4 @@
-"""Ray bundles: where light starts, in which direction, and with what share of the whole."""
+"""Ray bundles: start points, directions and weights of rays."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .device_arrays import DeviceArray, device_array, plain_array, read_on_touch
 from .display.shown import shown
-from .inputs.arguments import Numbers, checked
+from .inputs.arguments import GREAT, SMALL, Numbers, checked
 from .inputs.checks import check_count
 from .pupils import (
     Annulus,
@@ -49,7 +49,7 @@ __all__ = [
 
 
 def _one_if_equal(rows: np.ndarray) -> np.ndarray:
-    """A copy of an array's rows; of rows that are all equal, of the first one only."""
+    """Return a copy of an array, or only of its first row if all rows are equal."""
     alike = len(rows) > 1 and all((rows[k] == rows[0]).all() for k in (len(rows) // 2, -1))
     return np.array(rows[:1] if alike and (rows == rows[0]).all() else rows, order="C")
 
@@ -65,25 +65,25 @@ UNIT_DISC = SquareMap(RING, 0, 0, np.zeros(1))
 class RayBundle(ReadOnly):
     """Rays to trace.
 
-    Places and directions may be arrays of any library that has DLPack or `__cuda_array_interface__` (NumPy, CuPy,
-    PyTorch, JAX, Warp). Those on a GPU stay there: Warp's CUDA device traces them where they are, and `position` and
+    Positions and directions may be arrays of any library that has DLPack or `__cuda_array_interface__` (NumPy, CuPy,
+    PyTorch, JAX, Warp). Arrays on a GPU stay there: Warp traces them on their CUDA device, and `position` and
     `direction` are copied to the host when they are first read.
 
     Attributes:
         position: Start points [m], shape (ray_count, 3).
-        direction: Unit tangents, shape (ray_count, 3); normalised here. Those of parallel rays are one row in memory.
-        weight: Share of each ray in means over the bundle, sums to 1, shape (ray_count,).
+        direction: Unit tangents, shape (ray_count, 3); normalised here. Parallel rays share one row in memory.
+        weight: Weight of each ray in means over the bundle, shape (ray_count,); the sum is 1.
 
     Raises:
-        ValueError: Shapes that disagree, numbers that are not finite, zero directions, negative weights, places and
-            directions on two devices.
+        ValueError: Shapes that disagree, numbers that are not finite, zero directions, negative weights, or positions
+            and directions on two devices.
     """
 
     position: np.ndarray
     direction: np.ndarray
     weight: np.ndarray | None = None
 
-    if TYPE_CHECKING:  # arrays are made of what is given
+    if TYPE_CHECKING:  # anything that NumPy makes an array of is accepted
 
         def __init__(self, position: ArrayLike, direction: ArrayLike, weight: ArrayLike | None = None) -> None: ...  # noqa: D107
 
@@ -109,13 +109,13 @@ class RayBundle(ReadOnly):
                 bad = ~np.isfinite(array).all(axis=1)
                 count = int(bad.sum()) * (len(position) // len(array))
                 raise ValueError(f"{count} ray {name}s are not finite, the first is ray {int(np.argmax(bad))}")
-        # Directions that are unit vectors already stay as they are, to the last bit: a part of a bundle is that part.
+        # Unit vectors keep their last bit, so that a part of a bundle has exactly the bundle's directions.
         with np.errstate(over="ignore"):
             turned = np.flatnonzero(~(np.abs(lengths(direction) - 1.0) <= 4e-16))
         if len(turned):
             part = direction if len(turned) == len(direction) else direction[turned]
             x, y, z = np.abs(part).T
-            scale = np.maximum(np.maximum(x, y), z)  # by rows of three, max(axis=1) takes five times as long
+            scale = np.maximum(np.maximum(x, y), z)  # max(axis=1) over rows of three takes five times as long
             if not scale.all():
                 zero = turned[scale == 0.0]
                 count = len(zero) * (len(position) // len(direction))
@@ -130,16 +130,18 @@ class RayBundle(ReadOnly):
             object.__setattr__(self, name, array)
 
     def _shares(self, count: int) -> np.ndarray:
-        """The weights, scaled to sum to 1."""
+        """Return the weights, scaled to a sum of 1."""
         if self.weight is None:
             return np.full(count, 1.0 / count)
         weight = np.array(plain_array(self.weight), dtype=np.float64)
-        if weight.shape != (count,) or not np.isfinite(weight).all() or (weight < 0).any() or weight.sum() <= 0:
+        if weight.shape != (count,) or not np.isfinite(weight).all() or (weight < 0).any() or not weight.any():
             raise ValueError("ray weights must be finite, not negative and not all zero, one for each ray")
+        if not SMALL <= weight.max() <= GREAT:
+            raise ValueError(f"the greatest ray weight is {weight.max():g}: scale the weights to about 1")
         return np.asarray(weight / weight.sum())
 
     def _take_from_device(self, position: Any, direction: Any) -> None:
-        """Places and directions of which a device has one at least; the other is on the host where it is None."""
+        """Take over positions and directions of which at least one is on a device; None if it is on the host."""
         from .device_arrays.rays import checked_rays
 
         place, way = checked_rays(
@@ -155,27 +157,27 @@ class RayBundle(ReadOnly):
     def _made(
         cls, device: str, made: "Made", points: SquareMap | np.ndarray, weight: np.ndarray | None, count: int, seed: int
     ) -> "RayBundle":
-        """Rays made on a device."""
+        """Return rays made on a device."""
         from .device_arrays.rays import made_rays
 
         shares = np.broadcast_to(1.0 / count, count) if weight is None else weight
         return cls._of(*made_rays(device, made, count, seed, points), shares)
 
     def held(self, name: str) -> Any:
-        """`position` or `direction` as it is held, a DeviceArray where it lies on a device."""
+        """Return `position` or `direction` as it is stored: a DeviceArray if it is on a device."""
         return self.__dict__[name]
 
     def on_device(self, name: str) -> Any:
-        """`position` [m] or `direction` where it lies: a warp.array of vectors on a device, or a NumPy array.
+        """Return `position` [m] or `direction` without a copy: a warp.array of vectors on a device, or a NumPy array.
 
-        Both have DLPack; one on a GPU has `__cuda_array_interface__`.
+        Both have DLPack; an array on a GPU also has `__cuda_array_interface__`.
         """
         found = self.held(name)
         return found.buffer if isinstance(found, DeviceArray) else found
 
     @property
     def device(self) -> str | None:
-        """Warp's name of the device where the rays lie; None where they are NumPy arrays."""
+        """Warp's name of the device that holds the rays; None if they are NumPy arrays."""
         found = self.held("position")
         return found.device if isinstance(found, DeviceArray) else None
 
@@ -189,16 +191,16 @@ class RayBundle(ReadOnly):
         return len(self.held("position"))
 
     def __getitem__(self, rows) -> "RayBundle":
-        """The rays of a slice or index array."""
+        """Return the rays of a slice or index array, with their weights scaled to a sum of 1."""
         position, direction = self.held("position")[rows], self.held("direction")[rows]
         return RayBundle(position, direction, np.atleast_1d(np.asarray(self.weight)[rows]))
 
     def rows(self, rows) -> "RayBundle":
-        """The rays of a slice or index array, whatever their weights; no other is read from a device."""
+        """Return the rays of a slice or index array with equal weights; only these are copied from a device."""
         return RayBundle(self.held("position")[rows], self.held("direction")[rows])
 
     def part(self, rows: Any) -> "RayBundle":
-        """The rays of an array of their numbers, NumPy's or Warp's, whatever their weights, where they lie."""
+        """Return the rays of an array of indices (NumPy's or Warp's) with equal weights, on the device they are on."""
         if self.device is None:
             return self.rows(plain_array(rows))
         place, way = (self.held(name).part(rows) for name in ("position", "direction"))
@@ -206,9 +208,9 @@ class RayBundle(ReadOnly):
 
     @classmethod
     def of_units(cls, position: np.ndarray, direction: np.ndarray) -> "RayBundle":
-        """Rays of finite places (n, 3) and unit vectors (n, 3) that are known to be that and belong to nobody else.
+        """Return rays of positions (n, 3) and unit vectors (n, 3) that are known to be valid and that no one else uses.
 
-        Nothing is checked or copied: of millions of rays either takes longer than to trace them.
+        Nothing is checked or copied: for millions of rays either takes longer than tracing them.
         """
         for array in (position, direction):
             array.setflags(write=False)
@@ -216,7 +218,7 @@ class RayBundle(ReadOnly):
 
     @classmethod
     def _of(cls, position: Any, direction: Any, weight: np.ndarray) -> "RayBundle":
-        """Rays that need no check."""
+        """Return rays from arrays that need no check."""
         bundle = cls.__new__(cls)
         weight.setflags(write=False)
         for name, array in (("position", position), ("direction", direction), ("weight", weight)):
@@ -235,9 +237,9 @@ class RayBundle(ReadOnly):
         seed: int = 0,
         device: str | None = None,
     ) -> "RayBundle":
-        """Parallel rays through a pupil, along its normal unless a `direction` is given.
+        """Return parallel rays through a pupil, along its normal unless a `direction` is given.
 
-        With a `device` of Warp's ("cuda:0", "cpu") they are made there and stay there: the same rays, but for rounding.
+        With a Warp `device` ("cuda:0", "cpu") the rays are made and stay there; they are the same except for rounding.
         """
         along = pupil.normal if direction is None else as_unit_vector(direction, "direction")
         if device is not None:
@@ -258,9 +260,10 @@ class RayBundle(ReadOnly):
         seed: int = 0,
         device: str | None = None,
     ) -> "RayBundle":
-        """Rays from the point `apex` [m] into the cone of `half_angle` [rad] about `axis`, uniform in solid angle.
+        """Return rays from the point `apex` [m] into the cone of `half_angle` [rad] about `axis`.
 
-        With a `device` of Warp's ("cuda:0", "cpu") they are made there and stay there: the same rays, but for rounding.
+        The rays are uniform in solid angle. With a Warp `device` ("cuda:0", "cpu") they are made and stay there; they
+        are the same except for rounding.
         """
         if not (0.0 < half_angle <= np.pi):
             raise ValueError(f"half_angle must lie in (0, pi] rad, got {half_angle!r}")
@@ -297,11 +300,11 @@ class RayBundle(ReadOnly):
         toward_point: bool = False,
         device: str | None = None,
     ) -> "RayBundle":
-        """Rays from the point `from_point` [m] through the pupil's points.
+        """Return rays from the point `from_point` [m] through the pupil's points.
 
-        With `toward_point` the same lines are launched the other way: from the pupil's points toward the point,
-        which by reciprocity see the same optical path. With a `device` of Warp's ("cuda:0", "cpu") they are made there
-        and stay there: the same rays, but for rounding.
+        With `toward_point` the rays run along the same lines in the opposite direction, from the pupil's points toward
+        the point; by reciprocity they have the same optical path. With a Warp `device` ("cuda:0", "cpu") they are made
+        and stay there; they are the same except for rounding.
         """
         apex = as_vector(from_point, "from_point")
         if device is not None:
@@ -317,7 +320,7 @@ class RayBundle(ReadOnly):
     def _of_pupil(
         cls, kind: str, device: str, pupil: Pupil, axis: np.ndarray, ray_count: int, sampling: str, seed: int
     ) -> "RayBundle":
-        """Rays of a pupil's points, made on a device."""
+        """Return rays from a pupil's points, made on a device."""
         from .device_arrays.rays import Made
 
         made = Made(kind, pupil.center, *pupil.axes, axis, pupil.reach)
@@ -335,7 +338,7 @@ class RayBundle(ReadOnly):
         sampling: str,
         seed: int,
     ) -> "RayBundle":
-        """Rays made on a device: of Sobol points, which it makes itself, or of `samples()`, which are brought there."""
+        """Return rays made on a device, from Sobol points computed there or from `samples()` copied there."""
         count = check_count(ray_count)
         if sampling == "sobol":
             return cls._made(device, made, points, None, count, seed)

@@ -1,25 +1,25 @@
 """Scrambled Sobol points in one to three dimensions.
 
-Point i is the sum modulo 2 of direction numbers, one for each bit that is set in the Gray code of i; the direction
+Point i is the bitwise sum modulo 2 of direction numbers, one for each bit set in the Gray code of i; the direction
 numbers are those of S. Joe, F. Y. Kuo, SIAM J. Sci. Comput. 30 (2008) 2635. The scramble is a random lower triangular
-matrix over the bits, then a random shift of them (J. Matousek, J. Complexity 14 (1998) 527): each point alone is
-uniform, and 2^m of them still fill every elementary box alike.
+matrix over the bits, then a random shift of the bits (J. Matousek, J. Complexity 14 (1998) 527): each single point is
+uniformly distributed, and 2^m points still have equal numbers in all elementary boxes of one volume.
 
-SciPy has the same points (`scipy.stats.qmc.Sobol`, to the last bit the same for the same seed); importing its
-statistics costs more than everything else that a short run imports.
+`scipy.stats.qmc.Sobol` gives the same points to the last bit for the same seed, but importing SciPy's statistics takes
+longer than all other imports of a short run.
 """
 
 import numpy as np
 
 BITS = 30
-# Recurrence of each dimension's direction numbers: coefficients of its primitive polynomial between the first and the
-# last, and the odd numbers it starts from. The first dimension is the bit-reversed counter and has none.
+# Recurrence of the direction numbers of each dimension after the first: inner coefficients of its primitive polynomial,
+# and the odd numbers that it starts from. The first dimension, the bit-reversed counter, has no recurrence.
 _RECURRENCES: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...] = (((), (1,)), ((1,), (1, 3)))
 MAX_DIMENSION = 1 + len(_RECURRENCES)
 
 
 def sobol_points(count: int, dimension: int, seed: int, scramble: bool = True) -> np.ndarray:
-    """The first `count` points of a sequence in the unit cube, shape (count, dimension).
+    """Return the first `count` points of a sequence in the unit cube, shape (count, dimension).
 
     Args:
         count: Number of points; powers of 2 are balanced.
@@ -28,7 +28,7 @@ def sobol_points(count: int, dimension: int, seed: int, scramble: bool = True) -
         scramble: False gives the plain sequence, whose first point is the origin.
 
     Raises:
-        ValueError: Fewer than one point, more than 2**BITS, or a dimension that is not there.
+        ValueError: Fewer than one point, more than 2**BITS, or a dimension outside 1 to MAX_DIMENSION.
     """
     if not 1 <= dimension <= MAX_DIMENSION:
         raise ValueError(f"Sobol points are there in 1 to {MAX_DIMENSION} dimensions, got {dimension!r}")
@@ -37,7 +37,7 @@ def sobol_points(count: int, dimension: int, seed: int, scramble: bool = True) -
     start, directions = sobol_numbers(dimension, seed, scramble)
     point = np.empty((count, dimension), dtype=np.uint32)
     point[0] = start
-    # The reflected Gray code: what follows 2^k points is the same points backwards with one more bit set.
+    # In the reflected Gray code 2^k points are followed by the same points in reverse order with one more bit set.
     made, bit = 1, 0
     while made < count:
         more = min(made, count - made)
@@ -47,14 +47,14 @@ def sobol_points(count: int, dimension: int, seed: int, scramble: bool = True) -
 
 
 def sobol_numbers(dimension: int, seed: int, scramble: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """The first point of a sequence (dimension,) and its direction numbers (dimension, BITS), of BITS bits each.
+    """Return the first point of a sequence (dimension,) and its direction numbers (dimension, BITS), in BITS bits.
 
-    Point i is the first one with those direction numbers added, modulo 2, whose bits are set in the Gray code of i.
+    Point i is the first point plus, modulo 2, the direction numbers whose bits are set in the Gray code of i.
     """
     directions = np.stack([_direction_numbers(axis) for axis in range(dimension)])
     start = np.zeros(dimension, dtype=np.uint32)
     if scramble:
-        rng = np.random.default_rng(seed).spawn(1)[0]  # as SciPy does with a generator
+        rng = np.random.default_rng(seed).spawn(1)[0]  # as in SciPy
         shift = rng.integers(2, size=(dimension, BITS), dtype=np.uint32)
         start = np.asarray(shift @ (np.uint32(1) << np.arange(BITS, dtype=np.uint32)))
         matrix = np.tril(rng.integers(2, size=(dimension, BITS, BITS), dtype=np.uint32))
@@ -63,7 +63,7 @@ def sobol_numbers(dimension: int, seed: int, scramble: bool = True) -> tuple[np.
 
 
 def _direction_numbers(axis: int) -> np.ndarray:
-    """Direction numbers of a dimension, highest bit first in each; shape (BITS,)."""
+    """Return the direction numbers of a dimension, with the highest bit first; shape (BITS,)."""
     if axis == 0:
         odd = [1] * BITS
     else:
@@ -78,7 +78,7 @@ def _direction_numbers(axis: int) -> np.ndarray:
 
 
 def _scrambled(directions: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Every direction number's bits, highest first, multiplied by its dimension's matrix with a diagonal of ones."""
+    """Return direction numbers whose bits are multiplied by their dimension's matrix with a unit diagonal."""
     matrix = matrix.copy()
     matrix[:, range(BITS), range(BITS)] = 1
     place = np.arange(BITS - 1, -1, -1, dtype=np.uint32)

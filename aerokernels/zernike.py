@@ -1,13 +1,13 @@
-r"""Zernike polynomials on the unit disc: Noll's order from 1, rms 1 over the disc; and their other indices.
+r"""Zernike polynomials on the unit disc in Noll's order and normalisation (rms 1), and conversions of their indices.
 
     Z_j = sqrt(n + 1) R_n^0(r)                           m = 0
     Z_j = sqrt(2 (n + 1)) R_n^m(r) cos(m theta)          m > 0, which has an even j
     Z_j = sqrt(2 (n + 1)) R_n^|m|(r) sin(|m| theta)      m < 0, which has an odd j
 
 (R. J. Noll, J. Opt. Soc. Am. 66 (1976) 207); theta is measured from x toward y. R_n^m(r) = r^m P_k^(0, m)(2 r^2 - 1)
-with k = (n - m) / 2 and P Jacobi's polynomials, which a recurrence evaluates: sums of factorials lose all digits at
-n = 40.
-Orders are pairs (n, m), m negative for sines. ANSI (OSA) indices run from 0, fringe (Arizona) indices from 1.
+with k = (n - m) / 2 and Jacobi polynomials P, evaluated by a recurrence: sums of factorials lose all digits at n = 40.
+Orders are pairs (n, m), with negative m for sines. ANSI (OSA) indices start at 0, fringe (Arizona) and Noll indices
+at 1.
 """
 
 import math
@@ -43,7 +43,7 @@ def _order(n, m) -> tuple[int, int]:
 
 @checked
 def noll_to_nm(index: int) -> tuple[int, int]:
-    """Order (n, m) of Noll's index, from 1.
+    """Return the order (n, m) of a Noll index, which starts at 1.
 
     Examples:
         >>> noll_to_nm(7)
@@ -58,7 +58,7 @@ def noll_to_nm(index: int) -> tuple[int, int]:
 
 @checked
 def nm_to_noll(n: int, m: int) -> int:
-    """Noll's index, from 1, of an order (n, m).
+    """Return the Noll index, which starts at 1, of an order (n, m).
 
     Examples:
         >>> nm_to_noll(3, -1)
@@ -71,7 +71,7 @@ def nm_to_noll(n: int, m: int) -> int:
 
 @checked
 def ansi_to_nm(index: int) -> tuple[int, int]:
-    """Order (n, m) of an ANSI (OSA) index, from 0."""
+    """Return the order (n, m) of an ANSI (OSA) index, which starts at 0."""
     index = _index(index, 0, "ANSI")
     n = (math.isqrt(8 * index + 1) - 1) // 2
     return n, 2 * index - n * (n + 2)
@@ -79,14 +79,14 @@ def ansi_to_nm(index: int) -> tuple[int, int]:
 
 @checked
 def nm_to_ansi(n: int, m: int) -> int:
-    """ANSI (OSA) index, from 0, of an order (n, m)."""
+    """Return the ANSI (OSA) index, which starts at 0, of an order (n, m)."""
     n, m = _order(n, m)
     return (n * (n + 2) + m) // 2
 
 
 @checked
 def fringe_to_nm(index: int) -> tuple[int, int]:
-    """Order (n, m) of a fringe (University of Arizona) index, from 1."""
+    """Return the order (n, m) of a fringe (University of Arizona) index, which starts at 1."""
     index = _index(index, 1, "fringe")
     side = math.isqrt(index - 1) + 1
     rest = side * side - index
@@ -96,23 +96,23 @@ def fringe_to_nm(index: int) -> tuple[int, int]:
 
 @checked
 def nm_to_fringe(n: int, m: int) -> int:
-    """Fringe (University of Arizona) index, from 1, of an order (n, m)."""
+    """Return the fringe (University of Arizona) index, which starts at 1, of an order (n, m)."""
     n, m = _order(n, m)
     return (1 + (n + abs(m)) // 2) ** 2 - 2 * abs(m) + (1 if m < 0 else 0)
 
 
 @checked
 def zernike_polynomial(n: int, m: int, x: Numbers, y: Numbers) -> np.ndarray:
-    """Zernike polynomial of an order (n, m), of rms 1 over the unit disc.
+    """Return the Zernike polynomial of an order (n, m), which has rms 1 over the unit disc.
 
     Args:
         n: Radial order.
         m: Azimuthal order; negative for sines.
-        x: Coordinates over the radius of the disc, any shape.
-        y: Likewise, of the same shape.
+        x: Coordinates along x over the radius of the disc, any shape.
+        y: Coordinates along y over the radius of the disc, of the same shape.
 
     Raises:
-        ValueError: An order that there is not.
+        ValueError: An order that does not exist.
     """
     from scipy.special import eval_jacobi
 
@@ -125,6 +125,6 @@ def zernike_polynomial(n: int, m: int, x: Numbers, y: Numbers) -> np.ndarray:
 
 @checked
 def zernike_modes(count: int, x: Numbers, y: Numbers) -> np.ndarray:
-    """The first `count` Zernike polynomials in Noll's order, shape (count, ...): see `zernike_polynomial`."""
+    """Return the first `count` Zernike polynomials in Noll's order, shape (count, ...): see `zernike_polynomial`."""
     count = _index(count, 1, "Noll")
     return np.stack([zernike_polynomial(*noll_to_nm(index), x, y) for index in range(1, count + 1)])

@@ -182,6 +182,8 @@ def test_an_annulus_on_the_axis_is_traced_by_radial_quadrature():
         (lambda: Polygon([[0, 0], [1, 1], [1, 0], [0, 2]]), "edges 0 and 2 of the Polygon meet"),
         (lambda: Mask([1.0, 2.0], 1.0), "array of two axes"),
         (lambda: Mask([[0.0, 0.0]], 1.0), "all zero"),
+        (lambda: Mask([[1e308, 1e308]], 1.0), r"greatest weight of a Mask is 1e\+308: scale"),
+        (lambda: Mask([[0.0, 1e-310]], 1.0), "scale the weights to about 1"),
         (lambda: Mask([[1.0, -1.0]], 1.0), r"1 weights of a Mask are negative or not finite, the first is \(0, 1\)"),
         (lambda: Mask([[1.0]], -1.0), "pixel of a Mask must be positive"),
         (lambda: Mask([[1.0]], (1.0, 2.0, 3.0)), "must be one length or two"),

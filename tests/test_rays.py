@@ -275,6 +275,7 @@ def test_through_a_point_of_the_pupil_has_no_direction():
         (np.zeros((2, 3)), np.ones((2, 3)), [1.0, -1.0], "weights must be finite"),
         (np.zeros((2, 3)), np.ones((2, 3)), [0.0, 0.0], "weights must be finite"),
         (np.zeros((2, 3)), np.ones((2, 3)), [1.0, np.nan], "weights must be finite"),
+        (np.zeros((2, 3)), np.ones((2, 3)), [1e308, 1e308], r"greatest ray weight is 1e\+308: scale the weights"),
     ],
 )
 def test_what_is_no_bundle(position, direction, weight, message):

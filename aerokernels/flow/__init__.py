@@ -1,8 +1,8 @@
-"""Where density comes from: gas relations, exact flows, and the flow fields that come with the package.
+"""Density fields of flows: gas relations, exact flows, flow files, and the flow fields shipped with the package.
 
 Relations: `isentropic`, `tunnel_conditions`, `free_stream`, `normal_shock`, `oblique_shock`, `cone_shock`,
 `prandtl_meyer`, `expansion_fan`, `Vortex`, `riemann`, `bow_shock`. Density fields of exact flows: `wedge`,
-`plane_shock`, `cone`, `expansion`, `vortex`, `shock_tube`; by an approximate correlation: `blunt_body`; shipped:
+`plane_shock`, `cone`, `expansion`, `vortex`, `shock_tube`; from an approximate correlation: `blunt_body`; shipped:
 `shipped`. Density to index: `refractivity_model`.
 """
 

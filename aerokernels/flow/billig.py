@@ -1,8 +1,11 @@
-r"""The bow shock of a sphere or a cylinder across the stream: Billig's correlation, which is approximate.
+r"""The shape of the bow shock ahead of a sphere or of a cylinder across the stream, by Billig's correlation.
 
-The shock is the hyperbola z = d - Rc cot^2 b (sqrt(1 + (r tan b / Rc)^2) - 1), the nose at z = 0 and r across, that
-ends in the Mach angle b of the stream, with stand-off d and radius of curvature Rc at the nose fitted to experiments in
-air:
+The correlation is approximate. It takes the shock to be the hyperbola
+
+    z = d - Rc cot^2 b (sqrt(1 + (r tan b / Rc)^2) - 1)
+
+with the nose at z = 0 and r measured from the axis. The hyperbola's asymptotes make the stream's Mach angle b with the
+axis. The stand-off d and the radius of curvature Rc at the vertex are fitted to experiments in air (R: nose radius):
 
     sphere      d / R = 0.143 exp(3.24 / M^2)     Rc / R = 1.143 exp(0.54 / (M - 1)^1.2)
     cylinder    d / R = 0.386 exp(4.67 / M^2)     Rc / R = 1.386 exp(1.8 / (M - 1)^0.75)
@@ -26,14 +29,14 @@ _FITS = {"axisymmetric": (0.143, 3.24, 1.143, 0.54, 1.2), "planar": (0.386, 4.67
 
 @dataclass(frozen=True)
 class BowShock:
-    """The shape of a bow shock ahead of a round nose. Lengths in m, the nose at z = 0, the stream from +z.
+    """The shape of a bow shock ahead of a round nose. The nose is at z = 0 [m]; the stream comes from +z.
 
     Attributes:
         mach: Mach number of the free stream.
-        radius: Radius of the nose.
-        stand_off: Distance of the shock ahead of the nose.
-        curvature_radius: Radius of curvature of the shock on the axis.
-        far_angle: Angle to the stream that the shock ends in [rad]: the Mach angle.
+        radius: Radius of the nose [m].
+        stand_off: Distance of the shock ahead of the nose [m].
+        curvature_radius: Radius of curvature of the shock on the axis [m].
+        far_angle: Angle between the shock far away and the stream [rad]: the Mach angle.
         geometry: "axisymmetric" for a sphere, "planar" for a cylinder across the stream.
     """
 
@@ -46,22 +49,22 @@ class BowShock:
 
     @property
     def _depth(self) -> float:
-        """Rc cot^2 b: how far the hyperbola's centre lies ahead of its vertex."""
+        """Rc cot^2 b: distance from the hyperbola's vertex to its centre, which is ahead of the vertex [m]."""
         return self.curvature_radius / math.tan(self.far_angle) ** 2
 
     def z_at(self, r) -> np.ndarray:
-        """Position z of the shock at distances from the axis [m]."""
+        """Position z of the shock [m] at distances r from the axis [m]."""
         stretch = np.asarray(r, dtype=np.float64) * (math.tan(self.far_angle) / self.curvature_radius)
-        # sqrt(1 + s^2) - 1 without a difference of nearly equal numbers.
+        # s^2 / (1 + sqrt(1 + s^2)) is sqrt(1 + s^2) - 1 without the difference of nearly equal numbers.
         return self.stand_off - self._depth * stretch**2 / (1.0 + np.sqrt(1.0 + stretch**2))
 
     def radius_at(self, z) -> np.ndarray:
-        """Distance of the shock from the axis [m] at z; 0 ahead of it."""
+        """Distance of the shock from the axis [m] at positions z [m]; 0 ahead of the shock's vertex."""
         behind = np.maximum(self.stand_off - np.asarray(z, dtype=np.float64), 0.0) / self._depth
         return self.curvature_radius / math.tan(self.far_angle) * np.sqrt(behind * (behind + 2.0))
 
     def distance_along(self, angle) -> np.ndarray:
-        """Distance of the shock from the nose's centre of curvature [m], in directions from the axis [rad] to pi/2."""
+        """Distance [m] of the shock from the nose's centre of curvature, at angles 0 to pi/2 from the axis [rad]."""
         cosine, sine = np.cos(angle), np.sin(angle)
         centre = self.radius + self.stand_off + self._depth
         cotangent = sine / math.tan(self.far_angle)
@@ -69,7 +72,7 @@ class BowShock:
         return product / (centre * cosine + np.sqrt((self._depth * cosine) ** 2 + cotangent**2 * product))
 
     def normal_mach_square_at(self, r) -> np.ndarray:
-        """Square of the Mach number normal to the shock at distances from the axis [m]."""
+        """Square of the Mach number normal to the shock at distances r from the axis [m]."""
         r = np.asarray(r, dtype=np.float64)
         square = self.curvature_radius**2 + (r * math.tan(self.far_angle)) ** 2
         return self.mach**2 * square / (square + r**2)
@@ -77,10 +80,10 @@ class BowShock:
 
 @checked
 def bow_shock(mach: float, radius: float, *, geometry: str = "axisymmetric") -> BowShock:
-    """The bow shock of a round nose by Billig's correlation: approximate, fitted to experiments in air.
+    """Return the bow shock of a round nose by Billig's correlation, which is fitted to experiments in air.
 
     Args:
-        mach: Mach number of the free stream, at least 1.5; the experiments lie above 2.
+        mach: Mach number of the free stream, at least 1.5; the experiments were made above Mach 2.
         radius: Radius of the nose [m].
         geometry: "axisymmetric" for a sphere, "planar" for a cylinder across the stream.
 

@@ -1,9 +1,9 @@
-"""The flow ahead of and around a round nose as a density field: approximate, by Billig's bow shock.
+"""The flow ahead of and around a round nose as a density field: an approximation behind Billig's bow shock.
 
-Just behind the shock the density is that of the oblique shock of its local slope, exactly. On the wall it is that of
-modified Newtonian pressure, p = p1 + (p02 - p1) cos^2 t at an angle t from the nose, at the entropy of the normal
-shock. Between the two it goes linearly along the wall's normal. On the axis both ends are exact (Rankine-Hugoniot and
-the stagnation point).
+Just behind the shock the density is exactly that of the oblique shock of the local slope. On the wall it follows from
+the modified Newtonian pressure, p = p1 + (p02 - p1) cos^2 t at an angle t from the nose, at the entropy behind the
+normal shock. Between shock and wall the density is interpolated linearly along the wall's normal. On the axis both ends
+are exact for the assumed shock (Rankine-Hugoniot relations and the stagnation point).
 """
 
 import math
@@ -34,7 +34,7 @@ WALL_POINTS = 180  # around a quarter of the nose
 
 @dataclass(frozen=True)
 class BluntBodyFlow:
-    """The approximate flow between a bow shock and a round nose with a straight body behind it.
+    """The approximate flow between a bow shock and a round nose with a straight body behind the nose.
 
     Attributes:
         bow: The shock's shape.
@@ -49,14 +49,14 @@ class BluntBodyFlow:
     gamma: float
 
     def density_ratio_at(self, y, z) -> np.ndarray:
-        """Density over that of the free stream at (y, z) or (r, z) [m]; inside the body that at the wall."""
+        """Density over that of the free stream at (y, z) or (r, z) [m]; inside the body the value at the wall."""
         r, z = np.abs(np.asarray(y, dtype=np.float64)), np.asarray(z, dtype=np.float64)
         return np.where(z < self.bow.z_at(r), self.behind_at(r, z), 1.0)
 
     def behind_at(self, r, z) -> np.ndarray:
-        """The density ratio behind the shock, carried on smoothly across it, at r >= 0 and z [m]."""
+        """Density over that of the free stream at r >= 0 and z [m], continued smoothly to points ahead of the shock."""
         radius = self.bow.radius
-        ahead = z + radius  # of the nose's centre
+        ahead = z + radius  # ahead of the nose's centre of curvature
         on_nose = ahead > 0.0
         angle = np.where(on_nose, np.arctan2(r, np.maximum(ahead, 0.0)), 0.5 * math.pi)
         distance = np.where(on_nose, np.hypot(r, ahead), r)
@@ -66,12 +66,12 @@ class BluntBodyFlow:
         return (1.0 - share) * self.wall_ratio_at(angle) + share * shock
 
     def shock_ratio_at(self, r) -> np.ndarray:
-        """Density just behind the shock over the free stream's, at distances from the axis [m]: exact for its slope."""
+        """Density just behind the shock over the free stream's, exact for the shock's slope at r from the axis [m]."""
         square = self.bow.normal_mach_square_at(r)
         return (self.gamma + 1.0) * square / ((self.gamma - 1.0) * square + 2.0)
 
     def wall_ratio_at(self, angle) -> np.ndarray:
-        """Density at the wall over that of the free stream, at angles from the nose [rad]: modified Newtonian."""
+        """Density at the wall over that of the free stream, modified Newtonian, at angles from the nose [rad]."""
         pressure = self.pressure_share + (1.0 - self.pressure_share) * np.cos(angle) ** 2
         return self.stagnation_density_ratio * pressure ** (1.0 / self.gamma)
 
@@ -89,11 +89,11 @@ def blunt_body(
     gamma: float = GAMMA_AIR,
     gas_constant: float = GAS_CONSTANT_AIR,
 ) -> ExactField:
-    """The approximate flow over a hemisphere-cylinder, or over a slab with a round nose, as a density field.
+    """Return the approximate flow over a hemisphere-cylinder, or over a slab with a round nose, as a density field.
 
-    The shock is Billig's, whose stand-off is good to some per cent; the density between it and the wall is a model (see
-    the module), exact on the axis at both its ends only. Cells that the shock cuts hold the model's average to 1e-13,
-    those at the wall, where it has a kink, to 1e-3.
+    The shock is Billig's, whose stand-off is accurate to some per cent. The density between shock and wall is a model
+    (see the module's docstring) that is exact only on the axis, at the shock and at the wall. The averages of cells cut
+    by the shock are those of the model to 1e-13; at the wall, where the model has a kink, to 1e-3.
 
     Args:
         mach: Mach number of the free stream, at least 1.5.
@@ -101,9 +101,9 @@ def blunt_body(
         geometry: "axisymmetric" for a hemisphere on a cylinder, "planar" for half a circular cylinder across the
             stream.
         density: Density of the free stream [kg/m3].
-        temperature: Static temperature of the free stream [K]; it sets pressure and velocity in `conditions` alone.
+        temperature: Static temperature of the free stream [K]; affects only pressure and velocity in `conditions`.
         length: Length of the body [m], at least the radius; None takes twice the radius. The field ends there.
-        spacing: Greatest width of the cells, square ones [m]; None takes 1/50 of the radius.
+        spacing: Greatest side of the square cells [m]; None takes 1/50 of the radius.
         gamma: Ratio of specific heats; Billig's experiments were in air.
         gas_constant: [J/(kg K)].
 
@@ -148,9 +148,10 @@ def blunt_body(
 
 
 def _averages(flow: BluntBodyFlow, r: np.ndarray, z: np.ndarray, *, weighted: bool) -> np.ndarray:
-    """Averages over rectangles [r, z], by volume of revolution if weighted: the part behind the shock and that ahead.
+    """Return averages over rectangles [r, z], weighted by r (volumes of revolution) if `weighted`.
 
-    Along z the integral ends at the shock; along r it is split where the shock enters and leaves the cell.
+    In each cell the parts behind and ahead of the shock are integrated separately: along z the Gauss points end at the
+    shock, and along r the integral is split where the shock enters and leaves the cell.
     """
     node, weight = np.polynomial.legendre.leggauss(POINTS)
     share, weight = 0.5 * (node + 1.0), 0.5 * weight
@@ -178,7 +179,7 @@ def _averages(flow: BluntBodyFlow, r: np.ndarray, z: np.ndarray, *, weighted: bo
 
 
 def _outline(radius: float, length: float, geometry: str) -> np.ndarray:
-    """The body's profile: from the nose along the quarter circle and the straight side to the base."""
+    """Return the body's profile: from the nose along the quarter circle and the straight side to the base."""
     angle = np.linspace(0.0, 0.5 * math.pi, WALL_POINTS + 1)
     side = np.stack([radius * np.sin(angle), radius * (np.cos(angle) - 1.0)], axis=1)
     side[0] = 0.0

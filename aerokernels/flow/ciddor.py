@@ -1,4 +1,4 @@
-r"""The refractive index of air after Ciddor: standard air with water vapour and carbon dioxide, 0.3 to 1.69 um.
+r"""The refractive index of moist air with carbon dioxide by Ciddor's equations, 0.3 to 1.69 um.
 
 With s = 1 / lambda^2 in vacuum, lambda in um:
 
@@ -8,25 +8,28 @@ With s = 1 / lambda^2 in vacuum, lambda in um:
     moist air                                  n - 1 = (n - 1)_air rho_a / rho_a,standard
                                                      + (n - 1)_water rho_w / rho_w,standard
 
-Temperature and pressure enter through the two densities alone, rho = p M / (Z R T) with the compressibility Z of moist
-air (BIPM 1981/91). For a gas of fixed composition the refractivity is therefore proportional to its density, and the
-constant of proportion is what `ciddor_constant` returns; a flow brings the density itself, so no Z is needed for it.
+Temperature and pressure enter only through the two densities, rho = p M / (Z R T) with the compressibility Z of moist
+air (BIPM 1981/91). For a gas of fixed composition the refractivity is therefore proportional to the density;
+`ciddor_constant` returns the constant of proportionality. A flow field supplies the density itself and needs no Z.
 
 Reference: P. E. Ciddor, Refractive index of air: new equations for the visible and near infrared, Applied Optics 35
 (1996) 1566-1573, eq 1-5 and appendices A and B. Uncertainty there: 2e-8 to 5e-8 in n near room conditions.
 """
 
 import math
+import warnings
 
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive
 from ..inputs.wavelength import SAME, check_wavelength
 
-# Wavelengths that the equations were made for [m].
+# Wavelengths for which the equations were fitted [m].
 RANGE = (0.3e-6, 1.69e-6)
+# State of moist air outside of which the compressibility is extrapolated: temperatures [K], and greatest pressure [Pa].
+TEMPERATURE_RANGE, GREATEST_PRESSURE = (233.0, 373.3), 140e3
 STANDARD_CO2 = 450e-6  # mole fraction in dry air
 GREATEST_CO2 = 2000e-6
-# Ciddor's gas constant [J/(mol K)]: his densities are made with it, and it leaves the ratios.
+# Gas constant in Ciddor's paper [J/(mol K)]: his densities use it, and it cancels in their ratios.
 GAS_CONSTANT = 8.314510
 WATER_MOLAR_MASS = 0.018015  # [kg/mol]
 # Relative: 3e-8 of 2.7e-4 in n - 1, and as much for the density of standard air (argon content, gas constant).
@@ -35,7 +38,7 @@ UNCERTAINTY = 1.5e-4
 
 @checked
 def ciddor_constant(wavelength: float, *, water: float = 0.0, co2: float = STANDARD_CO2) -> float:
-    """Refractivity over density of moist air [m3/kg], whatever its temperature and pressure.
+    """Return refractivity over density of moist air [m3/kg]; temperature and pressure do not affect it.
 
     Args:
         wavelength: Vacuum wavelength [m], 0.3 to 1.69 um.
@@ -62,7 +65,7 @@ def ciddor_refractivity(
     humidity: float = 0.0,
     co2: float = STANDARD_CO2,
 ) -> float:
-    """Refractivity n - 1 of moist air at rest: Ciddor's whole procedure.
+    """Return the refractivity n - 1 of moist air at a temperature and pressure, by Ciddor's complete procedure.
 
     Args:
         wavelength: Vacuum wavelength [m], 0.3 to 1.69 um.
@@ -82,7 +85,10 @@ def ciddor_refractivity(
 
 @checked
 def moist_air_density(temperature: float, pressure: float, *, water: float = 0.0, co2: float = STANDARD_CO2) -> float:
-    """Density of moist air [kg/m3], not as a perfect gas (BIPM 1981/91, Ciddor's eq 4).
+    """Return the density of moist air [kg/m3] as a real gas (BIPM 1981/91, Ciddor's eq 4).
+
+    Outside -40 to 100 degC and above 140 kPa the compressibility is extrapolated, with a warning: its error is about
+    1e-3 at 600 K and 1e-2 at 1500 K (at 1e5 Pa), and at 100 MPa the density is not meaningful.
 
     Args:
         temperature: [K].
@@ -96,19 +102,26 @@ def moist_air_density(temperature: float, pressure: float, *, water: float = 0.0
     _check(water, co2)
     check_positive(temperature, "temperature")
     check_positive(pressure, "pressure")
+    low, high = TEMPERATURE_RANGE
+    if not low <= temperature <= high or pressure > GREATEST_PRESSURE:
+        warnings.warn(
+            f"the density of moist air at {temperature:g} K and {pressure:g} Pa is extrapolated: its compressibility "
+            f"is known from {low:g} to {high:g} K and up to {GREATEST_PRESSURE:g} Pa",
+            stacklevel=3,
+        )
     mass = (1.0 - water) * _molar_mass(co2) + water * WATER_MOLAR_MASS
     return mass * _molar_density(temperature, pressure, water)
 
 
 @checked
 def water_fraction(temperature: float, pressure: float, humidity: float) -> float:
-    """Mole fraction of water vapour in air of a relative humidity (0 to 1), at [K] and [Pa].
+    """Return the mole fraction of water vapour in air of a relative humidity (0 to 1), at [K] and [Pa].
 
-    The vapour pressure of saturation is Giacomo's over water from 0 degC up and Marti and Mauersberger's over ice
-    below, times the enhancement factor of air: what Ciddor's appendix gives.
+    As in Ciddor's appendix, the saturation vapour pressure is Giacomo's over water from 0 degC up and Marti and
+    Mauersberger's over ice below, multiplied by the enhancement factor of air.
 
     Raises:
-        ValueError: A humidity outside 0 to 1, one so high that the vapour alone would have more than the pressure, or a
+        ValueError: A humidity outside 0 to 1, a humidity at which the vapour pressure would exceed the pressure, or a
             temperature or pressure that is not positive.
     """
     check_positive(temperature, "temperature")
@@ -139,14 +152,14 @@ def _wavenumber_square(wavelength: float) -> float:
 
 
 def _standard_refractivities(square: float, co2: float) -> tuple[float, float]:
-    """Refractivities n - 1 of standard dry air and of standard water vapour at a wavenumber squared [1/um2]."""
+    """Return n - 1 of standard dry air and of standard water vapour at a squared wavenumber [1/um2]."""
     dry = 1e-8 * (5792105.0 / (238.0185 - square) + 167917.0 / (57.362 - square))
     vapour = 1.022e-8 * (295.235 + square * (2.6422 + square * (-0.032380 + square * 0.004028)))
     return dry * (1.0 + 0.534 * (co2 - STANDARD_CO2)), vapour
 
 
 def _molar_mass(co2: float) -> float:
-    """Molar mass of dry air [kg/mol]: carbon dioxide takes the place of oxygen, so a carbon atom is added."""
+    """Return the molar mass of dry air [kg/mol]: CO2 replaces O2, which adds the mass of a carbon atom."""
     return 1e-3 * (28.9635 + 12.011 * (co2 - 400e-6))
 
 
@@ -159,7 +172,7 @@ def _standard_vapour_density() -> float:
 
 
 def _molar_density(temperature: float, pressure: float, water: float) -> float:
-    """[mol/m3], with the compressibility of moist air."""
+    """Return the molar density [mol/m3], with the compressibility of moist air."""
     celsius, ratio = temperature - 273.15, pressure / temperature
     first = 1.58123e-6 + celsius * (-2.9331e-8 + 1.1043e-10 * celsius)
     first += water * (5.707e-6 - 2.051e-8 * celsius) + water**2 * (1.9898e-4 - 2.376e-6 * celsius)

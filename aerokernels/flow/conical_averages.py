@@ -1,10 +1,10 @@
-"""A conical field with a jump on a uniform (r, z) grid: exact averages over cells, and node values made of them.
+"""Node values of a conical field with a shock on a uniform (r, z) grid, made from exact averages over half cells.
 
-A shock is a surface across which the density jumps, and cells are cut by it at any angle. Node values are therefore
-averages under a bell about three cells wide, made of exact averages over half cells: the shock keeps its place, and is
-nearly as thick as the interpolant can resolve. Averages over the cells alone are as good for a ray along a grid axis
-only; a ray at an angle to grid and shock finds a coarser staircase in them, which spoils its direction by twice as much
-or more, and takes a third more steps.
+The density jumps at the shock, which cuts cells at any angle. Node values are therefore weighted averages under a
+bell-shaped kernel about three cells wide, made from exact averages over half cells: the shock keeps its position and is
+spread little more than the interpolant needs to resolve it. Plain cell averages are as accurate only for rays along a
+grid axis. A ray at an angle to grid and shock sees a coarser staircase in them, which at least doubles the error of its
+direction and costs a third more steps.
 """
 
 import math
@@ -12,21 +12,23 @@ from collections.abc import Callable
 
 import numpy as np
 
-# Weights of the seven half cells about a node, and the bell's variance [cells^2]: its own and that of a half cell.
+# Weights of the seven half cells about a node; variance of the kernel [cells^2]: of these weights and of a half cell.
 BELL = np.array([1.0, 6.0, 15.0, 20.0, 15.0, 6.0, 1.0]) / 64.0
 VARIANCE = 6.0 / 16.0 + 1.0 / 48.0
-# Cells within so many of the shock, and of the tip, are integrated with care; the latter in so many parts each way.
+# Cells this near the shock, or the tip, are integrated with more Gauss points; those near the tip are also divided
+# into TIP_PARTS x TIP_PARTS parts.
 SHOCK_BAND, TIP_REACH, TIP_PARTS = 2, 16, 8
 BLOCK = 20_000  # speed only
 
 
 def bell(half: np.ndarray, axis: int, sharpen: bool) -> np.ndarray:
-    """Node values along one axis from averages over half cells, of which each second one is centred on a node.
+    """Return node values along one axis from averages over half cells, every second of which is centred on a node.
 
     Args:
-        half: The averages; the sixth is that on the first node, and five follow the last node's.
+        half: The averages; the sixth is centred on the first node, and five follow that of the last node.
         axis: The axis.
-        sharpen: Take off the bell's second moment: exact for cubics then, and else for straight lines.
+        sharpen: Correct for the kernel's second moment: the result is then exact for cubics, otherwise for linear
+            functions.
     """
     moved = np.moveaxis(half, axis, 0)
     count = len(moved) - len(BELL) + 1
@@ -44,24 +46,24 @@ def cell_averages(
     low: float,
     step: np.ndarray,
 ) -> np.ndarray:
-    """Averages of a conical field over the cells centred on the nodes of a grid.
+    """Return averages of a conical field over the cells centred on the nodes of a grid.
 
     Args:
         contrast: The field as a function of polar angle [rad]; ahead of the shock it is zero.
-        shock_angle: Where it jumps [rad].
-        shape: Number of nodes in r, from 0 on, and in z.
+        shock_angle: Polar angle of the shock [rad].
+        shape: Number of nodes in r, starting at r = 0, and in z.
         low: z of the first node [m].
         step: Spacing in r and z [m].
 
     Returns:
-        Averages over the (r, z) rectangles, shape `shape`; the first in r over the half that has r > 0.
+        Averages over the (r, z) rectangles, shape `shape`; the first cell in r is averaged over its half with r > 0.
     """
     r = step[0] * np.arange(shape[0])
     z = low + step[1] * np.arange(shape[1])
     edges = np.stack([np.maximum(r - 0.5 * step[0], 0.0), r + 0.5 * step[0]])
     near, far = np.meshgrid(edges[0], z - 0.5 * step[1], indexing="ij"), None
     far = np.meshgrid(edges[1], z + 0.5 * step[1], indexing="ij")
-    # Corners of each cell, nearest to and farthest from the body in polar angle.
+    # `near` and `far` hold the corners of each cell with the least and the greatest polar angle.
     behind = np.arctan2(near[0], -near[1]) < shock_angle
     band = np.arctan2(far[0] + SHOCK_BAND * step[0], -(far[1] + SHOCK_BAND * step[1])) > shock_angle
     tip = np.hypot(r[:, None] / step[0], z[None, :] / step[1]) < TIP_REACH
@@ -88,7 +90,7 @@ def cell_averages(
 
 
 def _divided(box: np.ndarray, parts: int) -> np.ndarray:
-    """Each box (r from, r to, z from, z to) cut into parts x parts equal ones, in order."""
+    """Return each box (r from, r to, z from, z to) divided into parts x parts equal boxes, in order."""
     share = np.arange(parts + 1) / parts
     r = box[:, :1] + (box[:, 1:2] - box[:, :1]) * share
     z = box[:, 2:3] + (box[:, 3:] - box[:, 2:3]) * share
@@ -99,7 +101,7 @@ def _divided(box: np.ndarray, parts: int) -> np.ndarray:
 
 
 def _gauss(contrast, box, point_count) -> np.ndarray:
-    """Averages over boxes that lie behind the shock, by a product of Gauss points."""
+    """Return averages over boxes behind the shock, by a product Gauss rule."""
     node, weight = np.polynomial.legendre.leggauss(point_count)
     share, weight = 0.5 * (node + 1.0), 0.5 * weight
     r = box[:, :1] + (box[:, 1:2] - box[:, :1]) * share
@@ -109,15 +111,17 @@ def _gauss(contrast, box, point_count) -> np.ndarray:
 
 
 def _gauss_to_shock(contrast, shock_angle, box, point_count) -> np.ndarray:
-    """Averages over boxes that the shock may cut: the integral along z ends at the shock, that along r is split.
+    """Return averages over boxes that the shock may cut.
 
-    The distance from the shock is taken as a square: behind a weak shock the density rises with its root.
+    The integral along z ends at the shock, and the integral along r is split where the shock enters and leaves the box.
+    The variable along z is the square root of the distance from the shock, because behind a weak shock the density
+    rises with that root.
     """
     node, weight = np.polynomial.legendre.leggauss(point_count)
     share, weight = 0.5 * (node + 1.0), 0.5 * weight
     r_low, r_high, z_low, z_high = box.T
     tangent = math.tan(shock_angle)
-    # Out to `first` the shock passes above the box, from `last` on below it.
+    # For r < `first` the shock passes above the box, for r > `last` below the box.
     first = np.clip(-z_high * tangent, r_low, r_high)
     last = np.clip(-z_low * tangent, r_low, r_high)
     total = np.zeros(len(box))

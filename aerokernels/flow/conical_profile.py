@@ -1,4 +1,4 @@
-"""The flow behind the shock of a cone as a result: named values, and density and velocity at any polar angle."""
+"""The solution for the flow over a cone: named values, and density and velocity at any polar angle."""
 
 from dataclasses import dataclass, field
 
@@ -7,13 +7,13 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class ConicalProfile:
-    """The flow between wall and shock, in terms of the angle below the shock, s = shock_angle - polar angle [rad].
+    """The flow between wall and shock as a function of the angle below the shock, s = shock_angle - polar angle [rad].
 
     Attributes:
         depth: Increasing s, from 0 at the shock to the wall, shape (n,).
         radial: u = v_r - cos t over the free stream's speed, shape (n,).
-        polar: w = v_t + sin t, likewise.
-        polar_slope: dw / ds.
+        polar: w = v_t + sin t over the free stream's speed, shape (n,).
+        polar_slope: dw / ds, shape (n,).
     """
 
     depth: np.ndarray
@@ -22,7 +22,7 @@ class ConicalProfile:
     polar_slope: np.ndarray
 
     def deviation(self, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The deviation (u, w) at each s between shock and wall: cubics through values and slopes."""
+        """Return the deviation (u, w) at each s between shock and wall, by cubics through values and slopes."""
         right = np.clip(np.searchsorted(self.depth, depth), 1, len(self.depth) - 1)
         width = self.depth[right] - self.depth[right - 1]
         x = (depth - self.depth[right - 1]) / width
@@ -77,7 +77,7 @@ class ConeShock:
     profile: ConicalProfile = field(repr=False, compare=False)
 
     def density_ratio_at(self, polar_angle) -> np.ndarray:
-        """Density over that of the free stream at polar angles from the axis [rad]; the wall's below the half angle."""
+        """Return density over that of the free stream at polar angles [rad]; inside the body the value at the wall."""
         angle = np.asarray(polar_angle, dtype=np.float64)
         behind = angle <= self.shock_angle
         u, w = self.profile.deviation(self._depth(angle))
@@ -86,9 +86,10 @@ class ConeShock:
         return np.where(behind, ratio, 1.0)
 
     def velocity_at(self, polar_angle) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity along and across the ray from the tip, over the free stream's speed, at polar angles [rad].
+        """Return the radial and polar velocity about the tip, over the free stream's speed, at polar angles [rad].
 
-        The polar velocity counts toward greater angles, so it is negative. Below the half angle: as at the wall.
+        The polar velocity is positive toward greater angles, so it is negative here. Inside the body both have their
+        values at the wall.
         """
         angle = np.asarray(polar_angle, dtype=np.float64)
         behind = angle <= self.shock_angle
@@ -101,6 +102,6 @@ class ConeShock:
 
 
 def temperature_excess(mach, gamma, angle, u, w):
-    """T / T1 - 1 at a polar angle [rad] from the deviation (u, w): total enthalpy is conserved."""
+    """Return T / T1 - 1 at a polar angle [rad] from the deviation (u, w), by conservation of total enthalpy."""
     square = u * (2.0 * np.cos(angle) + u) + w * (w - 2.0 * np.sin(angle))
     return -0.5 * (gamma - 1.0) * mach**2 * square

@@ -1,4 +1,4 @@
-"""Density fields, what a flow hands to the optics: `DensityField`, common to all, and `CellDensity`, on a mesh."""
+"""Density fields: the base classes of all flows, and `CellDensity`, finite-volume averages on a mesh."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -22,21 +22,21 @@ from .wall_density import WallDensity
 
 
 class DensityField(ReadOnly, ABC):
-    """Density in the optical frame (z looks upstream), surrounded by ambient gas: what every flow has.
+    """Density in the optical frame (z points upstream), surrounded by ambient gas: the base class of all flows.
 
     `DensityField(mesh, density, ambient_density, ...)` makes a `CellDensity`, as `pathlib.Path` makes a path of the
-    system it runs on; `isinstance(flow, DensityField)` holds for whatever `aerokernels.flow` makes.
+    system it runs on. Every flow that `aerokernels.flow` makes is an instance of `DensityField`.
 
     Attributes:
         geometry: "planar" or "axisymmetric".
         ambient_density: Density around the field [kg/m3].
         body: Solid body in the flow, or None.
         provenance: Where the field comes from, in words.
-        mach: Mach number of the free stream; 0 where the gas is at rest, or it is not known.
+        mach: Mach number of the free stream; 0 where the gas is at rest or the Mach number is not known.
         box: Lowest and highest corner of the field, (y, z) or (r, z) [m].
     """
 
-    if TYPE_CHECKING:  # fields of some flows, properties of others
+    if TYPE_CHECKING:  # data class fields of some flows, properties of others
 
         @property
         def geometry(self) -> str: ...  # noqa: D102
@@ -52,41 +52,42 @@ class DensityField(ReadOnly, ABC):
         def box(self) -> tuple[np.ndarray, np.ndarray]: ...  # noqa: D102
 
     def __new__(cls, *args, **kwargs):
-        """A density field; the common base itself stands for `CellDensity`."""
+        """Make a density field; `DensityField` itself makes a `CellDensity`."""
         return super().__new__(CellDensity if cls is DensityField else cls)
 
     @staticmethod
     def from_xarray(array, **arguments) -> "DensityField":
-        """A density field from an xarray array or data set: see `aerokernels.flow.reading.given.from_xarray`.
+        """Return a density field from an xarray array or data set: see `aerokernels.flow.reading.given.from_xarray`.
 
-        Coordinates x, y, z make a volume, two of them a plane, r and z an axisymmetric field, in their attribute
-        `units`. Arguments of `flow.read`: all but spacing, region, walls and those of single formats.
+        Coordinates x, y, z make a volume, two of them a plane, r and z an axisymmetric field; their attribute `units`
+        gives their unit. The arguments are those of `flow.read` except spacing, region, walls and those for one file
+        format.
 
         Raises:
-            TypeError: No xarray object.
-            ValueError: Coordinates or densities that make no field.
+            TypeError: Not an xarray object.
+            ValueError: Coordinates or densities that do not make a field.
         """
         return import_module(f"{__package__}.reading.given").from_xarray(array, **arguments)
 
     @staticmethod
     def from_pyvista(dataset, **arguments) -> "DensityField":
-        """A density field from a pyvista or VTK grid: see `aerokernels.flow.reading.given.from_pyvista`.
+        """Return a density field from a pyvista or VTK grid: see `aerokernels.flow.reading.given.from_pyvista`.
 
-        Arguments are those of `flow.read` but for time, walls and those of single formats.
+        The arguments are those of `flow.read` except time, walls and those for one file format.
 
         Raises:
-            TypeError: No data set of pyvista or VTK.
-            ValueError: Cells or densities that make no field.
+            TypeError: Not a pyvista or VTK data set.
+            ValueError: Cells or densities that do not make a field.
         """
         return import_module(f"{__package__}.reading.given").from_pyvista(dataset, **arguments)
 
     @abstractmethod
     def density_at(self, points) -> np.ndarray:
-        """Density [kg/m3] at points (x, y, z) [m], shape (n, 3): shape (n,), NaN inside the body."""
+        """Return the density [kg/m3], shape (n,), at points (x, y, z) [m], shape (n, 3); NaN inside the body."""
 
     @abstractmethod
     def scaled(self, ambient_density: float) -> "DensityField":
-        """The same flow at another ambient density [kg/m3], every density ratio kept."""
+        """Return the same flow at another ambient density [kg/m3], with every density ratio unchanged."""
 
     @abstractmethod
     def index_field(
@@ -98,14 +99,14 @@ class DensityField(ReadOnly, ABC):
         composition=None,
         gladstone_dale: float | None = None,
     ) -> IndexField:
-        """The refractive index of the flow at a vacuum wavelength [m], which the field keeps.
+        """Return the refractive index of the flow at a vacuum wavelength [m], which the index field stores.
 
-        See `SampledDensity.index_field` for the arguments; each flow has options of its own beside them.
+        See `SampledDensity.index_field` for the arguments; some flows take further options.
         """
 
 
 def in_plane(points, geometry: str) -> np.ndarray:
-    """Points (x, y, z), shape (n, 3), as (y, z) or (r, z) [m], shape (n, 2).
+    """Return points (x, y, z), shape (n, 3), as (y, z) or (r, z) [m], shape (n, 2).
 
     Raises:
         ValueError: Points of another shape.
@@ -118,7 +119,7 @@ def in_plane(points, geometry: str) -> np.ndarray:
 
 
 class SampledDensity(DensityField):
-    """What density fields given by numbers have in common, on a mesh or a grid."""
+    """Base class of density fields given by samples on a mesh or a grid."""
 
     ambient_density: float
     body: Body | SolidBody | None
@@ -128,15 +129,15 @@ class SampledDensity(DensityField):
 
     @property
     def mach(self) -> float:
-        """Mach number of the free stream; 0 where the gas is at rest, or it is not known."""
+        """Mach number of the free stream; 0 where the gas is at rest or the Mach number is not known."""
         return 0.0 if self.conditions is None else self.conditions.mach
 
     @checked
     def scaled(self, ambient_density: float):
-        """The same flow at another ambient density [kg/m3], every density ratio kept.
+        """Return the same flow at another ambient density [kg/m3], with every density ratio unchanged.
 
-        The Euler equations keep their solution, at the same Mach number and temperature, when density and pressure are
-        multiplied by one factor; a viscous flow would not.
+        A solution of the Euler equations remains one, at the same Mach number and temperature, when density and
+        pressure are multiplied by one factor. A viscous flow would change with its Reynolds number.
         """
         ratio = check_positive(ambient_density, "ambient_density") / self.ambient_density
         return replace(  # type: ignore[type-var]
@@ -159,27 +160,29 @@ class SampledDensity(DensityField):
         gladstone_dale: float | None = None,
         interpolation: str | None = None,
     ) -> IndexField:
-        """The refractive index on the same mesh or grid: contrast n - n_ambient, where the densities are.
+        """Return the contrast n - n_ambient on the same mesh or grid as the densities.
 
-        The average of n over a cell is taken to be n of the average density. That is exact for Gladstone-Dale; for
-        Lorentz-Lorenz it is off by the spread of (K rho)^2 / 6 within a cell, below 1e-8 for air.
+        The average of n over a cell is taken to be n of the average density. This is exact for Gladstone-Dale. For
+        Lorentz-Lorenz the error is the spread of (K rho)^2 / 6 within a cell, below 1e-8 for air.
 
         Args:
-            wavelength: Vacuum wavelength [m], for K; the field keeps it.
+            wavelength: Vacuum wavelength [m], for K; stored with the index field.
             relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`. The last two
-                take the paper's K(wavelength) unless `constant` or a composition is given, or the field has one.
+                take the paper's K(wavelength) unless `constant` or a composition is given, or the field has a
+                composition.
             constant: K [m3/kg].
-            composition: A `Composition` or fractions of species (one for each density may be given, in their order)
-                with which K is made. None takes the field's.
+            composition: A `Composition` or fractions of species from which K is computed; fractions may be arrays with
+                one entry for each density, in the same order. None takes the field's composition.
             gladstone_dale: Another name for `constant`.
-            interpolation: As in IndexField.from_mesh ("bilinear" if None, "conserving" where walls have values of their
-                own) or IndexField.from_samples ("cubic"). "bilinear" lacks some of what rows of cells across
-                a shock hold, about a per cent of the range at worst; the field's `averages_lacking` tells how much.
+            interpolation: As in IndexField.from_mesh (None: "bilinear", or "conserving" where the walls have values of
+                their own) or IndexField.from_samples (None: "cubic"). Along rows of cells across a shock the integral
+                of the "bilinear" interpolant differs from the cell averages', at worst by about a per cent of the
+                range of densities; the index field's `averages_lacking` reports by how much.
 
         Raises:
             TypeError: The wavelength is not one number.
-            ValueError: A wavelength outside the range of K, an unknown relation or interpolation, one of air where the
-                field is a mixture, and what `refractivity_model` refuses.
+            ValueError: A wavelength outside the range of K, an unknown relation or interpolation, a relation for air
+                where the field is a mixture, or arguments that `refractivity_model` rejects.
         """
         wavelength = check_wavelength(wavelength)
         given = one_constant(constant, gladstone_dale)
@@ -190,7 +193,7 @@ class SampledDensity(DensityField):
             composition = self.composition
         model = refractivity_model(relation, constant=given, composition=composition)
         contrast = np.asarray(model.contrast(self.density, self.ambient_density, wavelength))
-        contrast.setflags(write=False)  # nobody else has it: no field need copy it
+        contrast.setflags(write=False)  # an index field does not copy a read-only array
         return self._index(
             contrast,
             interpolation,
@@ -201,24 +204,31 @@ class SampledDensity(DensityField):
             **({} if composition else self._walls(lambda rho: model.contrast(rho, self.ambient_density, wavelength))),
         )
 
+    def _where_known(self, density: np.ndarray, local: np.ndarray) -> np.ndarray:
+        """Return densities, shape (n,), with NaN at local points (n, d) [m] that are inside the body or are NaN."""
+        unknown = np.isnan(local).any(axis=1)
+        if self.body is not None:
+            unknown |= self.body.contains(local)
+        return np.where(unknown, np.nan, density)
+
     def _also_scaled(self, ratio: float) -> dict[str, Any]:
-        """Other attributes that go with the density, multiplied by a ratio."""
+        """Return other attributes that scale with the density, multiplied by a ratio."""
         return {}
 
     def _walls(self, contrast_of: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:
-        """What is known at walls, as arguments for `_index`."""
+        """Return the known contrasts at walls as arguments for `_index`."""
         return {}
 
-    _column_error = 0.0  # [kg/m2] of the density along z, from how it was made
+    _column_error = 0.0  # error of the integral of density along z [kg/m2] from resampling
 
     @abstractmethod
     def _index(self, contrast: np.ndarray, interpolation: str | None, **common) -> IndexField:
-        """The index field of contrasts at the densities."""
+        """Return the index field of contrasts that lie where the densities do."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeshDensity(SampledDensity):
-    """What density fields on a quadrilateral mesh have in common, averages over cells or values at vertices."""
+    """Base class of density fields on a quadrilateral mesh, with averages over cells or values at vertices."""
 
     mesh: QuadMesh
     density: np.ndarray
@@ -248,7 +258,7 @@ class MeshDensity(SampledDensity):
 @shown
 @dataclass(frozen=True, eq=False)
 class CellDensity(MeshDensity):
-    """Density on a quadrilateral mesh, in the optical frame (z looks upstream), surrounded by ambient gas.
+    """Averages of the density over the cells of a quadrilateral mesh, in the optical frame (z points upstream).
 
     Attributes:
         mesh: Mesh with columns (r, z) or (y, z) [m].
@@ -258,12 +268,12 @@ class CellDensity(MeshDensity):
         conditions: The free stream, or None where the gas is at rest.
         provenance: Where the field comes from, in words.
         composition: The gas, where it is a mixture that is known cell by cell; None for one gas.
-        wall: What the solver holds at walls, or None.
+        wall: The solver's densities at walls, or None.
 
     Raises:
-        TypeError: The mesh is no QuadMesh.
-        ValueError: Densities that are not positive and finite, or no gas's (how many, and where the first is), or
-            another number of them than of cells.
+        TypeError: The mesh is not a QuadMesh.
+        ValueError: Densities that are not positive and finite or are too great for a gas (the message says how many,
+            and where the first is), or a number of densities other than the number of cells.
     """
 
     wall: WallDensity | None = field(default=None, kw_only=True)
@@ -297,31 +307,30 @@ class CellDensity(MeshDensity):
 
     @checked
     def density_at(self, points: Numbers) -> np.ndarray:
-        """Density [kg/m3] of the cells that hold points (x, y, z) [m], shape (n, 3): shape (n,).
+        """Return the density [kg/m3], shape (n,), of the cells that contain points (x, y, z) [m], shape (n, 3).
 
-        NaN inside the body; the ambient density outside the mesh.
+        NaN inside the body and at points that are NaN; the ambient density outside the mesh.
 
         Raises:
             ValueError: Points of another shape.
         """
         local = in_plane(points, self.geometry)
         cell = self.mesh.locate(local)
-        density = np.where(cell >= 0, self.density[cell], self.ambient_density)
-        return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
+        return self._where_known(np.where(cell >= 0, self.density[cell], self.ambient_density), local)
 
     @checked
     def columns(self, position: Numbers, direction: Numbers) -> np.ndarray:
-        """Integrals of density less the ambient one along whole lines [kg/m2], exactly as the cells hold it.
+        """Return integrals of (density - ambient density) along whole lines [kg/m2], exact for the cell averages.
 
-        See `aerokernels.medium.mesh_columns`. What rays see is an interpolant through the averages, or, with the
-        interpolation "cells", the averages themselves.
+        See `aerokernels.medium.mesh_columns`. Rays see an interpolant of the averages or, with the interpolation
+        "cells", the averages themselves.
 
         Args:
             position: A point on each line [m], shape (line_count, 3) or (3,).
             direction: Unit vectors, shape (line_count, 3) or (3,).
 
         Raises:
-            ValueError: Directions that are no unit vectors, lines along x of a planar field.
+            ValueError: Directions that are not unit vectors, or lines along x of a planar field.
         """
         from ..medium.mesh_columns import mesh_columns
 

@@ -1,14 +1,14 @@
 r"""Averages of exact densities over the cells of a rectangular grid.
 
-A density that depends on the direction from the origin alone (a wedge, a plane shock, an expansion fan) is homogeneous
-of degree 0, so that div(f x) = 2 f, and its integral over a cell is one over the cell's edges:
+A density f that depends only on the direction from the origin (a wedge, a plane shock, an expansion fan) is homogeneous
+of degree 0. Hence div(f x) = 2 f, and the integral over a cell becomes one over the cell's edges:
 
     2 int f dA = z+ int_{z+} f dy - z- int_{z-} f dy + y+ int_{y+} f dz - y- int_{y-} f dz
 
-Along an edge f is smooth but for the places where it crosses a shock, a Mach line or a contact; the edge is split
-there, and each part integrated by Gauss's rule. A shock's share of a cell comes out exactly, whatever its angle, and so
-does the cell at the origin, where a fan has every density at once. Rounding: 1e-16 of the change within a cell, times
-the cells from the origin.
+Along an edge f is smooth except where it crosses a shock, a Mach line or a contact. The edge is split there, and each
+part is integrated by Gauss's rule. The area behind a shock in a cell is therefore exact at any angle, and so is the
+average over a cell at the origin, where a fan has all its densities. Rounding error: 1e-16 of the change within a cell,
+times the number of cells from the origin.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,12 +22,12 @@ POINTS = 12
 def piecewise_means(
     function: Callable[[np.ndarray], np.ndarray], edges: np.ndarray, breaks: Sequence[float], points: int = POINTS
 ) -> np.ndarray:
-    """Means of a function over the intervals between edges, shape (len(edges) - 1,).
+    """Return means of a function over the intervals between edges, shape (len(edges) - 1,).
 
     Args:
-        function: Of an array of any shape; smooth between breaks.
+        function: Takes an array of any shape; smooth between breaks.
         edges: Increasing, shape (n,).
-        breaks: Places of jumps and kinks.
+        breaks: Positions of jumps and kinks.
         points: Gauss points in each part of an interval.
     """
     node, weight = np.polynomial.legendre.leggauss(points)
@@ -35,7 +35,7 @@ def piecewise_means(
     cuts = np.stack([low, *(np.clip(place, low, high) for place in sorted(breaks)), high])
     start, width = cuts[:-1], np.diff(cuts, axis=0)
     values = function(start[..., None] + width[..., None] * (0.5 * (node + 1.0)))
-    # The first value and differences from it: a constant stays what it is, to the last bit.
+    # Averaging differences from the first value returns a constant function to the last bit.
     first = values[..., 0]
     mean = first + (values - first[..., None]) @ (0.5 * weight)
     return (width / (high - low) * mean).sum(axis=0)
@@ -44,22 +44,22 @@ def piecewise_means(
 def direction_averages(
     function: Callable[[np.ndarray], np.ndarray], breaks: Sequence[float], y: np.ndarray, z: np.ndarray
 ) -> np.ndarray:
-    """Averages over rectangular cells of a function of direction.
+    """Return averages over rectangular cells of a function of the direction from the origin.
 
     Args:
-        function: Of the angle from the downstream direction -z towards +y [rad], -pi to pi.
+        function: Takes the angle from the downstream direction -z towards +y [rad], -pi to pi.
         breaks: Angles of its jumps and kinks [rad], -pi to pi.
-        y: Edges of the cells [m], increasing, shape (ny + 1,).
-        z: Likewise, shape (nz + 1,).
+        y: Edges of the cells along y [m], increasing, shape (ny + 1,).
+        z: Edges of the cells along z [m], increasing, shape (nz + 1,).
 
     Returns:
         Averages, shape (ny, nz).
     """
     cosine, sine = np.cos(breaks), np.sin(breaks)
-    # Means along the edges of constant y and of constant z: each belongs to two cells, and is worked out once.
+    # Means along the edges of constant y and of constant z: each edge belongs to two cells and is integrated once.
     level = np.empty((len(y), len(z) - 1))
     for row, height in enumerate(y):
-        # The ray of a break meets the edge's line where it has come to this height.
+        # A break is a ray from the origin: where it meets the line of this height.
         meets = sine * height > 0.0
         places = -height * cosine[meets] / sine[meets]
         level[row] = piecewise_means(partial(_seen_from_origin, function, height), z, places)
@@ -68,7 +68,7 @@ def direction_averages(
         meets = -cosine * depth > 0.0
         places = -depth * sine[meets] / cosine[meets]
         upright[:, column] = piecewise_means(partial(_seen_from_origin, function, z=depth), y, places)
-    # A constant is homogeneous too: the middle's value is taken off, so that uniform gas comes out to the last bit.
+    # A constant is homogeneous too: subtracting the value in the middle returns uniform gas to the last bit.
     middle = function(np.arctan2((0.5 * (y[:-1] + y[1:]))[:, None], -0.5 * (z[:-1] + z[1:])))
     across = (z[1:] * (upright[:, 1:] - middle) - z[:-1] * (upright[:, :-1] - middle)) / np.diff(z)
     along = y[1:, None] * (level[1:] - middle) - y[:-1, None] * (level[:-1] - middle)
@@ -76,14 +76,14 @@ def direction_averages(
 
 
 def _seen_from_origin(function, y, z):
-    """A function of direction at places (y, z)."""
+    """Return a function of direction at positions (y, z)."""
     return function(np.arctan2(y, -z))
 
 
 def smooth_averages(
     function: Callable[[np.ndarray, np.ndarray], np.ndarray], y: np.ndarray, z: np.ndarray, points: int = 8
 ) -> np.ndarray:
-    """Averages over rectangular cells of a function of (y, z) that is smooth in each, by a product of Gauss points."""
+    """Return averages over rectangular cells of a function of (y, z), smooth in each, by a product Gauss rule."""
     node, weight = np.polynomial.legendre.leggauss(points)
     share, weight = 0.5 * (node + 1.0), 0.5 * weight
     across = y[:-1, None] + np.diff(y)[:, None] * share

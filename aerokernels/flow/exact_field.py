@@ -1,4 +1,4 @@
-"""A density field made from a formula: exact averages on rectangular cells, and the formula itself beside them."""
+"""A density field made from a formula: exact averages over rectangular cells, together with the formula."""
 
 import math
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ from ..inputs.checks import check_positive
 from ..medium import QuadMesh
 from .density_field import CellDensity, in_plane
 
-# More cells than a machine's memory should be asked for by a spacing given in the wrong unit.
+# A spacing given in the wrong unit could otherwise request more cells than fit in memory.
 CELL_LIMIT = 4_000_000
-# Cells along the field where no spacing is given, cells of undisturbed gas around what is disturbed, and the least
-# number along either axis.
+# Default number of cells along the field, cells of undisturbed gas around the disturbed region, and the least number of
+# cells along either axis.
 DEFAULT_CELLS, MARGIN, LEAST_CELLS = 200, 8, 8
 
 
 class Solution(Protocol):
-    """A flow in a plane, of which the density relative to the ambient one is known everywhere."""
+    """A flow in a plane whose density relative to the ambient density is known everywhere."""
 
     def density_ratio_at(self, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Density over the ambient density at (y, z) or (r, z) [m]."""
@@ -29,7 +29,7 @@ class Solution(Protocol):
 @shown
 @dataclass(frozen=True, eq=False)
 class ExactField(CellDensity):
-    """A density field whose cell averages were made from a formula. See CellDensity for what it shares with that.
+    """A density field whose cell averages were made from a formula; see `CellDensity` for its other attributes.
 
     Attributes:
         solution: The flow, with its relations.
@@ -38,9 +38,9 @@ class ExactField(CellDensity):
     solution: Solution | None = None
 
     def density_at(self, points) -> np.ndarray:
-        """Density by the formula [kg/m3] at points (x, y, z) [m], shape (n, 3): shape (n,).
+        """Return the formula's density [kg/m3], shape (n,), at points (x, y, z) [m], shape (n, 3).
 
-        NaN inside the body; the ambient density outside the mesh.
+        NaN inside the body and at points that are NaN; the ambient density outside the mesh.
 
         Raises:
             ValueError: Points of another shape.
@@ -50,13 +50,11 @@ class ExactField(CellDensity):
         inside = np.all((local >= low) & (local <= high), axis=1)
         assert self.solution is not None
         ratio = np.where(inside, self.solution.density_ratio_at(local[:, 0], local[:, 1]), 1.0)
-        if self.body is not None:
-            ratio = np.where(self.body.contains(local), np.nan, ratio)
-        return self.ambient_density * ratio
+        return self._where_known(self.ambient_density * ratio, local)
 
 
 def square_step(length: float, spacing: float | None, cells: int = DEFAULT_CELLS) -> float:
-    """Width of square cells [m]: the greatest that divides a length and is no wider than the spacing, if one is given.
+    """Return the side of square cells [m]: the greatest divisor of a length that does not exceed the spacing.
 
     Raises:
         ValueError: A length or a spacing that is not positive and finite.
@@ -67,7 +65,7 @@ def square_step(length: float, spacing: float | None, cells: int = DEFAULT_CELLS
 
 
 def edges(low: float, high: float, spacing: float) -> np.ndarray:
-    """Edges of cells of one width [m] that cover a range with 0 in it or at its end; one of them is at 0.
+    """Return the edges of equal cells [m] that cover a range which contains 0; one edge is at 0.
 
     Raises:
         ValueError: More than 4 million cells.
@@ -81,7 +79,7 @@ def edges(low: float, high: float, spacing: float) -> np.ndarray:
 
 
 def rectangles(y: np.ndarray, z: np.ndarray, geometry: str = "planar") -> QuadMesh:
-    """The mesh of rectangles between edges along y (or r) and z [m]; cells in the order [y, z].
+    """Return the mesh of rectangles between edges along y (or r) and z [m], with cells in the order [y, z].
 
     Raises:
         ValueError: Fewer than 8 cells along an axis, or more than 4 million in all.

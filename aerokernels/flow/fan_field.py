@@ -1,12 +1,12 @@
 r"""The Prandtl-Meyer fan of a convex corner: relations, and the flow as a density field.
 
-With nu(M) the Prandtl-Meyer function and k = (g + 1) / (g - 1), the Mach line of Mach number M lies an angle
-psi = nu + acos(1 / M) behind that of the sonic stream, and
+With nu(M) the Prandtl-Meyer function and k = (g + 1) / (g - 1), the angle between the Mach line of the sonic stream and
+that of Mach number M is psi = nu + acos(1 / M), and
 
     sqrt(M^2 - 1) = sqrt(k) tan(psi / sqrt(k)),      T / T0 = 2 / (g + 1) cos^2(psi / sqrt(k)).
 
-The density in the fan is therefore rho / rho1 = (cos(psi / sqrt(k)) / cos(psi1 / sqrt(k)))^(2 / (g - 1)) along the Mach
-line that lies an angle psi - psi1 behind the first.
+The density along the Mach line at an angle psi - psi1 behind the first one is therefore
+rho / rho1 = (cos(psi / sqrt(k)) / cos(psi1 / sqrt(k)))^(2 / (g - 1)).
 
 References: NACA Report 1135 (1953), eq 171; L. D. Landau and E. M. Lifshitz, Fluid Mechanics, 2nd ed., paragraph 109.
 """
@@ -35,7 +35,7 @@ from .shocks import _bisect, prandtl_meyer
 
 @dataclass(frozen=True)
 class ExpansionFan:
-    """A centred expansion relative to the stream ahead of it. Angles count from that stream's direction.
+    """A centred expansion relative to the stream ahead of it. Angles are measured from that stream's direction.
 
     Attributes:
         mach: Mach number ahead.
@@ -45,7 +45,7 @@ class ExpansionFan:
         pressure_ratio: p2 / p1.
         temperature_ratio: T2 / T1.
         head_angle: Angle of the first Mach line [rad].
-        tail_angle: Angle of the last Mach line [rad]; negative where the flow has turned past it.
+        tail_angle: Angle of the last Mach line [rad]; negative where that line points below the stream's direction.
         gamma: Ratio of specific heats.
     """
 
@@ -64,7 +64,7 @@ class ExpansionFan:
         return self.ratio_of_angle(np.arctan2(y, -np.asarray(z)))
 
     def ratio_of_angle(self, angle) -> np.ndarray:
-        """Density over that of the stream ahead in a direction from the corner: angle from -z towards +y [rad].
+        """Density over that of the stream ahead in a direction from the corner, an angle from -z towards +y [rad].
 
         Inside the body the value of the nearer wall.
         """
@@ -73,18 +73,18 @@ class ExpansionFan:
         first = math.atan(math.sqrt((self.mach - 1.0) * (self.mach + 1.0)) / root)
         turned = self.head_angle - np.clip(angle, self.tail_angle, self.head_angle)
         fan = (np.cos(first + turned / root) / math.cos(first)) ** (2.0 / (self.gamma - 1.0))
-        # Beside the fan the two states themselves, to the last bit.
+        # On either side of the fan the ratio is that of the uniform state, to the last bit.
         fan = np.where(angle <= self.tail_angle, self.density_ratio, fan)
         return np.where((angle < self.inner_angle) | (angle >= self.head_angle), 1.0, fan)
 
     @property
     def inner_angle(self) -> float:
-        """Direction that halves the body, where the values carried on from its two walls meet [rad]."""
+        """Direction of the plane that halves the body, on either side of which the nearer wall's value holds [rad]."""
         return -0.5 * (self.deflection + math.pi)
 
 
 def mach_after_turn(angle: float, *, gamma: float = GAMMA_AIR) -> float:
-    """Mach number to which a turn by `angle` [rad] expands a sonic stream: the inverse of `prandtl_meyer`.
+    """Return the Mach number to which a turn by `angle` [rad] expands a sonic stream: the inverse of `prandtl_meyer`.
 
     Raises:
         ValueError: A negative angle, or one at which the gas would reach vacuum (the message gives the greatest).
@@ -103,14 +103,14 @@ def mach_after_turn(angle: float, *, gamma: float = GAMMA_AIR) -> float:
 
 
 def maximum_expansion(mach: float, *, gamma: float = GAMMA_AIR) -> float:
-    """Angle [rad] by which a stream would turn to expand to vacuum."""
+    """Return the angle [rad] by which a stream turns when it expands to vacuum."""
     root = math.sqrt((gamma + 1.0) / (gamma - 1.0)) if gamma > 1.0 else math.nan
     return 0.5 * math.pi * (root - 1.0) - prandtl_meyer(mach, gamma=gamma).angle
 
 
 @checked
 def expansion_fan(mach: float, deflection: float, *, gamma: float = GAMMA_AIR) -> ExpansionFan:
-    """State behind the Prandtl-Meyer fan of a convex corner.
+    """Return the state behind the Prandtl-Meyer fan of a convex corner.
 
     Args:
         mach: Mach number ahead, 1 or more.
@@ -158,21 +158,21 @@ def expansion(
     gamma: float = GAMMA_AIR,
     gas_constant: float = GAS_CONSTANT_AIR,
 ) -> ExactField:
-    """The exact flow around a convex corner, as a planar density field.
+    """Return the exact flow around a convex corner as a planar density field.
 
-    The stream runs along a wall at y = 0 from +z to the corner at the origin, where the wall turns away from it,
-    towards -y. The field reaches from z = length / 2 to -length. Cell averages are exact to rounding, those at the
-    corner included, where the fan has every density at once.
+    The stream comes from +z along a wall at y = 0. At the corner, the origin, the wall turns away towards -y. The field
+    extends from z = length / 2 to -length. Cell averages are exact to rounding, also in the cells at the corner, where
+    the fan has all its densities.
 
     Args:
         mach: Mach number of the stream ahead, 1 or more.
         deflection: Angle by which the wall turns away [rad], below 90 degrees.
         density: Density of the stream ahead [kg/m3].
-        temperature: Its static temperature [K]; it sets pressure and velocity in `conditions` alone.
+        temperature: Its static temperature [K]; affects only pressure and velocity in `conditions`.
         length: Length of the wall behind the corner, along z [m].
         height: Height above y = 0 out to which the flow is given [m]; None takes the first Mach line's at the end of
-            the field, but no more than `length`.
-        spacing: Greatest width of the cells, square ones [m]; None takes 1/200 of the length.
+            the field, but at most `length`, and 8 cells.
+        spacing: Greatest side of the square cells [m]; None takes 1/200 of the length.
         gamma: Ratio of specific heats.
         gas_constant: [J/(kg K)].
 
@@ -180,8 +180,8 @@ def expansion(
         The field; `solution` is the fan with its relations.
 
     Raises:
-        ValueError: What expansion_fan refuses, a turn of 90 degrees or more, a quantity that is not positive, or a
-            spacing for too few or too many cells.
+        ValueError: As for `expansion_fan`; a turn of 90 degrees or more; a quantity that is not positive; a spacing
+            that gives too few or too many cells.
     """
     fan = expansion_fan(mach, deflection, gamma=gamma)
     if deflection >= 0.5 * math.pi:
@@ -210,6 +210,6 @@ def expansion(
 
 
 def _below_the_wall(y: np.ndarray, z: np.ndarray, foot: float, length: float) -> np.ndarray:
-    """Outline of the body: along the wall, and back below the field."""
+    """Return the outline of the body: along the wall, and back below the field."""
     low, front = float(y[0]), float(z[-1])
     return np.array([[0.0, front], [0.0, 0.0], [foot, -length], [low, -length], [low, front]])

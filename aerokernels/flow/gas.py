@@ -17,17 +17,17 @@ from ..inputs.checks import check_positive
 GAMMA_AIR = 1.4
 # Universal gas constant over the molar mass of dry air, 8314.4626 / 28.9644 [J/(kg K)].
 GAS_CONSTANT_AIR = 8314.4626 / 28.9644
-LEAST_POWER_GAMMA = 1.02  # below it powers of 1 / (gamma - 1) leave float64 and are taken by logarithms
+LEAST_POWER_GAMMA = 1.02  # below this, powers of 1 / (gamma - 1) overflow float64, and logarithms are used instead
 SEA_LEVEL_DENSITY = 1.225  # [kg/m3], International Standard Atmosphere
-SEA_LEVEL_TEMPERATURE = 288.15  # [K], likewise
-GREATEST_DENSITY = 1000.0  # [kg/m3], a liquid's: grams a cubic metre that were taken for kilograms
-# Of a tunnel's gas at rest: below, degrees Celsius or megapascals were meant.
+SEA_LEVEL_TEMPERATURE = 288.15  # [K], International Standard Atmosphere
+GREATEST_DENSITY = 1000.0  # [kg/m3], that of a liquid: greater values are mostly g/m3 taken for kg/m3
+# Least stagnation values of a tunnel [K, Pa]: smaller ones are mostly degrees Celsius or megapascals.
 LEAST_STAGNATION_TEMPERATURE, LEAST_STAGNATION_PRESSURE = 45.0, 10.0
 
 
 @dataclass(frozen=True)
 class Isentropic:
-    """Static over stagnation values at one Mach number.
+    """Ratios of static to stagnation values at one Mach number.
 
     Attributes:
         mach: Mach number.
@@ -71,7 +71,7 @@ class FreeStream:
     gas_constant: float = GAS_CONSTANT_AIR
 
     def at_density(self, density: float) -> "FreeStream":
-        """The stream of the same Mach number and temperature at another density [kg/m3]: pressures scale with it."""
+        """Return the stream of the same Mach number and temperature at another density [kg/m3]; pressures scale too."""
         ratio = check_positive(density, "density") / self.density
         return replace(
             self,
@@ -83,7 +83,7 @@ class FreeStream:
 
 @checked
 def isentropic(mach: float, *, gamma: float = GAMMA_AIR) -> Isentropic:
-    """Static over stagnation temperature, pressure and density.
+    """Return the ratios of static to stagnation temperature, pressure and density.
 
     Raises:
         ValueError: A Mach number that is negative or not finite, or gamma not above 1.
@@ -105,7 +105,7 @@ def tunnel_conditions(
     gas_constant: float = GAS_CONSTANT_AIR,
     density: float | None = None,
 ) -> FreeStream:
-    """Free stream of a wind tunnel that expands gas at rest to a Mach number without losses.
+    """Return the free stream of a wind tunnel that expands gas at rest to a Mach number without losses.
 
     Args:
         mach: Mach number of the test section, above 0.
@@ -113,8 +113,8 @@ def tunnel_conditions(
         stagnation_temperature: Temperature of the gas at rest [K].
         gamma: Ratio of specific heats.
         gas_constant: [J/(kg K)].
-        density: Free-stream density [kg/m3] to use in place of the isentropic one, such as a rounded value that was
-            published. Temperature and velocity stay; both pressures scale with the density.
+        density: Free-stream density [kg/m3] to use instead of the isentropic one, such as a rounded published value.
+            Temperature and velocity are unaffected; both pressures scale with the density.
 
     Raises:
         ValueError: A value that is not positive and finite, a pressure below 10 Pa or a temperature below 45 K at rest,
@@ -164,7 +164,7 @@ def free_stream(
     gamma: float = GAMMA_AIR,
     gas_constant: float = GAS_CONSTANT_AIR,
 ) -> FreeStream:
-    """A uniform stream from its static state.
+    """Return a uniform stream from its static state.
 
     Args:
         mach: Mach number, above 0.
@@ -174,7 +174,7 @@ def free_stream(
         gas_constant: [J/(kg K)].
 
     Raises:
-        ValueError: A value that is not positive and finite, a liquid's density, or gamma not above 1.
+        ValueError: A value that is not positive and finite, a density above 1000 kg/m3, or gamma not above 1.
     """
     check_positive(mach, "mach")
     check_density(density, "density")
@@ -198,18 +198,18 @@ def free_stream(
 
 
 def stagnation_ratio(density: float, pressure: float, gamma: float) -> float:
-    """p02 / p01 across a shock from rho2 / rho1 and p2 / p1."""
+    """Return p02 / p01 across a shock from rho2 / rho1 and p2 / p1."""
     if gamma > LEAST_POWER_GAMMA:
         return float(density ** (gamma / (gamma - 1.0)) * pressure ** (-1.0 / (gamma - 1.0)))
-    # Near gamma = 1 both powers are beyond any number, and their product is not.
+    # Near gamma = 1 both powers overflow or underflow, but their product does not.
     return math.exp((gamma * math.log(density) - math.log(pressure)) / (gamma - 1.0))
 
 
 def check_density(density: float, name: str) -> float:
-    """A gas density [kg/m3], or a refusal of what is none.
+    """Return a gas density [kg/m3] as a float.
 
     Raises:
-        ValueError: It is not positive and finite, or that of a liquid.
+        ValueError: It is not positive and finite, or above 1000 kg/m3, the density of a liquid.
     """
     value = check_positive(density, name)
     if value > GREATEST_DENSITY:
@@ -220,13 +220,13 @@ def check_density(density: float, name: str) -> float:
 
 
 def no_gas(density: np.ndarray, passed: np.ndarray | None = None) -> tuple[str, int, int] | None:
-    """What is wrong with densities that no gas has, with how many, and where the first is; None where nothing is.
+    """Return what is wrong with densities, how many are wrong, and the flat index of the first; None if all are fine.
 
     Args:
-        density: [kg/m3], of any shape; the place is that in the flattened array.
-        passed: Which of them nobody reads, or None.
+        density: [kg/m3], of any shape.
+        passed: Entries that are not used and may have any value, or None.
     """
-    if density.size and density.min() > 0.0 and density.max() <= GREATEST_DENSITY:  # not so with a NaN
+    if density.size and density.min() > 0.0 and density.max() <= GREATEST_DENSITY:  # false if there is a NaN
         return None
     for fault, bad in (
         ("not finite", ~np.isfinite(density)),
@@ -240,6 +240,6 @@ def no_gas(density: np.ndarray, passed: np.ndarray | None = None) -> tuple[str, 
 
 
 def check_gamma(gamma: float) -> None:
-    """Refuse a ratio of specific heats that is not above 1."""
+    """Raise ValueError for a ratio of specific heats that is not above 1."""
     if not (math.isfinite(gamma) and gamma > 1.0):
         raise ValueError(f"gamma must be above 1, got {gamma!r}: air has 1.4")

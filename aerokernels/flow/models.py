@@ -1,11 +1,11 @@
-"""Refractivity models by name: how the index follows from the density, how well, and where that is known from.
+"""Refractivity models by name: index from density, with the model's uncertainty and source.
 
-Names and forms, rho the density and K a constant of the gas and the wavelength:
+Names and forms, with density rho and a constant K of the gas and the wavelength:
 
     "paper"            n = 1 + K rho, K(wavelength) of the paper's eq 2
     "ciddor"           n = 1 + K rho, K of Ciddor's moist air
-    "gladstone-dale"   n = 1 + K rho, K given, of a composition, or else the paper's
-    "lorentz-lorenz"   (n^2 - 1) / (n^2 + 2) = 2/3 K rho, likewise
+    "gladstone-dale"   n = 1 + K rho, K given, from a composition, or else the paper's
+    "lorentz-lorenz"   (n^2 - 1) / (n^2 + 2) = 2/3 K rho, K as for "gladstone-dale"
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ from .refractivity import RELATIONS, SHORTEST_WAVELENGTH, gladstone_dale_constan
 from .species import WATER, Composition
 
 MODELS = ("paper", "ciddor", "gladstone-dale", "lorentz-lorenz")
-# Eq 2 against Ciddor: 1.2 % high at 400 nm, 0.84 % at 532 nm, 0.46 % at 905 nm, 0.31 % at 1.6 um.
+# Eq 2 exceeds Ciddor's constant by 1.2 % at 400 nm, 0.84 % at 532 nm, 0.46 % at 905 nm and 0.31 % at 1.6 um.
 PAPER_UNCERTAINTY = 1.2e-2
 PAPER_RANGE = (SHORTEST_WAVELENGTH, LONGEST)
 ANY_WAVELENGTH = (SHORTEST, LONGEST)
@@ -30,15 +30,15 @@ ANY_WAVELENGTH = (SHORTEST, LONGEST)
 
 @dataclass(frozen=True, eq=False)
 class RefractivityModel:
-    """How refractivity follows from density. Build one with `refractivity_model`.
+    """A relation between density and refractivity. Build one with `refractivity_model`.
 
     Attributes:
         name: One of `MODELS`.
         form: "gladstone-dale" (linear in density) or "lorentz-lorenz".
-        uncertainty: Relative uncertainty of n - 1 that comes from the constant; 0 for a constant that was given.
+        uncertainty: Relative uncertainty of n - 1 due to the constant; 0 for a constant given by the caller.
         range: Shortest and longest vacuum wavelength at which the constant is known [m].
         source: Where the constant comes from.
-        given: The constant that was given [m3/kg], or None.
+        given: The constant given by the caller [m3/kg], or None.
         composition: The mixture, or None.
         water: Mole fraction of water vapour, for "ciddor".
         co2: Mole fraction of carbon dioxide in the dry air, for "ciddor".
@@ -55,11 +55,11 @@ class RefractivityModel:
     co2: float = ciddor.STANDARD_CO2
 
     def constant(self, wavelength: float, *, ambient: bool = False):
-        """Constant K [m3/kg] at a vacuum wavelength [m]: a number, or one for each cell of a varying composition.
+        """Return the constant K [m3/kg] at a vacuum wavelength [m], an array if the composition varies in space.
 
         Args:
             wavelength: [m].
-            ambient: Of the ambient gas, where the composition varies: always a number.
+            ambient: Return the constant of the ambient gas, which is always a number.
 
         Raises:
             ValueError: A wavelength outside the model's range.
@@ -73,7 +73,7 @@ class RefractivityModel:
         return gladstone_dale_constant(wavelength)
 
     def refractivity(self, density, wavelength: float):
-        """Refractivity n - 1 at densities [kg/m3] of any shape and a vacuum wavelength [m].
+        """Return the refractivity n - 1 at densities [kg/m3] of any shape and a vacuum wavelength [m].
 
         Raises:
             ValueError: A wavelength outside the model's range.
@@ -81,16 +81,21 @@ class RefractivityModel:
         return refractivity(density, self.constant(wavelength), self.form)
 
     def ambient_index(self, density: float, wavelength: float) -> float:
-        """Refractive index of the ambient gas at a density [kg/m3] and a vacuum wavelength [m]."""
+        """Return the refractive index of the ambient gas at a density [kg/m3] and a vacuum wavelength [m]."""
         return 1.0 + float(refractivity(density, self.constant(wavelength, ambient=True), self.form))
 
     def upstream(self, wavelength: float, column: float = 0.0) -> Upstream:
-        """What an index made by this model owes to it, and to a column of density that is off by so much [kg/m2]."""
+        """Return the errors of an index made by this model.
+
+        Args:
+            wavelength: Vacuum wavelength [m].
+            column: Root mean square error of integrals of the density along lines [kg/m2].
+        """
         constant = float(np.max(self.constant(wavelength)))
         return Upstream(constant * column, self.uncertainty, f"{self.name}: {self.source}")
 
     def contrast(self, density, ambient_density: float, wavelength: float):
-        """Contrast n - n_ambient at densities [kg/m3] of any shape, against an ambient one, at a vacuum wavelength [m].
+        """Return the contrast n - n_ambient of densities of any shape and an ambient one [kg/m3] at a wavelength [m].
 
         Raises:
             ValueError: A wavelength outside the model's range, or a composition by cell of another shape.
@@ -98,14 +103,17 @@ class RefractivityModel:
         inside = self.constant(wavelength)
         if np.ndim(inside) == 0 and (self.composition is None or self.composition.ambient is None):
             return index_contrast(density, ambient_density, inside, self.form)
-        if np.ndim(inside) and np.size(inside) != np.size(density):
+        fits = np.size(inside) == np.size(density) and (
+            min(np.ndim(inside), np.ndim(density)) <= 1 or np.shape(inside) == np.shape(density)
+        )
+        if np.ndim(inside) and not fits:
             raise ValueError(
                 f"the composition has fractions of shape {np.shape(inside)}, the density shape {np.shape(density)}: "
-                "give one fraction for each density"
+                "give one fraction for each density, in the same order"
             )
         if np.ndim(inside):
             inside = np.reshape(inside, np.shape(density))
-        # Two gases, two constants: the refractivities are small numbers, so their difference loses nothing.
+        # Two gases have two constants. Both refractivities are small numbers, so their difference loses no digits.
         outside = self.constant(wavelength, ambient=True)
         return refractivity(density, inside, self.form) - refractivity(ambient_density, outside, self.form)
 
@@ -114,19 +122,20 @@ class RefractivityModel:
 def refractivity_model(
     relation: str = "gladstone-dale", *, constant: float | None = None, composition=None
 ) -> RefractivityModel:
-    """A refractivity model by name.
+    """Return a refractivity model by name.
 
     Args:
         relation: One of `MODELS`: "paper", "ciddor", "gladstone-dale", "lorentz-lorenz". The last two take the paper's
-            K(wavelength) unless `constant` or `composition` says otherwise.
+            K(wavelength) unless `constant` or `composition` is given.
         constant: K [m3/kg] for "gladstone-dale" or "lorentz-lorenz".
-        composition: For these two a `Composition`, or mole fractions by species, {"N2": 0.79, "O2": 0.21} say. For
-            "ciddor" the mole fractions {"H2O": in the moist air, "CO2": in the dry air}, each of which may be left out.
+        composition: For these two a `Composition`, or mole fractions by species, for example
+            {"N2": 0.79, "O2": 0.21}. For "ciddor" the mole fractions {"H2O": in the moist air, "CO2": in the dry air},
+            each of which may be omitted.
 
     Raises:
         TypeError: A composition that is neither a mapping nor a Composition.
-        ValueError: An unknown relation, a constant that is not positive, species that are not known, fractions that do
-            not add up, or a constant or composition that does not go with the relation.
+        ValueError: An unknown relation, a constant that is not positive, unknown species, fractions that do not add up
+            to 1, or a constant or composition that the relation does not take.
     """
     check_choice(relation, "relation", MODELS)
     if constant is not None and composition is not None:
@@ -139,7 +148,7 @@ def refractivity_model(
         raise ValueError("relation 'paper' is air's: with a composition take 'gladstone-dale' or 'ciddor'")
     form = "gladstone-dale" if relation == "paper" else relation
     if constant is not None:
-        index_contrast(0.0, 0.0, constant, form)  # refuses a bad constant
+        index_contrast(0.0, 0.0, constant, form)  # raises ValueError for a bad constant
         return RefractivityModel(relation, form, 0.0, ANY_WAVELENGTH, "given", given=float(constant))
     if composition is not None:
         mixture = composition if isinstance(composition, Composition) else Composition(composition)
@@ -152,7 +161,11 @@ def refractivity_model(
 
 
 def one_constant(constant: float | None, gladstone_dale: float | None) -> float | None:
-    """The constant under either of its two names; both at once are refused."""
+    """Return the constant given under either of its two names.
+
+    Raises:
+        ValueError: It is given under both.
+    """
     if constant is not None and gladstone_dale is not None:
         raise ValueError("constant and gladstone_dale are two names for the same K: give one of them")
     return gladstone_dale if constant is None else constant
@@ -166,7 +179,7 @@ def _ciddor(composition) -> RefractivityModel:
             f"{composition!r}; other gases go with relation 'gladstone-dale'"
         )
     water, co2 = float(fractions.get(WATER, 0.0)), float(fractions.get("CO2", ciddor.STANDARD_CO2))
-    ciddor.ciddor_constant(905e-9, water=water, co2=co2)  # refuses bad fractions
+    ciddor.ciddor_constant(905e-9, water=water, co2=co2)  # raises ValueError for bad fractions
     return RefractivityModel(
         "ciddor",
         "gladstone-dale",

@@ -1,11 +1,11 @@
-"""Density to refractive index.
+"""Refractivity and index contrast from density.
 
     Lorentz-Lorenz (the paper's eq 1):  (n^2 - 1) / (n^2 + 2) = 2/3 K rho
     Gladstone-Dale (eq 3):              n = 1 + K rho                     the linear limit, lower by (K rho)^2 / 6
     K (eq 2):                           K = 2.23e-4 (1 + 7.52e-3 / lambda^2) m3/kg, lambda in um
 
-Everything is worked out as refractivity n - 1 or as contrast n - n_ambient, and no step takes a difference of numbers
-near 1: at 1 kg/m3 the index differs from 1 by only 2e-4.
+Results are refractivities n - 1 or contrasts n - n_ambient, and no step subtracts numbers near 1: at 1 kg/m3 the index
+differs from 1 by only 2e-4.
 """
 
 import numpy as np
@@ -15,15 +15,15 @@ from ..inputs.checks import check_choice
 from ..inputs.wavelength import check_wavelength
 
 RELATIONS = ("gladstone-dale", "lorentz-lorenz")
-# Eq 2 was fitted in the visible; below this, air absorbs and its index rises faster.
+# Eq 2 was fitted in the visible; below this wavelength air absorbs and its index rises faster.
 SHORTEST_WAVELENGTH = 200e-9
-# Gases lie between xenon's 1.2e-4 and hydrogen's 1.6e-3 m3/kg, with room: beyond, the unit is another one.
+# Gases have constants from xenon's 1.2e-4 to hydrogen's 1.6e-3 m3/kg; values far outside are in another unit.
 LEAST_CONSTANT, GREATEST_CONSTANT = 1e-5, 1e-2
 
 
 @checked
 def gladstone_dale_constant(wavelength: float) -> float:
-    """Gladstone-Dale constant of air [m3/kg] at a vacuum wavelength [m], the paper's eq 2.
+    """Return the Gladstone-Dale constant of air [m3/kg] at a vacuum wavelength [m], the paper's eq 2.
 
     At 905 nm it is 2.250475e-4, 0.46 % above Ciddor's dry air.
 
@@ -43,7 +43,7 @@ def gladstone_dale_constant(wavelength: float) -> float:
 
 @checked
 def refractivity(density: float | np.ndarray, gladstone_dale: float | np.ndarray, relation: str = "gladstone-dale"):
-    """Refractivity n - 1 at a density.
+    """Return the refractivity n - 1 at a density.
 
     Args:
         density: [kg/m3], any shape.
@@ -51,7 +51,7 @@ def refractivity(density: float | np.ndarray, gladstone_dale: float | np.ndarray
         relation: "gladstone-dale" or "lorentz-lorenz".
 
     Raises:
-        ValueError: An unknown relation, or a constant that no gas has.
+        ValueError: An unknown relation, or a constant outside 1e-5 to 1e-2 m3/kg.
     """
     return index_contrast(density, 0.0, gladstone_dale, relation)
 
@@ -63,14 +63,15 @@ def index_contrast(
     gladstone_dale: float | np.ndarray,
     relation: str = "gladstone-dale",
 ):
-    """Contrast n - n_ambient of a density against an ambient one, both [kg/m3]; the density may have any shape.
+    """Return the contrast n - n_ambient of densities of any shape and an ambient density [kg/m3].
 
     With a = 2/3 K rho, Lorentz-Lorenz gives n^2 - 1 = q = 3 a / (1 - a), so the contrast is
-    (q - q_ambient) / (n + n_ambient) with q - q_ambient = 3 (a - a_ambient) / ((1 - a) (1 - a_ambient)): one
-    difference, that of the densities.
+    (q - q_ambient) / (n + n_ambient) with q - q_ambient = 3 (a - a_ambient) / ((1 - a) (1 - a_ambient)). The only
+    difference taken is that of the densities.
 
     Raises:
-        ValueError: An unknown relation, or a constant that no gas has.
+        ValueError: An unknown relation, a constant outside 1e-5 to 1e-2 m3/kg, or densities for which Lorentz-Lorenz
+            has no solution.
     """
     _check(gladstone_dale, relation)
     density = np.asarray(density, dtype=np.float64)
@@ -81,6 +82,11 @@ def index_contrast(
             return difference
         return gladstone_dale * difference
     inside, outside = 1.0 - 2.0 / 3.0 * gladstone_dale * density, 1.0 - 2.0 / 3.0 * gladstone_dale * ambient_density
+    if np.any(inside <= 0.0) or np.any(outside <= 0.0):
+        greatest = float(np.max(gladstone_dale * np.maximum(density, ambient_density)))
+        raise ValueError(
+            f"Lorentz-Lorenz has no index where K times density is 1.5 or more, got {greatest:.3g}: no gas is so dense"
+        )
     difference_of_squares = 2.0 * gladstone_dale * difference / (inside * outside)
     index = np.sqrt(1.0 + 2.0 * gladstone_dale * density / inside)
     ambient_index = np.sqrt(1.0 + 2.0 * gladstone_dale * ambient_density / outside)

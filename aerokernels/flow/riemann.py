@@ -1,11 +1,11 @@
-r"""The Riemann problem of a perfect gas: two states side by side, and the waves that go out from between them.
+r"""The Riemann problem of a perfect gas: two uniform states side by side, and the waves that spread between them.
 
-Across the wave on either side the speed changes by a function of the pressure p between the two waves,
+Across the wave on either side the velocity changes by a function of the pressure p between the two waves,
 
     shock (p > pk)        f = (p - pk) sqrt(A / (p + B)),  A = 2 / ((g + 1) rhok),  B = (g - 1) / (g + 1) pk
     rarefaction           f = 2 ak / (g - 1) ((p / pk)^((g - 1) / (2 g)) - 1)
 
-and p is the root of f_left + f_right + u_right - u_left = 0, which rises steadily.
+and p is the root of f_left + f_right + u_right - u_left = 0, a function that increases with p.
 
 Reference: E. F. Toro, Riemann Solvers and Numerical Methods for Fluid Dynamics, 3rd ed., ch. 4.
 """
@@ -29,7 +29,7 @@ class GasState:
     Attributes:
         density: [kg/m3].
         pressure: [Pa].
-        velocity: Towards the right [m/s].
+        velocity: Positive towards the right [m/s].
     """
 
     density: float
@@ -44,28 +44,28 @@ class GasState:
             raise ValueError(f"velocity must be finite, got {self.velocity!r}")
 
     def sound_speed(self, gamma: float = GAMMA_AIR) -> float:
-        """[m/s]."""
+        """Speed of sound [m/s]."""
         return math.sqrt(gamma * self.pressure / self.density)
 
     def temperature(self, gas_constant: float = GAS_CONSTANT_AIR) -> float:
-        """[K], at a gas constant [J/(kg K)]."""
+        """Temperature [K] of a gas with a gas constant [J/(kg K)]."""
         return self.pressure / (self.density * gas_constant)
 
 
 @dataclass(frozen=True)
 class Riemann:
-    """The exact solution: five regions that spread with time, as functions of position over time, xi = x / t [m/s].
+    """The exact solution as functions of position over time, xi = x / t [m/s]: up to six regions that grow with time.
 
     Attributes:
         left: State on the left.
         right: State on the right.
         gamma: Ratio of specific heats.
-        pressure: Between the two outer waves [Pa].
-        velocity: Of the contact between the two gases [m/s].
-        left_density: Between the left wave and the contact [kg/m3].
-        right_density: Between the contact and the right wave [kg/m3].
-        left_wave: Speeds of the first and last point of the left wave [m/s]; the same twice for a shock.
-        right_wave: Likewise of the right wave, the last first: in the order of xi.
+        pressure: Pressure between the two outer waves [Pa].
+        velocity: Velocity of the contact between the two gases [m/s].
+        left_density: Density between the left wave and the contact [kg/m3].
+        right_density: Density between the contact and the right wave [kg/m3].
+        left_wave: Speeds of the head and the tail of the left wave [m/s]; equal for a shock.
+        right_wave: Speeds of the tail and the head of the right wave [m/s], in the order of xi; equal for a shock.
     """
 
     left: GasState
@@ -102,10 +102,10 @@ class Riemann:
         return np.where(xi < self.velocity, left, right)
 
     def _side(self, xi, state: GasState, sign: float, density: float, wave) -> tuple[np.ndarray, ...]:
-        """Density, velocity and pressure on one side, seen so that its wave runs to the left."""
+        """Return density, velocity and pressure on one side, mirrored if necessary so that its wave runs left."""
         first, last = wave
         sound, own = state.sound_speed(self.gamma), sign * state.velocity
-        # In a rarefaction the sound speed falls in step with xi.
+        # In a rarefaction the sound speed is linear in xi.
         inside = np.clip(xi, first, last)
         share = 2.0 / (self.gamma + 1.0) + (self.gamma - 1.0) / ((self.gamma + 1.0) * sound) * (own - inside)
         speed = 2.0 / (self.gamma + 1.0) * (sound + 0.5 * (self.gamma - 1.0) * own + inside)
@@ -122,18 +122,18 @@ class Riemann:
 
 @checked
 def riemann(left: GasState, right: GasState, *, gamma: float = GAMMA_AIR) -> Riemann:
-    """The exact solution of the Riemann problem, as of a shock tube whose diaphragm bursts.
+    """Return the exact solution of the Riemann problem, such as that of a shock tube whose diaphragm bursts.
 
-    Pressure and speeds are good to 1e-13.
+    Pressure and speeds are accurate to 1e-13.
 
     Args:
         left: State on the left.
         right: State on the right.
-        gamma: Ratio of specific heats, of both gases.
+        gamma: Ratio of specific heats of both gases.
 
     Raises:
-        TypeError: A state that is no GasState.
-        ValueError: Gamma not above 1, or states that fly apart so fast that vacuum opens between them (the message
+        TypeError: A state that is not a GasState.
+        ValueError: Gamma not above 1, or states that separate so fast that a vacuum opens between them (the message
             gives the limit).
     """
     for name, state in (("left", left), ("right", right)):
@@ -159,7 +159,7 @@ def riemann(left: GasState, right: GasState, *, gamma: float = GAMMA_AIR) -> Rie
     while balance(high) < 0.0:
         high += 2.0
     pressure = math.exp(_bisect(balance, low, high))
-    # The side with the lesser change keeps more digits of the contact's speed.
+    # The contact's speed is computed from the side with the smaller change, which loses fewer digits.
     changes = _change(pressure, left, gamma), _change(pressure, right, gamma)
     if abs(changes[0]) < abs(changes[1]):
         velocity = left.velocity - changes[0]
@@ -181,7 +181,7 @@ def riemann(left: GasState, right: GasState, *, gamma: float = GAMMA_AIR) -> Rie
 
 
 def _change(pressure: float, state: GasState, gamma: float) -> float:
-    """How much the speed falls across the wave on one side, seen from the gas that it runs into."""
+    """Return by how much the velocity falls across the wave on one side, seen from the gas ahead of the wave."""
     if pressure > state.pressure:
         a, b = 2.0 / ((gamma + 1.0) * state.density), (gamma - 1.0) / (gamma + 1.0) * state.pressure
         return (pressure - state.pressure) * math.sqrt(a / (pressure + b))
@@ -190,7 +190,7 @@ def _change(pressure: float, state: GasState, gamma: float) -> float:
 
 
 def _wave(pressure: float, velocity: float, state: GasState, sign: float, gamma: float):
-    """Density behind the wave on one side, and the speeds of its first and last point; sign 1 for the left one."""
+    """Return the density behind the wave on one side, and the speeds of its head and tail; sign 1: the left wave."""
     ratio, sound = pressure / state.pressure, state.sound_speed(gamma)
     if ratio > 1.0:
         share = (gamma - 1.0) / (gamma + 1.0)
@@ -200,5 +200,5 @@ def _wave(pressure: float, velocity: float, state: GasState, sign: float, gamma:
     density = state.density * ratio ** (1.0 / gamma)
     behind = sound * ratio ** (0.5 * (gamma - 1.0) / gamma)
     head, tail = state.velocity - sign * sound, velocity - sign * behind
-    # In order, also where rounding is all that parts them.
+    # Rounding must not exchange head and tail of a weak wave.
     return density, (head, max(head, tail) if sign > 0.0 else min(head, tail))

@@ -1,4 +1,4 @@
-"""Density fields from samples: at the vertices of a mesh, and on a uniform grid of two or three axes."""
+"""Density fields from samples at the vertices of a mesh, or on a uniform grid of two or three axes."""
 
 from dataclasses import dataclass, field
 
@@ -8,7 +8,7 @@ from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked, refuse_masked
 from ..inputs.checks import check_choice
 from ..medium import Body, IndexField, SolidBody
-from ..medium.grid import checked_axes
+from ..medium.grid import check_starts_on_axis, checked_axes
 from ..medium.mesh import GEOMETRIES
 from ..medium.mesh_samples import MeshSamples
 from .density_field import MeshDensity, SampledDensity, in_plane
@@ -19,7 +19,7 @@ from .species import Composition
 def _checked(density, what: str) -> np.ndarray:
     refuse_masked(density, "density")
     ours = isinstance(density, np.ndarray) and density.dtype == np.float64 and density.flags.c_contiguous
-    # What nobody can write to is not copied: grids of 100 million nodes come here.
+    # Read-only arrays are not copied, since grids may have 100 million nodes.
     values = density if ours and not density.flags.writeable else np.array(density, dtype=np.float64)
     if wrong := no_gas(values):
         fault, count, place = wrong
@@ -35,11 +35,11 @@ def _checked(density, what: str) -> np.ndarray:
 @shown
 @dataclass(frozen=True, eq=False)
 class VertexDensity(MeshDensity):
-    """Density at the vertices of a quadrilateral mesh, in the optical frame (z looks upstream), in ambient gas.
+    """Density at the vertices of a quadrilateral mesh, in the optical frame (z points upstream), in ambient gas.
 
     Attributes:
         mesh: Mesh with columns (r, z) or (y, z) [m].
-        density: Densities at the vertices [kg/m3], shape (vertex_count,).
+        density: Densities at the vertices [kg/m3], shape (vertex_count,); (ni, nj) is accepted.
         ambient_density: Density outside the mesh [kg/m3].
         body: Solid body in the flow, or None.
         conditions: The free stream, or None where it is not known.
@@ -47,31 +47,34 @@ class VertexDensity(MeshDensity):
         composition: The gas, where it is a mixture that is known vertex by vertex; None for one gas.
 
     Raises:
-        TypeError: The mesh is no QuadMesh.
-        ValueError: Densities that are no gas's, or another number of them than of vertices.
+        TypeError: The mesh is not a QuadMesh.
+        ValueError: Densities that no gas has, or an array that has not one density for each vertex.
     """
 
     def __post_init__(self):
         """Check the densities."""
         self._check_mesh()
         density = _checked(self.density, "at vertices")
-        if density.size != len(self.mesh.vertices):
-            raise ValueError(f"density has shape {density.shape}, the mesh {len(self.mesh.vertices)} vertices")
+        shapes, _ = self.mesh.array_shapes
+        if density.shape not in shapes:
+            raise ValueError(
+                f"density has shape {density.shape}, the mesh {len(self.mesh.vertices)} vertices: "
+                f"give one density for each vertex, shape {' or '.join(map(str, shapes))}"
+            )
         object.__setattr__(self, "density", density.reshape(-1))
 
     @checked
     def density_at(self, points: Numbers) -> np.ndarray:
-        """Density [kg/m3], bilinear between vertices, at points (x, y, z) [m], shape (n, 3): shape (n,).
+        """Return the density [kg/m3], shape (n,), bilinear between vertices, at points (x, y, z) [m], shape (n, 3).
 
-        NaN inside the body; the ambient density outside the mesh.
+        NaN inside the body and at points that are NaN; the ambient density outside the mesh.
         """
         local = in_plane(points, self.geometry)
         excess = MeshSamples(self.mesh, self.density - self.ambient_density, "bilinear").evaluate(local)[0]
-        density = self.ambient_density + excess
-        return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
+        return self._where_known(self.ambient_density + excess, local)
 
     def _index(self, contrast: np.ndarray, interpolation: str | None, **common) -> IndexField:
-        # In a shape that cannot be taken for cell averages.
+        # from_mesh tells values at vertices from cell averages by the shape.
         at_vertices = contrast.reshape(self.mesh.shape or contrast.shape)
         return IndexField.from_mesh(self.mesh, at_vertices, interpolation=interpolation or "bilinear", **common)
 
@@ -79,7 +82,7 @@ class VertexDensity(MeshDensity):
 @shown
 @dataclass(frozen=True, eq=False)
 class GridDensity(SampledDensity):
-    """Density on a uniform grid, in the optical frame (z looks upstream), surrounded by ambient gas.
+    """Density on a uniform grid, in the optical frame (z points upstream), surrounded by ambient gas.
 
     Attributes:
         density: Densities [kg/m3], axes [x, y, z], [y, z] or [r, z].
@@ -91,11 +94,11 @@ class GridDensity(SampledDensity):
         body: Solid body in the flow: a `Body`, in a volume a `SolidBody`; or None.
         conditions: The free stream, or None where it is not known.
         provenance: Where the field comes from, in words.
-        resampling: What was measured when the grid was made from a mesh, or None.
+        resampling: Errors measured when the grid was made from a mesh, or None.
         composition: The gas, where it is a mixture that is known node by node; None for one gas.
 
     Raises:
-        ValueError: Densities that are no gas's, shapes that disagree, or what `IndexField.from_samples` refuses.
+        ValueError: Densities that no gas has, shapes that disagree, or a grid that `IndexField.from_samples` rejects.
     """
 
     density: np.ndarray
@@ -120,6 +123,8 @@ class GridDensity(SampledDensity):
         if self.body is not None and self.body.geometry != self.geometry:
             raise ValueError(f"the body is {self.body.geometry}, the field {self.geometry}: they must agree")
         origin, spacing = checked_axes(density.shape, self.origin, self.spacing)
+        if self.geometry == "axisymmetric":
+            check_starts_on_axis(origin, spacing)
         for name, value in (("density", density), ("origin", origin), ("spacing", spacing)):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "ambient_density", float(self.ambient_density))
@@ -131,9 +136,9 @@ class GridDensity(SampledDensity):
 
     @checked
     def density_at(self, points: Numbers) -> np.ndarray:
-        """Density [kg/m3], linear between nodes, at points (x, y, z) [m], shape (n, 3): shape (n,).
+        """Return the density [kg/m3], shape (n,), linear between nodes, at points (x, y, z) [m], shape (n, 3).
 
-        NaN inside the body; the ambient density outside the grid.
+        NaN inside the body and at points that are NaN; the ambient density outside the grid.
         """
         points = np.atleast_2d(np.asarray(points, dtype=np.float64))
         local = points if self.geometry == "volume" else in_plane(points, self.geometry)
@@ -142,7 +147,7 @@ class GridDensity(SampledDensity):
         inside = np.all((local >= low - slack) & (local <= high + slack), axis=1)
         density = np.full(len(local), self.ambient_density)
         density[inside] = linear_between(self.density, self.origin, self.spacing, local[inside])
-        return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
+        return self._where_known(density, local)
 
     @property
     def _column_error(self) -> float:  # type: ignore[override]
@@ -161,7 +166,7 @@ class GridDensity(SampledDensity):
 
 
 def linear_between(samples: np.ndarray, origin, spacing, points: np.ndarray) -> np.ndarray:
-    """Values at points (n, d), linear between the nodes of a grid; at its edge beyond it."""
+    """Return values at points (n, d), linear between the nodes of a grid; beyond the grid those at its edge."""
     from scipy.ndimage import map_coordinates
 
     place = ((points - origin) / spacing).T

@@ -1,7 +1,7 @@
-"""Series: snapshots of a flow in time, read when they are asked for.
+"""Series: snapshots of a flow in time, each read when it is requested.
 
-A series knows its times and, where all snapshots share it, its mesh; `series[i]` is a DensityField like any other, and
-`series.density(i)` the bare array that a stream of a hundred thousand snapshots is worked on as.
+A series has its times and, where all snapshots share one mesh, the mesh. `series[i]` is a DensityField;
+`series.density(i)` is the bare array, with which a hundred thousand snapshots can be processed quickly.
 """
 
 import hashlib
@@ -21,12 +21,12 @@ from .density_field import CellDensity, DensityField
 from .gas import FreeStream, check_density
 from .sampled_density import GridDensity, VertexDensity
 
-MARKED = 1 << 20  # samples by which a series is told from another, about
+MARKED = 1 << 20  # samples in the hash that distinguishes one series from another, about
 
 
 @dataclass(frozen=True, eq=False)
 class GridMesh:
-    """Where the samples of a series on a uniform grid lie, in the optical frame.
+    """The uniform grid on which the samples of a series are given, in the optical frame.
 
     Attributes:
         geometry: "volume" [x, y, z], "planar" [y, z] or "axisymmetric" [r, z].
@@ -36,7 +36,7 @@ class GridMesh:
         cell_averages: The samples are averages over cells centred on the nodes, not values at the nodes.
 
     Raises:
-        ValueError: An unknown geometry, entries that do not fit its axes, a spacing that is not positive.
+        ValueError: An unknown geometry, entries that do not match its axes, a spacing that is not positive.
     """
 
     geometry: str
@@ -73,16 +73,16 @@ class Series:
     """Snapshots in time. Build one with `open_series`.
 
     Attributes:
-        get: The density of a snapshot by its number: an array, or a whole DensityField.
+        get: Returns the density of a snapshot by its number: an array, or a whole DensityField.
         time: Time of each snapshot [s], shape (n,).
-        mesh: Where the samples lie, of the first snapshot at least: a GridMesh, a QuadMesh, or None where that is not
-            known, as of a formula.
-        ambient_density: Density around the field [kg/m3], likewise.
+        mesh: The mesh of the first snapshot at least: a GridMesh, a QuadMesh, or None where there is none, as for a
+            formula.
+        ambient_density: Density around the field of the first snapshot at least [kg/m3], or None.
         body: Solid body in the flow, or None.
         conditions: The free stream, or None where it is not known.
         provenance: Where the series comes from, in words.
-        identity: What tells this series from another, plain JSON types: a run that is broken off goes on with no other.
-        once: Whether the snapshots come once, in their order, as those of an iterator do.
+        identity: Identifies the series, in plain JSON types: an interrupted run resumes only with the same series.
+        once: Whether each snapshot can be read only once and in order, as from an iterator.
     """
 
     get: Callable[[int], Any]
@@ -120,26 +120,26 @@ class Series:
         return len(self.time)
 
     def __getitem__(self, index: int) -> DensityField:
-        """A snapshot.
+        """Return a snapshot.
 
         Raises:
             IndexError: No such snapshot.
             TypeError: Not a whole number.
-            ValueError: Densities that are no gas's, or another shape than the mesh's.
+            ValueError: Densities that no gas has, or a shape other than the mesh's.
         """
         number = self._number(index)
         return self.field(self.read(number), number)
 
     def __iter__(self) -> Iterator[DensityField]:
-        """The snapshots one after another."""
+        """Return an iterator over the snapshots."""
         return (self[number] for number in range(len(self)))
 
     def density(self, index: int) -> np.ndarray:
-        """The densities of a snapshot [kg/m3] as they are stored, float32 or float64, in the mesh's order.
+        """Return the densities of a snapshot [kg/m3] as they are stored, float32 or float64, in the mesh's order.
 
         Raises:
             IndexError: No such snapshot.
-            ValueError: Another shape than the mesh's.
+            ValueError: A shape other than the mesh's.
         """
         number = self._number(index)
         found = self.get(number)
@@ -151,9 +151,9 @@ class Series:
         return self._checked(found, number)
 
     def read(self, index: int, on_device: bool = False) -> Any:
-        """A snapshot as it comes: its bare densities where they lie on the mesh, else a field of its own.
+        """Return a snapshot as its source gives it: an array of densities on the series' mesh, or a DensityField.
 
-        With `on_device` an array of float32 or float64 that lies on a GPU stays there, as an array of Warp's.
+        With `on_device` a float32 or float64 array on a GPU stays there, as a Warp array.
         """
         number = self._number(index)
         found = self.get(number)
@@ -163,9 +163,10 @@ class Series:
         return self._checked(found, number) if kept is None else self._of_shape(kept, number)
 
     def mark(self) -> str:
-        """A short text of the first snapshot's samples: series of other contents have another one.
+        """Return a hash of the first snapshot's samples, which distinguishes series of other contents.
 
-        Snapshots that come once stay to be had. A formula, which has no samples, has none.
+        The first snapshot of an iterator can still be read afterwards. The hash of a formula, which has no samples, is
+        empty.
         """
         found = self.get.first() if isinstance(self.get, InOrder) else self.get(0)
         density = getattr(found, "density", None) if isinstance(found, DensityField) else host_array(found)
@@ -175,7 +176,7 @@ class Series:
         return hashlib.sha256(flat[:: max(1, flat.size // MARKED)].tobytes()).hexdigest()[:16]
 
     def lies_here(self, flow: DensityField) -> bool:
-        """Whether the samples of a field lie where those of the series do, beside the same body or none."""
+        """Return whether a field has its samples on the series' mesh, and a body exactly if the series has one."""
         if (flow.body is None) != (self.body is None):
             return False
         other = mesh_of(flow)
@@ -213,11 +214,11 @@ class Series:
         return array
 
     def field(self, density: Any, number: int) -> DensityField:
-        """The density field of a snapshot that was read; `read` says how."""
+        """Return the density field of a snapshot that `read` returned."""
         if isinstance(density, DensityField):
             return density
         density = host_array(density)
-        assert self.ambient_density is not None  # open_series asks for it
+        assert self.ambient_density is not None  # open_series requires it for arrays
         described = f"{self.provenance}, snapshot {number} at {self.time[number]:g} s".lstrip(", ")
         if isinstance(self.mesh, GridMesh):
             return GridDensity(
@@ -234,27 +235,27 @@ class Series:
         assert isinstance(self.mesh, QuadMesh)
         at_vertices = density.size == len(self.mesh.vertices) and density.size != len(self.mesh.cells)
         kind = VertexDensity if at_vertices else CellDensity
-        assert not isinstance(self.body, SolidBody)  # which a volume alone has
+        assert not isinstance(self.body, SolidBody)  # only volumes have a SolidBody
         return kind(self.mesh, density, self.ambient_density, self.body, self.conditions, described)
 
 
 def mesh_of(flow: DensityField) -> GridMesh | QuadMesh | None:
-    """Where the samples of a density field lie; None for a formula."""
+    """Return the grid or mesh on which the samples of a density field are given; None for a formula."""
     if isinstance(flow, GridDensity):
         return GridMesh(flow.geometry, flow.origin, flow.spacing, flow.density.shape, flow.cell_averages)
     return flow.mesh if isinstance(flow, (CellDensity, VertexDensity)) else None
 
 
 class InOrder:
-    """The items of an iterator by their number, each once, in their order."""
+    """The items of an iterator by their number, each available once and in order."""
 
     def __init__(self, items: Iterable[Any], what: str = "snapshot"):
-        """Begin."""
+        """Start at the first item."""
         self._items, self._next, self._what = iter(items), 0, what
         self._ahead: list[Any] = []
 
     def first(self) -> Any:
-        """The first item, which stays to be had."""
+        """Return the first item, which can still be read afterwards."""
         if self._next:
             raise ValueError(f"{self._what} 0 has gone by")
         if not self._ahead:
@@ -262,10 +263,10 @@ class InOrder:
         return self._ahead[0]
 
     def __call__(self, number: int) -> Any:
-        """The item of that number.
+        """Return the item of a number.
 
         Raises:
-            ValueError: It has gone by, or there are fewer.
+            ValueError: It was already read or skipped, or there are fewer items.
         """
         if number < self._next:
             raise ValueError(
@@ -286,10 +287,10 @@ class InOrder:
 
 
 def times_of(time: Sequence[float] | None, step: float | None, start: float, count: int | None) -> np.ndarray:
-    """The times of a series [s], from a list of them or a step.
+    """Return the times of a series [s], from a list of times or from a step.
 
     Raises:
-        ValueError: Neither or both of them, a step that is not positive, more or fewer times than snapshots.
+        ValueError: Neither or both are given, a step that is not positive, or not one time for each snapshot.
     """
     if time is not None and step is not None:
         raise ValueError("give either time, one for each snapshot, or time_step")

@@ -1,4 +1,4 @@
-"""Series from a file or an object with a time axis: NetCDF, Zarr, xarray's data sets and arrays."""
+"""Open a series from a file or object with a time axis: NetCDF, Zarr, xarray data sets and arrays."""
 
 import warnings
 from importlib import import_module
@@ -17,17 +17,17 @@ from .series import GridMesh, Series
 
 TIME_NAMES = ("time", "t", "Time")
 _AXES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
-# The share of a spacing by which nodes may lie off an even grid: what single precision makes of coordinates.
+# Fraction of a spacing by which nodes may deviate from an even grid: coordinates may be rounded to single precision.
 UNEVEN = 1e-3
 
 
 def series_of_file(
     path: Path, density: str | None, ambient: float | None, averages: bool, species: Any, own: dict
 ) -> Series:
-    """A series of a NetCDF file or a Zarr store; arguments as of `open_series`, `own` what goes to the series.
+    """Return the series of a NetCDF file or a Zarr store; arguments as in `open_series`, `own` those of `Series`.
 
     Raises:
-        ValueError: Nothing of the kind there, or what `series_of_dataset` refuses.
+        ValueError: The path is no such file or store, or `series_of_dataset` rejects its contents.
     """
     if not path.exists():
         raise ValueError(f"{path}: no such file; give a NetCDF file, a Zarr store, or a pattern such as flow_*.vtu")
@@ -42,7 +42,7 @@ def series_of_file(
 
 
 def _zarr(path: Path, what: str, most_axes: float) -> Any:
-    """A Zarr store as xarray has it; arguments as of `open_netcdf`."""
+    """Open a Zarr store with xarray; arguments as in `open_netcdf`."""
     try:
         import zarr  # noqa: F401
     except ImportError:
@@ -52,7 +52,7 @@ def _zarr(path: Path, what: str, most_axes: float) -> Any:
     check_file(path, what, most_axes)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # that a store without consolidated metadata opens slowly
+            warnings.simplefilter("ignore", RuntimeWarning)  # about slow opening without consolidated metadata
             return xarray.open_dataset(path, engine="zarr", chunks=None)
     except Exception as fault:
         raise ValueError(f"{path}: cannot be read as Zarr: {fault}") from None
@@ -61,7 +61,7 @@ def _zarr(path: Path, what: str, most_axes: float) -> Any:
 def series_of_dataset(
     data: Any, density: str | None, ambient: float | None, averages: bool, species: Any, own: dict, name: str, identity
 ) -> Series:
-    """A series of an xarray object, of which one time is read at once."""
+    """Return the series of an xarray object, of which one time at a time is read."""
     if hasattr(data, "data_vars"):
         plain = {plain_name(str(own)): own for own in reversed([*data.data_vars])}
         found = density if density is not None else next((plain[one] for one in DENSITY_NAMES if one in plain), None)
@@ -128,7 +128,7 @@ def _falls(name: str, coordinate: Any) -> bool:
 
 
 def _along(name: str, coordinate: Any) -> np.ndarray:
-    """The values of a coordinate along its own axis."""
+    """Return the values of a coordinate along its own axis."""
     if coordinate.ndim != 1:
         axes = ", ".join(map(str, coordinate.dims)) or "no axis"
         raise ValueError(f"{name}: coordinate {coordinate.name} is over {axes}: give it along its own axis alone")
@@ -136,10 +136,10 @@ def _along(name: str, coordinate: Any) -> np.ndarray:
 
 
 def _numbers(name: str, array: Any, kinds: str = "iufmM") -> np.ndarray:
-    """The values of an array: numbers or times. xarray decodes them by attributes, which may be anything."""
+    """Return the values of an array, numbers or times. xarray decodes them by attributes, which may be anything."""
     try:
         values = np.asarray(array.values)
-    except Exception as fault:  # the libraries meet what is damaged with any error
+    except Exception as fault:  # the libraries raise any kind of error for damaged data
         if isinstance(fault, ValueError) and str(fault).startswith(name):
             raise
         said = " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
@@ -152,14 +152,14 @@ def _numbers(name: str, array: Any, kinds: str = "iufmM") -> np.ndarray:
 
 
 def _snapshot_size(array: Any) -> float:
-    """What reading a time of an array takes [bytes]: a whole chunk of the file where that is more."""
+    """Return the memory needed to read one time of an array [bytes]: at least a whole chunk of the file."""
     chunks = array.encoding.get("chunks") or array.encoding.get("chunksizes") or (0,)
     counts = (np.prod(array.shape[1:], dtype=float), np.prod(chunks, dtype=float))
     return float(max(counts)) * array.dtype.itemsize
 
 
 def _in_si(name: str, axis: str, array: Any, dimension: str) -> np.ndarray:
-    if axis not in array.coords:  # of which xarray would make numbers from 0 on
+    if axis not in array.coords:  # xarray would number the nodes from 0
         raise ValueError(f"{name}: axis {axis} has no coordinate: add one")
     coordinate = array.coords[axis]
     values = _along(name, coordinate)
@@ -177,7 +177,7 @@ def _factor(name: str, unit: Any, dimension: str, what: str) -> float:
 
 
 def _even(name: str, axis: str, array: Any) -> tuple[float, float]:
-    """First node and spacing of an axis [m]."""
+    """Return the first node and the spacing of an axis [m]."""
     places = _in_si(name, axis, array, "length")
     if len(places) < 2:
         raise ValueError(f"{name}: axis {axis} needs at least two nodes")

@@ -1,4 +1,4 @@
-"""Opening a series: from a file with a time axis, from numbered files, from arrays of a solver in this process."""
+"""Open a series from a file with a time axis, from numbered files, or from arrays of a solver in this process."""
 
 import os
 import re
@@ -39,43 +39,43 @@ def open_series(
     species: Any = None,
     **options: Any,
 ) -> Series:
-    """Open snapshots of a flow in time; each is read when it is asked for.
+    """Open snapshots of a flow in time; each is read when it is requested.
 
     Args:
         source: One of
-            a NetCDF file or a Zarr store with a time axis, or an xarray object: coordinates time and x, y, z, or y, z,
-            or r, z, on even grids in metres (a `units` attribute is heeded), and the density;
+            a NetCDF file or a Zarr store with a time axis, or an xarray object: the density, with coordinates time and
+            x, y, z, or y, z, or r, z, on even grids in metres or in the unit of their attribute `units`;
             a pattern such as "run/flow_*.vtu", or a list of paths: numbered files, read by `read`;
-            a ParaView collection (.pvd) or file series (.vtu.series) or an OpenFOAM case with time directories, which
-            have their times, likewise;
-            a list or an iterator of arrays (NumPy, or any with DLPack), or of density fields. An iterator's snapshots
-            come once, in their order.
-        time: Time of each snapshot [s]; for numbered files and arrays. A file with a time axis has its own.
-        time_step: Time from one snapshot to the next [s], in place of `time`.
-        start_time: Time of the first one [s], with `time_step`.
-        count: How many snapshots an iterator gives, with `time_step`.
+            a ParaView collection (.pvd) or file series (.vtu.series), or an OpenFOAM case with time directories, read
+            by `read` at the times that they give;
+            a list or an iterator of arrays (NumPy, or any with DLPack), or of density fields. The snapshots of an
+            iterator can be read only once and in order.
+        time: Time of each snapshot [s], for numbered files and arrays. A file with a time axis has its own.
+        time_step: Time from one snapshot to the next [s], instead of `time`.
+        start_time: Time of the first snapshot [s], with `time_step`.
+        count: How many snapshots an iterator yields, with `time_step`.
         density: Name of the density in a file; None looks for density, rho and the like.
         ambient_density: Density around the field [kg/m3]; None takes the file's attribute of that name.
         geometry: "volume", "planar" or "axisymmetric", for arrays.
-        origin: Coordinates of their first node [m].
-        spacing: Their node spacing [m]; of volumes that are read, the greatest one.
-        mesh: The mesh of arrays that are no uniform grid's: averages over its cells, or values at its vertices.
+        origin: Coordinates of the first node of arrays [m].
+        spacing: Node spacing of arrays [m]; for volumes read from files, the greatest spacing of their grid.
+        mesh: The mesh of arrays that are not on a uniform grid: averages over its cells, or values at its vertices.
         cell_averages: The samples are averages over cells centred on the nodes.
         body: Solid body in the flow.
         conditions: The free stream.
-        read: Reads a numbered file, `read(path, **options)`, or a case at a time, `read(path, time=..., **options)`;
-            None: `flow.read`.
-        species: Fractions by which the gas of a file is a mixture, as in `flow.read`; they may vary in time. Density
-            fields bring their own, and bare arrays have none.
+        read: Reads a numbered file, `read(path, **options)`, or one time of a case,
+            `read(path, time=..., **options)`; None: `flow.read`.
+        species: Fractions of the species of which a file's gas is a mixture, as in `flow.read`; they may vary in time.
+            Density fields have their own, and bare arrays have none.
         options: For `read`: the frame, the unit of length, and so on.
 
     Raises:
         TypeError: A source of none of these kinds.
-        ValueError: No such file, no density or time in it, coordinates that are no even grid, times that do not
-            increase, or what else is missing, with the remedy.
+        ValueError: No such file, no density or time in it, coordinates that are not an even grid, times that do not
+            increase, or missing information (the message says what to give).
     """
     own: dict[str, Any] = {"body": body, "conditions": conditions}
-    # What this function takes for arrays, `read` takes for files under the same names.
+    # `read` takes these arguments for files under the same names as this function for arrays.
     shared = {"ambient_density": ambient_density, "geometry": geometry, "spacing": spacing}
     if species not in (None, False):
         shared["species"] = species
@@ -89,7 +89,7 @@ def open_series(
             entries = lists.collection(path)
             paths, instants = [entry.file for entry in entries], [entry.time for entry in entries]
             reader = _reader(read, for_files, density)
-            if len(set(instants)) < len(instants):  # several parts at one time: the collection itself is read
+            if len(set(instants)) < len(instants):  # several files make up one time: `read` the collection instead
                 return _at_times(path, np.unique(instants), reader, {"file": path.name})
             return _of_files(paths, instants, None, 0.0, reader)
         case = import_module(f"{__package__}.reading.foam_case")
@@ -134,7 +134,7 @@ def open_series(
 
 
 def _matching(pattern: Path) -> list[Path]:
-    """The files of a pattern by the numbers in their names."""
+    """Return the files of a pattern, ordered by the numbers in their names."""
     parts = pattern.parts
     first = next(k for k, part in enumerate(parts) if any(letter in part for letter in "*?["))
     root = Path(*parts[:first]) if first else Path()
@@ -165,7 +165,7 @@ def _of_files(
 
 
 def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, described: str, **more: Any) -> Series:
-    """A series of density fields: what the first one has counts for those that agree with it."""
+    """Return a series of density fields, with the mesh, body and free stream of the first one."""
     if not isinstance(first, DensityField):
         raise TypeError(f"{described}: read must return a DensityField, got {type(first).__name__}")
     conditions = getattr(first, "conditions", None)
@@ -173,7 +173,7 @@ def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, describ
 
 
 def _reader(read: Callable[..., DensityField] | None, options: dict[str, Any], density: str | None) -> Callable:
-    """What reads a file, its options put in; volumes on one mesh are drawn into their grid once."""
+    """Return a function that reads a file with the options given; None: a `Reader`, which reuses a common mesh."""
     given: dict[str, Any] = options if density is None else {**options, "density": density}
     if read is None:
         return import_module(f"{__package__}.reading.reader").Reader(**given)
@@ -181,14 +181,14 @@ def _reader(read: Callable[..., DensityField] | None, options: dict[str, Any], d
 
 
 def _of_case(path: Path, reader: Callable[..., DensityField]) -> Series:
-    """An OpenFOAM case by its time directories, those from which `flow.read` takes one time."""
+    """Return the series of an OpenFOAM case, at the time directories from which `flow.read` chooses one."""
     case = import_module(f"{__package__}.reading.foam_case")
     times = [value for value, _ in case.parts_and_times(case.case_folder(path))[1]]
     return _at_times(path, np.array(times), reader, {"case": path.name})
 
 
 def _at_times(path: Path, times: np.ndarray, reader: Callable[..., DensityField], identity: dict) -> Series:
-    """A file or case of several times, of which the reader is asked for one."""
+    """Return the series of a file or case with several times, each read by `reader(path, time=...)`."""
     return _of_fields(
         lambda number: reader(path, time=float(times[number])),
         times,

@@ -1,4 +1,4 @@
-"""Snapshots of a mixture of gases from a file with a time axis: the fractions of each species beside the density."""
+"""Read snapshots of a mixture of gases from a file with a time axis: fractions of each species and the density."""
 
 from typing import Any
 
@@ -10,11 +10,11 @@ from .series import GridMesh
 
 
 class Mixture:
-    """The species of an xarray object: which variables hold their fractions.
+    """The variables of an xarray object that hold the fractions of species.
 
     Attributes:
-        said: What was taken, in words.
-        identity: The same as plain JSON types.
+        said: The variables used, in words.
+        identity: The variables used, as plain JSON types.
     """
 
     def __init__(self, name: str, data: Any, axes: tuple[str, ...], species: Any):
@@ -23,12 +23,12 @@ class Mixture:
         Args:
             name: The file, for messages.
             data: The xarray object.
-            axes: Time and the axes of the density, in its order.
+            axes: The time axis and the axes of the density, in the density's order.
             species: As in `flow.read`.
 
         Raises:
-            TypeError: `species` is no such thing.
-            ValueError: An unknown species, no such variable, or one on other axes than the density's.
+            TypeError: `species` has a wrong type.
+            ValueError: An unknown species, no such variable, or a variable on other axes than the density.
         """
         if not hasattr(data, "data_vars"):
             raise ValueError(
@@ -48,17 +48,17 @@ class Mixture:
         self.identity = [self._basis, *map(list, self._arrays.items())]
 
     def field(self, density: np.ndarray, where: GridMesh, ambient: float, own: dict, number: int) -> GridDensity:
-        """The density field of a snapshot, with its composition.
+        """Return the density field of a snapshot, with its composition.
 
         Args:
             density: [kg/m3], on the grid.
             where: The grid.
-            ambient: Density around it [kg/m3].
-            own: Its body and its free stream.
-            number: Of the snapshot.
+            ambient: Density around the grid [kg/m3].
+            own: The body and the free stream, by name.
+            number: Number of the snapshot.
 
         Raises:
-            ValueError: Fractions that are none, densities that are no gas's.
+            ValueError: Fractions that are not valid, densities that no gas has.
         """
         each = [one.isel({self._clock: number}) if self._clock in one.dims else one for one in self._shares]
         shares = np.stack([np.asarray(one.values, dtype=np.float64).ravel() for one in each])
@@ -66,7 +66,7 @@ class Mixture:
         parts = mass_fractions(told, shares, "node", self._arrays, self._basis)
         density = np.array(density, dtype=np.float64)
         partial = (parts * density.ravel()).reshape(-1, *density.shape)
-        around = partial[..., -1].reshape(len(partial), -1).mean(axis=1)  # where the flow comes from
+        around = partial[..., -1].reshape(len(partial), -1).mean(axis=1)  # greatest z: the inflow
         composition = Fractions(tuple(self._arrays), [], self.said).composition(partial, around)
         return GridDensity(
             density, where.origin, where.spacing, where.geometry, ambient, where.cell_averages,

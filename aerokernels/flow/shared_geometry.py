@@ -1,4 +1,4 @@
-"""Flows on one mesh, about one body: what was worked out of the geometry for one of them serves the others."""
+"""Let flows with equal meshes and bodies share the objects, and with them the geometry computed from these."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,9 +8,10 @@ from .density_field import DensityField, SampledDensity
 
 
 def on_known_geometry(flow: DensityField, known: Sequence[DensityField]) -> DensityField:
-    """A flow on the very mesh, and about the very body, of a known one where those are equal, or as it is.
+    """Return a flow with its mesh and body replaced by the equal mesh and body of a known flow, where there are such.
 
-    A mesh and a body keep what was worked out of them: another snapshot, or another density, need not do it again.
+    Geometry computed from a mesh or a body is cached on that object: with the same object, another snapshot or another
+    density field does not compute it again.
     """
     if not isinstance(flow, SampledDensity):
         return flow

@@ -1,4 +1,4 @@
-"""The flow fields that come with the package: a wind-tunnel model at Mach 2, 3 and 4, and its dome at incidence.
+"""The flow fields shipped with the package: a wind-tunnel model at Mach 2, 3 and 4, and its dome at incidence.
 
 See data/PROVENANCE.txt.
 """
@@ -22,7 +22,7 @@ _NAMES = (*PLANE_NAMES, VOLUME)
 
 
 def shipped_names() -> tuple[str, ...]:
-    """Names that `shipped` knows.
+    """Return the names that `shipped` takes.
 
     Examples:
         >>> shipped_names()
@@ -41,11 +41,11 @@ def shipped(name: str) -> CellDensity: ...
 
 @checked
 def shipped(name: str) -> CellDensity | GridDensity:
-    """A shipped CFD field of the wind-tunnel model, in the optical frame: z looks upstream, the nose tip is at 0.
+    """Return a shipped CFD field of the wind-tunnel model, in the optical frame: z points upstream, the nose is at 0.
 
-    Steady inviscid air with the model as its body: axisymmetric, 250 x 80 cells; or the model's dome in space, at
-    Mach 3 and an angle of attack of 10 degrees (the wind comes from below, it blows toward -z and +y), on a uniform
-    grid.
+    Each is a steady inviscid flow of air. "mach2", "mach3" and "mach4" are axisymmetric, with 250 x 80 cells and the
+    model as body. "dome-alpha10" is the flow over the model's dome at Mach 3 and an angle of attack of 10 degrees (the
+    wind comes from below and blows toward -z and +y), a volume on a uniform grid.
 
     Args:
         name: "mach2", "mach3", "mach4" or "dome-alpha10".
@@ -74,7 +74,7 @@ def shipped(name: str) -> CellDensity | GridDensity:
 
 
 def _volume(name: str) -> GridDensity:
-    """A volume that is symmetric about x = 0, of which the file has one half."""
+    """Return a volume that is symmetric about x = 0, of which the file holds one half."""
     with (_DATA / f"{name}.npz").open("rb") as stream, np.load(stream, allow_pickle=False) as data:
         half, origin, spacing = data["rho"].astype(np.float64), data["origin"].copy(), data["spacing"]
         ambient, conditions, profile = float(data["rho_inf"]), _free_stream(data), data["profile"]
@@ -95,7 +95,7 @@ def _volume(name: str) -> GridDensity:
 
 
 def _free_stream(data) -> FreeStream:
-    """The free stream from the stagnation state; the solver was started with the same relations."""
+    """Return the free stream from the stagnation state, by the relations with which the solver was initialised."""
     return tunnel_conditions(
         float(data["mach"]),
         float(data["p0"]),
@@ -106,6 +106,6 @@ def _free_stream(data) -> FreeStream:
 
 
 def _wall(radius: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """The model's outline, shape (k, 2): the wall from the nose tip on, then the base back to the axis."""
+    """Return the model's outline, shape (k, 2): the wall from the nose tip, then the base back to the axis."""
     wall = np.stack([radius[:, 0], z[:, 0]], axis=1)
     return np.vstack([wall, [0.0, z[-1, 0]]])

@@ -1,4 +1,4 @@
-"""A shock tube at one moment as a density field: the exact solution of its Riemann problem."""
+"""The flow in a shock tube at one time as a density field: the exact solution of its Riemann problem."""
 
 from dataclasses import dataclass
 
@@ -16,12 +16,12 @@ AXES = ("y", "z")
 
 @dataclass(frozen=True)
 class TubeAtTime:
-    """The flow in a shock tube at one moment after its diaphragm, at the origin, has burst.
+    """The flow in a shock tube at one time after its diaphragm, at the origin, has burst.
 
     Attributes:
         riemann: The solution, with its relations.
-        time: Since the burst [s].
-        axis: "y", from left to right along +y, or "z", downstream, so from left to right along -z.
+        time: Time since the burst [s].
+        axis: "y": left to right is along +y; "z": left to right is downstream, along -z.
         reference: Density of the gas on the right [kg/m3].
     """
 
@@ -48,27 +48,28 @@ def shock_tube(
     spacing: float | None = None,
     gamma: float = GAMMA_AIR,
 ) -> ExactField:
-    """A shock tube at one moment, as a planar density field; the exact solution, with exact cell averages.
+    """Return the exact flow in a shock tube at one time as a planar density field, with exact cell averages.
 
-    The diaphragm stood at the origin. Light along z looks across a tube along y; a tube along z is looked through.
+    The diaphragm was at the origin. Rays along z cross a tube along y, and run along a tube along z.
 
     Args:
         left: State of the gas on the left.
         right: State of the gas on the right; its density is the ambient one.
-        time: Since the diaphragm burst [s].
+        time: Time since the diaphragm burst [s].
         length: Length of the tube [m], half of it to each side; the waves must not have reached the ends.
         width: Extent across the tube [m]; None takes a tenth of the length.
-        axis: "y", from left to right along +y, or "z", downstream, so from left to right along -z.
-        spacing: Greatest length of the cells along the tube [m]; None takes 1/200 of the length. Across it there are 8.
-        gamma: Ratio of specific heats, of both gases.
+        axis: "y": left to right is along +y; "z": left to right is downstream, along -z.
+        spacing: Greatest length of the cells along the tube [m]; None takes 1/200 of the length. There are 8 cells
+            across the tube.
+        gamma: Ratio of specific heats of both gases.
 
     Returns:
         The field; `solution.riemann` has pressure, speeds and densities of the waves.
 
     Raises:
-        TypeError: A state that is no GasState.
-        ValueError: What `riemann` refuses, a quantity that is not positive, an unknown axis, or a tube so short that a
-            wave has left it (the message gives the least length).
+        TypeError: A state that is not a GasState.
+        ValueError: As for `riemann`; a quantity that is not positive; an unknown axis; a tube so short that a wave has
+            left it (the message gives the least length).
     """
     solution = riemann(left, right, gamma=gamma)
     check_positive(time, "time")

@@ -22,7 +22,7 @@ from .gas import GAMMA_AIR, check_gamma, stagnation_ratio
 
 @dataclass(frozen=True)
 class Shock:
-    """State behind a straight shock relative to the state ahead of it.
+    """The state behind a straight shock relative to the state ahead of it.
 
     Attributes:
         mach: Mach number ahead of the shock.
@@ -47,7 +47,7 @@ class Shock:
 
 @dataclass(frozen=True)
 class PrandtlMeyer:
-    """Prandtl-Meyer angle of a supersonic stream.
+    """The Prandtl-Meyer angle of a supersonic stream.
 
     Attributes:
         mach: Mach number.
@@ -62,7 +62,7 @@ class PrandtlMeyer:
 
 @checked
 def normal_shock(mach: float, *, gamma: float = GAMMA_AIR) -> Shock:
-    """State behind a shock normal to the flow.
+    """Return the state behind a shock normal to the flow.
 
     Raises:
         ValueError: A Mach number below 1 or not finite, or gamma not above 1.
@@ -77,12 +77,12 @@ def normal_shock(mach: float, *, gamma: float = GAMMA_AIR) -> Shock:
 
 @checked
 def oblique_shock(mach: float, deflection: float, *, strong: bool = False, gamma: float = GAMMA_AIR) -> Shock:
-    """State behind the attached oblique shock of a wedge.
+    """Return the state behind the attached oblique shock of a wedge.
 
     Args:
         mach: Mach number ahead of the shock.
         deflection: Angle by which the flow turns [rad], zero or more.
-        strong: Take the strong solution in place of the weak one, which is what a wedge in free flight shows.
+        strong: Return the strong solution instead of the weak one, which a wedge in free flight has.
         gamma: Ratio of specific heats.
 
     Raises:
@@ -113,14 +113,14 @@ def oblique_shock(mach: float, deflection: float, *, strong: bool = False, gamma
 
 @checked
 def maximum_deflection(mach: float, *, gamma: float = GAMMA_AIR) -> float:
-    """Greatest deflection [rad] that leaves the shock attached to a wedge."""
+    """Return the greatest deflection [rad] at which the shock of a wedge is attached."""
     _check_supersonic(mach, gamma)
     return _deflection(mach, _angle_of_maximum_deflection(mach, gamma), gamma)
 
 
 @checked
 def prandtl_meyer(mach: float, *, gamma: float = GAMMA_AIR) -> PrandtlMeyer:
-    """Prandtl-Meyer angle and Mach angle.
+    """Return the Prandtl-Meyer angle and the Mach angle of a stream.
 
     Raises:
         ValueError: A Mach number below 1 or not finite, or gamma not above 1.
@@ -141,7 +141,7 @@ def _behind(mach: float, angle: float, deflection: float, gamma: float) -> Shock
     density = (gamma + 1.0) * square / ((gamma - 1.0) * square + 2.0)
     pressure = 1.0 + 2.0 * gamma / (gamma + 1.0) * (square - 1.0)
     temperature = pressure / density
-    # The velocity along the shock stays, the one normal to it falls by the density ratio; sound speed^2 goes with T.
+    # The velocity along the shock is unchanged, the normal one is divided by the density ratio; sound speed^2 ~ T.
     velocity_square = (mach * math.cos(angle)) ** 2 + square / density**2
     stagnation = stagnation_ratio(density, pressure, gamma)
     return Shock(
@@ -169,7 +169,7 @@ def _angle_of_maximum_deflection(mach: float, gamma: float) -> float:
 
 
 def _bisect(function, low: float, high: float) -> float:
-    """Root of a function that is negative at `low` and not negative at `high`, to the last bit."""
+    """Return the root of a function, negative at `low` and not negative at `high`, to the last bit."""
     while True:
         middle = 0.5 * (low + high)
         if middle in (low, high):

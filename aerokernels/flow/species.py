@@ -1,14 +1,14 @@
 r"""Refractivity of gases by species, and of their mixtures.
 
-A published dispersion formula gives n - 1 at one reference state, in one of two forms (lambda in um, in vacuum):
+A published dispersion formula gives n - 1 at one reference state, in one of two forms (vacuum wavelength lambda in um):
 
     "sum"         n - 1 = c0 + sum a / (b - 1 / lambda^2)
     "sellmeier"   n^2 - 1 = sum a lambda^2 / (lambda^2 - b)
 
-Over the density of the real gas there, rho = p M / (Z R T) with Z = 1 + B p / (R T), it is the species' constant K. In
-a mixture the refractivities add: K = sum w K over mass fractions w.
+Divided by the density of the real gas at that state, rho = p M / (Z R T) with Z = 1 + B p / (R T), it gives the
+species' constant K. In a mixture the refractivities add: K = sum w K over mass fractions w.
 
-Coefficients as in the refractiveindex.info database (CC0), each from the paper named with it. Second virial
+The coefficients are those of the refractiveindex.info database (CC0), each from the paper named with it. Second virial
 coefficients B are those of J. H. Dymond and E. B. Smith, The Virial Coefficients of Pure Gases and Mixtures (Oxford,
 1980), to about 1 cm3/mol, which is 4.5e-5 of the density. Mixed in dry air's proportions the constants agree with
 Ciddor's to 5e-5.
@@ -24,7 +24,7 @@ from ..inputs.wavelength import SAME, check_wavelength
 from . import ciddor
 
 GAS_CONSTANT = 8.314462618  # [J/(mol K)]
-# Fractions may miss a sum of 1 by so much, as rounded ones do; they are then scaled to it.
+# The sum of fractions may differ from 1 by this much, as rounded fractions do; they are then scaled to a sum of 1.
 SUM_TOLERANCE = 2e-3
 
 
@@ -37,9 +37,9 @@ class Species:
         molar_mass: [kg/mol].
         form: "sum" or "sellmeier".
         coefficients: (c0, a, b, a, b, ...) for "sum", (a, b, a, b, ...) for "sellmeier".
-        wavelength_range: Vacuum wavelengths for which the formula was made [m].
-        temperature: Of the reference state [K].
-        pressure: Of the reference state [Pa].
+        wavelength_range: Vacuum wavelengths for which the formula was fitted [m].
+        temperature: Temperature of the reference state [K].
+        pressure: Pressure of the reference state [Pa].
         virial: Second virial coefficient at that temperature [m3/mol].
         uncertainty: Relative uncertainty of the constant.
         source: The paper.
@@ -58,12 +58,12 @@ class Species:
 
     @property
     def reference_density(self) -> float:
-        """Density at the reference state [kg/m3], not as a perfect gas."""
+        """Density of the real gas at the reference state [kg/m3]."""
         ideal = self.pressure / (GAS_CONSTANT * self.temperature)
         return self.molar_mass * ideal / (1.0 + self.virial * ideal)
 
     def refractivity(self, wavelength: float) -> float:
-        """Refractivity n - 1 at the reference state: the published formula itself.
+        """Return the refractivity n - 1 at the reference state, by the published formula.
 
         Raises:
             ValueError: A wavelength outside the formula's range.
@@ -84,7 +84,7 @@ class Species:
         return excess / (1.0 + float(np.sqrt(1.0 + excess)))
 
     def constant(self, wavelength: float, form: str = "gladstone-dale") -> float:
-        """Constant K [m3/kg] at a vacuum wavelength [m].
+        """Return the constant K [m3/kg] at a vacuum wavelength [m].
 
         Args:
             wavelength: [m].
@@ -103,7 +103,7 @@ _NORMAL = (273.15, 101325.0)
 
 
 def _gas(name, grams, form, coefficients, micrometres, virial, uncertainty, source, state=_NORMAL) -> Species:
-    """A species from numbers as the papers have them: g/mol, um, cm3/mol."""
+    """Return a species from numbers in the papers' units: g/mol, um, cm3/mol."""
     return Species(
         name=name,
         molar_mass=grams * 1e-3,
@@ -165,24 +165,24 @@ SPECIES: dict[str, Species] = {
 }  # fmt: skip
 WATER = "H2O"
 SPECIES_NAMES = (*SPECIES, WATER)
-# Ciddor's water vapour was fitted to moist air: 1 % of the vapour's own share.
+# Ciddor's water vapour was fitted to moist air: the uncertainty is 1 % of the vapour's contribution.
 _WATER_UNCERTAINTY = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
 class Composition:
-    """What a gas is made of: fractions of species, the same everywhere or one for each cell of a density field.
+    """The composition of a gas: fractions of species, the same everywhere or one for each cell of a density field.
 
     Attributes:
         fractions: Fraction of each species, by chemical formula (`SPECIES_NAMES`): a number, or an array with one entry
-            for each density. They are scaled to a sum of 1, which they must not miss by more than 0.2 %.
+            for each density. Their sum must be within 0.2 % of 1; they are scaled to a sum of 1.
         basis: "mole" or "mass".
-        ambient: Fractions of the gas around the field; None where `fractions` are numbers, and hold there too.
+        ambient: Fractions of the gas around the field; None where `fractions` are numbers that hold there too.
 
     Raises:
-        TypeError: Fractions that are no mapping.
-        ValueError: An unknown species or basis, a fraction below 0 or not finite, a sum that is not 1, or fractions by
-            cell without `ambient`.
+        TypeError: Fractions that are not a mapping.
+        ValueError: An unknown species or basis, a fraction below 0 or not finite, a sum that is not 1, fractions of
+            different shapes, or fractions by cell without `ambient`.
     """
 
     fractions: Mapping[str, object]
@@ -214,6 +214,12 @@ class Composition:
             if not (np.isfinite(share).all() and (share >= 0.0).all()):
                 raise ValueError(f"the fraction of {name} must be finite and not negative, got {value!r}")
             shares[name] = share
+        shapes = {share.shape for share in shares.values() if share.ndim}
+        if len(shapes) > 1:
+            raise ValueError(
+                f"the fractions of {', '.join(shares)} have the shapes {', '.join(map(str, sorted(shapes)))}: give one "
+                "fraction of each species for each density"
+            )
         total = np.asarray(sum(shares.values()))
         if not (np.abs(total - 1.0) <= SUM_TOLERANCE).all():
             worst = float(total.ravel()[np.argmax(np.abs(total - 1.0))])
@@ -224,12 +230,12 @@ class Composition:
         return {name: share / total for name, share in shares.items()}
 
     def constant(self, wavelength: float, form: str = "gladstone-dale", *, ambient: bool = False):
-        """Constant K [m3/kg] of the mixture at a vacuum wavelength [m], a number or an array: sum of w K.
+        """Return the constant K [m3/kg] of the mixture at a vacuum wavelength [m], a number or an array: sum of w K.
 
         Args:
             wavelength: [m].
             form: "gladstone-dale" or "lorentz-lorenz": see Species.constant.
-            ambient: Of the ambient gas.
+            ambient: Return the constant of the ambient gas.
 
         Raises:
             ValueError: A wavelength outside the range of one of the species' formulas.
@@ -246,25 +252,25 @@ class Composition:
 
     @property
     def uncertainty(self) -> float:
-        """Relative uncertainty of the constant: that of the worst species in it."""
+        """Relative uncertainty of the constant: the greatest among those of its species."""
         return max(_WATER_UNCERTAINTY if name == WATER else SPECIES[name].uncertainty for name in self._names)
 
     @property
     def source(self) -> str:
-        """The papers."""
+        """The papers from which the constants come."""
         return "; ".join(
             dict.fromkeys("Ciddor (1996)" if name == WATER else SPECIES[name].source for name in self._names)
         )
 
     @property
     def _names(self) -> tuple[str, ...]:
-        """Species that are there at all, inside or outside."""
+        """Species with a fraction above 0 anywhere, in the field or around it."""
         present = {name for shares in self._mass for name, share in shares.items() if share.any()}
         return tuple(name for name in SPECIES_NAMES if name in present)
 
 
 def molar_mass(name: str) -> float:
-    """Molar mass of a species [kg/mol].
+    """Return the molar mass of a species [kg/mol].
 
     Raises:
         ValueError: An unknown species; the message lists the known ones.
@@ -276,7 +282,7 @@ def molar_mass(name: str) -> float:
 
 @checked
 def species_constant(name: str, wavelength: float, form: str = "gladstone-dale") -> float:
-    """Constant K of a species [m3/kg] at a vacuum wavelength [m]: refractivity over density.
+    """Return the constant K of a species [m3/kg] at a vacuum wavelength [m]: refractivity over density.
 
     Args:
         name: One of `SPECIES_NAMES`: N2, O2, Ar, CO2, He, H2, Ne, Kr, Xe, H2O.
@@ -287,7 +293,7 @@ def species_constant(name: str, wavelength: float, form: str = "gladstone-dale")
         ValueError: An unknown species, or a wavelength outside the range of its formula.
     """
     if name == WATER:
-        # At the density of the vapour, below 1e-2 kg/m3, the two forms are the same to 1e-6.
+        # At the density of the vapour, below 1e-2 kg/m3, the two forms agree to 1e-6.
         return ciddor.ciddor_constant(wavelength, water=1.0)
     molar_mass(name)
     return SPECIES[name].constant(wavelength, form)

@@ -17,12 +17,12 @@ def uniform_air(
     radius: float = 0.04,
     z_range: tuple[float, float] = (-0.04, 0.01),
 ) -> CellDensity:
-    """Air at rest, the same everywhere: what a tunnel holds before it is started.
+    """Return uniform air at rest, such as that in a tunnel before it is started.
 
     Args:
         density: [kg/m3].
-        body: A solid body standing in it.
-        radius: Radius of the axisymmetric box the field is given on [m]; beyond it the air is the same.
+        body: A solid body in the air.
+        radius: Radius of the axisymmetric box of the field [m]; the air outside it is the same.
         z_range: Lowest and highest z of the box [m].
 
     Raises:
@@ -32,7 +32,7 @@ def uniform_air(
     low, high = z_range
     if not low < high:
         raise ValueError(f"z_range must increase, got {z_range!r}")
-    # Eight cells are more than a constant needs; five-point gradients need four.
+    # Five-point gradients need four cells; eight leave some room.
     nodes = np.meshgrid(np.linspace(0.0, radius, 9), np.linspace(low, high, 9), indexing="ij")
     mesh, ambient = QuadMesh.structured(*nodes, "axisymmetric"), check_positive(density, "density")
     return CellDensity(mesh, np.full(len(mesh.cells), ambient), ambient, body, None, f"air at rest, {ambient:g} kg/m3")

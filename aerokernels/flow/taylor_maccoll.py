@@ -1,16 +1,16 @@
 r"""Supersonic flow over a circular cone at zero incidence: the Taylor-Maccoll solution.
 
-Behind the attached conical shock the flow depends on the polar angle t from the axis alone. With the speed of the free
-stream as unit, v_r and v_t along and across the ray from the tip, and the sound speed a,
+Behind the attached conical shock the flow depends only on the polar angle t from the axis. With velocities in units of
+the free stream's speed, v_r along the ray from the tip, v_t across it, and the sound speed a,
 
     v_r' = v_t                                                        (no vorticity)
     v_t' = -v_r - a^2 (v_r + v_t cot t) / (a^2 - v_t^2)               (mass)
     a^2  = 1 / M^2 + (g - 1) / 2 (1 - v_r^2 - v_t^2)                  (energy)
 
-from the shock, where the Rankine-Hugoniot relations hold, to the wall, where v_t = 0. Integrated is the deviation from
-the free stream, u = v_r - cos t and w = v_t + sin t, and the unknown is the shock's strength e = M^2 sin^2 b - 1: no
-step takes a difference of nearly equal numbers, so slender cones, with e of the order of the half angle's fourth power,
-come out as exactly as blunt ones.
+from the shock, where the Rankine-Hugoniot relations hold, to the wall, where v_t = 0. The variables integrated are the
+deviations from the free stream, u = v_r - cos t and w = v_t + sin t, and the unknown is the shock's strength
+e = M^2 sin^2 b - 1 with the shock angle b. No step subtracts nearly equal numbers, so slender cones, with e of the
+order of the half angle's fourth power, are as accurate as blunt ones.
 
 References: G. I. Taylor and J. W. Maccoll, Proc. R. Soc. A 139 (1933) 278; J. D. Anderson, Modern Compressible Flow,
 3rd ed., ch. 10. Tables: J. L. Sims, NASA SP-3004 (1964).
@@ -28,15 +28,15 @@ from .shocks import _check_supersonic, maximum_deflection, oblique_shock
 # Below this half angle the shock's strength is less than 1e-24 and the flow is the free stream to double precision.
 LEAST_HALF_ANGLE = 1e-6
 TOLERANCE = 1e-13
-# Parts of an integrator's step between two entries of the profile: the cubics between them are then good to 1e-12.
+# Profile entries per step of the integrator: the cubics between entries are then accurate to 1e-12.
 PARTS = 16
 
 
 @checked
 def cone_shock(mach: float, half_angle: float, *, gamma: float = GAMMA_AIR) -> ConeShock:
-    """The flow over a cone at zero incidence with an attached shock: the weak solution, that of free flight.
+    """Return the flow over a cone at zero incidence with an attached shock: the weak solution, that of free flight.
 
-    Good to 1e-11 in angles and ratios. As the half angle goes to zero the shock becomes a Mach wave.
+    Angles and ratios are accurate to 1e-11. As the half angle goes to zero the shock becomes a Mach wave.
 
     Args:
         mach: Mach number of the free stream, above 1.
@@ -61,16 +61,16 @@ def cone_shock(mach: float, half_angle: float, *, gamma: float = GAMMA_AIR) -> C
 
 @checked
 def maximum_cone_angle(mach: float, *, gamma: float = GAMMA_AIR) -> float:
-    """Greatest half angle [rad] of a cone that leaves the shock attached."""
+    """Return the greatest half angle [rad] of a cone at which the shock is attached."""
     _check_supersonic(mach, gamma)
     return _summit(float(mach), float(gamma))[1]
 
 
 def _strength(mach: float, half_angle: float, gamma: float) -> float:
-    """The shock's strength e = M^2 sin^2 b - 1 for a half angle."""
+    """Return the shock's strength e = M^2 sin^2 b - 1 for a half angle [rad]."""
     from scipy.optimize import brentq
 
-    # The shock of a wedge of the same angle is stronger: an upper bound, where the wedge's shock is attached.
+    # Where the shock of a wedge of the same angle is attached, it is stronger and gives an upper bound.
     if half_angle < maximum_deflection(mach, gamma=gamma):
         angle = oblique_shock(mach, half_angle, gamma=gamma).shock_angle
         high = (mach * math.sin(angle)) ** 2 - 1.0
@@ -90,14 +90,14 @@ def _strength(mach: float, half_angle: float, gamma: float) -> float:
     if over <= 0.0:
         return high  # the greatest half angle itself
     while over > 0.0:
-        # The half angle of a slender cone goes with the fourth root of the strength, of a blunt one with a lesser root.
+        # The half angle grows with the fourth root of the strength for slender cones, faster for blunt ones.
         top, bottom = bottom, bottom - 4.0 * math.log1p(over / half_angle) - 0.5
         over = excess(bottom)
     return math.exp(brentq(excess, bottom, top, xtol=1e-12, rtol=1e-13))
 
 
 def _summit(mach: float, gamma: float) -> tuple[float, float]:
-    """Strength of the shock that goes with the greatest half angle, and that angle [rad]."""
+    """Return the greatest half angle's shock strength, and that half angle [rad]."""
     from scipy.optimize import minimize_scalar
 
     greatest = (mach - 1.0) * (mach + 1.0)
@@ -106,7 +106,7 @@ def _summit(mach: float, gamma: float) -> tuple[float, float]:
     low = math.asin(1.0 / mach)
 
     def strength(angle: float) -> float:
-        # From the Mach angle up: sin^2 b - sin^2 m as a product.
+        # sin^2 b - sin^2 m as a product, with the Mach angle m = `low`: no cancellation near the Mach angle.
         return mach**2 * math.sin(angle + low) * math.sin(angle - low)
 
     found = minimize_scalar(
@@ -123,7 +123,7 @@ def _shock_angle(mach: float, strength: float) -> float:
 
 
 def _integrate(mach: float, strength: float, gamma: float, end: float, *, wall: bool, dense: bool = False):
-    """Integrate u and w from the shock to the polar angle `end`, or with `wall` to where the flow is radial."""
+    """Integrate u and w from the shock to the polar angle `end` [rad] or, with `wall`, to where the flow is radial."""
     from scipy.integrate import solve_ivp
 
     shock_angle = _shock_angle(mach, strength)
@@ -137,7 +137,7 @@ def _integrate(mach: float, strength: float, gamma: float, end: float, *, wall: 
         sin_t, cos_t = sine * cos_s - cosine * sin_s, cosine * cos_s + sine * sin_s
         square = u * (2.0 * cos_t + u) + w * (w - 2.0 * sin_t)
         sound_square = 1.0 / mach**2 - half * square
-        # 1 / M^2 - sin^2 t as a product: near the shock both are almost equal.
+        # 1 / M^2 - sin^2 t as a product, because the two terms are almost equal near the shock.
         uniform = (sine * cos_t + cosine * sin_t) * sin_s - strength / mach**2
         gap = uniform - half * square + w * (2.0 * sin_t - w)
         return -w, u + sound_square * (u + w * cos_t / sin_t) / gap
@@ -163,13 +163,13 @@ def _integrate(mach: float, strength: float, gamma: float, end: float, *, wall: 
 
 
 def _wall_angle(mach: float, strength: float, gamma: float, floor: float) -> float:
-    """Half angle of the cone behind a shock of given strength [rad].
+    """Return the half angle of the cone behind a shock of given strength [rad].
 
-    Where it lies below `floor`, the integration ends there and the rest is a tangent: at the wall v_t' = -2 v_r.
+    If it is below `floor`, the integration ends at `floor` and is continued by a tangent: at the wall v_t' = -2 v_r.
     """
     if strength <= 0.0:
         return 0.0
-    # Above the axis, where cot t has no value; and a weak shock may lie below the floor itself.
+    # The end must be off the axis, where cot t is infinite, and not above the shock, which may be below `floor`.
     floor = min(max(floor, 1e-9), _shock_angle(mach, strength))
     shock_angle, solution, _ = _integrate(mach, strength, gamma, floor, wall=True)
     if solution.t_events[0].size:

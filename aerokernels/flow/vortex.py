@@ -1,10 +1,10 @@
-r"""The isentropic vortex: a steady swirl of one entropy, with its density in closed form.
+r"""The isentropic vortex: a steady swirl of uniform entropy, with its density in closed form.
 
     v(r) = a M (r / R) exp((1 - r^2 / R^2) / 2),       T / T1 = 1 - (g - 1) / 2 M^2 exp(1 - r^2 / R^2),
     rho / rho1 = (T / T1)^(1 / (g - 1)),               p / p1 = (T / T1)^(g / (g - 1))
 
-with a the sound speed far away: v is greatest, M a, at the radius R. It solves the Euler equations: dp / dr is
-rho v^2 / r.
+with the sound speed a far away. v has its maximum M a at the radius R. The vortex satisfies the Euler equations:
+dp / dr = rho v^2 / r.
 
 Reference: C.-W. Shu, in Advanced Numerical Approximation of Nonlinear Hyperbolic Equations, LNM 1697 (1998), where its
 strength is epsilon = 2 pi M sqrt(g), in units of R and of p / rho far away.
@@ -21,7 +21,7 @@ from .exact_averages import smooth_averages
 from .exact_field import ExactField, edges, rectangles
 from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density, check_gamma
 
-# Where the field ends, in radii: there the temperature differs from the ambient one by 1e-15 of the difference inside.
+# Half width of the field in radii: at its faces the temperature deviation is 1e-15 of that in the middle.
 REACH = 6.0
 CELLS_PER_RADIUS = 40
 
@@ -32,7 +32,7 @@ class Vortex:
 
     Attributes:
         mach: Greatest speed of the swirl over the sound speed far away.
-        radius: Where the swirl is fastest [m].
+        radius: Radius at which the swirl is fastest [m].
         gamma: Ratio of specific heats.
     """
 
@@ -84,16 +84,16 @@ def vortex(
     spacing: float | None = None,
     gamma: float = GAMMA_AIR,
 ) -> ExactField:
-    """The isentropic vortex as a planar density field, its axis along x, its middle at the origin.
+    """Return the isentropic vortex as a planar density field, with its axis along x through the origin.
 
-    The field reaches six radii to each side, where the density is the ambient one to rounding. Cell averages by Gauss's
-    rule are good to 1e-11 for cells up to half a radius.
+    The field extends six radii to each side, where the density equals the ambient one to rounding. Cell averages by
+    Gauss's rule are accurate to 1e-11 for cells up to half a radius.
 
     Args:
         mach: Greatest speed of the swirl over the sound speed far away; below 1.356 in air.
-        radius: Where the swirl is fastest [m].
+        radius: Radius at which the swirl is fastest [m].
         density: Density far away [kg/m3].
-        spacing: Greatest width of the cells, square ones [m]; None takes 1/40 of the radius.
+        spacing: Greatest side of the square cells [m]; None takes 1/40 of the radius.
         gamma: Ratio of specific heats.
 
     Returns:
@@ -101,7 +101,7 @@ def vortex(
 
     Raises:
         ValueError: A quantity that is not positive, a Mach number at which the middle reaches vacuum (the message gives
-            the limit), gamma not above 1, or a spacing above half a radius or for too many cells.
+            the limit), gamma not above 1, or a spacing that exceeds half a radius or gives too many cells.
     """
     swirl = Vortex(float(mach), float(radius), float(gamma))
     check_density(density, "density")

@@ -1,4 +1,4 @@
-"""What a solver holds at the walls of a flow on a mesh, beside the averages over its cells."""
+"""A solver's densities at the walls of a flow on a mesh, in addition to the averages over its cells."""
 
 from dataclasses import dataclass, replace
 
@@ -9,14 +9,14 @@ from .gas import no_gas
 
 @dataclass(frozen=True, eq=False)
 class WallDensity:
-    """Densities at points of walls: at the ends and the middles of the cells' edges.
+    """Densities at points of walls: at the ends and the midpoints of the cells' edges.
 
     Attributes:
-        points: Places (y, z) or (r, z) [m], shape (n, 2).
+        points: Positions (y, z) or (r, z) [m], shape (n, 2).
         density: [kg/m3], shape (n,).
 
     Raises:
-        ValueError: Arrays of other shapes, or densities that are no gas's.
+        ValueError: Arrays of other shapes, or densities that no gas has.
     """
 
     points: np.ndarray
@@ -34,5 +34,5 @@ class WallDensity:
             object.__setattr__(self, name, values)
 
     def scaled(self, ratio: float) -> "WallDensity":
-        """The same with every density multiplied by a ratio."""
+        """Return the wall densities multiplied by a ratio."""
         return replace(self, density=self.density * ratio)

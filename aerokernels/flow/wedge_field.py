@@ -1,6 +1,7 @@
-"""Plane shocks as density fields: the flow over a wedge, and a shock that stands across a stream.
+"""Plane shocks as density fields: the flow over a wedge, and one shock across a stream.
 
-Optical frame: the stream comes from +z and runs towards -z. The density depends on the direction from the origin alone.
+In the optical frame the stream comes from +z and flows towards -z. The density depends only on the direction from the
+origin.
 """
 
 import math
@@ -19,11 +20,11 @@ from .shocks import Shock, normal_shock, oblique_shock
 
 @dataclass(frozen=True)
 class PlaneShock:
-    """One plane shock through the origin, or the two of a wedge, mirrored at y = 0.
+    """One plane shock through the origin, or the two shocks of a wedge, mirrored at y = 0.
 
     Attributes:
         shock: State behind the shock, and its angle.
-        mirrored: Whether there are two, as over a wedge.
+        mirrored: Whether there are two shocks, as over a wedge.
     """
 
     shock: Shock
@@ -34,7 +35,7 @@ class PlaneShock:
         return self.ratio_of_angle(np.arctan2(y, -np.asarray(z)))
 
     def ratio_of_angle(self, angle) -> np.ndarray:
-        """Density over that of the free stream in a direction: angle from -z towards +y [rad]."""
+        """Density over that of the free stream in a direction from the origin, an angle from -z towards +y [rad]."""
         if self.mirrored:
             behind = np.abs(angle) < self.shock.shock_angle
         else:
@@ -62,22 +63,22 @@ def wedge(
     gamma: float = GAMMA_AIR,
     gas_constant: float = GAS_CONSTANT_AIR,
 ) -> ExactField:
-    """The exact flow over a symmetric wedge at zero incidence, as a planar density field.
+    """Return the exact flow over a symmetric wedge at zero incidence as a planar density field.
 
-    The tip is at the origin, the body reaches to z = -length, and the field ends there. Behind either shock the density
-    is uniform; the cells within the body carry it on, so that nothing is polluted at the wall. A cell that the shock
-    cuts holds the exact average, to rounding: line integrals over whole cells are exact.
+    The tip is at the origin; body and field end at z = -length. Behind either shock the density is uniform, and cells
+    inside the body have that density too, so that an interpolant has no error at the wall. The average over a cell cut
+    by a shock is exact to rounding: integrals over whole cells are exact.
 
     Args:
         mach: Mach number of the free stream.
         half_angle: Half angle of the wedge, by which each side turns the flow [rad].
-        strong: Take the strong shock in place of the weak one, which is what a wedge in free flight shows.
+        strong: Use the strong shock instead of the weak one, which a wedge in free flight has.
         density: Density of the free stream [kg/m3].
-        temperature: Static temperature of the free stream [K]; it sets pressure and velocity in `conditions` alone.
+        temperature: Static temperature of the free stream [K]; affects only pressure and velocity in `conditions`.
         length: Length of the wedge [m].
         height: Height out to which the flow is given, to both sides of y = 0 [m]; None takes the shock's at the base
             and 8 cells.
-        spacing: Greatest width of the cells, square ones [m]; None takes 1/200 of the length.
+        spacing: Greatest side of the square cells [m]; None takes 1/200 of the length.
         gamma: Ratio of specific heats.
         gas_constant: [J/(kg K)].
 
@@ -85,8 +86,8 @@ def wedge(
         The field; `solution.shock` has the oblique shock's relations.
 
     Raises:
-        ValueError: What oblique_shock refuses (a shock that detaches: the message gives the greatest angle), a quantity
-            that is not positive, a height within the shock, or a spacing for too few or too many cells.
+        ValueError: As for `oblique_shock` (if the shock detaches, the message gives the greatest angle); a quantity
+            that is not positive; a height below the shock's; a spacing that gives too few or too many cells.
     """
     check_positive(half_angle, "half_angle")
     shock = oblique_shock(mach, half_angle, strong=strong, gamma=gamma)
@@ -121,25 +122,25 @@ def plane_shock(
     gamma: float = GAMMA_AIR,
     gas_constant: float = GAS_CONSTANT_AIR,
 ) -> ExactField:
-    """One plane shock across a stream, through the origin, as a planar density field without a body.
+    """Return one plane shock across a stream, through the origin, as a planar density field without a body.
 
-    The field is a box about the origin. Outside it the index is the free stream's, also where the gas behind the shock
-    goes on: let rays end inside.
+    The field is a box about the origin. Outside the box the index is that of the free stream, even downstream of the
+    shock, so rays should end inside the box.
 
     Args:
         mach: Mach number of the free stream.
         deflection: Angle by which the shock turns the flow [rad]; None for a normal shock.
-        strong: Take the strong solution of the two that an oblique shock has.
+        strong: Use the strong one of the two solutions of an oblique shock.
         density: Density of the free stream [kg/m3].
-        temperature: Static temperature of the free stream [K]; it sets pressure and velocity in `conditions` alone.
+        temperature: Static temperature of the free stream [K]; affects only pressure and velocity in `conditions`.
         length: Extent of the box along z [m].
-        height: Extent along y [m]; None takes `length`.
-        spacing: Greatest width of the cells, square ones [m]; None takes 1/200 of the length.
+        height: Extent of the box along y [m]; None takes `length`.
+        spacing: Greatest side of the square cells [m]; None takes 1/200 of the length.
         gamma: Ratio of specific heats.
         gas_constant: [J/(kg K)].
 
     Raises:
-        ValueError: What normal_shock or oblique_shock refuses, a quantity that is not positive, or a spacing for too
+        ValueError: As for `normal_shock` or `oblique_shock`; a quantity that is not positive; a spacing that gives too
             few or too many cells.
     """
     if deflection is None:

@@ -1,4 +1,4 @@
-"""The refractive index the rays see: meshes, uniform grids, bodies and resampling between them."""
+"""Refractive index fields through which rays are traced: meshes, uniform grids, bodies, and resampling."""
 
 from .body import Body
 from .field import IndexField, Upstream

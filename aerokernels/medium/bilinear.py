@@ -1,21 +1,21 @@
-r"""One quadrilateral cell: the bilinear map from the unit square, its inverse, and whether a point lies inside.
+r"""The bilinear map from the unit square to a quadrilateral cell, its inverse, and the test whether a point is inside.
 
-With corners a, b, c, d in order around the cell, xi from a to b and eta from a to d,
+With corners a, b, c, d in order around the cell, xi increasing from a to b and eta from a to d,
 
     p(xi, eta) = a + xi e + eta f + xi eta g,    e = b - a,  f = d - a,  g = (a - b) + (c - d).
 """
 
 import numpy as np
 
-# Relative tolerance of the containment test: a point on an edge belongs to a cell on either side, never to none.
+# Relative tolerance of the containment test, so that a point on an edge belongs to at least one of the two cells.
 EDGE_TOLERANCE = 1e-9
-# Newton's method is quadratic: after a step of this size (in xi, eta) what is left is rounding.
+# Newton's method converges quadratically: after a step of this size (in xi, eta) only rounding errors remain.
 LAST_STEP = 1e-9
 MAX_STEPS = 12
 
 
 def bilinear_point(corners: np.ndarray, xi, eta) -> tuple[np.ndarray, np.ndarray]:
-    """Point at (xi, eta) of each cell, shape (n, 2), and the Jacobian determinant, shape (n,)."""
+    """Return the point at (xi, eta) of each cell, shape (n, 2), and the Jacobian determinant, shape (n,)."""
     xi, eta = np.asarray(xi)[..., None], np.asarray(eta)[..., None]
     a, b, c, d = (corners[:, k] for k in range(4))
     point = (1 - xi) * (1 - eta) * a + xi * (1 - eta) * b + xi * eta * c + (1 - xi) * eta * d
@@ -25,10 +25,10 @@ def bilinear_point(corners: np.ndarray, xi, eta) -> tuple[np.ndarray, np.ndarray
 
 
 def invert_bilinear(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bilinear coordinates (xi, eta), each of shape (n,), of points within their cells, by Newton from the middle."""
+    """Return bilinear coordinates (xi, eta), shape (n,) each, of points in their cells, by Newton's method."""
     xi = np.full(len(points), 0.5)
     eta = np.full(len(points), 0.5)
-    # One array for each component: arithmetic on columns of (n, 2) arrays is several times slower.
+    # Each component has its own array, because arithmetic on columns of (n, 2) arrays is several times slower.
     a, b, c, d = (corners[:, k].T for k in range(4))
     e0, e1 = b - a
     f0, f1 = d - a
@@ -48,7 +48,7 @@ def invert_bilinear(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray
 
 
 def contains(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Whether each counter-clockwise convex cell holds its point, edges included; corners (n, 4, 2), points (n, 2)."""
+    """Return whether each counter-clockwise convex cell (n, 4, 2) contains its point (n, 2), edges included."""
     x, y = np.ascontiguousarray(np.moveaxis(corners, -1, 0).swapaxes(1, 2))  # (4, n) each
     across, up = np.roll(x, -1, axis=0) - x, np.roll(y, -1, axis=0) - y
     side = across * (points[:, 1] - y) - up * (points[:, 0] - x)

@@ -1,7 +1,8 @@
-"""A solid body in the flow: its profile, its surface, and which points and lines lie in it.
+"""A solid body in the flow, given by its profile: its surface, points inside it, and where lines cross it.
 
-Rays meet the surface exactly: straight lines are crossed with its segments (`Body.crossings`, crossings.py), in the
-kernels under a tree of boxes (wall_tree.py). No table stands between, so a body may be as thin as it likes.
+Intersections of rays with the surface are exact: straight lines are intersected with the segments of the profile
+(`Body.crossings`, crossings.py); kernels find the segments in a tree of boxes (wall_tree.py). No table approximates the
+surface, so a body may be arbitrarily thin.
 """
 
 from dataclasses import dataclass
@@ -19,10 +20,10 @@ from .grid import check_finite
 from .wall_tree import WallTree, wall_tree
 from .walls import bounding_walls
 
-TILE_POINTS = 512  # points that look for the nearest wall together; speed only
+TILE_POINTS = 512  # points whose nearest walls are sought together; speed only
 
 
-# Points of an axisymmetric profile nearer to the axis than this share of the body's size count as on it.
+# Points of an axisymmetric profile nearer to the axis than this fraction of the body's size are moved onto the axis.
 ON_AXIS = 1e-12
 
 
@@ -33,15 +34,15 @@ class Body(Derived):
     """A solid body.
 
     Attributes:
-        profile: Points around the body [m], in order, shape (k, 2): (y, z) or (r, z). The last joins the first; the
-            part of an axisymmetric profile that lies on the axis is no wall.
+        profile: Points around the body [m], in order, shape (k, 2): (y, z) or (r, z). The last point is joined to the
+            first; segments of an axisymmetric profile on the axis are not walls.
         geometry: "planar" or "axisymmetric".
     """
 
     profile: np.ndarray
     geometry: str = "axisymmetric"
 
-    if TYPE_CHECKING:  # arrays are made of what is given
+    if TYPE_CHECKING:  # anything that NumPy makes an array of is accepted
 
         def __init__(self, profile: ArrayLike, geometry: str = "axisymmetric") -> None: ...  # noqa: D107
 
@@ -54,7 +55,7 @@ class Body(Derived):
             raise ValueError(f"a body profile needs at least three points, shape (k, 2), got {profile.shape}")
         check_finite(profile, "the body profile")
         if self.geometry == "axisymmetric":
-            # radius * sin(pi) is no zero: such a point is on the axis, or the body would have a hole there.
+            # radius * sin(pi) is not exactly zero; without this the body would have a hole along the axis.
             near_axis = np.abs(profile[:, 0]) <= ON_AXIS * np.ptp(profile, axis=0).max()
             profile[near_axis, 0] = 0.0
         if self.geometry == "axisymmetric" and profile[:, 0].min() < 0.0:
@@ -77,9 +78,9 @@ class Body(Derived):
 
     @cached_property
     def surface(self) -> tuple[np.ndarray, np.ndarray]:
-        """Start and end points [m] of the segments between air and solid, each (w, 2): the solid is on their left.
+        """Start and end points [m] of the segments between air and solid, each (w, 2), with the solid on their left.
 
-        They are the walls of a profile that neither touches nor crosses itself; see walls.py for the others.
+        For a profile that neither touches nor crosses itself they are its walls; for others see walls.py.
         """
         start, end = bounding_walls(self.profile, self.contains)
         if self.geometry == "axisymmetric":
@@ -88,8 +89,16 @@ class Body(Derived):
         return start, end
 
     @cached_property
+    def _oriented_surface(self) -> tuple[np.ndarray, np.ndarray]:
+        """The surface in the direction of the profile, whichever side of that the solid is on."""
+        start, end = self.surface
+        first, second = self.profile.T
+        clockwise = np.sum(first * np.roll(second, -1) - second * np.roll(first, -1)) < 0.0
+        return (end, start) if clockwise else (start, end)
+
+    @cached_property
     def tree(self) -> WallTree:
-        """The surface under a tree of boxes, for kernels."""
+        """The tree of boxes around the segments of the surface, for kernels."""
         return wall_tree(np.stack(self.surface, axis=1))
 
     @property
@@ -98,12 +107,12 @@ class Body(Derived):
         return self.profile.min(axis=0), self.profile.max(axis=0)
 
     def crossings(self, position, direction) -> np.ndarray:
-        """Distances [m] at which straight lines cross the body's surface, ascending, shape (line_count, m).
+        """Return distances [m] at which straight lines cross the body's surface, ascending, shape (line_count, m).
 
-        They are exact to rounding, and found without any table. Rows with fewer than m crossings are filled up with
-        infinity. A line comes from infinity, outside: it enters the body at its first, third, fifth ... crossing and
-        leaves it at the others, and a point on it is inside where an odd number of crossings lies before it. Lines
-        along x never cross a planar body: whether they are inside it, says `contains`.
+        They are exact to rounding. Rows with fewer than m crossings are padded with infinity. A line starts outside, at
+        infinity: it enters the body at its first, third, fifth ... crossing and leaves it at the others, so a point on
+        the line is inside if an odd number of crossings precede it. Lines along x never cross a planar body; `contains`
+        tells whether they are inside.
 
         Args:
             position: A point on each line in x, y, z [m], shape (line_count, 3) or (3,); crossings behind it have
@@ -113,9 +122,9 @@ class Body(Derived):
         return crossings(*self.surface, self.geometry, position, direction)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
-        """Whether each point (n, 2) lies inside the body (crossing number along the first axis)."""
+        """Return whether each point (n, 2) is inside the body, by the crossing number along the first axis."""
         points = np.asarray(points, dtype=np.float64)
-        # In the order of the second axis an edge straddles one stretch of the points.
+        # Sorted by the second coordinate, the points that an edge straddles are contiguous.
         order = np.argsort(points[:, 1], kind="stable")
         first, second = points[order].T
         start, end = self.profile, np.roll(self.profile, -1, axis=0)
@@ -131,10 +140,10 @@ class Body(Derived):
         return inside
 
     def nearest_wall(self, points: np.ndarray) -> np.ndarray:
-        """The wall point nearest to each point (n, 2) [m], shape (n, 2): exact.
+        """Return the exact point of the surface nearest to each point (n, 2) [m], shape (n, 2).
 
-        Points are taken tile by tile. A segment farther from a tile's middle than the nearest one by more than the
-        tile's diameter is nearest to none of its points, and is not looked at.
+        Points are processed in square tiles. A segment farther from a tile's middle than the nearest segment by more
+        than the tile's diameter is nearest to none of the tile's points, and is skipped.
         """
         points = np.asarray(points, dtype=np.float64)
         foot = np.empty_like(points)
@@ -145,7 +154,7 @@ class Body(Derived):
         low = np.minimum.reduceat(points[order], first)
         high = np.maximum.reduceat(points[order], first)
         middle, radius = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
-        start, end = self.walls
+        start, end = self._oriented_surface
         block = max(1, 1_000_000 // len(start))  # speed only
         for tile in range(0, len(first), block):
             part = slice(tile, tile + block)
@@ -158,13 +167,13 @@ class Body(Derived):
         return foot
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
-        """Distance to the wall [m], negative inside the body, at points (n, 2)."""
+        """Return the distance to the surface [m], negative inside the body, at points (n, 2)."""
         distance = np.linalg.norm(points - self.nearest_wall(points), axis=1)
         return np.where(self.contains(points), -distance, distance)
 
 
 def _tiles(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 2) in the order of square tiles of about TILE_POINTS each, and where each tile begins."""
+    """Return an order of points (n, 2) by square tiles of about TILE_POINTS each, and where each tile begins in it."""
     low, extent = points.min(axis=0), np.ptp(points, axis=0)
     side = max(np.sqrt(extent.prod() * TILE_POINTS / len(points)), extent.max() * TILE_POINTS / len(points), 1e-300)
     row, column = np.floor((points - low) / side).astype(np.int64).T
@@ -174,7 +183,7 @@ def _tiles(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _squared_distances(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Squared distance [m2] of each point (n, 2) to each segment (w, 2), shape (n, w)."""
+    """Return the squared distance [m2] of each point (n, 2) to each segment (w, 2), shape (n, w)."""
     length = np.linalg.norm(end - start, axis=1)
     along = (end - start) / length[:, None]
     across = along[:, ::-1] * [-1.0, 1.0]
@@ -185,7 +194,7 @@ def _squared_distances(points: np.ndarray, start: np.ndarray, end: np.ndarray) -
 
 
 def _nearest_feet(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """The point of some segments (w, 2) that is nearest to each point (n, 2), shape (n, 2)."""
+    """Return the point of some segments (w, 2) that is nearest to each point (n, 2), shape (n, 2)."""
     nearest = np.argmin(_squared_distances(points, start, end), axis=1)
     start, step = start[nearest], (end - start)[nearest]
     length = np.linalg.norm(step, axis=1)

@@ -1,13 +1,14 @@
-r"""The least change within bounds that meets linear equations, some of them only nearly: a small sparse problem.
+r"""Smallest change within bounds that satisfies sparse linear equations, with a penalty for violating them.
 
     minimise  |x|^2 / 2 + sum_k y_k^2 e_k / 2    with  C x + e y = t,  low <= x <= high
 
-An equation of small e is met wherever the bounds let it, to e times its multiplier y; one of greater e gives way by the
-square. Equations that bounds forbid to meet together would all be missed by some of it; those that are called hard cost
-what they miss, not its square, so that few of them are given up and the rest is met.
+The residual of equation k is e_k y_k, so an equation with a small e is satisfied wherever the bounds permit, and one
+with a greater e is violated more readily, at a quadratic cost. If the bounds make several equations incompatible, a
+quadratic cost spreads the residual over all of them. Equations marked `hard` therefore have a residual at linear cost,
+which violates few of them and satisfies the rest.
 
-Solved by Mehrotra's predictor and corrector (SIAM J. Optim. 2 (1992) 575) on the normal equations, each with one sparse
-factorisation: some 10 to 25 of them, whatever the bounds do.
+Method: Mehrotra's predictor-corrector interior-point method (SIAM J. Optim. 2 (1992) 575) on the normal equations, with
+one sparse factorisation per iteration, about 10 to 25 of them.
 """
 
 from typing import Any, NamedTuple
@@ -15,14 +16,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 ITERATIONS = 50  # at most
-GAP = 1e-13  # mean product of a distance to a bound and its multiplier: what lies at a bound may be off it by the root
+GAP = 1e-13  # mean product of a distance to a bound and its multiplier; the error of a value at a bound is its root
 MISSED = 1e-8  # residual of the equations
-LEFT_COST = 1e3  # of each unit a hard equation is missed by: more than its multiplier where it can be met
-NARROW = 1e-9  # bounds closer than this leave no room
+LEFT_COST = 1e3  # cost of a hard equation's residual: greater than its multiplier where it can be satisfied
+NARROW = 1e-9  # variables whose bounds are closer than this are fixed
 SYMMETRIC = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-FIRST, LEAST = 1e-4, 1e-15  # products to begin with, and the distances to bounds that are told from none
-FIRST_LEFT = 1e-3  # of what may be left of a hard equation, to begin with
-TO_BOUND = 0.995  # of the way to the nearest bound is gone at most
+FIRST, LEAST = 1e-4, 1e-15  # initial products of distance and multiplier, and least distance to a bound
+FIRST_LEFT = 1e-3  # initial residual of a hard equation, as a fraction of its range
+TO_BOUND = 0.995  # greatest fraction of the way to the nearest bound in one step
 
 
 def least_change(
@@ -31,12 +32,12 @@ def least_change(
     """The change x, shape (n,), within the bounds always.
 
     Args:
-        equations: C, sparse, shape (m, n), its entries of the order of 1.
+        equations: C, sparse, shape (m, n), with entries of the order of 1.
         give: e > 0 of each equation, shape (m,).
         wanted: t, shape (m,).
         low: Least change allowed, not above zero, shape (n,).
         high: Greatest change allowed, not below zero, shape (n,).
-        hard: Which equations are given up one by one where the bounds forbid to meet all, shape (m,); None for none.
+        hard: Which equations have a residual at linear cost, shape (m,); None for none.
     """
     from scipy.sparse import eye_array, hstack
 
@@ -58,7 +59,7 @@ def least_change(
 
 
 class _Here(NamedTuple):
-    """Distances to the bounds, their multipliers, residuals, and the factors of the normal equations."""
+    """One iterate: distances to the bounds, their multipliers, residuals, and factors of the normal equations."""
 
     down: np.ndarray
     up: np.ndarray
@@ -78,7 +79,7 @@ def _inner_point(matrix, give, wanted, low, high, weight, cost) -> np.ndarray:
     width, count = high - low, 2 * len(low)
     off = np.where(cost > 0.0, FIRST_LEFT, 0.1) * width
     x, y = np.clip(0.0, low + off, high - off), np.zeros(len(wanted))
-    # What costs something is held down by that from the start: multipliers too small take many steps to grow.
+    # Multipliers of residuals at a cost start at that cost, because small ones need many steps to grow.
     above, below = FIRST / (x - low) + cost, FIRST / (high - x)
     for _ in range(ITERATIONS):
         down, up = np.maximum(x - low, LEAST), np.maximum(high - x, LEAST)
@@ -102,7 +103,7 @@ def _inner_point(matrix, give, wanted, low, high, weight, cost) -> np.ndarray:
 
 
 def _direction(matrix, turned, here: _Here, low_product, high_product) -> tuple[np.ndarray, ...]:
-    """Newton's step to products of distances and multipliers: of x, y and the multipliers of both bounds."""
+    """Return Newton's step toward given products of distances and multipliers: of x, y and both multipliers."""
     down, up, above, below, slope, missed, weak, factors = here
     right = low_product / down - above - high_product / up + below - slope
     dy = factors.solve(missed - matrix @ (weak * right))
@@ -111,6 +112,6 @@ def _direction(matrix, turned, here: _Here, low_product, high_product) -> tuple[
 
 
 def _far(value: np.ndarray, change: np.ndarray) -> float:
-    """How far along a change all values stay above zero, 1 at most."""
+    """Return the greatest fraction of a change, at most 1, along which all values stay above zero."""
     falls = change < 0.0
     return min(1.0, TO_BOUND * float(np.min(-value[falls] / change[falls]))) if falls.any() else 1.0

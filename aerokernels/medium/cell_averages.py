@@ -1,14 +1,14 @@
-r"""Node values from cell averages: what finite-volume data on a uniform grid say at the nodes.
+r"""Node values on a uniform grid from finite-volume averages over cells centred on the nodes.
 
-A cell is centred on its node and one spacing wide; the first and the last reach half a spacing beyond the box. For the
-cubic spline the node values are those of the one spline S whose averages are the data, along each axis
+Each cell is one spacing wide; the first and the last extend half a spacing beyond the box. For the cubic interpolant
+the node values are those of the spline S that has the given averages along each axis,
 
     (1 / h) int S over [x_i - h/2, x_i + h/2] = average_i,
 
-so a shock inside a cell keeps its place to a small part of the cell, where samples at the nodes would know it to half a
-cell only. The linear and the monotone interpolant take the averages as node values: their integral along a whole line
-is that of the data, and the h^2 / 24 of the second derivative that this leaves out is no more than their own error.
-In an axisymmetric field averages are over the (r, z) rectangle, without the weight r, and even in r.
+so the position of a shock inside a cell is kept to a small fraction of the cell; samples at the nodes would determine
+it only to half a cell. The linear and the monotone interpolant use the averages as node values: integrals along whole
+lines equal those of the data, and the neglected h^2 / 24 times the second derivative is within these interpolants' own
+error. In an axisymmetric field the averages are over the (r, z) rectangle, without the weight r, and even in r.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ from . import spline
 
 
 def node_values(average: np.ndarray, interpolation: str, even_first_axis: bool) -> np.ndarray:
-    """Values at the nodes, float64, shape of `average`.
+    """Return values at the nodes, float64, shape of `average`.
 
     Args:
         average: Averages over the cells, one axis per coordinate.
@@ -48,7 +48,7 @@ def _along(average: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
 
 
 def _piece(low: float, high: float) -> np.ndarray:
-    """Integral of the four cubic B-spline weights over a stretch of one cell, by two-point Gauss (exact)."""
+    """Return integrals of the four cubic B-spline weights over a part of one cell, by two-point Gauss (exact)."""
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     place = middle + half / np.sqrt(3.0) * np.array([-1.0, 1.0])
     value: np.ndarray = spline.weights("cubic", place)[0]

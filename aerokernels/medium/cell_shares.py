@@ -1,4 +1,7 @@
-"""What each vertex of a mesh of parts stands for in each of the flow's cells, as sparse matrices."""
+"""Weights of the vertices of a mesh in averages over the flow's cells, as sparse matrices.
+
+The mesh's cells may be parts of the flow's cells (`QuadMesh.parents`).
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,13 +15,13 @@ from .mesh import QuadMesh
 
 @dataclass(frozen=True, eq=False)
 class CellShares(Derived):
-    """Weights of vertices in the averages over the flow's cells.
+    """Weights of vertices in integrals of a bilinear interpolant over the flow's cells.
 
     Attributes:
-        share: Weights [m2, if axisymmetric m3 a radian], sparse, shape (flow's cells, vertices).
-        turned: Its transpose, by rows.
+        share: Weights [m2, if axisymmetric m3 per radian], sparse by rows, shape (flow's cells, vertices).
+        turned: The transpose of `share`, sparse by rows.
         area: Area of each of the flow's cells [m2], shape (flow's cells,).
-        parts: The mesh of parts.
+        parts: The mesh whose cells are parts of the flow's cells.
     """
 
     share: Any
@@ -34,32 +37,32 @@ class CellShares(Derived):
 
     @cached_property
     def size(self) -> np.ndarray:
-        """What each cell is given in all, shape (flow's cells,)."""
+        """Sum of the weights of each of the flow's cells, shape (flow's cells,)."""
         return np.asarray(self.share.sum(axis=1))
 
     @cached_property
     def whole(self) -> np.ndarray:
-        """What each vertex stands for in all, shape (vertices,)."""
+        """Sum of the weights of each vertex, shape (vertices,)."""
         return np.asarray(self.share.sum(axis=0))
 
     @cached_property
     def alone(self) -> np.ndarray:
-        """Which vertices one cell has for itself, shape (vertices,)."""
+        """Which vertices belong to only one of the flow's cells, shape (vertices,)."""
         return np.diff(self.turned.indptr) == 1
 
     @cached_property
     def across(self) -> Any:
-        """Which cells lie side by side, behind an edge: sparse, shape (flow's cells, flow's cells), itself included."""
+        """Which cells share an edge, each cell with itself included: sparse, shape (flow's cells, flow's cells)."""
         edge = self.turned[np.flatnonzero(np.diff(self.turned.indptr) == 2)].astype(bool).astype(np.int32)
         return (edge.T @ edge).tocsr()
 
     def lacks(self, average: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """The averages less the means of values, shape (flow's cells,)."""
+        """Return the averages minus the means of the interpolant of `values`, shape (flow's cells,)."""
         return np.asarray(average - (self.share @ values) / self.size)
 
 
 def cell_shares(mesh: QuadMesh) -> CellShares:
-    """The shares of a mesh; made once."""
+    """Return the weights of a mesh, which are cached on it."""
     return mesh.derive("cell shares", lambda: _made(mesh))
 
 

@@ -1,33 +1,34 @@
-r"""Where straight lines in space cross the surface of a body: exact, in float64.
+r"""Distances at which straight lines in space cross the surface of a body, exact to rounding in float64.
 
-Planar. In the plane of y and z a line crosses the segment between two corners that lie on different sides of it.
+Planar. In the plane of y and z a line crosses the segment between two corners that are on different sides of it.
 
-Axisymmetric. Measured from where it is nearest to the axis, a line has at distance t the radius R and the height z
+Axisymmetric. At a distance t from its point nearest to the axis, a line has the radius R and the height z
 
     R^2 = R0^2 + A t^2,   z = z0 + D t,   A = dx^2 + dy^2,  D = dz
 
-and a corner (r, z) lies outside the surface that it sweeps about the axis where w = D^2 (r^2 - R0^2) - A (z - z0)^2 is
-positive. A segment whose corners have different signs of w is crossed once. One with both corners inside may be crossed
-twice, if it is less steep than the line, A Dz^2 > D^2 Dr^2: at the roots of the cone's quadratic equation,
+Rotated about the axis, the line sweeps a surface; a corner (r, z) is outside that surface if
+w = D^2 (r^2 - R0^2) - A (z - z0)^2 is positive. A segment whose corners have different signs of w is crossed once. A
+segment with both corners inside is crossed twice or not at all; it can be crossed only if it is less steep than the
+line, A Dz^2 > D^2 Dr^2, at the roots of the quadratic equation of the cone that the segment sweeps,
 
     (A Dz^2 - D^2 Dr^2) t^2 - 2 k Dr D t + R0^2 Dz^2 - k^2 = 0,   k = r1 Dz + (z0 - z1) Dr
 
-A corner's sign is one number, whichever segment asks for it: no line slips through between two segments, and the number
-of crossings of a closed body is even. The kernels (engines/warp/kernels/wall.py, kernels/include/wall.h) do the same.
+Both segments at a corner use the same value of w: no line passes between two segments, and the number of crossings of a
+closed body is even. The kernels (engines/warp/kernels/wall.py, kernels/include/wall.h) use the same formulas.
 """
 
 import numpy as np
 
-# Lines whose direction is within 1e-12 rad of the axis are parallel to it: A is then below this.
+# Lines whose direction is within 1e-12 rad of the axis count as parallel to it: A is then below this.
 PARALLEL = 1e-24
-# Lines that are taken together: lines times segments.
+# Pairs of a line and a segment that are computed together.
 BLOCK = 1_000_000  # speed only
 
 
 def crossings(start: np.ndarray, end: np.ndarray, geometry: str, position, direction) -> np.ndarray:
-    """Distances along lines [m] at which they cross segments, in order, shape (line_count, greatest number).
+    """Return distances along lines [m] at which they cross segments, ascending, shape (line_count, greatest number).
 
-    Rows are filled up with infinity. Distances are negative behind a line's point.
+    Rows are padded with infinity. Distances are negative behind a line's point.
 
     Args:
         start: First corners of the segments [m], shape (w, 2).
@@ -53,7 +54,7 @@ def crossings(start: np.ndarray, end: np.ndarray, geometry: str, position, direc
 
 
 def _planar(start, end, position, direction) -> np.ndarray:
-    """Distances (line_count, w), infinite where there is no crossing."""
+    """Return distances (line_count, w), infinite where there is no crossing."""
     y, z = (position[:, None, k] for k in (1, 2))
     dy, dz = (direction[:, None, k] for k in (1, 2))
 
@@ -70,7 +71,7 @@ def _planar(start, end, position, direction) -> np.ndarray:
 
 
 def _axisymmetric(start, end, position, direction) -> np.ndarray:
-    """Distances (line_count, 2 w), infinite where there is no crossing."""
+    """Return distances (line_count, 2 w), infinite where there is no crossing."""
     x, y, z = position.T[:, :, None]
     dx, dy, d = direction.T[:, :, None]
     a = dx * dx + dy * dy
@@ -87,14 +88,14 @@ def _axisymmetric(start, end, position, direction) -> np.ndarray:
     once = (w1 > 0.0) != (w2 > 0.0)
     steepness = a * dh * dh - d * d * dr * dr
     distance = np.full((2, *w1.shape), np.inf)
-    # Most lines cross few segments: what follows is worked out for the pairs that may cross.
+    # Most lines cross few segments, so the following is computed only for pairs that may cross.
     line, segment = np.nonzero(once | ((w1 <= 0.0) & (steepness > 0.0)))
     a, d, z, z0, nearest, r0_square = (values[line, 0] for values in (a, d, z, z0, nearest, r0_square))
     r1, z1, z2, dr, dh = (values[segment] for values in (r1, z1, z2, dr, dh))
     h1, w1, once, steepness = (values[line, segment] for values in (h1, w1, once, steepness))
 
     with np.errstate(divide="ignore", invalid="ignore"):
-        # Less steep than the line: the roots of the cone's equation.
+        # Segments less steep than the line: the roots of the cone's equation.
         k = r1 * dh - h1 * dr
         half = k * dr * d
         constant = r0_square * dh * dh - k * k
@@ -103,18 +104,18 @@ def _axisymmetric(start, end, position, direction) -> np.ndarray:
         larger = half + np.where(half >= 0.0, root, -root)
         one, other = larger / steepness, np.where(larger == 0.0, 0.0, constant / larger)
         low, high = np.minimum(one, other), np.maximum(one, other)
-        # Crossed once: the root on the side of the corner inside.
+        # A segment crossed once is crossed at the root on the side of the corner inside.
         wants_high = (np.where(w1 > 0.0, dh, -dh) * d) > 0.0
         single = np.where(wants_high, high, low)
         middle = z0 + d * (half / steepness)
         twice = ~once & (w1 <= 0.0) & (square > 0.0) & ((z1 > middle) != (z2 > middle)) & (steepness > 0.0)
-        # As steep as the line or steeper: the place along the segment, by its own quadratic.
+        # Segments as steep as the line or steeper: the position along the segment, by a quadratic equation of its own.
         slope = d * d * r1 * dr - a * h1 * dh
         root = np.sqrt(np.maximum(slope * slope + steepness * w1, 0.0))
         rising = np.where(slope > 0.0, -w1 / (slope + root), (root - slope) / -steepness)
         falling = w1 / (root - slope)
         share = np.clip(np.where(w1 > 0.0, falling, rising), 0.0, 1.0)
-        steep = (z1 + share * dh - z) / d  # from the line's own point: where it is nearest to the axis may be far off
+        steep = (z1 + share * dh - z) / d  # from the line's own point: the point nearest to the axis may be far away
     distance[0, line, segment] = np.where(
         once, np.where(steepness > 0.0, nearest + single, steep), np.where(twice, nearest + low, np.inf)
     )

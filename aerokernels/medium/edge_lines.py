@@ -1,8 +1,9 @@
-r"""What lines along the edges of structured cells are to hold across a captured shock.
+r"""Target means of the interpolant along edges of structured cells, for lines of edges that cross a captured shock.
 
-The mean over an edge between two cells follows from the averages about it, to fourth order where the flow is smooth.
-Across a straight shock through equal cells that is exact for the sum along a whole line of edges, wherever in its cell
-the shock lies. A row's sum leaves open how it is shared among the lines within the row: these sums say it.
+The mean over an edge between two cells is computed from the averages of the cells around it, to fourth order where the
+flow is smooth. Across a straight shock through equal cells the sum of these means along a whole line of edges is exact,
+wherever in its cell the shock is. The sum of averages along a row of cells does not determine how the sum is
+distributed among lines within the row; the sums along lines of edges do.
 """
 
 from dataclasses import dataclass
@@ -17,15 +18,15 @@ from .vertex_values import edge_means
 
 @dataclass(frozen=True, eq=False)
 class EdgeLines:
-    """Edges between two cells of a structured mesh that was cut in four, in the order in which lines run.
+    """Edges between two cells of a structured mesh that was cut in four, in order along each line of edges.
 
     Attributes:
-        mean: Means over the edges of values at the vertices, sparse, shape (n, vertices).
-        middle: The vertex in the middle of each, shape (n,).
-        cells: The cells on either side, shape (n, 2).
-        wanted: Mean that each is to have, shape (n,).
-        length: Its length [m], shape (n,).
-        line: Number of the line that it is a part of, shape (n,).
+        mean: Matrix that gives the means over the edges from values at the vertices, sparse, shape (n, vertices).
+        middle: The vertex in the middle of each edge, shape (n,).
+        cells: The cells on either side of each edge, shape (n, 2).
+        wanted: Target mean over each edge, shape (n,).
+        length: Length of each edge [m], shape (n,).
+        line: Number of the line of edges to which each edge belongs, shape (n,).
     """
 
     mean: Any
@@ -37,7 +38,7 @@ class EdgeLines:
 
 
 def edge_lines(finer: QuadMesh, average: np.ndarray) -> EdgeLines | None:
-    """The edges; None where the cells lie in no rows and columns.
+    """Return the edges between cells, or None for a mesh without rows and columns of at least two cells each.
 
     Args:
         finer: The mesh, of cells cut in four.

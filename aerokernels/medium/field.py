@@ -1,6 +1,6 @@
-"""The refractive index as rays see it: contrast m = n - n_ambient in a box, ambient outside.
+"""The refractive index field: contrast m = n - n_ambient in a box, ambient index outside.
 
-The contrast is stored, never the index: in float32 an index near 1 cannot hold it.
+The contrast is stored, never the index: float32 cannot represent small contrasts as part of an index near 1.
 """
 
 import warnings
@@ -13,12 +13,12 @@ import numpy as np
 from ..derived import Derived
 from ..device_arrays import plain_array
 from ..display.shown import shown
-from ..inputs.arguments import Numbers, checked
+from ..inputs.arguments import Numbers, are_numbers, checked
 from ..inputs.checks import check_choice, check_positive
 from ..inputs.wavelength import check_wavelength, field_wavelength
 from .body import Body
 from .cell_averages import node_values
-from .grid import AXIS_CORE, UniformGrid, check_box, check_finite
+from .grid import AXIS_CORE, UniformGrid, check_box, check_finite, check_starts_on_axis
 from .kept_averages import conserving_values, cut_and_kept
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
@@ -28,16 +28,42 @@ from .vertex_values import vertex_values
 
 
 def check_ambient(ambient_index: float) -> None:
-    """Refuse an ambient index that is not a positive number."""
+    """Raise ValueError for an ambient index that is not a positive number."""
     check_positive(ambient_index, "ambient_index")
+
+
+def _warn_of_index(least: float, greatest: float) -> None:
+    """Warn a caller of from_samples or from_mesh whose contrasts look like indices n."""
+    if 0.99 < least <= greatest < 1.5:
+        warnings.warn(
+            f"contrast is {least:g} to {greatest:g} everywhere: it is n - ambient_index, not n itself",
+            stacklevel=4,
+        )
+
+
+def _checked_walls(walls: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions at walls [m], shape (n, 2), and the contrast there, shape (n,), as float64 arrays.
+
+    Raises:
+        TypeError: Not a pair of arrays of numbers.
+        ValueError: Other shapes, or entries that are not finite.
+    """
+    if not isinstance(walls, (tuple, list)) or len(walls) != 2 or not all(are_numbers(each) for each in walls):
+        raise TypeError(f"walls must be a pair of arrays, points [m] and contrasts, got {type(walls).__name__}")
+    points, contrast = (np.asarray(each, dtype=np.float64) for each in walls)
+    if contrast.ndim != 1 or points.shape != (len(contrast), 2):
+        raise ValueError(f"walls need points of shape (n, 2) and n contrasts, got {points.shape} and {contrast.shape}")
+    check_finite(points, "the points at walls")
+    check_finite(contrast, "the contrast at walls")
+    return points, contrast
 
 
 @dataclass(frozen=True)
 class Upstream:
-    """What a field owes to how it was made: errors that no trace through it can find.
+    """Errors of a field that arose when it was made from a flow, and that no trace through the field can find.
 
     Attributes:
-        columns: Root mean square OPD error of lines through it from resampling the flow's own cells [m].
+        columns: Root mean square OPD error of lines through the field, from resampling the flow's own cells [m].
         refractivity: Relative uncertainty of n - 1 at a density, from the refractivity model.
         model: The model's name, and where its constant comes from.
     """
@@ -57,9 +83,9 @@ class IndexField(Derived):
         geometry: "volume" [x, y, z], "planar" [y, z] or "axisymmetric" [r, z].
         ambient_index: Index outside the box.
         body: Solid body in the field, or None.
-        resampling: What was measured when the field was resampled from another, or None.
-        wavelength: Vacuum wavelength that the contrast was made for [m]; None for raw contrast, which belongs to none.
-        upstream: Errors from how it was made from a flow, which an error budget takes over; None for raw contrast.
+        resampling: Errors measured when the field was resampled from another field, or None.
+        wavelength: Vacuum wavelength for which the contrast was computed [m]; None for contrast of no wavelength.
+        upstream: Errors from how the field was made from a flow, which enter error budgets; None for raw contrast.
     """
 
     samples: UniformGrid | MeshSamples
@@ -71,7 +97,7 @@ class IndexField(Derived):
     upstream: Upstream | None = None
 
     def __post_init__(self):
-        """Check what both ways of building have in common."""
+        """Check the attributes that grids and meshes have in common."""
         check_ambient(self.ambient_index)
         object.__setattr__(self, "ambient_index", float(self.ambient_index))
         if self.wavelength is not None:
@@ -102,7 +128,7 @@ class IndexField(Derived):
         wavelength: float | None = None,
         upstream: "Upstream | None" = None,
     ) -> "IndexField":
-        """A field from samples on a uniform grid.
+        """Return a field made from samples on a uniform grid.
 
         Args:
             contrast: n - ambient_index at the nodes, float64 or float32, axes [x, y, z], [y, z] or [r, z]; an array of
@@ -114,8 +140,8 @@ class IndexField(Derived):
             interpolation: "cubic" (C2 B-spline), "linear" or "monotone" (no overshoot at a shock).
             body: Solid body in the field: a `Body`, in a volume a `SolidBody`.
             cell_averages: `contrast` holds averages over the cells centred on the nodes (finite-volume data), not
-                samples at the nodes: a shock inside a cell then keeps its place. See cell_averages.py.
-            wavelength: Vacuum wavelength that `contrast` was made for [m]; None where it belongs to none.
+                samples at the nodes: the position of a shock inside a cell is then kept. See cell_averages.py.
+            wavelength: Vacuum wavelength for which `contrast` was computed [m]; None if it is of no wavelength.
             upstream: Errors of `contrast` from how it was made.
 
         Raises:
@@ -126,7 +152,7 @@ class IndexField(Derived):
         if not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
             raise TypeError(f"contrast must be an array of real numbers, got dtype {array.dtype}")
         check_choice(geometry, "geometry", GEOMETRIES)
-        geometry, interpolation = str(geometry), str(interpolation)  # no NumPy string, by which kernels are kept apart
+        geometry, interpolation = str(geometry), str(interpolation)  # NumPy strings would be other keys of kernels
         if array.ndim != (dimension := 3 if geometry == "volume" else 2):
             raise ValueError(f"a {geometry} field needs an array of {dimension} axes, got shape {array.shape}")
         axisymmetric = geometry == "axisymmetric"
@@ -134,28 +160,24 @@ class IndexField(Derived):
         grid = UniformGrid(
             array, np.asarray(origin), np.asarray(spacing), interpolation, axisymmetric, float(ambient_index)
         )
-        low, high = grid.extremes
-        if 0.99 < low <= high < 1.5:
-            warnings.warn(
-                f"contrast is {low:g} to {high:g} everywhere: it is n - ambient_index, not n itself",
-                stacklevel=3,
-            )
+        _warn_of_index(*grid.extremes)
         if cell_averages:
             grid = replace(grid, samples=node_values(grid.samples, interpolation, axisymmetric))
-        if axisymmetric and abs(grid.origin[0]) > 1e-9 * grid.spacing[0]:
-            raise ValueError(f"an axisymmetric grid starts at r = 0, got origin {grid.origin[0]!r}")
+        if axisymmetric:
+            check_starts_on_axis(grid.origin, grid.spacing)
         return cls(grid, geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
     @classmethod
     def from_xarray(cls, array, *, body=None) -> "IndexField":
-        """A field from an xarray array of the contrast: dimensions x, y, z, or y, z, or r, z, with their coordinates.
+        """Return a field made from an xarray array of the contrast.
 
-        Units of the coordinates are those of their attribute `units`, metres if they have none. The array's attributes
-        `ambient_index`, `interpolation`, `wavelength` [m] and `cell_averages` are taken where it has them.
+        Its dimensions are x, y, z, or y, z, or r, z, each with coordinates in the unit of their attribute `units`, or
+        in metres. The array's attributes `ambient_index`, `interpolation`, `wavelength` [m] and `cell_averages` are
+        used where there are any.
 
         Raises:
-            TypeError: No xarray array.
-            ValueError: Other dimensions, coordinates that are absent or not evenly spaced, units that are no length.
+            TypeError: Not an xarray array.
+            ValueError: Other dimensions, coordinates that are absent or not evenly spaced, units that are not lengths.
         """
         from .labelled_grid import grid_arguments
 
@@ -175,28 +197,30 @@ class IndexField(Derived):
         upstream: "Upstream | None" = None,
         walls: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> "IndexField":
-        """A field on a quadrilateral mesh.
+        """Return a field on a quadrilateral mesh.
 
         Args:
             mesh: The mesh; its geometry is the field's.
             contrast: n - ambient_index at the vertices, shape (vertex_count,), or finite-volume averages over the
-                cells, shape (cell_count,): the shape tells which. On a structured mesh also (ni, nj), (ni - 1, nj - 1).
+                cells, shape (cell_count,); the shape decides. On a structured mesh also (ni, nj), (ni - 1, nj - 1).
             ambient_index: Index outside the mesh.
             interpolation: "bilinear", "bilinear-barron", "idw" or "cells" (see mesh_samples.py); or "conserving":
-                bilinear on cells cut in four that keep their averages (see kept_averages.py).
+                bilinear on cells cut in four, with values that keep the averages (see kept_averages.py).
             body: Solid body in the field.
-            wavelength: Vacuum wavelength that `contrast` was made for [m]; None where it belongs to none.
+            wavelength: Vacuum wavelength for which `contrast` was computed [m]; None if it is of no wavelength.
             upstream: Errors of `contrast` from how it was made.
-            walls: Places at walls [m], shape (n, 2), and the contrast there, which "conserving" takes.
+            walls: Positions at walls [m], shape (n, 2), and the contrast there, used by "conserving" only.
 
         Raises:
-            TypeError: `mesh` is no QuadMesh.
-            ValueError: A shape that fits neither vertices nor cells, or entries that are not finite.
+            TypeError: `mesh` is not a QuadMesh.
+            ValueError: A shape that fits neither vertices nor cells, or entries that are not finite, also of `walls`.
         """
         if not isinstance(mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(mesh).__name__}: see QuadMesh.structured")
         values = np.array(plain_array(contrast), dtype=np.float64)
         check_finite(values, "the contrast")
+        _warn_of_index(values.min(initial=np.inf), values.max(initial=-np.inf))
+        walls = None if walls is None else _checked_walls(walls)
         at_vertices, in_cells = mesh.array_shapes
         averages = None
         if interpolation == "conserving" and values.shape not in in_cells:
@@ -223,12 +247,12 @@ class IndexField(Derived):
 
     @property
     def is_uniform(self) -> bool:
-        """Whether the samples lie on a uniform grid."""
+        """Whether the samples are on a uniform grid."""
         return isinstance(self.samples, UniformGrid)
 
     @property
     def source(self) -> "IndexField | None":
-        """The field that this one was resampled from, first of all; itself if it was not, None if that was not kept."""
+        """The original field of a chain of resamplings, this field if there was none, or None if it was not stored."""
         if self.resampling is None:
             return self
         before = getattr(self.resampling, "source", None)
@@ -248,7 +272,7 @@ class IndexField(Derived):
 
     @property
     def averages_lacking(self) -> AveragesLacking | None:
-        """What rows of cells and cells lack of the averages that a field was made from; None of values at points."""
+        """Deficits of the interpolant from the cell averages it was made from; None for values at points."""
         return None if self.is_uniform else self.samples.averages_lacking
 
     @property
@@ -260,7 +284,7 @@ class IndexField(Derived):
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest corner in (x, y, z) [m]; a planar field has no end in x."""
+        """Lowest and highest corner in (x, y, z) [m]; a planar field is infinite in x."""
         low, high = self.samples.low, self.samples.high
         if self.geometry == "volume":
             return low.copy(), high.copy()
@@ -269,7 +293,7 @@ class IndexField(Derived):
         return np.array([-high[0], -high[0], low[1]]), np.array([high[0], high[0], high[1]])
 
     def local_coordinates(self, points) -> np.ndarray:
-        """Coordinates along the samples' axes [m] of points (n, 3)."""
+        """Return the coordinates along the samples' axes [m] of points (n, 3)."""
         points = np.atleast_2d(np.asarray(points, dtype=np.float64))
         if self.geometry == "volume":
             return points
@@ -279,7 +303,10 @@ class IndexField(Derived):
 
     @checked
     def evaluate(self, points: Numbers) -> tuple[np.ndarray, np.ndarray]:
-        """Contrast, shape (n,), and its gradient [1/m], shape (n, 3), at points (n, 3); zero outside the box."""
+        """Return contrast, shape (n,), and its gradient [1/m], shape (n, 3), at points (n, 3).
+
+        Both are zero outside the box, and NaN at points that are NaN.
+        """
         points = np.atleast_2d(np.asarray(points, dtype=np.float64))
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"points must have shape (n, 3), x, y and z of each [m], got {points.shape}")
@@ -299,21 +326,23 @@ class IndexField(Derived):
             outward = points[inside, :2] / np.where(size > 0.0, size, 1.0)[:, None]
             gradient[inside, :2] = outward * slope[:, :1]
             gradient[inside, 2] = slope[:, 1]
+        unknown = np.isnan(local).any(axis=1)
+        contrast[unknown], gradient[unknown] = np.nan, np.nan
         return contrast, gradient
 
     @checked
     def contrast_at(self, points: Numbers) -> np.ndarray:
-        """Contrast at points (n, 3), shape (n,)."""
+        """Return the contrast at points (n, 3), shape (n,)."""
         return self.evaluate(points)[0]
 
     @checked
     def gradient_at(self, points: Numbers) -> np.ndarray:
-        """Gradient of the contrast [1/m] at points (n, 3), shape (n, 3)."""
+        """Return the gradient of the contrast [1/m] at points (n, 3), shape (n, 3)."""
         return self.evaluate(points)[1]
 
     @cached_property
     def refinement(self):
-        """This field and its coarser versions, by which its interpolation error is judged: see levels.py."""
+        """This field and its coarser versions, from which its interpolation error is estimated: see levels.py."""
         from .levels import refinement
 
         return refinement(self)
@@ -328,7 +357,7 @@ class IndexField(Derived):
         region: Any = None,
         interpolation: str = "cubic",
     ):
-        """The same field on a uniform grid, with the error of doing so measured: see `resample.resample`."""
+        """Return the same field on a uniform grid, with the measured resampling error: see `resample.resample`."""
         from .resample import resample
 
         return resample(
@@ -336,15 +365,15 @@ class IndexField(Derived):
         )
 
     def wavelength_for(self, asked: float | None) -> float:
-        """The wavelength [m] at which a call evaluates this field: its own, or what is `asked` of a raw contrast.
+        """Return the wavelength [m] at which a call evaluates this field: its own, or `asked` for a raw contrast.
 
         Raises:
             TypeError: `asked` is not one number.
-            ValueError: `asked` is no wavelength in metres, or another one than the field was made for.
+            ValueError: `asked` is not a wavelength in metres, or differs from the field's.
         """
         return field_wavelength(self.wavelength, asked)
 
     @checked
     def with_interpolation(self, interpolation: str) -> "IndexField":
-        """The same samples under another interpolant."""
+        """Return a field of the same samples with another interpolant."""
         return replace(self, samples=replace(self.samples, interpolation=interpolation))

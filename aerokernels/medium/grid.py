@@ -1,8 +1,8 @@
 """The index contrast on a uniform grid: one interpolant of one scalar, differentiated analytically.
 
-The scalar is the optical potential s = (n^2 - a^2) / 2 = m (a + m / 2), with contrast m and ambient index a: its
-gradient is the force of the ray equation r'' = grad s, and the optical path is the integral of a^2 + 2 s. In air it is
-the contrast to one part in 10^4; in strong media it makes a quadratic n^2 exact.
+The scalar is the optical potential s = (n^2 - a^2) / 2 = m (a + m / 2), with contrast m and ambient index a. Its
+gradient is the force in the ray equation r'' = grad s, and the optical path is the integral of a^2 + 2 s. In air s
+equals the contrast to one part in 10^4; in strong media a quadratic n^2 is represented exactly.
 """
 
 from dataclasses import dataclass
@@ -17,23 +17,23 @@ from ..inputs.checks import check_choice
 from . import spline
 from .grid_places import GridPlaces
 
-# Radius in cells within which the kink that a linear interpolant may have at r = 0 is rounded off in its gradient: rays
-# that swing about the axis would turn about at every crossing.
+# Radius in cells within which the gradient of a linear interpolant is smoothed about r = 0, where the interpolant may
+# have a kink: rays that oscillate about the axis would otherwise reverse at every crossing.
 AXIS_CORE = 1e-4
-# Sides of a box beyond which its lengths cannot be metres: the Earth's radius, a few atoms.
+# Greatest and least side of a box in metres (about the Earth's radius, and a few atoms); others are in another unit.
 LARGEST_BOX, SMALLEST_BOX = 1e7, 1e-9
-# Float64 does not resolve node positions that are closer together than this share of their coordinates.
+# Float64 does not resolve node positions that are closer together than this fraction of their coordinates.
 LEAST_STEP_SHARE = 1e-11
 
-# Key of a function that fetches coefficients from a device.
+# Key of a function that copies coefficients from a device.
 FETCH = "fetch coefficients"
-# Key of the places that a grid shares with others.
+# Key of the GridPlaces that a grid shares with others.
 PLACES = "places"
 
 
 def check_finite(array: np.ndarray, what: str) -> None:
-    """Refuse NaN and infinite samples, saying how many and where the first is."""
-    if array.size and np.isfinite(array.min()) and np.isfinite(array.max()):  # either is NaN if any sample is
+    """Raise ValueError for NaN and infinite samples; the message says how many there are and where the first is."""
+    if array.size and np.isfinite(array.min()) and np.isfinite(array.max()):  # both are NaN if any sample is
         return
     bad = ~np.isfinite(array)
     if bad.any():
@@ -45,7 +45,7 @@ def check_finite(array: np.ndarray, what: str) -> None:
 
 
 def check_box(low: np.ndarray, high: np.ndarray) -> None:
-    """Refuse a box [m] that is no flow's: lengths in another unit, mostly.
+    """Reject a box [m] whose size no flow has, mostly because its lengths are in another unit.
 
     Raises:
         ValueError: A side above 1e7 m or below 1e-9 m.
@@ -60,10 +60,11 @@ def check_box(low: np.ndarray, high: np.ndarray) -> None:
 
 
 def checked_axes(shape: tuple[int, ...], origin, spacing) -> tuple[np.ndarray, np.ndarray]:
-    """First node and spacing [m] of a grid of a shape, as read-only arrays of float64.
+    """Return the first node and the spacing [m] of a grid of a shape, as read-only float64 arrays.
 
     Raises:
-        ValueError: Entries that do not fit the shape, are not finite or not told apart, or fewer than two nodes.
+        ValueError: Entries that do not match the shape, are not finite or leave node positions unresolved in float64,
+            or fewer than two nodes along an axis.
     """
     dimension, asked = len(shape), spacing
     origin, given = np.array(origin, dtype=np.float64).reshape(-1), origin
@@ -87,6 +88,16 @@ def checked_axes(shape: tuple[int, ...], origin, spacing) -> tuple[np.ndarray, n
     origin.setflags(write=False)
     spacing.setflags(write=False)
     return origin, spacing
+
+
+def check_starts_on_axis(origin: np.ndarray, spacing: np.ndarray) -> None:
+    """Reject the first node and spacing [m] of an axisymmetric grid that does not start at r = 0.
+
+    Raises:
+        ValueError: It starts elsewhere.
+    """
+    if abs(origin[0]) > 1e-9 * spacing[0]:
+        raise ValueError(f"an axisymmetric grid starts at r = 0, got origin {origin[0]:g} m")
 
 
 @shown
@@ -113,7 +124,7 @@ class UniformGrid(Derived):
     def __post_init__(self):
         """Check shapes and numbers."""
         samples = self.samples
-        # What nobody can write to is not copied: grids of 100 million nodes come here.
+        # Read-only arrays are not copied, since grids may have 100 million nodes.
         own = isinstance(samples, np.ndarray) and samples.flags.owndata and not samples.flags.writeable
         if not (own and samples.dtype == np.float64 and samples.flags.c_contiguous):
             samples = np.array(samples, dtype=np.float64)
@@ -127,7 +138,7 @@ class UniformGrid(Derived):
 
     @cached_property
     def extremes(self) -> tuple[float, float]:
-        """The least and the greatest contrast."""
+        """Least and greatest contrast."""
         return float(self.samples.min()), float(self.samples.max())
 
     @property
@@ -147,12 +158,12 @@ class UniformGrid(Derived):
 
     @property
     def shared_places(self) -> GridPlaces | None:
-        """Where the nodes lie, with what was worked out of that for this and other grids; None before it is shared."""
+        """Positions of the nodes, with results computed from them for this and other grids; None until shared."""
         places: GridPlaces | None = self.held(PLACES)
         return places
 
     def share_places(self, other: "UniformGrid") -> None:
-        """Take the other grid's places where its nodes lie where this one's do; else, and if it has none, own ones."""
+        """Share the other grid's positions if its nodes are where this grid's are; otherwise start this grid's own."""
         alike = self.shape == other.shape and self.even_first_axis == other.even_first_axis
         alike = alike and np.array_equal(self.origin, other.origin) and np.array_equal(self.spacing, other.spacing)
 
@@ -172,7 +183,7 @@ class UniformGrid(Derived):
     def coefficients(self) -> np.ndarray:
         """Coefficient array of the potential's interpolant (see spline.py), float64.
 
-        Computed when it is first read, or fetched from a device where they were: see tracing/grid_tables.py.
+        Computed when it is first read, or copied from the device where it was computed: see tracing/grid_tables.py.
         """
         fetch = self.held(FETCH)
         if fetch is not None:
@@ -192,13 +203,13 @@ class UniformGrid(Derived):
         return eq5_step(np.maximum.reduce(corners) - np.minimum.reduce(corners), size)
 
     def evaluate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Contrast, shape (n,), and gradient [1/m], shape (n, d), at local points inside the box, shape (n, d)."""
+        """Return contrast, shape (n,), and gradient [1/m], shape (n, d), at local points (n, d) inside the box."""
         potential, force = self.evaluate_potential(points)
         index = np.sqrt(np.maximum(self.ambient_index**2 + 2.0 * potential, 0.0))
         return 2.0 * potential / (index + self.ambient_index), force / index[:, None]
 
     def evaluate_potential(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Optical potential, shape (n,), and its gradient [1/m], shape (n, d), at local points, shape (n, d)."""
+        """Return the optical potential, shape (n,), and its gradient [1/m], shape (n, d), at local points (n, d)."""
         dimension = self.samples.ndim
         support, stride = spline.SUPPORT[self.interpolation], spline.STRIDE[self.interpolation]
         pitches = [int(np.prod(self.coefficient_shape[axis + 1 :])) for axis in range(dimension)]
@@ -225,7 +236,7 @@ class UniformGrid(Derived):
 
 
 def _product(factors: list[np.ndarray], out: np.ndarray) -> np.ndarray:
-    """Their product, written over `out`: new memory would take as long as the product."""
+    """Return the product of arrays, written into `out`: allocating memory would take as long as the product."""
     np.multiply(factors[0], factors[1], out=out)
     for factor in factors[2:]:
         np.multiply(out, factor, out=out)
@@ -233,9 +244,9 @@ def _product(factors: list[np.ndarray], out: np.ndarray) -> np.ndarray:
 
 
 def eq5_step(difference: np.ndarray, size) -> np.ndarray:
-    """Step length of the paper's eq 5: a share of the cell size that falls with the index difference over the cell.
+    """Return the step length of the paper's eq 5: a fraction of the cell size that falls with the index difference.
 
-    The paper leaves out a difference of exactly 1e-5; it is taken with the tier below it.
+    The paper does not cover a difference of exactly 1e-5; here it belongs to the tier below.
     """
     share = np.select(
         [difference <= 1e-5, difference <= 1e-4, difference <= 1e-3, difference <= 1e-2], [1.0, 0.5, 0.2, 0.1], 0.05

@@ -1,4 +1,4 @@
-"""Where the nodes of a uniform grid lie: what follows from that alone serves all fields of other values on the grid."""
+"""Positions of a uniform grid's nodes, on which results that depend only on them are cached for all fields."""
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from ..derived import Derived
 
 @dataclass(frozen=True, eq=False)
 class GridPlaces(Derived):
-    """The places of a uniform grid's nodes, and what later stages have worked out of them.
+    """The positions of a uniform grid's nodes, and the results that later stages have computed from them.
 
     Attributes:
         shape: Number of nodes along each axis.
@@ -27,13 +27,15 @@ class GridPlaces(Derived):
 
 
 def known(samples: Any, key: Hashable, make: Callable[[], Any], most: int) -> Any:
-    """What `make()` returns, kept with the places of a grid that shares them with others; elsewhere made each time.
+    """Return the result of `make()`, cached with the node positions of a grid that shares them with other grids.
+
+    For other samples `make()` is called each time.
 
     Args:
-        samples: What a field holds; grids share places by `UniformGrid.share_places`.
-        key: Names the result, as `Derived.derive` has it; no value that the nodes hold may be in it but in its key.
-        make: Works it out.
-        most: How many results of the kind are kept at most, the latest.
+        samples: The samples of a field; grids share positions by `UniformGrid.share_places`.
+        key: Names the result, as in `Derived.derive`. A result that depends on node values needs them in its key.
+        make: Computes the result.
+        most: Greatest number of results of this kind that are cached, the latest.
     """
     places = getattr(samples, "shared_places", None)
     return make() if places is None else places.derive(key, make, most)

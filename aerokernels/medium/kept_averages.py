@@ -1,28 +1,29 @@
-r"""Values at vertices whose bilinear interpolant keeps the average over every cell of the flow.
+r"""Vertex values whose bilinear interpolant has the given average over every cell of the flow, where bounds permit.
 
-Values that are right at the vertices are not enough: on cells of size h the mean of the interpolant through them misses
-a cell's average by h^2 / 12 of the second derivatives, of one sign wherever the flow is curved one way, and integrals
-along rays add it up. So every vertex is moved by the mean of what the cells about it lack, under their shares of it,
+Exact values at the vertices are not enough: on cells of size h the mean of their interpolant differs from a cell's
+average by h^2 / 12 times the second derivatives. This deficit has one sign wherever the flow is curved one way, and
+integrals along rays accumulate it. Every vertex is therefore moved by the weighted mean of the deficits of its cells,
 
     v_k <- v_k + sum_c W_ck (a_c - mean_c(v)) / sum_c W_ck,
 
-with W_ck what vertex k stands for in the flow's cell c (of r dr dz, if axisymmetric).
+with W_ck the weight of vertex k in the integral over the flow's cell c (of r dr dz, if axisymmetric).
 
-A quadrilateral has about one vertex, and one average to keep: a continuous function has nothing left to follow the
-flow with. Cut in four from its middle (a triangle in three, as such cells are anyway) it has four vertices and more,
-and the averages are kept by such sweeps, each from ahead of where the one before led (Y. Nesterov, Sov. Math. Dokl. 27
-(1983) 372; begun anew where that led back, as B. O'Donoghue and E. Candes do), over all cells, then over the
-neighbourhood of those that lack something still, until what is lacking changes no more: it is the least then, in
-squares. What is left goes to the vertices that a cell has for itself.
+A mesh of quadrilaterals has about one vertex for each average, which leaves a continuous interpolant no freedom to
+follow the flow. A quadrilateral cut in four (a triangle is cut in three anyway) has four vertices and more, and sweeps
+of the formula above keep the averages. The sweeps are accelerated by Nesterov's extrapolation (Sov. Math. Dokl. 27
+(1983) 372), restarted where it leads back (B. O'Donoghue and E. Candes). They run over all cells, then over the
+neighbourhood of the cells that still have a deficit, until the deficits no longer change: their sum of squares is then
+least. The remaining deficit of a cell is transferred to the vertices that belong to no other cell.
 
-No vertex leaves the averages of the cells that have it, beside a captured shock, or goes beyond those of their
-neighbours by more than a quarter of what they differ by, elsewhere. The values to begin with are always allowed, but
-for densities below a tenth of those about a vertex. So not every average can be kept: a cell of 1.1 between cells of 1
-and 2 would take a value of 0.7 in its middle. What such cells lack goes to their neighbours, so that rows and columns
-of cells are kept (row_sums.py); cell by cell `what_is_lacking` tells it.
+Beside a captured shock no vertex value leaves the range of the averages of its cells. Elsewhere it may exceed the range
+of these cells and their neighbours by at most a quarter of that range. Initial values are always allowed, except
+densities below a tenth of those around a vertex. With these bounds not every average can be kept: a cell of 1.1 between
+cells of 1 and 2 would need a value of 0.7 in its middle. The deficit of such a cell is transferred to its neighbours,
+so that the sums along rows and columns of cells are kept (row_sums.py); `what_is_lacking` returns the deficit of each
+cell.
 
-Cells that stay whole ("bilinear") are swept twice where the flow is smooth: after once what is lacking is of
-fourth order.
+Cells that are not cut ("bilinear") are swept twice where the flow is smooth; after one sweep the deficit is of fourth
+order.
 """
 
 import numpy as np
@@ -35,23 +36,23 @@ from .refined import cut_in_four, has_seam
 from .row_sums import keep_row_sums
 from .vertex_values import linear_values_and_smooth, of_parents, values_and_smooth, vertex_gradients
 
-PASSES = 2  # over cells that stay whole
-SWEEPS, FIRST_SWEEPS = 200, 40  # at most, and over all cells
-LOOK = 10  # sweeps after which it is seen whether what is lacking still changes
-ENOUGH = 1e-8  # of the range of the averages: by so much what a cell lacks may still change
-RINGS = 4  # of cells about those that lack something, over which sweeps go on
-BEYOND = 0.25  # of what the averages about a vertex differ by: so far it may leave their range in a smooth flow
-NEAR = 1e-8  # of the mesh's size: a wall's place nearer than this to a vertex is there
-LEAST_SHARE = 0.1  # of the least average about a vertex, counted from vacuum, below which its value does not fall
+PASSES = 2  # sweeps over cells that are not cut
+SWEEPS, FIRST_SWEEPS = 200, 40  # most sweeps near cells with a deficit, and over all cells
+LOOK = 10  # sweeps between two checks whether the deficits still change
+ENOUGH = 1e-8  # change of a deficit, over the range of the averages, at which the sweeps end
+RINGS = 4  # rings of cells around those with a deficit over which the sweeps continue
+BEYOND = 0.25  # how far a vertex may leave the range of the averages around it in smooth flow, over that range
+NEAR = 1e-8  # points of a wall nearer than this to a vertex, over the mesh's size, are taken to be at the vertex
+LEAST_SHARE = 0.1  # least value of a vertex over the least average around it, both measured from vacuum
 
 
 def conserving_values(mesh: QuadMesh, average: np.ndarray, vacuum: float = -np.inf) -> np.ndarray:
-    """Vertex values, shape (vertex_count,), on cells as they are.
+    """Return vertex values, shape (vertex_count,), without cutting cells.
 
     Args:
         mesh: The mesh.
         average: Averages, shape (cell_count,).
-        vacuum: The value of no gas, above which values stay where averages do.
+        vacuum: The value in vacuum; vertex values stay above it where the averages do.
     """
     values, smooth = values_and_smooth(mesh, average)
     if mesh.parents is not None:
@@ -66,7 +67,9 @@ def conserving_values(mesh: QuadMesh, average: np.ndarray, vacuum: float = -np.i
 
 
 def what_is_lacking(mesh: QuadMesh, average: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Average of the flow's cell that each cell is, or is a part of, less the mean of the interpolant over it.
+    """Return each cell's deficit: the flow's cell average minus the mean of the interpolant over that cell.
+
+    A cell that is a part of a flow's cell has the deficit of the flow's cell.
 
     Args:
         mesh: The mesh.
@@ -84,16 +87,16 @@ def cut_and_kept(
     vacuum: float = -np.inf,
     walls: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[QuadMesh, np.ndarray, np.ndarray]:
-    """A mesh whose cells are parts of these, values at its vertices that keep the averages, and the average of each.
+    """Return the mesh cut in four, values at its vertices that keep the averages, and the average for each part.
 
     Args:
-        mesh: The mesh; where its cells are parts already, it is the one that is returned.
+        mesh: The mesh; it is returned as it is where its cells are parts already.
         average: Averages, shape (cell_count,).
-        vacuum: The value of no gas, above which values stay where averages do.
-        walls: Places [m], shape (n, 2), and the values that the interpolant has there.
+        vacuum: The value in vacuum; vertex values stay above it where the averages do.
+        walls: Positions [m], shape (n, 2), and the values that the interpolant has to take there.
 
     Raises:
-        ValueError: A mesh that cannot be cut: it has two vertices in one place.
+        ValueError: A mesh that cannot be cut because it has two vertices in one place.
     """
     if has_seam(mesh):
         raise ValueError(
@@ -119,15 +122,15 @@ def keep_averages(
     vacuum: float = -np.inf,
     held: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> np.ndarray:
-    """Values near the given ones that keep the averages.
+    """Return values near the given ones that keep the averages.
 
     Args:
         mesh: A mesh of parts of the flow's cells.
-        values: Values to begin with, shape (vertex_count,).
+        values: Initial values, shape (vertex_count,).
         average: Averages, shape (cell_count,).
-        smooth: Which of the flow's cells neither hold a captured shock nor touch one that does.
-        vacuum: The value of no gas.
-        held: Vertices whose values are known, and these.
+        smooth: Which of the flow's cells neither contain a captured shock nor touch a cell that does.
+        vacuum: The value in vacuum.
+        held: Vertices whose values are fixed, and these values.
     """
     own, cells = of_parents(mesh, average), cell_shares(mesh)
     low, high = _bounds(cells.share, cells.turned, own, smooth, values, vacuum)
@@ -152,9 +155,10 @@ def keep_averages(
 
 
 def _sweep(cells: CellShares, some, own, found, low, high, enough: float, sweeps: int) -> None:
-    """Sweep over some of the flow's cells and the vertices that no other cells have, in place.
+    """Sweep over some of the flow's cells and the vertices that belong to no other cells, in place.
 
-    Ends when what cells lack has not changed by `enough` in some sweeps: it is next to nothing, or as little as can be.
+    Ends when no deficit has changed by more than `enough` in LOOK sweeps: it is then negligible, or as small as the
+    bounds permit.
     """
     share, size, own = cells.share[some], cells.size[some], own[some]
     if len(some) < len(cells.size):
@@ -177,7 +181,7 @@ def _sweep(cells: CellShares, some, own, found, low, high, enough: float, sweeps
             before = lacks
         moved = np.clip(ahead + rate * (turned @ lacks), low, high)
         step = moved - values
-        if np.sum((ahead - moved) * whole * step) > 0.0:  # no BLAS, whose threads cost more than they save
+        if np.sum((ahead - moved) * whole * step) > 0.0:  # not by BLAS, whose threads cost more time than they save
             restart = sweep
         ahead = moved + (sweep - restart) / (sweep - restart + 3.0) * step
         values = moved
@@ -185,7 +189,7 @@ def _sweep(cells: CellShares, some, own, found, low, high, enough: float, sweeps
 
 
 def _held(mesh: QuadMesh, points: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The vertices that lie at some places, and the mean of the values there."""
+    """Return the vertices at some points, and the mean of the values at each."""
     from scipy.spatial import KDTree
 
     size = float(np.ptp(mesh.vertices, axis=0).max())
@@ -197,10 +201,10 @@ def _held(mesh: QuadMesh, points: np.ndarray, values: np.ndarray) -> tuple[np.nd
 
 
 def _bounds(share, turned, own, smooth, values, vacuum: float) -> tuple[np.ndarray, np.ndarray]:
-    """Least and greatest value allowed at each vertex; those to begin with are, if they are no vacuum."""
+    """Return the least and greatest value allowed at each vertex, initial values included except near vacuum."""
     low, high = _extremes(turned, own, own, values)
     wide = _extremes(turned, *_extremes(share, low, high, own), values)
-    alone = np.diff(turned.indptr) == 1  # a cell's own average is no range: that of its neighbours is
+    alone = np.diff(turned.indptr) == 1  # one cell's average gives no range, so that of its neighbours is used
     low, high = np.where(alone, wide[0], low), np.where(alone, wide[1], high)
     touched = (turned @ (~smooth).astype(float)) > 0.0
     more = BEYOND * (wide[1] - wide[0])
@@ -210,7 +214,7 @@ def _bounds(share, turned, own, smooth, values, vacuum: float) -> tuple[np.ndarr
 
 
 def _extremes(rows, low, high, empty) -> tuple[np.ndarray, np.ndarray]:
-    """Least of `low` and greatest of `high` of what each row of a sparse matrix lists; `empty` where it lists none."""
+    """Return the least `low` and greatest `high` over each row's entries of a sparse matrix; `empty` for empty rows."""
     begin, some = rows.indptr[:-1], np.diff(rows.indptr) > 0
     least, greatest = np.array(empty, dtype=float), np.array(empty, dtype=float)
     least[some] = np.minimum.reduceat(low[rows.indices], begin[some])

@@ -1,21 +1,21 @@
-"""An xarray array on an even grid as the arguments of `IndexField.from_samples`."""
+"""Convert an xarray array on an even grid to the arguments of `IndexField.from_samples`."""
 
 import numpy as np
 
 from ..inputs.written_units import unit_of
 
 GEOMETRIES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
-EVEN = 1e-6  # share of the spacing by which nodes may be off an even grid
-GREATEST = 1e3  # contrasts above this are those of no medium, but of a file that is damaged
+EVEN = 1e-6  # fraction of the spacing by which nodes may deviate from an even grid
+GREATEST = 1e3  # no medium has greater contrasts: the file is damaged
 
 
 def grid_arguments(array) -> dict:
-    """The arguments; see `IndexField.from_xarray`.
+    """Return the arguments; see `IndexField.from_xarray`.
 
     Raises:
-        TypeError: No xarray array.
-        ValueError: Other dimensions, coordinates that are absent or not even, units that are no length, values that are
-            no real numbers, contrasts that no medium has.
+        TypeError: Not an xarray array.
+        ValueError: Other dimensions, coordinates that are absent or not even, units that are not lengths, values that
+            are not real numbers, contrasts that no medium has.
     """
     if not hasattr(array, "dims") or not hasattr(array, "coords") or hasattr(array, "data_vars"):
         raise TypeError(f"from_xarray takes an xarray DataArray, got {type(array).__name__}: choose one of a Dataset")

@@ -1,13 +1,13 @@
-"""The same field with every second and every fourth node only, from which its interpolation error is estimated.
+"""Coarser versions of a field, with every second and every fourth node, for estimating its interpolation error.
 
-With f_h the optical path through all nodes, and f_2h, f_4h through every second and fourth, the order seen is
-p = log2 |f_4h - f_2h| / |f_2h - f_h| and what is left in f_h about |f_2h - f_h| / (2^p - 1) (L. F. Richardson, Phil.
-Trans. A 210 (1911) 307). A shock inside a cell shows order 1, noise of the samples order 1/2; an order above the
-interpolant's own is not believed.
+If f_h is the optical path through the field with all nodes, and f_2h, f_4h with every second and fourth, the observed
+order is p = log2 |f_4h - f_2h| / |f_2h - f_h|, and the error of f_h is about |f_2h - f_h| / (2^p - 1) (L. F.
+Richardson, Phil. Trans. A 210 (1911) 307). A shock inside a cell gives order 1, noise of the samples order 1/2. The
+order is limited to that of the interpolant.
 
-Cells that were cut in four to keep averages are compared with those that they were cut from, under the values that
-these have by the same averages. For a mesh of which no vertices can be left out, the error is estimated on four times
-the cells: see refined.py.
+A mesh whose cells were cut in four to keep averages is compared with the mesh before the cut, with the values that it
+has for the same averages. For a mesh whose vertices cannot be thinned out, the error is estimated from a mesh of four
+times the cells: see refined.py.
 """
 
 from dataclasses import dataclass, replace
@@ -21,15 +21,16 @@ from .refined import refined
 from .vertex_values import of_parents
 
 ORDER = {"cubic": 4.0, "linear": 2.0, "monotone": 2.0, "bilinear": 2.0, "bilinear-barron": 2.0, "idw": 1.0}
-# Values that change most have an order of their own: a feature about one cell wide shows none where all else is smooth.
+# The values that change most get an order of their own, because a feature about one cell wide converges slowly even if
+# the rest of the field is smooth: the fraction of values, and their least number.
 SHARP_SHARE, LEAST_SHARP = 1.0 / 8.0, 4
-# Of noise: the error of a sum over the nodes of a line goes with the square root of their spacing.
+# Order for noise: the error of a sum over the nodes of a line is proportional to the square root of their spacing.
 LOWEST_ORDER = 0.5
-# The greatest order believed where the two changes of the sharpest values have opposite signs.
+# Greatest order assumed where the two changes of the sharpest values have opposite signs.
 LEAST_ALIKE = 1.0
-# Another interpolant of the same kind, for fields of too few nodes to leave any out.
+# Interpolant for comparison where a field has too few nodes to leave any out.
 OTHER = {"cubic": "linear", "linear": "cubic", "monotone": "cubic"}
-# The error of a field over its change on four times the cells: slopes, whose error is halved, decide.
+# Error of a field over its change on four times the cells: the error of slopes, which is only halved, decides.
 REFINED_SHARE = 2.0
 
 
@@ -38,10 +39,11 @@ class RefinementLevels:
     """A field and its coarser versions, all in one box.
 
     Attributes:
-        fine: The field, cut by up to three rows of nodes where the coarser ones end earlier.
-        coarse: With every second node, or under another interpolant where there are too few nodes, or on finer cells.
-        coarser: With every fourth node, or None.
-        share: Without a coarser field, the error of `fine` over its change against `coarse`.
+        fine: The field, without up to three rows of nodes at an end that the coarser ones do not reach.
+        coarse: The field with every second node, or with another interpolant if there are too few nodes, or on finer
+            cells.
+        coarser: The field with every fourth node, or None.
+        share: Without `coarser`, the error of `fine` over its change against `coarse`.
     """
 
     fine: Any
@@ -50,20 +52,27 @@ class RefinementLevels:
     share: float = 1.0
 
     def richardson_error(self, fine: np.ndarray, coarse: np.ndarray, coarser: np.ndarray | None) -> np.ndarray:
-        """Estimated error of the values `fine` of some quantity, from its values through the three fields."""
+        """Return the estimated error of a quantity's values `fine`, from its values in all three fields."""
         if coarser is None:
             return self.share * (fine - coarse)
         return richardson_error(fine, coarse, coarser, ORDER[self.fine.interpolation])
 
 
 def richardson_error(fine: np.ndarray, coarse: np.ndarray, coarser: np.ndarray, order: float) -> np.ndarray:
-    """Estimated error of values through all nodes, from those through every second and fourth; `order` at most."""
+    """Return the estimated error of values with all nodes, from those with every second and fourth node.
+
+    Args:
+        fine: Values with all nodes, shape (n,).
+        coarse: Values with every second node.
+        coarser: Values with every fourth node.
+        order: Greatest order assumed.
+    """
     change, before = fine - coarse, coarse - coarser
     factor = np.full(np.shape(change), _left(before, change, order))
     size = np.abs(change)
     if len(size) >= LEAST_SHARP / SHARP_SHARE:
         sharp = size >= np.quantile(size, 1.0 - SHARP_SHARE)
-        # Errors of one order have one sign at all spacings: where they have not, none of a high order is seen yet.
+        # In the asymptotic range errors have one sign at all spacings. Where they do not, a high order is not assumed.
         alike = float(np.mean(before[sharp] * change[sharp])) > 0.0
         highest = order if alike else LEAST_ALIKE
         factor[sharp] = max(factor[0], _left(before[sharp], change[sharp], highest))
@@ -71,15 +80,15 @@ def richardson_error(fine: np.ndarray, coarse: np.ndarray, coarser: np.ndarray, 
 
 
 def _left(before: np.ndarray, after: np.ndarray, highest: float) -> float:
-    """What is left over the change `after`, by the order, at most `highest`, seen in the rms of two changes."""
+    """Return the remaining error over the change `after`, by the order that the rms of both changes show."""
     first, second = (float(np.sqrt(np.mean(values**2))) for values in (before, after))
     order = highest if second == 0.0 else float(np.clip(np.log2(max(first / second, 1.0)), LOWEST_ORDER, highest))
     return 1.0 / (2.0**order - 1.0)
 
 
 def refinement(field) -> RefinementLevels | None:
-    """The field and its coarser versions, or a finer one; None on a mesh that can be neither thinned nor refined."""
-    if field.interpolation == "cells":  # what an interpolant makes of them
+    """Return the field with coarser versions, or a finer one; None if a mesh can be neither thinned nor refined."""
+    if field.interpolation == "cells":  # compared with an interpolant of the same averages
         return RefinementLevels(field, field.with_interpolation("bilinear"), None)
     levels = _of_grid(field) if field.is_uniform else _of_mesh(field)
     if levels is not None:
@@ -100,7 +109,7 @@ def _of_grid(field):
         surplus = (count - 1) % coarsest
         low = 0
         if surplus and not (axis == 0 and grid.even_first_axis):
-            # Leave out the rows that vary less.
+            # Leave out the rows at the end where the samples vary less.
             moved = np.moveaxis(grid.samples, axis, 0)
             low_side = np.abs(np.diff(moved[: surplus + 1], axis=0)).max()
             low = surplus if low_side < np.abs(np.diff(moved[-surplus - 1 :], axis=0)).max() else 0

@@ -1,7 +1,7 @@
-"""Quadrilateral meshes in a plane: geometry, checks, and finding the cell that holds a point.
+"""Quadrilateral meshes in a plane: geometry, checks, and finding the cell that contains a point.
 
-The lookup uses uniform bins: each bin lists the cells whose bounding box touches it. Of those, the ones whose box
-holds the point are tested for containment, with the cell's four edges.
+Cells are found by uniform bins: each bin lists the cells whose bounding box touches it. Those whose box contains the
+point are tested against their four edges.
 """
 
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from .bilinear import EDGE_TOLERANCE, bilinear_point, contains, invert_bilinear
 from .grid import check_finite
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
-# Pairs of points and cells that are looked at together: as many as keep the arrays small.
+# Pairs of points and cells that are tested together, which limits the size of arrays.
 PAIR_LIMIT = 1_000_000  # speed only
-# Gauss points of a unit stretch, right to the third power.
+# Gauss points of the unit interval, exact for cubic polynomials.
 GAUSS_2 = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)
 
 
 @dataclass(frozen=True, eq=False)
 class CellBins:
-    """Uniform bins over a mesh: cells of bin (i, j) are `cell[start[k]:start[k + 1]]` with k = i * count[1] + j."""
+    """Uniform bins over a mesh: bin (i, j) lists `cell[start[k]:start[k + 1]]` with k = i * count[1] + j."""
 
     origin: np.ndarray
     size: np.ndarray
@@ -35,13 +35,13 @@ class CellBins:
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Where points lie in a mesh.
+    """The cells of a mesh in which points lie.
 
     Attributes:
         mesh: The mesh.
         points: The points [m], shape (n, 2).
-        rows: Which of them lie in a cell.
-        cell: Those cells.
+        rows: Indices of the points that are in a cell, shape (m,).
+        cell: The cells of these points, shape (m,).
     """
 
     mesh: "QuadMesh"
@@ -51,7 +51,7 @@ class Places:
 
     @cached_property
     def local(self) -> tuple[np.ndarray, np.ndarray]:
-        """Bilinear coordinates (xi, eta) in their cells."""
+        """Bilinear coordinates (xi, eta) of the points `rows` in their cells."""
         return self.mesh.local_coordinates(self.cell, self.points[self.rows])
 
 
@@ -65,13 +65,14 @@ class QuadMesh(Derived):
         cells: Vertex indices of each cell in order around it, shape (cell_count, 4).
         geometry: "planar" or "axisymmetric".
         shape: Vertices along both directions of a structured mesh, or None.
-        parents: The flow's own cell that each cell is a part of, numbers from 0 on, shape (cell_count,), where
-            triangles or polygons were cut; None where the cells are the flow's.
-        whole: The mesh whose cells were cut in four, where they were; its vertices are the first of these.
+        parents: For meshes whose cells were cut from the flow's triangles, polygons or quadrilaterals: number of the
+            flow's cell of which each cell is a part, from 0, shape (cell_count,). None where the cells are the flow's.
+        whole: The mesh from which this one was made by cutting cells in four, or None; its vertices are the first ones.
 
     Raises:
-        ValueError: Vertices that are not finite or coincide (only in a cell if the mesh is structured: it may close on
-            itself in a seam), cells that are inverted, not convex or of no area, negative radii, indices out of range.
+        ValueError: Vertices that are not finite, or coincide (in a structured mesh only vertices of one cell: it may
+            close on itself in a seam); cells that are inverted, not convex or of no area; negative radii; indices out
+            of range.
     """
 
     vertices: np.ndarray
@@ -97,7 +98,7 @@ class QuadMesh(Derived):
         if self.geometry == "axisymmetric" and vertices[:, 0].min() < 0.0:
             raise ValueError(f"{int((vertices[:, 0] < 0).sum())} vertices have a negative radius")
         cells = _orient(vertices, cells.astype(np.int32))
-        if self.shape is None and self.whole is None:  # halves of edges that differ, do
+        if self.shape is None and self.whole is None:  # cutting distinct edges gives distinct vertices
             _refuse_duplicates(vertices)
         if self.parents is not None:
             parents = np.array(self.parents)
@@ -112,7 +113,7 @@ class QuadMesh(Derived):
     @classmethod
     @checked
     def structured(cls, first: Numbers, second: Numbers, geometry: str = "planar") -> "QuadMesh":
-        """A mesh from two vertex coordinate arrays of shape (ni, nj): y and z, or r and z [m]."""
+        """Return a mesh from two vertex coordinate arrays of shape (ni, nj): y and z, or r and z [m]."""
         first, second = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
         if first.ndim != 2 or first.shape != second.shape or min(first.shape) < 2:
             raise ValueError(
@@ -125,7 +126,7 @@ class QuadMesh(Derived):
 
     @property
     def array_shapes(self) -> tuple[list[tuple[int, ...]], list[tuple[int, ...]]]:
-        """Shapes that arrays of one entry for each vertex, and for each cell, may have."""
+        """Shapes that an array with one entry for each vertex may have, and those of arrays with one for each cell."""
         rows = [] if self.shape is None else [self.shape]
         at_vertices, in_cells = [(len(self.vertices),), *rows], [(len(self.cells),), *((m - 1, n - 1) for m, n in rows)]
         return at_vertices, in_cells
@@ -162,10 +163,10 @@ class QuadMesh(Derived):
 
     @cached_property
     def corner_weights(self) -> np.ndarray:
-        """Area (if axisymmetric: volume) that each corner of a cell stands for, shape (cell_count, 4).
+        """Weights of the corners in the integral of a bilinear function over each cell, shape (cell_count, 4).
 
-        The integral over a cell of what is bilinear in it is the sum of its values at the corners under these weights,
-        in m2 (if axisymmetric in m3 a radian). Exact by 2 x 2 Gauss points.
+        The integral is the sum of the weights times the values at the corners; the weights are in m2 (if axisymmetric
+        in m3 per radian). Exact by 2 x 2 Gauss points.
         """
         weights = np.zeros((len(self.cells), 4))
         for a in GAUSS_2:
@@ -190,9 +191,10 @@ class QuadMesh(Derived):
 
     @cached_property
     def neighbors(self) -> np.ndarray:
-        """Cell behind each edge of each cell, -1 at the mesh's boundary, shape (cell_count, 4); edge k ends at k + 1.
+        """Cell across each edge of each cell, -1 at the boundary, shape (cell_count, 4); edge k joins corners k, k + 1.
 
-        Edges are identified by their vertices: a seam with vertices of its own on either side has no neighbours.
+        Edges are identified by their vertices: cells at a seam with separate vertices on either side are not
+        neighbours.
         """
         edge = np.sort(np.stack([self.cells, np.roll(self.cells, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
         key = edge[:, 0].astype(np.int64) * len(self.vertices) + edge[:, 1]
@@ -205,7 +207,7 @@ class QuadMesh(Derived):
 
     @cached_property
     def bins(self) -> CellBins:
-        """Uniform bins, about one per cell."""
+        """Uniform bins, about as many as cells."""
         low, high = self.box
         extent = np.maximum(high - low, 1e-300)
         count = np.maximum(1, np.sqrt(len(self.cells) * extent / extent[::-1]).astype(int))
@@ -227,16 +229,16 @@ class QuadMesh(Derived):
 
     @cached_property
     def cell_boxes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest coordinates of each cell with a slack [m], shape (2, cell_count) each."""
+        """Lowest and highest coordinates of each cell, with a tolerance [m], shape (2, cell_count) each."""
         low, high = self.box
         tolerance = (EDGE_TOLERANCE * (high - low))[:, None]
         x = self.corners.T  # (2, 4, cell_count)
         return np.ascontiguousarray(x.min(axis=1) - tolerance), np.ascontiguousarray(x.max(axis=1) + tolerance)
 
     def locate(self, points: np.ndarray) -> np.ndarray:
-        """Index of the cell that holds each point, -1 where none does; points (n, 2) [m], result (n,).
+        """Return the index of the cell that contains each point (n, 2) [m], shape (n,); -1 where none does.
 
-        On an edge it is the cell of lowest index.
+        For a point on an edge it is the cell with the lowest index.
         """
         points = np.asarray(points, dtype=np.float64)
         bins = self.bins
@@ -258,7 +260,7 @@ class QuadMesh(Derived):
         return found
 
     def _locate_some(self, points, rows, start, listed, found) -> None:
-        """Fill `found` at some rows; their bins' lists begin at `start` and are `listed` long."""
+        """Fill `found` for some rows, whose bins' lists begin at `start` and have the lengths `listed`."""
         row = np.repeat(rows, listed)
         before = np.cumsum(listed) - listed
         cell = self.bins.cell[np.arange(len(row)) - np.repeat(before - start, listed)]
@@ -268,17 +270,17 @@ class QuadMesh(Derived):
             near = np.flatnonzero((place >= low[axis][cell]) & (place <= high[axis][cell]))
             row, cell = row[near], cell[near]
         holds = contains(self.corners[cell], points[row])
-        # Lists ascend: backwards, the lowest cell is written last.
+        # Lists of cells ascend, so that in reverse order the lowest cell is written last.
         found[row[holds][::-1]] = cell[holds][::-1]
 
     def places(self, points: np.ndarray) -> Places:
-        """Where points (n, 2) [m] lie, as `locate` finds it."""
+        """Return the cells in which points (n, 2) [m] lie, as found by `locate`."""
         cell = self.locate(points)
         rows = np.flatnonzero(cell >= 0)
         return Places(self, points, rows, cell[rows])
 
     def local_coordinates(self, cell: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Bilinear coordinates (xi, eta) in [0, 1] of points within their cells."""
+        """Return bilinear coordinates (xi, eta) in [0, 1] of points in their cells."""
         return invert_bilinear(self.corners[cell], points)
 
 
@@ -288,7 +290,7 @@ def _area(corners: np.ndarray) -> np.ndarray:
 
 
 def _refuse_duplicates(vertices: np.ndarray) -> None:
-    """Refuse a place that has two vertices: the cells on either side would look like neighbours and not be."""
+    """Reject two vertices in one place: cells on either side would look like neighbours without being connected."""
     _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
     if len(first) == len(vertices):
         return
@@ -301,7 +303,7 @@ def _refuse_duplicates(vertices: np.ndarray) -> None:
 
 
 def _orient(vertices: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Turn clockwise cells round; refuse cells with coincident vertices, no area, or a corner that is not convex."""
+    """Return cells in counter-clockwise order; reject coincident vertices, cells of no area, corners not convex."""
     corners = vertices[cells]
     edge = np.roll(corners, -1, axis=1) - corners
     length = np.linalg.norm(edge, axis=2)

@@ -1,7 +1,7 @@
-"""Integrals of what the cells of a mesh hold along straight lines, exactly: no interpolant between.
+"""Exact integrals of values that are constant in each cell of a mesh, along straight lines.
 
-A line is cut where it crosses edges of cells (in space: the cones that they sweep about the axis); between two cuts it
-lies in one cell, which the middle tells.
+A line is cut where it crosses edges of cells (in an axisymmetric mesh: the cones that the edges sweep about the axis).
+Each piece is in one cell, the one that contains its midpoint.
 """
 
 from functools import partial
@@ -11,23 +11,23 @@ import numpy as np
 from .crossings import crossings
 from .mesh import QuadMesh
 
-LINES = 64  # that are cut together; speed only
-KEPT_LINES = 512  # whose pieces a mesh keeps, the last ones; speed only
+LINES = 64  # lines that are cut together; speed only
+KEPT_LINES = 512  # most lines of a call whose pieces are cached on the mesh until the next call; speed only
 
 
 def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=None) -> np.ndarray:
-    """Integrals of one value a cell along lines, shape (line_count,); nothing where there is no cell.
+    """Return integrals along lines of a value for each cell, shape (line_count,); zero outside the mesh.
 
     Args:
         mesh: The mesh, in (y, z) or (r, z).
-        values: Of each cell, shape (cell_count,).
+        values: Value of each cell, shape (cell_count,).
         position: A point on each line [m], shape (line_count, 3) or (3,).
         direction: Unit vectors, shape (line_count, 3) or (3,).
-        ends: Where the lines begin and end, as distances from their points [m], shape (2, line_count); None takes whole
+        ends: Distances from its point at which each line begins and ends [m], shape (2, line_count); None takes whole
             lines.
 
     Raises:
-        ValueError: Directions that are no unit vectors, and lines along x of a planar mesh, which never leave it.
+        ValueError: Directions that are not unit vectors, or lines along x of a planar mesh, which never leave it.
     """
     position, direction = np.broadcast_arrays(np.atleast_2d(np.asarray(position, dtype=np.float64)),
                                               np.atleast_2d(np.asarray(direction, dtype=np.float64)))  # fmt: skip
@@ -39,7 +39,7 @@ def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=N
     if not len(position):
         return np.zeros(0)
     cut = partial(_pieces, mesh, position, direction, ends)
-    if len(position) <= KEPT_LINES:  # other values on the mesh are asked for along the same lines
+    if len(position) <= KEPT_LINES:  # the next call may have other values on the mesh along the same lines
         given = (position.tobytes(), direction.tobytes(), None if ends is None else ends.tobytes())
         line, cell, length = mesh.derive(("pieces of lines", *given), cut, most=1)
     else:
@@ -48,7 +48,7 @@ def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=N
 
 
 def _pieces(mesh: QuadMesh, position: np.ndarray, direction: np.ndarray, ends) -> tuple[np.ndarray, ...]:
-    """The pieces of lines between cuts: which line, the cell (-1 for none), and the length [m]."""
+    """Return the pieces of lines between cuts: number of the line, cell (-1 for none), and length [m]."""
     edges = np.unique(np.sort(np.stack([mesh.cells, np.roll(mesh.cells, -1, axis=1)], axis=-1).reshape(-1, 2)), axis=0)
     start, end = mesh.vertices[edges[:, 0]], mesh.vertices[edges[:, 1]]
     if mesh.geometry == "axisymmetric":
@@ -58,7 +58,7 @@ def _pieces(mesh: QuadMesh, position: np.ndarray, direction: np.ndarray, ends) -
     for first in range(0, len(position), LINES):
         rows = slice(first, first + LINES)
         cuts = crossings(start, end, mesh.geometry, position[rows], direction[rows])
-        if ends is not None:  # what lies before the beginning and behind the end has no length
+        if ends is not None:  # cuts before the beginning or after the end are moved there: their pieces have no length
             begins, stops = (np.asarray(own)[rows, None] for own in ends)
             outer = np.where(np.isfinite(stops), stops, np.inf)
             cuts = np.sort(np.concatenate([begins, np.clip(cuts, begins, stops), outer], axis=1), axis=1)

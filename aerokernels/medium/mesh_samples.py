@@ -1,15 +1,15 @@
-"""The index contrast on a quadrilateral mesh: values at vertices, interpolated in the cell that holds the point.
+"""The index contrast on a quadrilateral mesh: values at vertices, interpolated in the cell that contains the point.
 
 Interpolations:
 
-    "bilinear"          one scalar, its gradient the derivative of the bilinear map's interpolant (default)
+    "bilinear"          value and gradient of the bilinear map's interpolant (default)
     "bilinear-barron"   value bilinear, gradient bilinear between node gradients of eq 7
-    "idw"               the paper: eq 6 for value and for node gradients of eq 7
-    "cells"             no interpolant: the cell's average everywhere in it. Rays run straight, since nothing bends them
-                        within a cell and the jumps between cells, which mean no surface of the gas, do not refract
+    "idw"               the paper's: eq 6 for the value and for node gradients of eq 7
+    "cells"             no interpolant: the average of the cell everywhere in it. Rays are straight: the gradient within
+                        a cell is zero, and the jumps between cells, which are no physical surfaces, do not refract
 
-"idw" does not reproduce a linear field and jumps at cell edges: it is there for comparison only. "cells" holds line
-integrals exactly as the flow's file does, cell by cell, and is traced by the reference backend.
+"idw" does not reproduce a linear field and jumps at cell edges; it is provided for comparison only. With "cells" line
+integrals are exactly those of the flow's cell averages; it is traced by the reference backend.
 """
 
 from dataclasses import dataclass
@@ -37,8 +37,8 @@ class MeshSamples(Derived):
         mesh: The mesh.
         values: Contrast at the vertices, float64, shape (vertex_count,).
         interpolation: One of MESH_INTERPOLATIONS.
-        averages: Averages over the cells that the values were made from, shape (cell_count,); None for values at the
-            vertices of their own.
+        averages: Averages over the cells from which the values were computed, shape (cell_count,); None for values
+            that were given at the vertices.
     """
 
     mesh: QuadMesh
@@ -73,11 +73,11 @@ class MeshSamples(Derived):
 
     @property
     def lacking(self) -> np.ndarray | None:
-        """What of its average the interpolant lacks in each cell, shape (cell_count,); None where that is not known.
+        """Deficit of the interpolant's mean from the average in each cell, shape (cell_count,); None if not known.
 
-        Where triangles and polygons are cut, which keeps averages beside a shock too, it counts twice there, and half
-        of what values at corners would lack is added: where in such a cell the gas changes, its average does not say.
-        Of cells cut in four the comparison with those they were cut from says that (levels.py).
+        For parts of triangles and polygons beside a shock the deficit is doubled, and half the deficit of the initial
+        values is added, because the average does not determine where within such a cell the gas changes. For cells cut
+        in four that uncertainty is estimated by comparison with the cells before the cut (levels.py).
         """
         if self.lacking_by_cell is None:
             return None
@@ -86,7 +86,7 @@ class MeshSamples(Derived):
 
     @cached_property
     def lacking_by_cell(self) -> tuple[QuadMesh, np.ndarray] | None:
-        """The same on the mesh that was cut in four, where this one was made so: it has a quarter of the cells."""
+        """`lacking` with its mesh: for cells cut in four the mesh before the cut, which has a quarter of the cells."""
         if self.averages is None or self.interpolation != "bilinear":
             return None
         lacks = what_is_lacking(self.mesh, self.averages, self.values)
@@ -100,7 +100,7 @@ class MeshSamples(Derived):
 
     @cached_property
     def averages_lacking(self) -> AveragesLacking | None:
-        """What rows of cells, and cells, lack of the averages; None without these, or of no bilinear interpolant."""
+        """Deficits of rows of cells and of cells; None without averages, or for an interpolant other than bilinear."""
         if self.averages is None or self.interpolation != "bilinear":
             return None
         return averages_lacking(self.mesh, self.averages, self.values)
@@ -114,9 +114,12 @@ class MeshSamples(Derived):
     def evaluate(
         self, points: np.ndarray, places: Places | None = None, with_gradient: bool = True
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Value, shape (n,), and gradient [1/m], shape (n, 2), at local points (n, 2); zero outside the mesh.
+        """Return values, shape (n,), and gradients [1/m], shape (n, 2), at local points (n, 2); zero outside the mesh.
 
-        `places` says where they lie in the mesh, if that is known. Gradients may be left out: they are zero then.
+        Args:
+            points: Local coordinates [m], shape (n, 2).
+            places: The cells in which the points lie, if known.
+            with_gradient: False omits the gradients of "bilinear", which are then zero.
         """
         if places is None:
             places = self.mesh.places(points)
@@ -147,7 +150,7 @@ class MeshSamples(Derived):
 
 
 def inverse_distance_weights(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Weights of eq 6 in its product form, which is safe at a vertex; shape (n, 4)."""
+    """Return the weights of eq 6, shape (n, 4), in its product form, which is finite at a vertex."""
     distance = np.linalg.norm(points[:, None, :] - corners, axis=2)
     distance /= distance.max(axis=1, keepdims=True)
     product = np.stack([np.prod(np.delete(distance, k, axis=1), axis=1) for k in range(4)], axis=1)
@@ -155,7 +158,7 @@ def inverse_distance_weights(corners: np.ndarray, points: np.ndarray) -> np.ndar
 
 
 def _bilinear_gradient(corners, value, xi, eta) -> np.ndarray:
-    """Gradient of the bilinear interpolant: the inverse Jacobian applied to its derivatives in (xi, eta)."""
+    """Return the gradient of the bilinear interpolant: the inverse Jacobian applied to derivatives in (xi, eta)."""
     xi, eta = xi[:, None], eta[:, None]
 
     def derivatives(q):

@@ -1,8 +1,8 @@
-"""Rows of quadrilaterals: what a line across opposite sides passes, cell after cell.
+"""Rows of quadrilaterals: sequences of cells, each joined to the next across opposite sides.
 
-In a structured mesh these are its rows and columns; where blocks join otherwise, or cells lie in no order that a file
-tells, they are found by the cells' neighbours all the same. A cell lies in two: that through its sides 0 and 2, and
-that through its sides 1 and 3.
+In a structured mesh these are its rows and columns. They are found from the cells' neighbours, so they also exist in
+meshes of several blocks and in files that list cells in any order. Each cell belongs to two rows: one through its sides
+0 and 2, and one through its sides 1 and 3.
 """
 
 import numpy as np
@@ -11,7 +11,9 @@ from .mesh import QuadMesh
 
 
 def joined_across(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs that follow one another in a row, each both ways round; of cell c, c is one way and c + count the other.
+    """Return all pairs of nodes that are adjacent in a row, each pair in both orders.
+
+    Cell c is two nodes, one for each of its rows: c for that through sides 0 and 2, c + count for the other.
 
     Args:
         mesh: The mesh, of `count` cells.
@@ -19,18 +21,18 @@ def joined_across(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
     count = len(mesh.cells)
     cell, side = np.nonzero(mesh.neighbors >= 0)
     beyond = mesh.neighbors[cell, side]
-    # The side by which the neighbour has this cell: two convex cells share no more than one.
+    # The neighbour's side at which this cell is: two convex cells share at most one side.
     other = np.argmax(mesh.neighbors[beyond] == cell[:, None], axis=1)
     return cell + count * (side % 2), beyond + count * (other % 2)
 
 
 def row_numbers(joined: tuple[np.ndarray, np.ndarray], count: int, some: np.ndarray | None = None) -> np.ndarray:
-    """Number of the row of each cell, first through sides 0 and 2, then through 1 and 3: shape (2 * cells,).
+    """Return the number of each cell's row, first through sides 0 and 2, then through 1 and 3: shape (2 * cells,).
 
     Args:
-        joined: What `joined_across` returns.
-        count: Cells of the mesh.
-        some: Cells to which the mesh is confined: rows are stretches then that go on without a gap; None for all.
+        joined: The result of `joined_across`.
+        count: Number of cells of the mesh.
+        some: Cells to use; a row is then a sequence of these cells without a gap. None for all cells.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -48,6 +50,6 @@ def row_numbers(joined: tuple[np.ndarray, np.ndarray], count: int, some: np.ndar
 
 
 def ways_across(mesh: QuadMesh) -> np.ndarray:
-    """The way across each cell [m], from the middle of side 0 to that of side 2, then from 1 to 3: shape (2 count,)."""
+    """Return distances across each cell [m], between midpoints of sides 0 and 2, then of 1 and 3: shape (2 count,)."""
     middle = 0.5 * (mesh.corners + np.roll(mesh.corners, -1, axis=1))
     return np.concatenate([np.linalg.norm(middle[:, k + 2] - middle[:, k], axis=1) for k in (0, 1)])

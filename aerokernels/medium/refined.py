@@ -1,13 +1,14 @@
-r"""The same field on a mesh of four times the cells, from which the error of the bilinear interpolant is estimated.
+r"""A field on a mesh of four times the cells, from which the error of the bilinear interpolant is estimated.
 
-The values between the vertices are those of a cubic along every edge, of a Coons patch in every cell (S. A. Coons,
-MIT MAC-TR-41 (1967)), made from the values a, b and the vertex gradients g of the mesh:
+The new values are those of a cubic along every edge and of a Coons patch in every cell (S. A. Coons, MIT MAC-TR-41
+(1967)), made from the values a, b and the gradients g at the vertices:
 
     middle of an edge    (a + b) / 2 + (g_a - g_b) . (x_b - x_a) / 8
-    middle of a cell     half the sum of its four edges' middles less the mean of its corners
+    middle of a cell     half the sum of the values in the middles of its four edges, minus the mean of its corners
 
-Where the samples resolve the field the new values are right to fourth order, or to the order of the gradients, and the
-bilinear error of the finer cells is a quarter, the error of their slopes a half. In a linear field nothing changes.
+Where the samples resolve the field, the new values are accurate to fourth order or to the order of the gradients. The
+interpolation error of the finer cells is then a quarter of the error before, the error of slopes a half. A linear field
+is not changed.
 """
 
 from dataclasses import replace
@@ -18,17 +19,17 @@ from .mesh import QuadMesh
 
 
 def refined(field):
-    """The field on cells cut in four; None where the cut cells make no mesh."""
+    """Return the field on cells cut in four; None where they make no valid mesh."""
     samples = field.samples
     try:
         finer, values = cut_in_four(field.mesh, samples.values, samples.gradients)
-    except ValueError:  # a seam has two vertices in each place
+    except ValueError:  # a mesh with a seam has two vertices in one place
         return None
     return replace(field, samples=replace(samples, mesh=finer, values=values, averages=None))
 
 
 def cut_in_four(mesh: QuadMesh, values: np.ndarray, gradient: np.ndarray) -> tuple[QuadMesh, np.ndarray]:
-    """The mesh with every cell cut in four parts, one after the other, and the values at its vertices.
+    """Return the mesh with every cell cut in four parts, in the order of the cells, and the values at its vertices.
 
     Args:
         mesh: The mesh.
@@ -46,34 +47,34 @@ def cut_in_four(mesh: QuadMesh, values: np.ndarray, gradient: np.ndarray) -> tup
 
 
 def cells_of_four(mesh: QuadMesh) -> QuadMesh:
-    """The mesh with every cell cut in four parts, one after the other; `cut_in_four` has the values at its vertices."""
+    """Return the mesh with every cell cut in four parts, in the order of the cells: see `cut_in_four` for values."""
     return mesh.derive("cells cut in four", lambda: _cut(mesh))[0]
 
 
 def edges_of_four(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices of the mesh at both ends of each of its edges, in the order of the vertices in the middles of these."""
+    """Return the vertices at both ends of each edge of a mesh, in the order of the vertices that cut the edges."""
     return mesh.derive("cells cut in four", lambda: _cut(mesh))[1:3]
 
 
 def quarters(xi: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """In which of the four parts places in a cell lie, and their bilinear coordinates in that part."""
+    """Return which of a cell's four parts contains each point, and the point's bilinear coordinates in that part."""
     right, upper = xi > 0.5, eta > 0.5
     part = np.where(upper, np.where(right, 2, 3), np.where(right, 1, 0))
-    # Each part begins at its corner of the cell, and goes round as the cell does.
+    # The first corner of each part is the cell's corner, and the parts have the cell's orientation.
     u, v = 2.0 * np.where(right, 1.0 - xi, xi), 2.0 * np.where(upper, 1.0 - eta, eta)
     turned = right != upper
     return part, np.where(turned, v, u), np.where(turned, u, v)
 
 
 def has_seam(mesh: QuadMesh) -> bool:
-    """Whether the mesh has two vertices in one place, where a structured one closes on itself: it cannot be cut."""
+    """Return whether a structured mesh closes on itself with two vertices in one place, so that it cannot be cut."""
     if mesh.shape is None:
         return False
     return mesh.derive("has seam", lambda: len(np.unique(mesh.vertices, axis=0)) < len(mesh.vertices))
 
 
 def _cut(mesh: QuadMesh) -> tuple[QuadMesh, np.ndarray, np.ndarray, np.ndarray]:
-    """The finer mesh, both ends of each edge, and the edges of each cell, shape (cell_count, 4)."""
+    """Return the finer mesh, both ends of each edge, and the edges of each cell, shape (cell_count, 4)."""
     if has_seam(mesh):
         raise ValueError("the mesh has two vertices in one place, at a seam: its cells cannot be cut")
     vertex, cells = mesh.vertices, mesh.cells
@@ -83,7 +84,7 @@ def _cut(mesh: QuadMesh) -> tuple[QuadMesh, np.ndarray, np.ndarray, np.ndarray]:
     of_edge = of_edge.reshape(-1, 4)
     edge = len(vertex) + of_edge
     middle = len(vertex) + len(a) + np.arange(len(cells))[:, None]
-    # Corner k, the middle of the edge after it, the middle of the cell, the middle of the edge before it.
+    # Part k: corner k, the middle of the edge after it, the middle of the cell, the middle of the edge before it.
     quarters = [np.concatenate([cells[:, [k]], edge[:, [k]], middle, edge[:, [k - 1]]], axis=1) for k in range(4)]
     points = np.concatenate([vertex, 0.5 * (vertex[a] + vertex[b]), vertex[cells].mean(axis=1)])
     parents = np.repeat(np.arange(len(cells)) if mesh.parents is None else mesh.parents, 4)

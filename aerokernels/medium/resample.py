@@ -1,10 +1,10 @@
-"""From any field to a uniform grid, and what that costs, measured.
+"""Resample any field to a uniform grid, and measure the error.
 
-Inside the body there is no flow; the nodes there carry on the flow's values across the wall (to first order near it,
-constant deeper), so that the interpolant near the wall sees no jump. The error is measured against the field that was
-resampled: pointwise at random points of the flow, and in optical path along lines parallel to the axis. That is what
-chooses a spacing. What resampling costs the rays of a trace depends on their lines and on their stop: the result keeps
-the field it came from, and the budget of a trace sends the trace's own rays through both (tracing/budget.py).
+Inside the body there is no flow. Nodes there continue the flow's values across the wall (to first order near the wall,
+constant deeper), so that the interpolant has no jump at the wall. The error is measured against the original field:
+pointwise at scattered points of the flow, and in optical path along lines parallel to the last axis (z). The spacing is
+chosen by these errors. The error for the rays of a trace depends on their lines and on where they end: the result
+stores the original field, and the budget of a trace sends rays of the trace through both (tracing/budget.py).
 """
 
 from dataclasses import dataclass, field, replace
@@ -20,24 +20,24 @@ from .resample_grid import NODE_LIMIT, node_counts
 
 PROBE_COUNT = 4096
 LINE_COUNT = 64
-# The factor by which halving a spacing divides the error: the greatest that is believed beforehand, and the least.
+# Greatest and least factor by which halving the spacing is predicted to reduce the error.
 GREATEST_GAIN, LEAST_GAIN = 64.0, 2.0
-# Nodes up to which a mesh keeps the geometry of the last grid that it was resampled to: 100 bytes each, and 10 MB.
+# Most nodes of a grid whose geometry is cached on the mesh that was resampled last: 100 bytes each, and 10 MB.
 KEPT_NODES = 1 << 18  # speed only
 
 
 @dataclass(frozen=True)
 class ResamplingError:
-    """What resampling changed.
+    """Measured errors of resampling.
 
     Attributes:
         spacing: Node spacing of the uniform grid [m], one per axis.
         contrast_rms: Root mean square change of the contrast in the flow.
-        contrast_max: Greatest change of the contrast seen.
+        contrast_max: Greatest observed change of the contrast.
         opd_rms: Root mean square change of the optical path along lines parallel to z [m].
-        opd_max: Greatest change of that [m].
+        opd_max: Greatest change of the optical path along those lines [m].
         direction_rms: Root mean square change of the deflection along those lines [rad].
-        source: The field that was resampled; None where it was not kept, so that budgets are not known.
+        source: The original field; None where it is not stored, in which case budgets are not known.
     """
 
     spacing: tuple[float, ...]
@@ -54,19 +54,20 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
 
     Args:
         field: The IndexField to resample.
-        spacing: Greatest node spacing [m], one number or one per axis: the region is divided evenly; or None, and
-        tolerance: greatest change of optical path along lines parallel to z allowed, in waves (the spacing is halved
-            until the measured change is below it).
+        spacing: Greatest node spacing [m], one number or one per axis (the region is divided evenly); or None, with
+        tolerance: greatest allowed change of the optical path along lines parallel to z, in waves. The spacing is
+            halved until the measured change is within it.
         wavelength: Wavelength for `tolerance` [m]; None takes the field's own, or 905 nm where it has none.
-        region: Lowest and highest corner along the field's axes [m]; the whole box if None.
+        region: Lowest and highest corner along the field's axes [m], of which the part in the field's box is resampled;
+            None takes the whole box.
         interpolation: Interpolant of the result.
 
     Returns:
-        A field whose `resampling` holds the measured ResamplingError.
+        A field whose `resampling` is the measured ResamplingError.
 
     Raises:
-        ValueError: Both or neither of spacing and tolerance, numbers that are not positive, a region outside the box,
-            a grid of fewer than four cells along an axis (unless the field has no more) or too large for the memory,
+        ValueError: Both or neither of spacing and tolerance; numbers that are not positive; a region outside the box;
+            a grid of fewer than four cells along an axis (unless the field has no more) or too large for the memory;
             a tolerance that no grid of allowed size meets.
     """
     wavelength = field.wavelength_for(wavelength)
@@ -81,7 +82,7 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
         step = np.broadcast_to(step, (dimension,))
         if not (np.isfinite(step).all() and (step > 0).all()):
             raise ValueError(f"spacing must be positive, got {spacing!r}")
-        node_counts(field, low, high, step)  # a grid that makes no sense is refused before anything is computed
+        node_counts(field, low, high, step)  # reject a useless grid before anything is computed
         return _resample_once(field, low, high, step, interpolation)
     check_positive(tolerance, "tolerance", "waves")
     step, before = np.minimum(field.spacing * 2.0, (high - low) / 8.0), None
@@ -101,10 +102,11 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
 
 
 def _halvings(excess: float, gained: float | None) -> int:
-    """How often the spacing is to be halved at least, for an error that is too great by a factor.
+    """Return the least number of halvings of the spacing for an error that exceeds the tolerance by a factor.
 
-    A halving gains 16 by the spline's order; 64 is never seen for long. Where the last one gained little, at a shock or
-    at rounding, the next ones are believed to gain its square at most, and no less than 2.
+    By the spline's order a halving reduces the error 16-fold; a factor of 64 does not occur repeatedly. If the last
+    halving reduced it by less, at a shock or by rounding, each of the next is assumed to reduce it at most by the
+    square of that factor, but by no less than 2.
     """
     most = GREATEST_GAIN if gained is None else min(max(gained**2, LEAST_GAIN), GREATEST_GAIN)
     return max(1, int(np.ceil(np.log(excess) / np.log(most) - 1e-9)))
@@ -125,12 +127,13 @@ def _region(field, region):
     finite = np.isfinite(first).all() and np.isfinite(last).all()
     if not (finite and (last > first).all() and (first < high).all() and (last > low).all()):
         raise ValueError(f"region {region!r} does not lie in the field's box {low.tolist()} to {high.tolist()}")
-    return first, last
+    # Nodes outside the box would be ambient, and an interpolant would smooth the jump at its faces.
+    return np.maximum(first, low), np.minimum(last, high)
 
 
 def _resample_once(field, low, high, step, interpolation):
     count = node_counts(field, low, high, step)
-    # A grid that reached beyond the region would sample ambient air there, a jump at the face: divide it evenly.
+    # The region is divided evenly: nodes beyond it would sample ambient air, which is a jump at the face.
     step = (high - low) / (count - 1)
     step = step + 2.0 * np.maximum(high - (low + step * (count - 1)), 0.0) / (count - 1)
     geometry = _geometry(field, low, high, step, count)
@@ -143,13 +146,13 @@ def _resample_once(field, low, high, step, interpolation):
 
 @dataclass(frozen=True, eq=False)
 class _Asked:
-    """Points at which a field is asked.
+    """Points at which a field is evaluated.
 
     Attributes:
-        count: How many there are.
-        rows: Which of them are asked; the others are zero.
-        points: Those, local coordinates [m].
-        places: Where they lie in the field's mesh, if it is on one.
+        count: Number of all points.
+        rows: Indices of the points where the field is evaluated; at the others the result is zero.
+        points: Local coordinates of the points `rows` [m].
+        places: The cells of these points, for a field on a mesh.
     """
 
     count: int
@@ -158,13 +161,13 @@ class _Asked:
     places: Any
 
     def contrast(self, field) -> np.ndarray:
-        """Contrast, shape (count,)."""
+        """Return the contrast, shape (count,)."""
         result = np.zeros(self.count)
         result[self.rows] = self.evaluate(field, with_gradient=False)[0]
         return result
 
     def evaluate(self, field, with_gradient: bool = True) -> tuple[np.ndarray, np.ndarray]:
-        """Contrast and its gradient [1/m] at those that are asked."""
+        """Return the contrast and its gradient [1/m] at the points `rows`."""
         known = () if field.is_uniform else (self.places, with_gradient)
         found: tuple[np.ndarray, np.ndarray] = field.samples.evaluate(self.points, *known)
         return found
@@ -172,18 +175,18 @@ class _Asked:
 
 @dataclass(frozen=True, eq=False)
 class _Geometry:
-    """What resampling asks of a field, whatever its values.
+    """The points at which resampling evaluates a field; they do not depend on the field's values.
 
     Attributes:
         nodes: The nodes of the grid.
-        inside: Which of them lie in the body.
-        skin: At the wall nearest to those.
-        ahead: Mirrored at it.
-        fade: The share of the slope there that is carried on.
+        inside: Indices of the nodes inside the body.
+        skin: Points at the wall nearest to these nodes.
+        ahead: These nodes mirrored at the wall, at most two spacings from it.
+        fade: Fraction of the slope at the wall with which each of these nodes is extrapolated.
         probe: Scattered points of the flow.
         lines: Points along lines parallel to the last axis, LINE_COUNT times `line_points`.
-        line_points: How many lie on a line.
-        length: What each of them stands for [m].
+        line_points: Number of points on a line.
+        length: Length of the line that each point represents [m].
     """
 
     nodes: _Asked
@@ -198,7 +201,7 @@ class _Geometry:
 
 
 def _geometry(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, count: np.ndarray) -> _Geometry:
-    """The geometry of a grid; a mesh keeps the last one, which other values on it need too."""
+    """Return the points for a grid; the last result is cached on a mesh for fields of other values on it."""
 
     def make() -> _Geometry:
         return _make_geometry(field, low, high, step, count)
@@ -230,7 +233,7 @@ def _make_geometry(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, c
     foot = nodes[inside] if field.body is None else field.body.nearest_wall(nodes[inside])
     out = foot - nodes[inside]
     depth = np.linalg.norm(out, axis=1)
-    # A node on the wall itself has no direction outward; its own value is right as it is.
+    # A node exactly on the wall has no outward direction, and needs none: its own value is valid.
     normal = out / np.where(depth > 0.0, depth, 1.0)[:, None]
     reach = float(step.min())
     mirrored = np.minimum(depth, 2.0 * reach)
@@ -255,7 +258,7 @@ def _make_geometry(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, c
 
 
 def _continued(field, geometry: _Geometry) -> np.ndarray:
-    """Contrast at the nodes, carried on into the body."""
+    """Return the contrast at the nodes, continued into the body."""
     value = geometry.nodes.contrast(field)
     if len(geometry.inside):
         skin, ahead = geometry.skin.contrast(field), geometry.ahead.contrast(field)
@@ -264,7 +267,7 @@ def _continued(field, geometry: _Geometry) -> np.ndarray:
 
 
 def _measure(source, result, geometry: _Geometry) -> ResamplingError:
-    """Compare both fields at scrambled points, and along lines parallel to the last axis (z)."""
+    """Compare both fields at scattered points, and along lines parallel to the last axis (z)."""
     change = _difference(source, result, geometry.probe).value
     found, shape = _difference(source, result, geometry.lines), (LINE_COUNT, geometry.line_points)
     opd = geometry.length * found.value.reshape(shape).sum(axis=1)
@@ -282,7 +285,7 @@ def _measure(source, result, geometry: _Geometry) -> ResamplingError:
 
 @dataclass(frozen=True, eq=False)
 class _Difference:
-    """Both fields compared at some points; inside the body, where there is no flow, everything is zero.
+    """Differences of two fields at some points; inside the body, where there is no flow, they are zero.
 
     Attributes:
         value: Change of the contrast, shape (n,).

@@ -1,18 +1,18 @@
-"""How many nodes a uniform grid of a given spacing takes, and the refusal of grids that make no sense for a field."""
+"""Count the nodes of a uniform grid of a given spacing, and reject grids too coarse or too large for a field."""
 
 import numpy as np
 
 from ..process.machine import host_memory
 
 NODE_LIMIT = 200_000_000
-# Greatest memory that resampling takes for a node, measured on the shipped flows.
+# Greatest memory that resampling needs per node, measured on the shipped flows.
 BYTES_PER_NODE = 300
-# A grid of fewer cells shows nothing of a flow: its structures have been averaged away, or were never sampled.
+# A grid of fewer cells along an axis does not resolve any structure of a flow.
 LEAST_CELLS = 4
 
 
 def node_counts(field, low: np.ndarray, high: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Nodes along each axis of a grid that divides a region of a field evenly.
+    """Return the number of nodes along each axis of a grid that divides a region of a field evenly.
 
     Args:
         field: The IndexField that is resampled.
@@ -22,12 +22,12 @@ def node_counts(field, low: np.ndarray, high: np.ndarray, step: np.ndarray) -> n
 
     Raises:
         ValueError: A spacing of more than a quarter of the region along an axis, unless the field's own is as great
-            there; or more nodes than the memory takes.
+            there; or more nodes than fit in memory.
     """
     extent = high - low
     size = " by ".join(f"{side:.3g}" for side in extent) + " m"
     with np.errstate(over="ignore"):
-        cells = np.ceil(extent / step * (1 - 1e-12))  # in float64: a spacing of 1e-300 m overflows whole numbers
+        cells = np.ceil(extent / step * (1 - 1e-12))  # as float64: a spacing of 1e-300 m would overflow integers
     own = field.spacing if field.is_uniform else np.zeros(len(extent))
     coarse = (cells < LEAST_CELLS) & (step > own * (1 + 1e-9))
     if coarse.any():

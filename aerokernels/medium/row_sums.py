@@ -1,19 +1,19 @@
-r"""What a cell beside a shock cannot keep goes to its neighbours, so that lines across them meet what the file holds.
+r"""Transfer the deficits of cells beside a shock to their neighbours, so that sums along rows of cells are kept.
 
 A bounded continuous interpolant cannot keep every cell's average beside a captured shock. As in flux-corrected
-transport (J. P. Boris, D. L. Book, J. Comput. Phys. 11 (1973) 38) what is cut off in one cell is given to those with
-room: about each cell that lacks something the cells within REACH steps from cell to cell may lack or exceed theirs too,
-as little as possible (in squares), such that
+transport (J. P. Boris, D. L. Book, J. Comput. Phys. 11 (1973) 38) the deficit of one cell is given to cells whose
+bounds leave room. The cells within REACH steps from a cell with a deficit may deviate from their averages, by the
+smallest sum of squares for which
 
-    sum_c A_c (a_c - mean_c(v)) = 0        along every row and every column of cells there,
+    sum_c A_c (a_c - mean_c(v)) = 0        along every row and every column of these cells,
 
-A_c the areas, which a line in the plane meets, and with them over every box whose sides these rows and columns cross
-whole. Rows of quadrilaterals are those of opposite_sides.py, in a mesh of any blocks. Cells without rows (triangles,
-polygons) are summed under hats in y and in z, as wide as cells. How a row's sum is shared among the lines in it is left
-open by that: in structured meshes sums along lines of edges (edge_lines.py) are asked for as well, and give way. No
-value leaves the bounds it had. A row that runs along the shock, in which more than half of the cells lack something,
-has no room to take from and is not asked for anything. What bounds forbid stays lacking, and `MeshSamples.lacking`
-tells it.
+with the areas A_c in the plane, the measure of lines through it. The sum over any box made of whole rows or columns is
+then kept, too. Rows of quadrilaterals are those of opposite_sides.py, in meshes of any blocks. For cells without rows
+(triangles, polygons) the sums are weighted with hat functions of y and of z that are as wide as cells. A row's sum does
+not determine the distribution among the lines in the row: in structured meshes sums along lines of edges
+(edge_lines.py) are requested as well, but may be violated. No value leaves its bounds. A row along the shock, in which
+more than half of the cells have a deficit, has no cells to balance it, so its sum is not constrained. A deficit that
+the bounds forbid to remove remains and is reported by `MeshSamples.lacking`.
 """
 
 import numpy as np
@@ -23,13 +23,14 @@ from .cell_shares import CellShares
 from .edge_lines import EdgeLines
 from .opposite_sides import row_numbers
 
-REACH = 8  # steps from cell to cell that what a cell lacks may go
-LACKING = 1e-6  # of the range of the averages: cells that lack less are kept
-MOST_CELLS = 30_000  # that hang together: more of them are left as they are, for time's sake
-# How readily a cell's average, the sum along a line of edges and a row's sum give way (see bounded.py).
+REACH = 8  # steps from cell to cell over which a deficit may be distributed
+LACKING = 1e-6  # deficits below this fraction of the range of the averages are neglected
+MOST_CELLS = 30_000  # larger connected regions are left unchanged, to limit the time
+# The constants e of bounded.py for a cell's average, the sum along a line of edges, and a row's sum: the greater, the
+# more readily the equation is violated.
 GIVE_CELL, GIVE_LINE, GIVE_ROW = 1e-2, 3e-4, 1e-10
-ALONG = 0.5  # share of cells that lack something above which a row runs along the shock
-HAT = 1.5  # width of half a hat, in cells
+ALONG = 0.5  # fraction of a row's cells with a deficit above which the row counts as running along the shock
+HAT = 1.5  # half width of a hat function, in cells
 
 
 def keep_row_sums(
@@ -41,16 +42,16 @@ def keep_row_sums(
     joined: tuple[np.ndarray, np.ndarray] | None = None,
     lines: EdgeLines | None = None,
 ) -> np.ndarray:
-    """Values at the vertices, shape (vertex_count,), within their bounds, that keep sums across what cells lack.
+    """Return values at the vertices, shape (vertex_count,), within their bounds, that keep the sums along rows.
 
     Args:
-        cells: Shares of the vertices in the flow's cells.
-        average: Averages over these, shape (flow's cells,).
-        values: Values to begin with, within the bounds, shape (vertex_count,).
-        low: Least values, shape (vertex_count,).
-        high: Greatest values.
-        joined: Which of the flow's cells follow one another in rows (`joined_across`); None where there are no rows.
-        lines: Lines of edges whose sums are kept too, or None.
+        cells: Weights of the vertices in the flow's cells.
+        average: Averages over the flow's cells, shape (flow's cells,).
+        values: Initial values, within the bounds, shape (vertex_count,).
+        low: Least values allowed, shape (vertex_count,).
+        high: Greatest values allowed, shape (vertex_count,).
+        joined: Which of the flow's cells are adjacent in rows (`joined_across`); None where there are no rows.
+        lines: Lines of edges whose sums are to be kept as well, or None.
     """
     from scipy.sparse.csgraph import connected_components
 
@@ -66,7 +67,7 @@ def keep_row_sums(
     count, part = connected_components(cells.across[region][:, region], directed=False)
     order = np.argsort(part, kind="stable")
     found = values.copy()
-    # A vertex is moved where all of its cells are of the region, and so of one part of it.
+    # A vertex may change if all its cells are in the region; they are then in one connected part of it.
     inside = np.diff(cells.turned.indptr) == np.asarray((cells.turned.astype(bool) @ near.astype(float)), dtype=int)
     for some in np.split(region[order], np.cumsum(np.bincount(part, minlength=count))[:-1]):
         if len(some) > MOST_CELLS:
@@ -77,7 +78,7 @@ def keep_row_sums(
 
 
 def _place(cells, some, sums, lines, lacking, lacks, found, inside, low, high, scale: float) -> None:
-    """Change the values in one part of the region, in place."""
+    """Change the values `found` in one connected part of the region, in place."""
     from scipy.sparse import csr_array, diags_array, vstack
 
     rows, of, weight = sums
@@ -112,7 +113,7 @@ def _place(cells, some, sums, lines, lacking, lacks, found, inside, low, high, s
 
 
 def _along_lines(lines: EdgeLines, edge: np.ndarray, lacking: np.ndarray):
-    """Means along stretches of lines over some edges, sparse, shape (stretches, edges), but for those along a shock."""
+    """Return a matrix of means along contiguous edges, sparse, shape (stretches, edges), none of them along a shock."""
     from scipy.sparse import csr_array
 
     new = np.ones(len(edge), dtype=bool)
@@ -127,13 +128,13 @@ def _along_lines(lines: EdgeLines, edge: np.ndarray, lacking: np.ndarray):
 
 
 def _stretches(some: np.ndarray, joined, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stretches of rows in a set of cells: number of the stretch, place in the set, and weight."""
+    """Return the contiguous parts of rows in a set of cells: number of the part, index in the set, and weight."""
     rows = row_numbers(joined, count, some)
     return rows, np.tile(np.arange(len(some)), 2), np.ones(len(rows))
 
 
 def _hats(some: np.ndarray, cells: CellShares) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same for cells in no order: each counts in two hats along either axis."""
+    """Return the same for cells without rows: each has weights in two hat functions along either axis."""
     step = HAT * float(np.sqrt(np.median(cells.area[some])))
     rows, of, weight, count = [], [], [], 0
     for place in cells.center[some].T:

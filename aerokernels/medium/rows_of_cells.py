@@ -1,12 +1,12 @@
-r"""What an interpolant lacks of the averages that it was made from: of every row of cells, and of single cells.
+r"""Deficits of an interpolant from the cell averages it was made from, for every row of cells and for single cells.
 
 With a_c the average over a cell of area A_c, m_c the interpolant's mean over it, and R the range of all averages,
 
     row k:   | sum_c A_c (a_c - m_c) | / (R sum_c A_c)          over the cells c of the row
     cells:   sqrt( sum_c A_c (a_c - m_c)^2 / sum_c A_c ) / R    over all cells, and the greatest |a_c - m_c| / R
 
-(in an axisymmetric mesh the means are those over volumes, r dr dz). Rows are those of opposite_sides.py: in
-a structured mesh its rows and its columns. Lines side by side that fill a row hold together what the row lacks.
+(in an axisymmetric mesh the means are over volumes, r dr dz). Rows are those of opposite_sides.py: in a structured mesh
+its rows and its columns. The deficit of a row is the mean over the lines along it.
 """
 
 from dataclasses import dataclass
@@ -19,21 +19,21 @@ from .mesh import QuadMesh
 from .opposite_sides import joined_across, row_numbers, ways_across
 from .vertex_values import of_parents
 
-KEPT = 1e-6  # of the range of the averages: rows that lack less are said to be kept
+KEPT = 1e-6  # deficit over the range of the averages below which rows count as kept
 
 
 @shown
 @dataclass(frozen=True)
 class AveragesLacking:
-    """What an interpolant lacks of averages over cells, in shares of the range of these; see the head of this file.
+    """Deficits of an interpolant from averages over cells, as fractions of their range; see the module's docstring.
 
     Attributes:
-        rows_max: The row, or column, of cells that lacks or exceeds most; None where cells were cut of triangles or
-            polygons, which lie in no rows.
-        rows_rms: Root mean square over the rows and columns, by their areas; None as above.
-        row_path: The greatest optical path that a row as long as it is lacks or exceeds [m]; None as above.
-        cells_max: The cell that lacks or exceeds most.
-        cells_rms: Root mean square over the cells, by their areas.
+        rows_max: Greatest deficit or excess of a row or column of cells; None where cells are parts of triangles or
+            polygons, which have no rows.
+        rows_rms: Root mean square over the rows and columns, weighted by area; None as above.
+        row_path: Greatest error of the optical path along a whole row [m]; None as above.
+        cells_max: Greatest deficit or excess of a cell.
+        cells_rms: Root mean square over the cells, weighted by area.
     """
 
     rows_max: float | None
@@ -44,11 +44,11 @@ class AveragesLacking:
 
     @property
     def keeps_rows(self) -> bool:
-        """Whether there are rows and columns, and all of them hold what the averages hold, within a millionth."""
+        """Whether there are rows and columns, and all their deficits are below a millionth of the range."""
         return self.rows_max is not None and self.rows_max < KEPT
 
     def in_words(self) -> str:
-        """The numbers in words that go on after "lacks"."""
+        """Return the numbers in words, as the object of a sentence with "lacks"."""
         cells = f"of single cells {100.0 * self.cells_rms:.2g} % rms, {100.0 * self.cells_max:.2g} % at most"
         if self.rows_max is None or self.rows_rms is None or self.row_path is None:
             return f"{cells}, of the range of densities"
@@ -61,18 +61,18 @@ class AveragesLacking:
 
 
 def averages_lacking(mesh: QuadMesh, average: np.ndarray, values: np.ndarray) -> AveragesLacking:
-    """What bilinear values on a mesh lack of the averages that they were made from.
+    """Return the deficits of bilinear values on a mesh from the averages that they were made from.
 
     Args:
-        mesh: The mesh; where its cells were cut in four, the rows are those of the cells before.
+        mesh: The mesh; where its cells were cut in four, the rows are those of the cells before the cut.
         average: Average [1] over the flow's cell that each cell is or is a part of, shape (cell_count,).
         values: Values at the vertices, shape (vertex_count,).
     """
     lacks = of_parents(mesh, what_is_lacking(mesh, average, values))
     area = mesh.cell_area if mesh.parents is None else np.bincount(mesh.parents, mesh.cell_area)
     span = float(np.ptp(average))
-    scale = span or 1.0  # averages that are all the same lack nothing of any range
-    whole = area > 0.0  # numbers that no part has
+    scale = span or 1.0  # equal averages have no range, and no deficit
+    whole = area > 0.0  # `parents` may leave out numbers
     lacks, area = np.where(whole, lacks, 0.0), np.where(whole, area, 0.0)
     cells_max = float(np.abs(lacks).max()) / scale
     cells_rms = float(np.sqrt(np.sum(area * lacks**2) / area.sum())) / scale

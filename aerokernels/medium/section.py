@@ -1,12 +1,12 @@
-"""Where a closed surface of triangles crosses the plane x = 0: the outlines of a body in a picture."""
+"""Lines in which a closed surface of triangles crosses the plane x = 0, for drawing a body."""
 
 import numpy as np
 
 
 def outlines(vertices: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
-    """The closed lines in which a surface crosses the plane x = 0, each as its corners (y, z) [m], shape (n, 2).
+    """Return the closed lines in which a surface crosses the plane x = 0, each as its corners (y, z) [m], shape (n, 2).
 
-    A corner on the plane counts as lying on its negative side, so that lines close whatever the surface is.
+    A vertex on the plane counts as lying on its negative side, so that the lines are closed for any surface.
 
     Args:
         vertices: Corners of the triangles [m], shape (vertex_count, 3).
@@ -17,7 +17,7 @@ def outlines(vertices: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
     cut = triangles[side.any(axis=1) & ~side.all(axis=1)]
     if not len(cut):
         return []
-    # Each triangle that is cut joins the two of its edges that are crossed.
+    # Each triangle that is cut joins its two crossed edges.
     edges = np.sort(np.stack([cut, np.roll(cut, -1, axis=1)], axis=-1), axis=-1)  # (cut, 3, 2)
     crossed = above[edges[..., 0]] != above[edges[..., 1]]
     named, number = np.unique(edges[crossed], axis=0, return_inverse=True)

@@ -1,6 +1,6 @@
-"""A solid body in a volume: a closed surface of triangles, and which points and lines lie in it.
+"""A solid body in a volume: a closed surface of triangles, points inside it, and where lines cross it.
 
-Rays meet the triangles exactly, as they meet the profile of a `Body`: see triangle_crossings.py.
+Intersections of rays with the triangles are exact, as with the profile of a `Body`: see triangle_crossings.py.
 """
 
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ from .section import outlines
 from .triangle_crossings import triangle_crossings
 from .wall_tree import WallTree, wall_tree
 
-# A direction along no edge that anybody would choose, in which points are told inside from outside.
+# Direction of the lines by which `contains` decides; edges of bodies are unlikely to be parallel to it.
 ASKEW = np.array([0.312_8, 0.541_7, 0.780_2]) / np.linalg.norm([0.312_8, 0.541_7, 0.780_2])
-NEAREST = 12  # triangles by their middles, among which the nearest one is looked for
+NEAREST = 12  # triangles with the nearest centroids, among which the search for the nearest one begins
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +27,12 @@ class SolidBody(Derived):
 
     Attributes:
         vertices: Points of the surface [m], shape (vertex_count, 3).
-        triangles: Corners of each triangle, shape (triangle_count, 3); neighbours go round the same way. Which way that
-            is, outward or inward, does not matter.
+        triangles: Corners of each triangle, shape (triangle_count, 3). Neighbours must have the same orientation,
+            outward or inward.
 
     Raises:
-        ValueError: Shapes and indices that do not fit, points that are not finite, a surface that is not closed (how
-            many edges are open, and where the first is) or whose triangles do not go round the same way.
+        ValueError: Shapes or indices that are not valid, points that are not finite, a surface that is not closed (the
+            message says how many edges are open, and where the first is) or whose triangles differ in orientation.
     """
 
     vertices: np.ndarray
@@ -59,9 +59,9 @@ class SolidBody(Derived):
 
     @classmethod
     def of_revolution(cls, body: Body, count: int = 96) -> "SolidBody":
-        """The body of an axisymmetric profile, as triangles: `count` around the axis z.
+        """Return the body of an axisymmetric profile as triangles, `count` of them around the axis z.
 
-        Between the rings of vertices, which lie on the body, the surface is within 1 - cos(pi / count) of its radius.
+        The vertices are on the body. Between them the surface lies inside by at most 1 - cos(pi / count) of the radius.
 
         Raises:
             ValueError: A planar body, or fewer than three triangles around.
@@ -100,7 +100,7 @@ class SolidBody(Derived):
 
     @cached_property
     def tree(self) -> WallTree:
-        """The surface under a tree of boxes."""
+        """The tree of boxes around the triangles."""
         return wall_tree(self.surface)
 
     @property
@@ -109,11 +109,11 @@ class SolidBody(Derived):
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
 
     def crossings(self, position, direction) -> np.ndarray:
-        """Distances [m] at which straight lines cross the surface: see `Body.crossings`."""
+        """Return distances [m] at which straight lines cross the surface: see `Body.crossings`."""
         return triangle_crossings(self.tree, position, direction)
 
     def contains(self, points) -> np.ndarray:
-        """Whether each point (n, 3) lies inside the body."""
+        """Return whether each point (n, 3) is inside the body."""
         points = np.asarray(points, dtype=np.float64)
         low, high = self.box
         inside = np.all((points >= low) & (points <= high), axis=1)
@@ -123,10 +123,10 @@ class SolidBody(Derived):
         return np.asarray(inside)
 
     def nearest_wall(self, points) -> np.ndarray:
-        """The point of the surface nearest to each point (n, 3) [m], of the dozen triangles with the nearest middles.
+        """Return the exact point of the surface nearest to each point (n, 3) [m], shape (n, 3).
 
-        On surfaces whose triangles differ much in size a nearer one may be farther off by its middle: the foot is then
-        on a neighbour of the nearest.
+        The nearest of the dozen triangles with the nearest centroids limits the boxes of the tree that may contain a
+        nearer one.
         """
         points = np.asarray(points, dtype=np.float64)
         if not len(points):
@@ -139,20 +139,42 @@ class SolidBody(Derived):
             some = _nearest_in(points[part, None], self.surface[near[part]])
             best = np.argmin(np.sum((some - points[part, None]) ** 2, axis=2), axis=1)
             foot[part] = some[np.arange(len(best)), best]
+        self._improve(points, foot)
         return foot
 
+    def _improve(self, points: np.ndarray, foot: np.ndarray) -> None:
+        """Replace points `foot` of the surface, in place, by nearer ones where there are any."""
+        least = np.sum((foot - points) ** 2, axis=1)
+        tree, waiting = self.tree, [(0, np.arange(len(points)))]
+        while waiting:
+            node, rows = waiting.pop()
+            low, high = tree.boxes[node]
+            outside = points[rows] - np.clip(points[rows], low, high)
+            rows = rows[np.sum(outside**2, axis=1) < least[rows]]
+            if not len(rows):
+                continue
+            first, last = tree.links[node][1:]
+            if last == first:
+                waiting += tree.children(node, rows)
+                continue
+            for corners in tree.corners[first:last]:
+                found = _nearest_in(points[rows], corners)
+                distance = np.sum((found - points[rows]) ** 2, axis=1)
+                nearer = distance < least[rows] * (1.0 - 1e-12)  # feet that are equally near stay as they are
+                foot[rows[nearer]], least[rows[nearer]] = found[nearer], distance[nearer]
+
     def signed_distance(self, points) -> np.ndarray:
-        """Distance to the wall [m], negative inside the body, at points (n, 3)."""
+        """Return the distance to the surface [m], negative inside the body, at points (n, 3)."""
         distance = np.linalg.norm(points - self.nearest_wall(points), axis=1)
         return np.where(self.contains(points), -distance, distance)
 
     def section(self) -> np.ndarray:
-        """Where the surface crosses the plane x = 0: both ends (y, z) of each piece [m], shape (n, 2, 2)."""
+        """Return the lines in which the surface crosses x = 0, as ends (y, z) of segments [m], shape (n, 2, 2)."""
         pieces = [np.stack([line, np.roll(line, -1, axis=0)], axis=1) for line in self.outlines()]
         return np.concatenate([np.empty((0, 2, 2)), *pieces])
 
     def outlines(self) -> list[np.ndarray]:
-        """The closed lines in which the surface crosses the plane x = 0: corners (y, z) of each [m], shape (n, 2)."""
+        """Return the closed lines in which the surface crosses x = 0, each as corners (y, z) [m], shape (n, 2)."""
         return outlines(self.vertices, self.triangles)
 
     @cached_property
@@ -163,7 +185,7 @@ class SolidBody(Derived):
 
 
 def _outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Closed parts turned so that each has a positive volume."""
+    """Return the triangles, with those of each closed part oriented so that its volume is positive."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
@@ -193,7 +215,10 @@ def _outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def _nearest_in(point: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """The point of each triangle (..., 3, 3) nearest to a point (..., 3); C. Ericson, Real-Time Collision Detection."""
+    """Return the point of each triangle (..., 3, 3) nearest to a point (..., 3).
+
+    Source: C. Ericson, Real-Time Collision Detection.
+    """
     a, ab, ac = corners[..., 0, :], corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
 
     def dot(one, other):

@@ -1,12 +1,12 @@
 r"""Coefficients of the tensor-product interpolants on a uniform grid.
 
-Every interpolant is evaluated alike: along each axis a cell uses `support` consecutive coefficients, from `stride`
-times the cell's index on, with weights that depend on the fraction u in [0, 1] of the cell.
+All interpolants are evaluated in the same way: along each axis a cell uses `support` consecutive coefficients, starting
+at `stride` times the cell's index, with weights that depend on the position u in [0, 1] in the cell.
 
     "linear"    support 2, stride 1   the samples; C0, second order
     "cubic"     support 4, stride 1   C2 B-spline through the samples, not-a-knot ends (fourth order up to the faces)
     "monotone"  support 4, stride 2   C1 Hermite: value and limited slope of each node; in each cell it stays within
-                                      the range of the cell's corners, so a shock does not ring
+                                      the range of the cell's corners, so there is no overshoot at a shock
 
 References: C. de Boor, A Practical Guide to Splines (2001); F. N. Fritsch and R. E. Carlson, SIAM J. Numer. Anal. 17
 (1980) 238 for the limit on slopes.
@@ -19,11 +19,11 @@ import numpy as np
 INTERPOLATIONS = ("cubic", "linear", "monotone")
 SUPPORT = {"linear": 2, "cubic": 4, "monotone": 4}
 STRIDE = {"linear": 1, "cubic": 1, "monotone": 2}
-BAND = 4  # diagonals on either side of the spline's matrices: as far as an end row reaches
+BAND = 4  # diagonals on either side of the main one in the spline's matrices: the extent of an end row
 
 
 def weights(interpolation: str, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weights and their derivatives with respect to u, each of shape (support, *u.shape)."""
+    """Return weights and their derivatives with respect to u, each of shape (support, *u.shape)."""
     v = 1.0 - u
     if interpolation == "linear":
         slope = [-np.ones_like(u), np.ones_like(u)]
@@ -35,7 +35,7 @@ def weights(interpolation: str, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def values(interpolation: str, u: np.ndarray) -> np.ndarray:
-    """The weights alone, shape (support, *u.shape)."""
+    """Return the weights, shape (support, *u.shape)."""
     v = 1.0 - u
     if interpolation == "linear":
         return np.stack([v, u])
@@ -45,7 +45,7 @@ def values(interpolation: str, u: np.ndarray) -> np.ndarray:
 
 
 def coefficients(samples: np.ndarray, interpolation: str, even_first_axis: bool) -> np.ndarray:
-    """The coefficient array of `samples` (float64, one axis per coordinate).
+    """Return the coefficient array of `samples` (float64, one axis per coordinate).
 
     Args:
         samples: Values at the nodes.
@@ -63,11 +63,11 @@ def coefficients(samples: np.ndarray, interpolation: str, even_first_axis: bool)
 
 
 def end_conditions(count: int, even_start: bool) -> np.ndarray:
-    """The matrix for the n + 2 B-spline coefficients along an axis of n nodes, its first and last row filled.
+    """Return the matrix for the n + 2 B-spline coefficients along an axis of n nodes, with only its end rows filled.
 
-    Stored by diagonals, shape (2 BAND + 1, n + 2): entry (i, j) at [BAND + i - j, j]. The end rows say: mirror
-    symmetry, no jump of the third derivative at the second node, or (on two or three nodes, which carry only a straight
-    line or a parabola) no second or third derivative.
+    It is stored by diagonals, shape (2 BAND + 1, n + 2): entry (i, j) at [BAND + i - j, j]. An end row demands mirror
+    symmetry, or no jump of the third derivative at the second node, or (for two or three nodes, which determine only a
+    straight line or a parabola) no second or third derivative.
     """
     matrix = np.zeros((2 * BAND + 1, count + 2))
     if count >= 4:
@@ -88,11 +88,11 @@ def fill_row(matrix: np.ndarray, row: int, first_column: int, entries) -> None:
 
 
 def solve_along(matrix: np.ndarray, values: np.ndarray, axis: int) -> np.ndarray:
-    """Coefficients of all lines of `values` along an axis, zero on the right of both end rows; that axis first."""
+    """Solve for all lines of `values` along an axis, with zero right-hand sides of both end rows; that axis first."""
     from scipy.linalg import solve_banded
 
     moved = np.moveaxis(values, axis, 0)
-    right = np.zeros((len(moved) + 2, moved[0].size), order="F")  # as LAPACK takes it
+    right = np.zeros((len(moved) + 2, moved[0].size), order="F")  # LAPACK's order
     right[1:-1] = moved.reshape(len(moved), -1)
     solved = solve_banded((BAND, BAND), matrix, right, overwrite_ab=True, overwrite_b=True, check_finite=False)
     return np.asarray(solved.reshape((len(moved) + 2, *moved.shape[1:])))
@@ -111,15 +111,15 @@ def spline_along(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
 
 
 def _eliminated(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
-    """`spline_along` of four nodes and more, by elimination, all lines at once: some twenty times LAPACK's speed.
+    """`spline_along` for four nodes and more, by elimination of all lines at once: twenty times as fast as LAPACK.
 
-    With the equations c[i-1] + 4 c[i] + c[i+1] = 6 f[i] of three nodes the not-a-knot condition says what the
-    coefficient of the second node is, c = f - (second difference of f) / 6. Between two such nodes, or from the mirror
+    Together with the equations c[i-1] + 4 c[i] + c[i+1] = 6 f[i] of three nodes, the not-a-knot condition determines
+    the coefficient of the second node, c = f - (second difference of f) / 6. Between two such nodes, or from the mirror
     on, the equations are tridiagonal; those of the first and the last nodes give the outermost coefficients.
     """
     nodes = np.moveaxis(values, axis, 0)
     if 0 < axis == values.ndim - 1:
-        nodes = np.ascontiguousarray(nodes)  # lines lie side by side then
+        nodes = np.ascontiguousarray(nodes)  # each row of all lines is then contiguous
         made = np.empty((len(nodes) + 2, *nodes.shape[1:]))
     else:
         shape = list(values.shape)
@@ -131,7 +131,7 @@ def _eliminated(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
     inverse, first = pivots(last + 1, even_start).tolist(), 2 if even_start else 3
     if not even_start:
         made[2] = nodes[1] - (nodes[0] - 2.0 * nodes[1] + nodes[2]) / 6.0
-    # `made[row] -= ...` would look up each row twice, and write it twice.
+    # `made[row] -= ...` would index and write each row twice.
     rows = [made[row, ...] for row in range(len(made))]
     for row in range(first, last):
         np.multiply(rows[row - 1], inverse[row - 1], out=spare)
@@ -151,7 +151,7 @@ def _eliminated(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
 
 
 def pivots(count: int, even_start: bool) -> np.ndarray:
-    """What the pivot of each equation of `_eliminated` is divided by, inverted, shape (count - 1,)."""
+    """Return the reciprocal of the pivot of each equation of `_eliminated`, shape (count - 1,)."""
     inverse, first = np.ones(count - 1), 3
     if even_start:
         first, inverse[1] = 2, 0.25
@@ -162,7 +162,7 @@ def pivots(count: int, even_start: bool) -> np.ndarray:
 
 
 def _limited_slope(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
-    """Central slopes per cell along one axis, limited so that no control point leaves the range of its edge."""
+    """Return central slopes per cell along one axis, limited so that no control point leaves the range of its edge."""
     moved = np.moveaxis(values, axis, 0)
     step = np.diff(moved, axis=0)
     slope = np.zeros_like(moved)
@@ -177,7 +177,7 @@ def _limited_slope(values: np.ndarray, axis: int, even_start: bool) -> np.ndarra
 
 
 def _limited_hermite(values: np.ndarray, even_first_axis: bool) -> np.ndarray:
-    """Value, slopes and cross slopes of every node, interleaved: index 2 i + 1 along an axis is its derivative."""
+    """Return value, slopes and cross slopes of every node, interleaved: index 2 i + 1 along an axis is a derivative."""
     dimension = values.ndim
     axes = range(dimension)
     part = {(0,) * dimension: values}
@@ -206,7 +206,7 @@ def _limited_hermite(values: np.ndarray, even_first_axis: bool) -> np.ndarray:
 
 
 def _cross_share(values: np.ndarray, part: dict[tuple[int, ...], np.ndarray]) -> np.ndarray:
-    """The greatest share of each node's cross slopes that keeps all Bernstein control points in their cell's range."""
+    """Return the greatest fraction of each node's cross slopes with all Bernstein points in their cell's range."""
     dimension = values.ndim
     share = np.ones_like(values)
     for sign in product((-1, 1), repeat=dimension):

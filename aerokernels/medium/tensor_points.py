@@ -1,4 +1,7 @@
-"""A uniform grid's contrast at all points of another grid of its axes: one sparse product an axis, no gradient."""
+"""Evaluate a uniform grid's contrast, without gradient, at the points of a tensor product of coordinates or at points.
+
+On a tensor product of coordinates the evaluation is one sparse matrix product for each axis.
+"""
 
 import numpy as np
 
@@ -7,16 +10,17 @@ from .grid import UniformGrid
 
 
 def contrast_on_axes(grid: UniformGrid, axes: list[np.ndarray]) -> np.ndarray:
-    """Contrast at every combination of coordinates along the grid's axes; zero outside its box.
+    """Return the contrast at every combination of coordinates along the grid's axes; zero outside its box.
 
-    The same interpolant as `UniformGrid.evaluate`, for a small part of its time: the interpolant is a tensor product.
+    The interpolant is that of `UniformGrid.evaluate`. Because it is a tensor product, this takes a small fraction of
+    that function's time.
 
     Args:
         grid: The samples.
         axes: Coordinates along each of its axes [m], in any order.
 
     Returns:
-        Contrast, of the shape of the axes' lengths.
+        Contrast, with the lengths of `axes` as shape.
     """
     from scipy.sparse import csr_array
 
@@ -43,9 +47,9 @@ def contrast_on_axes(grid: UniformGrid, axes: list[np.ndarray]) -> np.ndarray:
 
 
 def contrast_without_gradient(field, points: np.ndarray) -> np.ndarray:
-    """Contrast of an index field at points (n, 3), shape (n,): `contrast_at` in a sixth of its time on cubic grids.
+    """Return the contrast of an index field at points (n, 3), shape (n,), in a sixth of the time of `contrast_at`.
 
-    SciPy's compiled splines take our coefficients as they are; other interpolants go the way of `contrast_at`.
+    SciPy's compiled splines take the coefficients of cubic grids as they are; other interpolants use `contrast_at`.
     """
     if not field.is_uniform or field.interpolation != "cubic":
         return np.asarray(field.contrast_at(points))

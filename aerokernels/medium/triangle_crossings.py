@@ -1,27 +1,27 @@
-r"""Where straight lines in space cross the triangles of a surface: watertight, in float64.
+r"""Distances at which straight lines in space cross the triangles of a surface: watertight, in float64.
 
-Across a line with direction d stand two unit vectors u and v, right-handed with d. A corner c lies at
+With two unit vectors u and v that complete a line's direction d to a right-handed frame, a corner c has the coordinates
 
     x = u . (c - p),   y = v . (c - p),   w = d . (c - p)
 
-and an edge from a to b has the line on its left where e = x_a y_b - y_a x_b is positive. A triangle is crossed where
-the three numbers of its edges have one sign; they are the weights of w at the opposite corners, and the sign is that of
-n . d, with n the normal out of the body. An edge's number is worked out from its lesser corner (by x, then y) to its
-greater one, whichever triangle asks, and zero counts as below: moving the line by less than any number does the same.
-So no line slips through between two triangles, and the number of crossings of a closed surface is even. The kernels
-(engines/warp/kernels/crossings.py, kernels/include/crossings.h) do the same.
+from a point p of the line. The line is on the left of an edge from a to b if e = x_a y_b - y_a x_b is positive. A
+triangle is crossed if e has one sign for its three edges, which is the sign of n . d with the outward normal n; these
+numbers are the weights of w at the opposite corners. For both triangles at an edge e is computed from the lesser corner
+(by x, then y) to the greater one, and zero counts as negative, which is equivalent to an infinitesimal shift of the
+line. So no line passes between two triangles, and the number of crossings of a closed surface is even. The kernels
+(engines/warp/kernels/crossings.py, kernels/include/crossings.h) use the same formulas.
 """
 
 import numpy as np
 
 from .wall_tree import WallTree
 
-LINES = 4096  # that go through the tree together; speed only
-LEAST_SIDE = 1e-300  # of a line that meets an edge
+LINES = 4096  # lines that descend the tree together; speed only
+LEAST_SIDE = 1e-300  # magnitude of e for a line that meets an edge
 
 
 def axes_across(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors across each direction (n, 3), right-handed with it (T. Duff et al., JCGT 6 (2017) 1)."""
+    """Return two unit vectors that complete each direction (n, 3) to a frame (T. Duff et al., JCGT 6 (2017) 1)."""
     x, y, z = (direction / np.linalg.norm(direction, axis=1)[:, None]).T
     sign = np.where(z < 0.0, -1.0, 1.0)
     a = -1.0 / (sign + z)
@@ -30,12 +30,12 @@ def axes_across(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def triangle_crossings(tree: WallTree, position, direction) -> np.ndarray:
-    """Distances along lines [m] at which they cross the triangles, in order, shape (line_count, greatest number).
+    """Return distances along lines [m] at which they cross the triangles, ascending, shape (line_count, m).
 
-    Rows are filled up with infinity. Distances are negative behind a line's point.
+    Rows are padded with infinity. Distances are negative behind a line's point.
 
     Args:
-        tree: The triangles under their boxes.
+        tree: The triangles in their tree of boxes.
         position: A point on each line [m], shape (line_count, 3).
         direction: Unit vectors, shape (line_count, 3).
     """
@@ -59,7 +59,7 @@ def triangle_crossings(tree: WallTree, position, direction) -> np.ndarray:
 
 
 def _through(tree: WallTree, position: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of a line and a distance, down the tree with all lines together."""
+    """Return pairs of a line and a distance, found by descending the tree with all lines together."""
     right, up = axes_across(direction)
     square = np.sum(direction * direction, axis=1)
     found_line, found_distance = [], []
@@ -70,8 +70,8 @@ def _through(tree: WallTree, position: np.ndarray, direction: np.ndarray) -> tup
         rows = rows[_pass_box(position[rows], direction[rows], *tree.boxes[node])]
         if not len(rows):
             continue
-        if last == first:  # its first child follows it, the second one the first
-            waiting += [(node + 1, rows), (int(tree.links[node + 1][0]), rows)]
+        if last == first:
+            waiting += tree.children(node, rows)
             continue
         offset = tree.corners[first:last][None] - position[rows][:, None, None]
         x, y, w = (np.einsum("ntkc,nc->ntk", offset, axis[rows]) for axis in (right, up, direction))
@@ -87,7 +87,7 @@ def _through(tree: WallTree, position: np.ndarray, direction: np.ndarray) -> tup
 
 
 def _side(x: np.ndarray, y: np.ndarray, a: int, b: int) -> np.ndarray:
-    """On which side of the edge from corner a to corner b each line lies: positive to the left, never zero."""
+    """Return e of the edge from corner a to corner b for each line: positive if the line is on the left, never zero."""
     swap = (x[..., a] > x[..., b]) | ((x[..., a] == x[..., b]) & (y[..., a] > y[..., b]))
     x1, x2 = np.where(swap, x[..., b], x[..., a]), np.where(swap, x[..., a], x[..., b])
     y1, y2 = np.where(swap, y[..., b], y[..., a]), np.where(swap, y[..., a], y[..., b])

@@ -1,24 +1,24 @@
-r"""From finite-volume cell averages to vertex values, and node gradients.
+r"""Vertex values from finite-volume cell averages, and gradients at vertices.
 
-Averages become values at faces, one mesh direction after the other, by the fourth-order finite-volume formula
+Averages are converted to values at faces, one mesh direction after the other, by the fourth-order finite-volume formula
 
     f_(i+1/2) = linear between the two centroids  -  (d1 / 12) [ (f_(i+2) - f_(i+1)) / d2  -  (f_i - f_(i-1)) / d0 ]
 
-(on equal cells: (7, 7, -1, -1) / 12). d0, d1, d2 are distances between centroids. Beside a captured shock the second
-term is left out: it would ring, and any limiter on it spoils the sums, while the linear term on its own keeps line
-integrals across the shock exact on equal cells, wherever in its cell the shock sits and however it is tilted. Last, the
-result is kept within the range of the two cells it joins. At an edge the two nearest cells are extrapolated; on the
-axis the field is even.
+(on equal cells: (7, 7, -1, -1) / 12), with the distances d0, d1, d2 between centroids. Beside a captured shock the
+second term is left out: it would oscillate, and any limiter on it changes the sums. The linear term alone keeps line
+integrals across the shock exact on equal cells, for any position of the shock in its cell and any tilt. The result is
+finally limited to the range of the two cells that it joins. At an edge of the mesh the two nearest cells are
+extrapolated; on the axis the field is even.
 
 Node gradients are the paper's eq 7, the five-point "Barron" difference in index space, divided by the metric of the
-mesh (which the paper leaves out), with one-sided fourth-order forms at the two outermost nodes on either side.
+mesh (which the paper omits), with one-sided fourth-order forms at the two outermost nodes on either side.
 """
 
 import numpy as np
 
 from .mesh import QuadMesh
 
-# Row k: derivative at node k of five nodes in a row; row 2 is eq 7.
+# Row k: derivative at the k-th of five consecutive nodes; row 2 is eq 7.
 FIVE_POINT = (
     np.array(
         [
@@ -32,18 +32,18 @@ FIVE_POINT = (
     / 12.0
 )
 
-# A second difference above this share of the field's whole range is a captured shock; smooth flow that is resolved by
-# twenty cells or more stays below it.
+# A second difference above this fraction of the field's whole range counts as a captured shock; those of smooth flow
+# resolved by twenty cells or more are below it.
 SHOCK_SHARE = 0.05
 
 
 def vertex_values(mesh: QuadMesh, average: np.ndarray) -> np.ndarray:
-    """Vertex values, shape (vertex_count,), from cell averages, shape (cell_count,)."""
+    """Return vertex values, shape (vertex_count,), from cell averages, shape (cell_count,)."""
     return values_and_smooth(mesh, average)[0]
 
 
 def values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertex values, and which of the flow's cells neither hold a captured shock nor touch one that does."""
+    """Return vertex values, and which of the flow's cells neither contain nor touch a captured shock."""
     if mesh.shape is None:
         return _unstructured_vertex_values(mesh, average)
     smooth = ~_beside_shock(average.reshape(mesh.shape[0] - 1, mesh.shape[1] - 1))
@@ -51,14 +51,14 @@ def values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, lesser: bool = False) -> np.ndarray:
-    """Vertex values on a structured mesh, one direction after the other.
+    """Return vertex values on a structured mesh, computed one direction after the other.
 
     Args:
         mesh: The mesh.
         average: Averages, shape (cell_count,).
         smooth: Cells without a captured shock, shape (ni - 1, nj - 1).
-        limited: Values stay between the averages of the cells that they join.
-        lesser: To the rim beside a shock only the lesser of two changes goes on.
+        limited: Limit values to the range of the averages of the cells that they join.
+        lesser: Beside a shock, extrapolate to the edge of the mesh with the smaller of the two nearest changes.
     """
     ni, nj = mesh.shape or (0, 0)
     vertex = mesh.vertices.reshape(ni, nj, 2)
@@ -73,7 +73,7 @@ def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, less
 
 
 def edge_means(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Means over the edges of a structured mesh: along its rows of vertices, (ni, nj - 1), and columns, (ni - 1, nj).
+    """Return means over edges of a structured mesh: along rows of vertices, (ni, nj - 1), and columns, (ni - 1, nj).
 
     Args:
         mesh: The mesh.
@@ -89,9 +89,10 @@ def edge_means(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _edge_means(average, centroid, middle, on_axis: bool) -> np.ndarray:
-    """Means over edges along axis 1, moved along it by what the way from centroid to centroid misses of their middles.
+    """Return means over edges along axis 1, corrected along it for the offset of centroids from the edges' midpoints.
 
-    They are summed along lines, across which sums change smoothly at a shock too: nothing is left out or limited.
+    The means will be summed along lines of edges, and these sums change smoothly from line to line even across a shock:
+    no term is left out, and nothing is limited.
     """
     smooth = np.ones(average.shape, dtype=bool)
     found = _faces_along_first_axis(average, smooth, centroid, middle, on_axis, False, False)
@@ -104,10 +105,10 @@ def _edge_means(average, centroid, middle, on_axis: bool) -> np.ndarray:
 
 
 def linear_values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """As `values_and_smooth`, and linear densities come back exactly on skewed and uneven cells too.
+    """As `values_and_smooth`, but exact for linear densities on skewed and uneven cells too.
 
-    What the values lack of a slope is known: coordinates that go the same way, from the centroids to the vertices, miss
-    the vertices by as much.
+    The same formula applied to the coordinates of the centroids shows by how much it misses the vertices, and thus its
+    error for a known slope.
     """
     if mesh.shape is None or min(mesh.shape) < 3:
         return _unstructured_vertex_values(mesh, average)
@@ -124,7 +125,7 @@ def linear_values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.nd
 
 
 def _beside_shock(average: np.ndarray) -> np.ndarray:
-    """Cells of a structured mesh that hold a jump along either direction, or touch one that does."""
+    """Return which cells of a structured mesh contain a jump along either direction, or touch a cell that does."""
     jump = np.zeros(average.shape, dtype=bool)
     bound = SHOCK_SHARE * np.ptp(average)
     jump[1:-1] |= np.abs(np.diff(average, 2, axis=0)) > bound
@@ -139,7 +140,7 @@ def _beside_shock(average: np.ndarray) -> np.ndarray:
 
 
 def _faces_along_first_axis(average, smooth, centroid, face, on_axis: bool, limited, lesser) -> np.ndarray:
-    """Values at the n + 1 faces of n cells along axis 0; the higher-order term only between cells that are smooth."""
+    """Return values at the n + 1 faces of n cells along axis 0, of higher order only between smooth cells."""
     count = len(average)
     result = np.empty((count + 1, *average.shape[1:]))
     if count == 1:
@@ -170,9 +171,9 @@ def _faces_along_first_axis(average, smooth, centroid, face, on_axis: bool, limi
 
 
 def _lesser(average, slope, distance, edge: int) -> np.ndarray:
-    """The change from the first cell on: the lesser of the first two, less what changes along the rim itself.
+    """Return the change from the edge's cell to the next: the smaller of the first two, minus changes along the edge.
 
-    A layer along a wall goes on to it, a shock that leaves by the rim does not.
+    So a layer along a wall is extrapolated to the wall, and a shock that leaves through the edge is not.
     """
     own = average if edge == 0 else average[::-1]
     change = own[1] - own[0]
@@ -188,7 +189,7 @@ def _lesser(average, slope, distance, edge: int) -> np.ndarray:
 
 
 def vertex_gradients(mesh: QuadMesh, values: np.ndarray) -> np.ndarray:
-    """Gradient at the vertices [1/m], shape (vertex_count, 2)."""
+    """Return gradients at the vertices [1/m], shape (vertex_count, 2)."""
     if mesh.shape is None or min(mesh.shape) < 5:
         gradient = _least_squares_gradient(mesh.vertices, values, *_vertex_pairs(mesh))
     else:
@@ -217,14 +218,14 @@ def _five_point(array: np.ndarray, axis: int) -> np.ndarray:
 
 
 def _vertex_pairs(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
-    """All pairs of different vertices that share a cell, each pair both ways round."""
+    """Return all pairs of different vertices that share a cell, each pair in both orders."""
     first = np.repeat(mesh.cells, 4, axis=1).ravel().astype(np.int64)
     second = np.tile(mesh.cells, (1, 4)).ravel().astype(np.int64)
     return _unique_pairs(first, second, len(mesh.vertices))
 
 
 def _touching(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Each vertex with each of the flow's cells that has it: vertices and cells, one pair after the other."""
+    """Return all pairs of a vertex and a flow's cell with that vertex: vertices, and cells."""
     if mesh.parents is None:
         return mesh.cells.ravel(), np.repeat(np.arange(len(mesh.cells)), 4)
     count = int(mesh.parents.max()) + 1
@@ -233,7 +234,7 @@ def _touching(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _cell_pairs(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
-    """All pairs of different cells of the flow that share a vertex, each pair both ways round."""
+    """Return all pairs of different flow's cells that share a vertex, each pair in both orders."""
     from scipy.sparse import csr_matrix
 
     vertex, cell = _touching(mesh)
@@ -244,7 +245,7 @@ def _cell_pairs(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def of_parents(mesh: QuadMesh, values: np.ndarray) -> np.ndarray:
-    """Means of values of a mesh's cells over the cells of the flow that they are parts of."""
+    """Return means of values of a mesh's cells over the flow's cells of which they are parts."""
     if mesh.parents is None:
         return values
     size = mesh.corner_weights.sum(axis=1)
@@ -260,7 +261,7 @@ def _unique_pairs(first, second, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _least_squares_gradient(points, values, first, second) -> np.ndarray:
-    """Gradient that best explains the differences to the neighbours, weighted by inverse squared distance."""
+    """Return the least-squares gradient of the differences to neighbours, weighted by inverse squared distance."""
     step = points[second] - points[first]
     rise = values[second] - values[first]
     weight = 1.0 / np.sum(step**2, axis=1)
@@ -274,7 +275,7 @@ def _least_squares_gradient(points, values, first, second) -> np.ndarray:
 
 
 def _slopes(mesh: QuadMesh, centroid: np.ndarray, average: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Slope in each of the flow's cells, none beside a captured shock, which these are, and the pairs of neighbours."""
+    """Return the slope in each flow's cell (zero beside a shock), which cells those are, and pairs of neighbours."""
     slope, first, second = np.zeros((len(average), 2)), np.empty(0, int), np.empty(0, int)
     shock = np.zeros(len(average), dtype=bool)
     if len(average) > 1:
@@ -289,7 +290,7 @@ def _slopes(mesh: QuadMesh, centroid: np.ndarray, average: np.ndarray) -> tuple[
 
 
 def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse-distance mean of the linear reconstructions of a vertex's cells, which are flat beside a shock."""
+    """Return inverse-distance means, at vertices, of linear reconstructions in their cells (constant beside shocks)."""
     centroid, average = of_parents(mesh, mesh.cell_centroid), of_parents(mesh, average)
     slope, shock, first, second = _slopes(mesh, centroid, average)
     vertex, cell = _touching(mesh)
@@ -302,9 +303,9 @@ def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> tuple[np
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, vertex, average[cell])
     np.maximum.at(high, vertex, average[cell])
-    # By as much as the cells of a vertex differ, it may lie beyond their range.
+    # A vertex may exceed the range of its cells on either side by the width of that range.
     low, high = low - (high - low), high + (high - low)
-    if len(average) > 1:  # on rims and in the middle of cells and edges, beyond each cell by what it differs by at most
+    if len(average) > 1:  # at the mesh's edge, and in cells and edges, it may exceed a cell by that cell's differences
         span = np.zeros(len(average))
         np.maximum.at(span, first, np.abs(average[second] - average[first]))
         rim = np.bincount(vertex, minlength=count) <= 2

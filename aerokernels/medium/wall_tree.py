@@ -1,31 +1,30 @@
-"""The surface of a body for kernels: its pieces under a tree of boxes that a line goes through from node to node.
+"""The surface of a body for kernels: its pieces in a tree of bounding boxes.
 
-Pieces are segments of a profile, or triangles of a surface in space.
-
-Nodes are in the order in which a line meets them that goes down into every box: the first child follows its parent,
-and each node knows where to go on if its box is missed. Kernels need no stack for that.
+Pieces are segments of a profile, or triangles of a surface in space. Nodes are in depth-first order: the first child
+follows its parent, and each node has a link to the node where the traversal continues if its box is missed. Kernels
+therefore need no stack.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-# Pieces of a leaf at most.
+# Most pieces of a leaf.
 LEAF = 4  # speed only
-# By how much boxes are larger than what they hold, as a share of the body's size: some million roundings.
+# Margin of the boxes around their pieces, as a fraction of the body's size: some million rounding errors.
 MARGIN = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class WallTree:
-    """Pieces of a surface and boxes about them, d coordinates a corner: (r, z), (y, z) or (x, y, z) [m].
+    """Pieces of a surface and their bounding boxes; corners have d coordinates: (r, z), (y, z) or (x, y, z) [m].
 
     Attributes:
-        corners: Of each piece, shape (w, d, d): segments with the solid on their left, triangles with it behind them,
-            looked at counter-clockwise from outside.
-        boxes: Lowest and greatest coordinates of each node [m], shape (n, 2, d).
-        links: For each node the one after all its children, the first of its pieces and the one after the last,
-            shape (n, 3); only leaves have pieces.
+        corners: Corners of each piece, shape (w, d, d): segments with the solid on their left, triangles
+            counter-clockwise seen from outside.
+        boxes: Lowest and highest corner of each node's box [m], shape (n, 2, d).
+        links: For each node the next node after all its descendants, its first piece and the one after its last, shape
+            (n, 3); only leaves have pieces.
     """
 
     corners: np.ndarray
@@ -34,18 +33,22 @@ class WallTree:
 
     @property
     def kernel_rows(self) -> tuple[np.ndarray, np.ndarray]:
-        """Corners and boxes as kernels take them, rows of four numbers.
+        """Corners and boxes as kernels take them, in rows of four numbers.
 
-        In the plane a row is a segment, or a box. In space a row is a corner, three to a triangle, or one of the two
-        corners of a box; its fourth number is none.
+        In the plane a row is a segment or a box. In space a row is a corner of a triangle or of a box, padded with a
+        zero.
         """
         if self.corners.shape[-1] == 2:
             return self.corners.reshape(-1, 4), self.boxes.reshape(-1, 4)
         return tuple(np.pad(rows.reshape(-1, 3), ((0, 0), (0, 1))) for rows in (self.corners, self.boxes))  # type: ignore[return-value]
 
+    def children(self, node: int, rows: np.ndarray) -> list[tuple[int, np.ndarray]]:
+        """Return the two children of a node that is not a leaf, each with the rows of lines or points to test there."""
+        return [(node + 1, rows), (int(self.links[node + 1][0]), rows)]
+
 
 def wall_tree(corners: np.ndarray) -> WallTree:
-    """The tree of pieces with corners [m], shape (w, d, d)."""
+    """Return the tree of pieces with corners [m], shape (w, d, d)."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     middle = 0.5 * (low + high)
     margin = MARGIN * float((high.max(axis=0) - low.min(axis=0)).max())
@@ -53,7 +56,7 @@ def wall_tree(corners: np.ndarray) -> WallTree:
     links: list[list[int]] = []
     order: list[np.ndarray] = []
     placed = 0
-    # What is still to be put down, the last one first: rows, or the number of a node whose children are all there.
+    # A stack of rows that need a node, or of the number of a node whose descendants are complete.
     waiting: list[np.ndarray | int] = [np.arange(len(corners))]
     while waiting:
         rows = waiting.pop()
@@ -70,7 +73,7 @@ def wall_tree(corners: np.ndarray) -> WallTree:
         links.append([0, 0, 0])
         axis = int(np.argmax(np.ptp(middle[rows], axis=0)))
         rows = rows[np.argsort(middle[rows, axis], kind="stable")]
-        # Whole leaves on the first side.
+        # The first side gets a whole number of full leaves.
         half = LEAF * max(1, round(len(rows) / (2 * LEAF)))
         half = min(half, len(rows) - 1)
         waiting += [number, rows[half:], rows[:half]]

@@ -1,4 +1,4 @@
-"""Pupils: the apertures that rays leave or are seen through, each a map of the unit square with a transmission."""
+"""Pupils: flat apertures with a transmission, and a map of the unit square for sampling."""
 
 from .base import Pupil
 from .disc import Annulus, Disc, area_below, unit_disc_samples

@@ -1,4 +1,4 @@
-"""What all pupils have in common."""
+"""The base class of all pupils."""
 
 from abc import ABC, abstractmethod
 from functools import cached_property
@@ -12,11 +12,18 @@ from .vectors import as_unit_vector, as_vector, transverse_axes
 
 SAMPLINGS = ("sobol", "gauss", "grid", "random")
 
-AREA_NOISE = 1e-14  # of a pupil's size squared: what the area of a cell that lies in it is rounded to
+AREA_NOISE = 1e-14  # rounding error of the area of a cell in a pupil, over the pupil's size squared
 
 
 def cell_shares(area: np.ndarray, x_edges: np.ndarray, y_edges: np.ndarray, size: float) -> np.ndarray:
-    """Areas [m^2] of a grid's cells in a pupil of that size [m], as shares of the cells; none where rounding is all."""
+    """Return the fractions of a grid's cells that a pupil covers; zero where the area is within rounding errors.
+
+    Args:
+        area: Area of each cell in the pupil [m2], shape (y count, x count).
+        x_edges: Edges of the cells along the first axis [m].
+        y_edges: Edges of the cells along the second axis [m].
+        size: Size of the pupil [m].
+    """
     cells = np.diff(y_edges)[:, None] * np.diff(x_edges)[None, :]
     return np.clip(np.where(area > AREA_NOISE * size**2, area, 0.0) / cells, 0.0, 1.0)
 
@@ -24,12 +31,12 @@ def cell_shares(area: np.ndarray, x_edges: np.ndarray, y_edges: np.ndarray, size
 class Pupil(ABC):
     """A flat aperture of some shape and transmission.
 
-    The transmission is that of the amplitude, of any scale: what counts are shares. It weights the mean of exp(i k OPD)
-    that the Strehl ratio is made of.
+    The transmission is that of the amplitude and may have any scale, since only ratios matter. It is the weight in the
+    mean of exp(i k OPD) from which the Strehl ratio is computed.
 
     Attributes:
-        center: The point from which its coordinates are measured [m], shape (3,).
-        normal: Direction in which it looks, a unit vector, shape (3,).
+        center: Origin of the pupil's coordinates [m], shape (3,).
+        normal: Direction in which the pupil faces, a unit vector, shape (3,).
     """
 
     center: np.ndarray
@@ -42,7 +49,7 @@ class Pupil(ABC):
 
     @cached_property
     def axes(self) -> tuple[np.ndarray, np.ndarray]:
-        """The two unit vectors in the pupil's plane, read-only: x and y where it looks along z."""
+        """The two unit vectors in the pupil's plane, read-only: along x and y if the normal is +z."""
         axes = transverse_axes(self.normal)
         for axis in axes:
             axis.setflags(write=False)
@@ -51,53 +58,53 @@ class Pupil(ABC):
     @property
     @abstractmethod
     def reach(self) -> float:
-        """Radius of the circle about the centre that holds the pupil [m]."""
+        """Radius of the circle about the centre that encloses the pupil [m]."""
 
     @property
     @abstractmethod
     def area(self) -> float:
-        """Integral of the transmission over the pupil [m2]; its area where all of it transmits alike."""
+        """Integral of the transmission over the pupil [m2]; its area if the transmission is 1 everywhere."""
 
     @property
     def _lit_area(self) -> float:
-        """Area that light gets through [m2]."""
+        """Area with a transmission above 0 [m2]."""
         return self.area
 
     @property
     @abstractmethod
     def half_extent(self) -> tuple[float, float]:
-        """The greatest distance from the centre along each of the axes [m]."""
+        """Greatest distance from the centre along each of the axes [m]."""
 
     @property
     def inner_ratio(self) -> float | None:
-        """Inner over outer radius of a pupil that is round about its centre; None for any other."""
+        """Inner over outer radius of a pupil that is circular about its centre; None for any other."""
         return None
 
     @cached_property
     @abstractmethod
     def square_map(self) -> SquareMap:
-        """How the unit square is mapped on it, in units of `reach`."""
+        """Map of the unit square onto the pupil, in units of `reach`."""
 
     @abstractmethod
     def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
-        """Mean of the transmission's power in each cell of a grid, exact, shape (y count, x count).
+        """Return the exact mean of a power of the transmission in each cell of a grid, shape (y count, x count).
 
         Args:
             x_edges: Edges of the cells along the first axis, ascending [m], shape (x count + 1,).
-            y_edges: Those along the second, shape (y count + 1,).
+            y_edges: Edges of the cells along the second axis, ascending [m], shape (y count + 1,).
             power: 1 for the mean amplitude, 2 for the mean intensity.
         """
 
     @abstractmethod
     def transmission(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Transmission of the amplitude at points along both axes from the centre [m], of their shape; 0 outside."""
+        """Return the transmission of the amplitude at coordinates along both axes [m], of their shape; 0 outside."""
 
     def sample(self, count: int, sampling: str = "sobol", seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Points in the pupil [m], shape (n, 3), and weights that sum to 1, shape (n,).
+        """Return points in the pupil [m], shape (n, 3), and weights with a sum of 1, shape (n,).
 
-        "sobol" (scrambled) and "random" give exactly `count` points of equal weights; "gauss" (a product rule, exact
-        for polynomials over a shape of one transmission) and "grid" (cells of a grid, each with its share) about
-        `count`.
+        "sobol" (scrambled) and "random" give exactly `count` points of equal weights. "gauss" (a product rule, exact
+        for polynomials if the transmission is uniform) and "grid" (centres of grid cells, weighted by the cells' mean
+        transmission) give about `count` points.
         """
         flat, weight = self.flat_sample(count, sampling, seed)
         first, second = self.axes
@@ -105,7 +112,7 @@ class Pupil(ABC):
         return points, weight
 
     def flat_sample(self, count: int, sampling: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
-        """Points along both axes in units of `reach`, shape (n, 2), and weights: those of `sample`."""
+        """Return the points of `sample` along both axes in units of `reach`, shape (n, 2), and their weights."""
         count = check_count(count)
         check_choice(sampling, "sampling", SAMPLINGS)
         return self._flat_sample(count, sampling, seed)
@@ -120,10 +127,10 @@ class Pupil(ABC):
 
     @abstractmethod
     def _gauss(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """About `count` points in units of `reach` and their weights, exact for polynomials where that can be."""
+        """Return about `count` points in units of `reach` and their weights, exact for polynomials where possible."""
 
     def _grid(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """The centres of the cells of a grid that the pupil covers some of, weighted by how much."""
+        """Return the centres of the grid cells that the pupil covers at least in part, and their weights."""
         width, height = (2.0 * extent for extent in self.half_extent)
         cell = np.sqrt(self._lit_area / count)
         counts = max(1, round(width / cell)), max(1, round(height / cell))

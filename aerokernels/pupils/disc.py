@@ -1,4 +1,4 @@
-"""Round pupils: the disc and the annulus, and how the square grid's cells are covered by a circle."""
+"""Circular pupils: the disc and the annulus, and the exact coverage of grid cells by a circle."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,11 +15,11 @@ from .square_map import RING, SquareMap
 
 
 def unit_disc_samples(count: int, sampling: str, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Points in the unit disc, shape (n, 2), and weights that sum to 1, shape (n,).
+    """Return points in the unit disc, shape (n, 2), and weights with a sum of 1, shape (n,).
 
-    "sobol" (scrambled, equal weights), "random" (equal weights) give exactly `count` points; "gauss" (Gauss-Legendre
-    in r^2, equispaced in angle: exact for polynomials) and "grid" (the cells of a square grid whose centres lie in
-    the disc) give about `count`.
+    "sobol" (scrambled) and "random" give exactly `count` points of equal weights; "gauss" (Gauss-Legendre in r^2,
+    equispaced in angle: exact for polynomials) and "grid" (the centres in the disc of the cells of a square grid) give
+    about `count`.
     """
     count = check_count(count)
     check_choice(sampling, "sampling", SAMPLINGS)
@@ -27,21 +27,21 @@ def unit_disc_samples(count: int, sampling: str, seed: int = 0) -> tuple[np.ndar
 
 
 def _ring_grid(count: int, inner: float) -> tuple[np.ndarray, np.ndarray]:
-    """The cells of a square grid whose centres lie in the unit disc outside the circle of radius `inner`."""
+    """Return the centres of square grid cells that lie in the unit disc outside the circle of radius `inner`."""
     hole = inner**2
     side = max(1, round(np.sqrt(4.0 * count / (np.pi * (1.0 - hole)))))
     axis = (np.arange(side) + 0.5) * 2.0 / side - 1.0
     x, y = (a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))
     squared = x**2 + y**2
     inside = (squared <= 1.0) & (squared >= hole)
-    if not inside.any():  # a thin ring that no cell's centre lies in
+    if not inside.any():  # a ring so thin that it contains no cell's centre
         return _ring_gauss(count, inner)
     points = np.stack([x[inside], y[inside]], axis=1)
     return points, np.full(len(points), 1.0 / len(points))
 
 
 def _ring_gauss(count: int, inner: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre points in r^2, equispaced in angle, of the unit disc outside the circle of radius `inner`."""
+    """Return Gauss-Legendre points in r^2, equispaced in angle, for the ring from radius `inner` to 1."""
     hole = inner**2
     ring_count = max(1, round(np.sqrt(count / 4.0)))
     angle_count = max(1, round(count / ring_count))
@@ -53,7 +53,7 @@ def _ring_gauss(count: int, inner: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 class _Round(Pupil):
-    """What the disc and the annulus share."""
+    """Base class of the disc and the annulus."""
 
     radius: float
 
@@ -63,12 +63,12 @@ class _Round(Pupil):
 
     @property
     def reach(self) -> float:
-        """Its radius [m]."""
+        """Radius of the circle about the centre that encloses the pupil [m]: its radius."""
         return self.radius
 
     @property
     def half_extent(self) -> tuple[float, float]:
-        """Its radius [m], twice."""
+        """Greatest distance from the centre along each of the axes [m]: its radius."""
         return self.radius, self.radius
 
     @property
@@ -83,18 +83,18 @@ class _Round(Pupil):
 
     @cached_property
     def square_map(self) -> SquareMap:
-        """How the unit square is mapped on it, in units of `reach`."""
+        """Map of the unit square onto the pupil, in units of `reach`."""
         return SquareMap(RING, 0, 0, np.array([(self._inner / self.radius) ** 2]))
 
     def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
-        """Share of each cell of a grid that lies in the pupil, exact: see `Pupil.coverage`."""
+        """Return the exact fraction of each grid cell that is in the pupil: see `Pupil.coverage`."""
         area = _circle_areas(x_edges, y_edges, self.radius)
         if self._inner > 0.0:
             area = area - _circle_areas(x_edges, y_edges, self._inner)
         return cell_shares(area, x_edges, y_edges, self.radius)
 
     def transmission(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """1 in the pupil, its rims included, 0 elsewhere: see `Pupil.transmission`."""
+        """Return 1 in the pupil, its edges included, and 0 elsewhere: see `Pupil.transmission`."""
         squared = np.asarray(x, dtype=np.float64) ** 2 + np.asarray(y, dtype=np.float64) ** 2
         rim, hole = self.radius**2 * (1.0 + 1e-12), self._inner**2 * (1.0 - 1e-12)
         return np.where((squared <= rim) & (squared >= hole), 1.0, 0.0)
@@ -178,14 +178,14 @@ class Annulus(_Round):
 
 
 def _circle_areas(x_edges: np.ndarray, y_edges: np.ndarray, radius: float) -> np.ndarray:
-    """The area of each cell of a grid that lies in the circle about the origin, shape (y count, x count)."""
+    """Return the area of each grid cell that is in the circle about the origin, shape (y count, x count)."""
     x, y = (np.clip(np.asarray(edges) / radius, -1.0, 1.0) for edges in (x_edges, y_edges))
     below = area_below(x[None, :], y[:, None])
     return np.diff(np.diff(below, axis=0), axis=1) * radius**2
 
 
 def area_below(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    r"""Area of the unit disc left of x and below y: \int_{-1}^x (clip(y, -s, s) + s) dt with s = sqrt(1 - t^2)."""
+    r"""Return the area of the unit disc left of x and below y: \int_{-1}^x (clip(y, -s, s) + s) dt, s^2 = 1 - t^2."""
 
     def primitive(t):
         return 0.5 * (t * np.sqrt(1.0 - t * t) + np.arcsin(t))

@@ -1,4 +1,4 @@
-"""Pupils made of pixels: a mask of any shape and apodisation, and the rectangle, which is one pixel."""
+"""Pupils made of pixels: a mask of any shape and apodisation, and the rectangle, which is a single pixel."""
 
 from abc import abstractmethod
 from dataclasses import dataclass, field
@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..display.shown import shown
-from ..inputs.arguments import are_numbers, checked
+from ..inputs.arguments import GREAT, SMALL, are_numbers, checked
 from ..inputs.checks import check_positive
 from .base import Pupil
 from .square_map import PIXELS, SquareMap, cumulative
 
 
 class _Pixels(Pupil):
-    """Constant transmission in each pixel of a grid about the centre."""
+    """Base class of pupils whose transmission is constant in each pixel of a grid about the centre."""
 
     @property
     @abstractmethod
@@ -30,7 +30,7 @@ class _Pixels(Pupil):
 
     @property
     def half_extent(self) -> tuple[float, float]:
-        """Half of the width and of the height of all pixels [m]."""
+        """Half the width and half the height of the whole grid of pixels [m]."""
         rows, columns = self._weights.shape
         width, height = self._size
         return 0.5 * columns * width, 0.5 * rows * height
@@ -53,14 +53,14 @@ class _Pixels(Pupil):
 
     @cached_property
     def square_map(self) -> SquareMap:
-        """How the unit square is mapped on it, in units of `reach`."""
+        """Map of the unit square onto the pupil, in units of `reach`."""
         rows, columns = self._weights.shape
         half, size = np.array(self.half_extent) / self.reach, np.array(self._size) / self.reach
         shares = cumulative(self._weights.sum(axis=1)), cumulative(self._weights)
         return SquareMap(PIXELS, rows, columns, np.concatenate([-half, size, *(part.ravel() for part in shares)]))
 
     def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
-        """Mean transmission in each cell of a grid, exact: see `Pupil.coverage`."""
+        """Return the exact mean of a power of the transmission in each grid cell: see `Pupil.coverage`."""
         along_x, along_y = (
             _overlap(np.asarray(edges), extent, size, count)
             for edges, extent, size, count in zip(
@@ -70,7 +70,7 @@ class _Pixels(Pupil):
         return np.asarray(along_y @ self._weights**power @ along_x.T)
 
     def transmission(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """That of the pixel that each point lies in: see `Pupil.transmission`."""
+        """Return the transmission of the pixel that contains each point: see `Pupil.transmission`."""
         places, there = [], np.array(True)
         for value, extent, size, count in zip(
             (x, y), self.half_extent, self._size, self._weights.shape[::-1], strict=True
@@ -81,7 +81,7 @@ class _Pixels(Pupil):
         return np.where(there, self._weights[places[1], places[0]], 0.0)
 
     def _gauss(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """A product rule in each pixel; where the pixels are too many for that, one through the map of the square."""
+        """Return a product rule in each pixel or, if there are too many pixels, one mapped from the unit square."""
         row, column = np.nonzero(self._weights)
         order = max(1, round(np.sqrt(count / len(row))))
         if len(row) > 2 * count:
@@ -99,12 +99,13 @@ class _Pixels(Pupil):
 
 
 def _overlap(edges: np.ndarray, extent: float, size: float, count: int) -> np.ndarray:
-    """Share of each cell between `edges` that each of `count` pixels covers, shape (cell count, count)."""
+    """Return the fraction of each cell between `edges` that each of `count` pixels covers, shape (cells, count)."""
     pixel = -extent + size * np.arange(count + 1)
     high = np.minimum(edges[1:, None], pixel[None, 1:])
     low = np.maximum(edges[:-1, None], pixel[None, :-1])
     both = high - low
-    return np.where(both > 1e-14 * extent, both, 0.0) / np.diff(edges)[:, None]  # edges that meet overlap by rounding
+    # Edges that coincide overlap by rounding errors, which are not counted.
+    return np.where(both > 1e-14 * extent, both, 0.0) / np.diff(edges)[:, None]
 
 
 @checked
@@ -114,7 +115,7 @@ class Rectangle(_Pixels):
     """A flat rectangular pupil.
 
     Attributes:
-        width: Extent along its first axis [m]: x where it looks along z.
+        width: Extent along its first axis [m]: along x if the normal is +z.
         height: Extent along its second axis [m].
         center: Centre [m], shape (3,).
         normal: Direction in which the pupil looks (made a unit vector), shape (3,).
@@ -157,14 +158,14 @@ class Mask(_Pixels):
 
     Attributes:
         weights: Transmission of the amplitude, not negative, of any scale, shape (row count, column count): rows along
-            the pupil's second axis (y where it looks along z), columns along its first, both ascending.
+            the pupil's second axis (y if the normal is +z), columns along its first, both ascending.
         pixel: Side of a pixel [m]; two numbers for width and height.
         center: The middle of the array [m], shape (3,).
         normal: Direction in which the pupil looks (made a unit vector), shape (3,).
 
     Raises:
-        ValueError: Weights that are not a two-axis array of finite numbers, negative or all zero; a pixel that is not
-            positive; a centre or normal that is not three finite numbers.
+        ValueError: Weights that are not a two-axis array of finite numbers, negative, all zero or with a greatest one
+            outside 1e-60 to 1e60; a pixel that is not positive; a centre or normal that is not three finite numbers.
     """
 
     weights: np.ndarray
@@ -191,8 +192,11 @@ class Mask(_Pixels):
         if bad.any():
             first = tuple(int(index) for index in np.argwhere(bad)[0])
             raise ValueError(f"{bad.sum()} weights of a Mask are negative or not finite, the first is {first}")
-        if not weights.any():
+        greatest = float(weights.max())
+        if greatest == 0.0:
             raise ValueError("the weights of a Mask are all zero: no light gets through")
+        if not SMALL <= greatest <= GREAT:
+            raise ValueError(f"the greatest weight of a Mask is {greatest:g}: scale the weights to about 1")
         weights.setflags(write=False)
         object.__setattr__(self, "weights", weights)
         if not are_numbers(self.pixel):

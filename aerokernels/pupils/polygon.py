@@ -1,4 +1,4 @@
-"""The polygonal pupil: cut into triangles, and how the cells of a grid are covered by it."""
+"""The polygonal pupil: its division into triangles, and the exact coverage of grid cells."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,8 +20,8 @@ class Polygon(Pupil):
     """A flat pupil bounded by straight edges.
 
     Attributes:
-        vertices: Corners in turn, along the pupil's two axes from its centre [m], shape (n, 2), n at least 3; either
-            sense of rotation.
+        vertices: Corners in order around the polygon, in either sense, as coordinates along the pupil's two axes from
+            its centre [m], shape (n, 2), n at least 3.
         center: The point from which the corners are measured [m], shape (3,).
         normal: Direction in which the pupil looks (made a unit vector), shape (3,).
 
@@ -67,7 +67,7 @@ class Polygon(Pupil):
 
     @property
     def half_extent(self) -> tuple[float, float]:
-        """The greatest distance from the centre along each of the axes [m]."""
+        """Greatest distance from the centre along each of the axes [m]."""
         x, y = np.abs(self.vertices).max(axis=0)
         return float(x), float(y)
 
@@ -78,7 +78,7 @@ class Polygon(Pupil):
 
     @cached_property
     def square_map(self) -> SquareMap:
-        """How the unit square is mapped on it, in units of `reach`."""
+        """Map of the unit square onto the pupil, in units of `reach`."""
         corner, first, second = self._triangles
         area = 0.5 * np.abs(_cross(first, second))
         pieces = np.stack([corner, first, second], axis=1)
@@ -86,14 +86,15 @@ class Polygon(Pupil):
 
     @cached_property
     def _triangles(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Corner and two edges of triangles that make up the polygon, in units of `reach`, each of shape (n - 2, 2)."""
+        """Corner and two edges of the triangles of the polygon, in units of `reach`, shape (triangle_count, 2) each."""
         corner = self.vertices / self.reach
         pieces = corner[np.array(_ears(corner))]
         return pieces[:, 0], pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0]
 
     def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
-        """Share of each cell of a grid that lies in the pupil, exact: see `Pupil.coverage`."""
-        # By Green: the area left of x and below y is minus the sum over edges of the integral of min(edge's y, y) dx.
+        """Return the exact fraction of each grid cell that is in the pupil: see `Pupil.coverage`."""
+        # By Green's theorem the area left of x and below y is minus the sum over edges of the integral of
+        # min(edge's y, y) dx.
         below = np.zeros((len(y_edges), len(x_edges)))
         for begin, end in zip(self.vertices, np.roll(self.vertices, -1, axis=0), strict=True):
             below -= _under_edge(begin, end, np.asarray(x_edges)[None, :], np.asarray(y_edges)[:, None])
@@ -101,7 +102,7 @@ class Polygon(Pupil):
         return cell_shares(area, x_edges, y_edges, float(np.abs(self.vertices).max()))
 
     def transmission(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """1 where a line to the right crosses an odd number of edges, 0 elsewhere: see `Pupil.transmission`."""
+        """Return 1 where a line to the right crosses an odd number of edges, else 0: see `Pupil.transmission`."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         inside = np.zeros(x.shape, dtype=bool)
         for (x0, y0), (x1, y1) in zip(self.vertices, np.roll(self.vertices, -1, axis=0), strict=True):
@@ -110,12 +111,12 @@ class Polygon(Pupil):
         return np.where(inside, 1.0, 0.0)
 
     def _gauss(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """A product rule on each triangle, which stands for a square drawn together at one corner."""
+        """Return a product rule on each triangle, regarded as a square with one side collapsed to a corner."""
         corner, first, second = self._triangles
         order = max(1, round(np.sqrt(count / len(corner))))
         node, weight = np.polynomial.legendre.leggauss(order)
         far, across = (axis.ravel() for axis in np.meshgrid(0.5 * (node + 1.0), 0.5 * (node + 1.0), indexing="ij"))
-        share = 0.25 * np.outer(weight, weight).ravel() * 2.0 * far  # of the area, so `far` out
+        share = 0.25 * np.outer(weight, weight).ravel() * 2.0 * far  # the Jacobian grows with `far` from the corner
         points = corner[:, None] + far[:, None] * (first[:, None] + across[:, None] * (second - first)[:, None])
         area = np.abs(_cross(first, second))
         weights = np.outer(area / area.sum(), share / share.sum())
@@ -127,13 +128,13 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _signed_area(corner: np.ndarray) -> float:
-    """Area, positive where the corners run counter-clockwise."""
+    """Return the area, positive if the corners are counter-clockwise."""
     shifted = corner - corner.mean(axis=0)
     return 0.5 * float(_cross(shifted, np.roll(shifted, -1, axis=0)).sum())
 
 
 def _first_crossing(corner: np.ndarray) -> tuple[int, int] | None:
-    """Two edges that are not neighbours and meet; None where there are none."""
+    """Return two edges that are not neighbours and meet, or None."""
     count = len(corner)
     end = np.roll(corner, -1, axis=0)
 
@@ -146,7 +147,7 @@ def _first_crossing(corner: np.ndarray) -> tuple[int, int] | None:
             continue
         p, q, a, b = corner[one], end[one], corner[others], end[others]
         meets = (side(p, q, a) * side(p, q, b) <= 0.0) & (side(a, b, p) * side(a, b, q) <= 0.0)
-        # Edges on one line meet where their spans do.
+        # Collinear edges meet only if their extents overlap.
         low, high = np.minimum(p, q), np.maximum(p, q)
         meets &= ((np.maximum(a, b) >= low) & (np.minimum(a, b) <= high)).all(axis=1)
         if meets.any():
@@ -155,9 +156,9 @@ def _first_crossing(corner: np.ndarray) -> tuple[int, int] | None:
 
 
 def _ears(corner: np.ndarray) -> list[tuple[int, int, int]]:
-    """Triangles of a simple counter-clockwise polygon, by cutting off ears.
+    """Return the triangles of a simple counter-clockwise polygon, found by cutting off ears.
 
-    G. H. Meisters, Polygons have ears, Am. Math. Mon. 82 (1975).
+    Source: G. H. Meisters, Polygons have ears, Am. Math. Mon. 82 (1975).
     """
     left = list(range(len(corner)))
     found = []
@@ -174,13 +175,13 @@ def _ears(corner: np.ndarray) -> list[tuple[int, int, int]]:
             inside &= _cross(a - c, others - c) > 0.0
             if inside.any():
                 continue
-            # The ear of the roundest shape: thin ones sample badly.
+            # Of all ears the one nearest to equilateral is cut, because thin triangles sample badly.
             shape = area / float(np.sum((b - a) ** 2) + np.sum((c - b) ** 2) + np.sum((a - c) ** 2))
             if shape > most:
                 best, most = place, shape
         if most > -np.inf:
             found.append((left[best - 1], left[best], left[(best + 1) % len(left)]))
-        # else: what is left is a line, of no area
+        # Without an ear the rest is a line without area, whose corners are removed one by one.
         del left[best]
     triangle = (left[0], left[1], left[2])
     a, b, c = corner[list(triangle)]
@@ -188,7 +189,7 @@ def _ears(corner: np.ndarray) -> list[tuple[int, int, int]]:
 
 
 def _under_edge(begin: np.ndarray, end: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Integral of min(height of the edge, y) over the edge's x up to `x`, signed by the edge's sense; broadcast."""
+    """Return the integral of min(edge's y, y) over the edge's x up to `x`, signed by the edge's sense; broadcast."""
     (x0, y0), (x1, y1), sign = begin, end, 1.0
     if x0 > x1:
         (x0, y0), (x1, y1), sign = end, begin, -1.0

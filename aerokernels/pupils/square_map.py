@@ -1,15 +1,15 @@
-r"""The unit square mapped on a pupil so that equal shares of the one are equal shares of the other.
+r"""Maps of the unit square onto a pupil that preserve area ratios, weighted by the pupil's transmission.
 
-A low-discrepancy sequence on the square is then one on the pupil, with equal weights; the kernels that launch the rays
-of a pupil take the numbers of such a map and follow the same formulas (kernels/include/pupil_shape.h and its twin):
+A low-discrepancy sequence on the square becomes one on the pupil, with equal weights. The kernels that launch the rays
+of a pupil take the numbers of such a map and use the same formulas (kernels/include/pupil_shape.h and its twin):
 
     ring        r^2 = a^2 + (1 - a^2) u,  angle = 2 pi v                    a: inner over outer radius
     pixels      y from v by the cumulative shares of the rows, then x from u by those within the row: inverse marginal
                 and inverse conditional distribution (L. Devroye, Non-Uniform Random Variate Generation (1986), XI.1)
-    triangles   one of them from u by their cumulative areas, the rest u' of u: p + sqrt(u') (e + v (f - e)), e and f
-                being the edges that leave its corner p
+    triangles   u selects a triangle by their cumulative areas; with the position u' of u in that triangle's interval
+                the point is p + sqrt(u') (e + v (f - e)), where e and f are the edges from the triangle's corner p
 
-Coordinates are in units of the pupil's reach, the radius of the circle about its centre that holds it.
+Coordinates are in units of the pupil's reach, the radius of the circle about its centre that encloses it.
 """
 
 from dataclasses import dataclass
@@ -27,11 +27,11 @@ class SquareMap:
 
     Attributes:
         shape: RING, PIXELS or TRIANGLES.
-        row_count: Rows of pixels, or triangles.
-        column_count: Pixels of a row.
+        row_count: Number of rows of pixels, or of triangles.
+        column_count: Number of pixels in a row.
         table: RING: the square of the inner over the outer radius. PIXELS: x and y of the first pixel's outer corner,
-            its width and height, the row_count + 1 cumulative shares of the rows, and for each row the
-            column_count + 1 of its pixels. TRIANGLES: the row_count + 1 cumulative shares, and for each of them a
+            its width and height, the row_count + 1 cumulative shares of the rows, and for each row the column_count + 1
+            cumulative shares of its pixels. TRIANGLES: the row_count + 1 cumulative shares, and for each triangle a
             corner and two edges, 6 numbers.
     """
 
@@ -41,7 +41,7 @@ class SquareMap:
     table: np.ndarray
 
     def points(self, square: np.ndarray) -> np.ndarray:
-        """Points of the pupil in units of its reach, shape (n, 2), from those of the unit square, shape (n, 2)."""
+        """Return points of the pupil in units of its reach, shape (n, 2), from points of the unit square (n, 2)."""
         u, v = square[:, 0], square[:, 1]
         if self.shape == RING:
             inner = self.table[0]
@@ -59,10 +59,10 @@ class SquareMap:
         shares = self.table[PIXEL_HEADER:]
         row, up = _locate(shares[: self.row_count + 1], v)
         within = shares[self.row_count + 1 :].reshape(self.row_count, self.column_count + 1)
-        # Rows one after another: the cumulative shares of row r lie between r and r + 1.
+        # One ascending array for all rows: the cumulative shares of row r are shifted to between r and r + 1.
         ascending = (within + np.arange(self.row_count)[:, None]).ravel()
         column = np.searchsorted(ascending, row + u, side="right") - 1 - row * (self.column_count + 1)
-        # Rounding of r + u may be off by one pixel beside an edge.
+        # Because r + u is rounded, the pixel found may be a neighbour of the right one.
         column = np.clip(column, 0, self.column_count - 1)
         column += (within[row, column + 1] <= u).astype(int) - (within[row, column] > u).astype(int)
         begin, end = within[row, column], within[row, column + 1]
@@ -71,13 +71,16 @@ class SquareMap:
 
 
 def _locate(shares: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which interval of ascending shares holds each value, and how far in it, 0 to 1."""
+    """Return the interval of ascending shares that contains each value, and the position in it, 0 to 1."""
     found = np.clip(np.searchsorted(shares, value, side="right") - 1, 0, len(shares) - 2)
     return found, (value - shares[found]) / (shares[found + 1] - shares[found])
 
 
 def cumulative(shares: np.ndarray) -> np.ndarray:
-    """Cumulative sums along the last axis from 0 to exactly 1, of length n + 1; zeros stay zero shares."""
+    """Return normalised cumulative sums along the last axis, from 0 to exactly 1, of length n + 1.
+
+    Along a row whose sum is zero they are all zero.
+    """
     total = np.cumsum(shares, axis=-1)
     whole = np.where(total[..., -1:] > 0.0, total[..., -1:], 1.0)
     return np.concatenate([np.zeros_like(total[..., :1]), total / whole], axis=-1)

@@ -151,3 +151,9 @@ def test_bad_air_is_refused():
         flow.moist_air_density(-3.0, 1e5)
     with pytest.raises(ValueError, match="pressure must be positive"):
         flow.water_fraction(293.15, 0.0, 0.5)
+
+
+@pytest.mark.parametrize(("temperature", "pressure"), [(1500.0, 1e5), (100.0, 1e5), (293.15, 1e8)])
+def test_extrapolated_densities_are_told(temperature, pressure):
+    with pytest.warns(UserWarning, match="is extrapolated: its compressibility is known from 233 to 373"):
+        flow.ciddor_refractivity(905e-9, temperature, pressure)

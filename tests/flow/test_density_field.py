@@ -88,3 +88,37 @@ def test_uniform_air_has_no_contrast_at_all():
 def test_uniform_air_refuses(arguments):
     with pytest.raises(ValueError, match=next(iter(arguments))):
         flow.uniform_air(**arguments)
+
+
+def test_densities_at_vertices_in_another_order_are_refused():
+    """An array (nj, ni) has as many entries as vertices, and put them in wrong places."""
+    y, z = np.meshgrid(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 9), indexing="ij")
+    mesh, density = QuadMesh.structured(y, z), 1.0 + y + 10.0 * z
+    assert flow.VertexDensity(mesh, density, 1.0).density_at([[0.0, 1.0, 0.0]]) == pytest.approx([2.0])
+    with pytest.raises(ValueError, match=r"give one density for each vertex, shape \(45,\) or \(5, 9\)"):
+        flow.VertexDensity(mesh, density.T, 1.0)
+
+
+def test_an_axisymmetric_grid_starts_on_the_axis():
+    """Nearer to the axis than its first node the density would be taken for the ambient one."""
+    with pytest.raises(ValueError, match=r"starts at r = 0, got origin 0\.5 m"):
+        flow.GridDensity(np.full((5, 5), 2.0), [0.5, 0.0], [0.1, 0.1], "axisymmetric", 1.0)
+
+
+def test_points_that_are_not_numbers_have_no_density(box):
+    grid = flow.GridDensity(np.full((5, 5, 5), 2.0), [0.0] * 3, [0.1] * 3, "volume", 1.0)
+    vertices = flow.VertexDensity(box.mesh, np.full(35, 1.3), 1.225)
+    for field in (box, vertices, grid, flow.wedge(3.0, 0.2, spacing=5e-3), flow.cone(3.0, 0.2)):
+        assert np.isnan(field.density_at([[0.0, 0.0, np.nan]])).all()
+        assert field.density_at([[0.0, 9.0, 9.0]]) == field.ambient_density
+
+
+def test_fractions_in_another_order_than_the_densities_are_refused():
+    share = np.linspace(0.2, 0.8, 45).reshape(9, 5)
+    gas = {"ambient": {"N2": 0.8, "O2": 0.2}}
+    turned = flow.Composition({"N2": share, "O2": 1.0 - share}, **gas)
+    grid = flow.GridDensity(np.full((5, 9), 2.0), [0.0, 0.0], [0.1, 0.1], "planar", 1.0, composition=turned)
+    with pytest.raises(ValueError, match=r"shape \(9, 5\), the density shape \(5, 9\): .* in the same order"):
+        grid.index_field()
+    with pytest.raises(ValueError, match=r"have the shapes \(3,\), \(4,\): give one fraction"):
+        flow.Composition({"N2": np.full(3, 0.8), "O2": np.full(4, 0.2)}, **gas)

@@ -91,3 +91,10 @@ def test_unknown_relation_and_bad_constant():
         flow.refractivity(1.0, K, "linear")
     with pytest.raises(ValueError, match="must be positive"):
         flow.refractivity(1.0, -K)
+
+
+def test_densities_without_an_index_are_refused():
+    """Above K rho = 1.5 the Lorentz-Lorenz relation has no index: NaN came back."""
+    assert flow.refractivity(100.0, 1e-2, "lorentz-lorenz") > 1.0
+    with pytest.raises(ValueError, match=r"K times density is 1\.5 or more, got 4"):
+        flow.refractivity(np.array([100.0, 400.0]), 1e-2, "lorentz-lorenz")

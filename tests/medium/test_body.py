@@ -142,3 +142,15 @@ def test_edges_are_cut_where_others_cross_them_or_end_on_them():
     np.testing.assert_allclose(found - moved, [[0.0, 1.0], [0.0, 2.0], [0.0, 3.0]], atol=1e-12)
     (none,) = _cuts(start + moved, end + moved, other_start[3:] + moved, other_end[3:] + moved, 5.0)
     assert none.shape == (0, 2)
+
+
+def test_edges_with_solid_or_air_on_both_sides_are_no_walls_to_distances():
+    """Set-up: two squares joined by a bridge of no width, and a square with a slit that closes."""
+    bridge = [[0, 0], [1, 0], [1, 0.4], [3, 0.4], [3, 0], [4, 0], [4, 1], [3, 1], [3, 0.4], [1, 0.4], [1, 1], [0, 1]]
+    points = np.array([[2.0, 0.41], [2.0, 0.3], [1.2, 0.4]])
+    assert Body(np.array(bridge), "planar").signed_distance(points) == pytest.approx([1.0, 1.0, 0.2], abs=1e-12)
+    slit = [[0, 0], [4, 0], [4, 4], [2, 4], [2, 1], [2, 4], [0, 4]]
+    points = np.array([[2.1, 2.0], [2.0, 2.5], [2.0, 0.5]])
+    for profile in (slit, slit[::-1]):
+        body = Body(np.array(profile, dtype=float), "planar")
+        assert body.signed_distance(points) == pytest.approx([-1.9, -1.5, -0.5], abs=1e-12)

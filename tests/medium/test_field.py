@@ -263,3 +263,33 @@ def test_a_linear_kink_on_the_axis_is_rounded_off_within_its_core():
     assert gradient[0] == pytest.approx([0.6e-4, 0.8e-4, 0.0], rel=1e-3, abs=1e-12)
     assert gradient[1] == pytest.approx([0.3e-4, 0.4e-4, 0.0], rel=1e-3, abs=1e-12)
     assert not gradient[2].any()
+
+
+def test_what_is_not_a_number_stays_none():
+    """A point that is NaN has no contrast; the coordinate along which a field does not change may be anything."""
+    field = IndexField.from_samples(np.full((5, 5), 1e-4), origin=(0, 0), spacing=(0.1, 0.1), geometry="planar")
+    contrast, gradient = field.evaluate([[0.0, np.nan, 0.1], [np.nan, 0.1, 0.1], [0.0, np.inf, 0.1]])
+    assert np.isnan(contrast[0]) and contrast[1] == pytest.approx(1e-4) and contrast[2] == 0.0
+    assert np.isnan(gradient[0]).all() and np.isfinite(gradient[1:]).all()
+
+
+def test_indices_in_place_of_contrasts_are_noticed_on_meshes_too():
+    mesh = QuadMesh.structured(*np.meshgrid(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 6), indexing="ij"))
+    for shape in ((5, 6), (20,)):
+        with pytest.warns(UserWarning, match="it is n - ambient_index, not n itself"):
+            IndexField.from_mesh(mesh, np.full(shape, 1.0003))
+
+
+@pytest.mark.parametrize(
+    ("walls", "message"),
+    [
+        (([[0.0, 0.0], [0.0, 0.2]], [1e-4, np.nan]), "1 of 2 samples of the contrast at walls"),
+        (([[0.0, np.inf]], [1e-4]), "1 of 2 samples of the points at walls"),
+        (([0.0, 0.0], [1e-4]), r"walls need points of shape \(n, 2\) and n contrasts, got \(2,\) and \(1,\)"),
+    ],
+)
+def test_walls_that_are_not_known_are_refused(walls, message):
+    """A NaN at one wall made a field of NaN."""
+    mesh = QuadMesh.structured(*np.meshgrid(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 6), indexing="ij"))
+    with pytest.raises(ValueError, match=message):
+        IndexField.from_mesh(mesh, np.full((4, 5), 1e-4), interpolation="conserving", walls=walls)

@@ -107,3 +107,17 @@ def test_the_kinds_of_a_body_and_a_field_agree():
             IndexField.from_samples(
                 np.zeros(shape), origin=[0.0] * len(shape), spacing=[1.0] * len(shape), geometry=geometry, body=body
             )
+
+
+def test_the_nearest_wall_is_exact_for_triangles_of_any_size():
+    """Set-up: a slender cone and a flat one: points near long triangles are nearer to centroids of others.
+
+    Expected: the distance to the profile, but for the chords of 96 triangles around: below 0.1 (1 - cos(pi / 96)).
+    """
+    for length, radius in ((1.0, 0.1), (0.02, 0.1)):
+        profile = Body(np.array([[0.0, 0.0], [radius, -length], [0.0, -length]]), "axisymmetric")
+        solid = SolidBody.of_revolution(profile)
+        points = np.random.default_rng(7).uniform([-0.2, -0.2, -1.2], [0.2, 0.2, 0.2], (3000, 3))
+        local = np.stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]], axis=1)
+        error = np.abs(solid.signed_distance(points) - profile.signed_distance(local))
+        assert error.max() < radius * (1.0 - np.cos(np.pi / 96))
