@@ -1,6 +1,6 @@
-"""CGNS, by VTK's reader: structured and unstructured zones, solutions at vertices or cell centres.
+"""Read CGNS files with VTK's reader: structured and unstructured zones, solutions at vertices or cell centres.
 
-Runs in the child of fragile.py.
+Runs in the child process of fragile.py.
 """
 
 from pathlib import Path
@@ -16,7 +16,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     """Read a CGNS file.
 
     Raises:
-        ReadError: Whatever VTK reports, or a file without flow.
+        ReadError: An error that VTK reports, or a file without flow.
     """
     from vtkmodules.vtkIOCGNSReader import vtkCGNSReader
 
@@ -60,4 +60,4 @@ def _times(reader) -> list[float]:
 
     information, key = reader.GetOutputInformation(0), Pipeline.TIME_STEPS()
     times = [float(information.Get(key, k)) for k in range(information.Length(key))] if information.Has(key) else []
-    return [] if times == [0.0] else times  # 0 is what VTK says of a file that tells no time
+    return [] if times == [0.0] else times  # VTK reports [0] for a file without times

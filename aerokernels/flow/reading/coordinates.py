@@ -1,6 +1,6 @@
-"""Names of coordinates, as files and arrays call them."""
+"""Names of coordinates in files and arrays."""
 
-# In lower case and without blanks, signs and units.
+# In lower case, without blanks, punctuation and units.
 COLUMNS = {
     "x": ("x", "points0", "coordinatex", "centersx", "ccx", "xcoordinate", "posx", "positionx"),
     "y": ("y", "points1", "coordinatey", "centersy", "ccy", "ycoordinate", "posy", "positiony"),

@@ -1,6 +1,6 @@
-"""Which array of a file is the density, and its values in kg/m3.
+"""Choose the density array of a file, and convert its values to kg/m3.
 
-Density is taken directly, or from pressure and temperature by the law of ideal gases, rho = p / (R T). Arrays of
+Density is taken directly, or from pressure and temperature by the ideal gas law, rho = p / (R T). Arrays of
 non-dimensional files are multiplied by their references.
 """
 
@@ -16,7 +16,7 @@ from ..gas import GAS_CONSTANT_AIR, no_gas
 from .array_units import in_si_units
 from .dataset import FLAT, SOLID, Block, Dataset, ReadError
 
-# Names by which solvers call them, in lower case and without blanks, signs and units.
+# Names that solvers use, in lower case, without blanks, punctuation and units.
 DENSITY_NAMES = ("rho", "density", "massdensity", "dens", "conservative1", "rhomean", "densitymean", "meandensity",
                  "ro", "q1")  # fmt: skip
 PRESSURE_NAMES = ("p", "pressure", "staticpressure", "absolutepressure", "pres", "press", "pmean")
@@ -26,9 +26,9 @@ REFERENCES = {"density": "density", "pressure": "pressure", "temperature": "temp
 
 @dataclass(frozen=True)
 class Reference:
-    """What one of a non-dimensional file is in SI: density [kg/m3], pressure [Pa], temperature [K], length [m].
+    """Values in SI of 1 in a non-dimensional file: density [kg/m3], pressure [Pa], temperature [K], length [m].
 
-    `given` are those that a caller states; the others are 1, and units that the file names count.
+    `given` names those that a caller states. The others are 1, and the units in the file apply to them.
     """
 
     density: float = 1.0
@@ -39,11 +39,11 @@ class Reference:
 
     @classmethod
     def of(cls, given) -> "Reference":
-        """References from None, the density's alone, or a mapping by name; numbers in SI or texts with a unit.
+        """Return references from None, the density's alone, or a mapping by name; numbers in SI or texts with a unit.
 
         Raises:
-            TypeError: Something else.
-            ValueError: A name that is not known, or a value that is not positive.
+            TypeError: A value of another kind.
+            ValueError: An unknown name, or a value that is not positive.
         """
         if given is None or isinstance(given, cls):
             return given or cls()
@@ -57,13 +57,13 @@ class Reference:
 
 @dataclass(frozen=True)
 class DensityChoice:
-    """Where the density comes from.
+    """The arrays that the density comes from.
 
     Attributes:
-        density: Name of the density's array, or None for the other two:
-        pressure: name of the pressure's,
-        temperature: name of the temperature's,
-        gas_constant: and the gas constant [J/(kg K)].
+        density: Name of the density array, or None if the density follows from pressure and temperature.
+        pressure: Name of the pressure array.
+        temperature: Name of the temperature array.
+        gas_constant: Gas constant [J/(kg K)].
     """
 
     density: str | None = None
@@ -77,23 +77,23 @@ class DensityChoice:
         return tuple(name for name in (self.density, self.pressure, self.temperature) if name is not None)
 
     def described(self) -> str:
-        """In words, for the provenance."""
+        """Describe the choice, for the provenance."""
         if self.density is not None:
             return f"density from {self.density!r}"
         return f"density from {self.pressure!r} and {self.temperature!r} with R = {self.gas_constant:.6g} J/(kg K)"
 
 
 def choose_density(path, dataset: Dataset, given, gas_constant: float | None) -> DensityChoice:
-    """Find the arrays that hold the density, by their usual names or as a caller names them.
+    """Choose the arrays that the density comes from, by their usual names or as a caller names them.
 
     Args:
         path: The file, for messages.
-        dataset: What it holds.
-        given: None, an array's name, or a mapping of "pressure", "temperature" and, if wanted, "gas_constant".
+        dataset: Its contents.
+        given: None, an array's name, or a mapping of "pressure", "temperature" and optionally "gas_constant".
         gas_constant: [J/(kg K)]; None takes the file's own, or air's.
 
     Raises:
-        TypeError: `given` is something else.
+        TypeError: `given` is of another kind.
         ReadError: No such array.
     """
     names = dataset.array_names()
@@ -131,17 +131,17 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
 def block_density(
     path, block: Block, choice: DensityChoice, reference: Reference, units: Mapping[str, str]
 ) -> tuple[np.ndarray, str]:
-    """Density [kg/m3] of a block, and whether it is of its "cell"s or its "point"s.
+    """Return the density [kg/m3] of a block, and whether it belongs to its "cell"s or its "point"s.
 
     Args:
         path: The file, for messages.
         block: The block.
-        choice: Where its density comes from.
-        reference: What 1 is; where that is given, the file's own unit of that quantity does not count.
-        units: Unit of each array by name, where the file tells it.
+        choice: The arrays that its density comes from.
+        reference: Reference values; they replace the file's own unit of that quantity.
+        units: Unit of each array by name, where the file states it.
 
     Raises:
-        ReadError: Arrays of another shape, units of another kind, or densities that are no gas's, outside of blanked
+        ReadError: Arrays of another shape, units of another dimension, or densities that no gas has, outside of blanked
             parts.
     """
     if choice.density is not None:
@@ -165,7 +165,7 @@ def block_density(
 def in_si(
     path, name: str, values: np.ndarray, choice: DensityChoice, reference: Reference, units: Mapping[str, str]
 ) -> np.ndarray:
-    """Values of one of the arrays that the density comes from, in SI; what comes out as no number is refused later."""
+    """Return values of one of the arrays that the density comes from, in SI; overflows are rejected later."""
     dimension = {choice.density: "density", choice.pressure: "pressure", choice.temperature: "temperature"}[name]
     with np.errstate(all="ignore"):
         if dimension in reference.given:
@@ -174,7 +174,7 @@ def in_si(
 
 
 def density_of(found: Mapping[str, np.ndarray], choice: DensityChoice) -> np.ndarray:
-    """The density [kg/m3] from the arrays that it comes from, by name, in SI."""
+    """Return the density [kg/m3] from the arrays that it comes from, by name, in SI."""
     if choice.density is not None:
         return found[choice.density]
     assert choice.pressure is not None and choice.temperature is not None
@@ -183,10 +183,10 @@ def density_of(found: Mapping[str, np.ndarray], choice: DensityChoice) -> np.nda
 
 
 def scalar_array(path, block: Block, name: str, where: str | None = None) -> tuple[np.ndarray, str]:
-    """A scalar array of a block, and whether it is of its "cell"s or its "point"s; of both, `where` comes first.
+    """Return a scalar array of a block, and whether it belongs to "cell"s or "point"s; `where` is searched first.
 
     Raises:
-        ReadError: No such array, or one that is no scalar.
+        ReadError: No such array, or an array that is not scalar.
     """
     order = ("cell", "point") if where is None else (where, "cell", "point")
     for place in order:
@@ -219,7 +219,7 @@ def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str
 
 
 def beside_the_flow(block: Block) -> np.ndarray | None:
-    """Which cells hold no flow: faces beside solid cells, lines and points beside flat ones; None for no such."""
+    """Return which cells hold no flow: faces beside solid cells, lines and points beside flat cells; None if none."""
     if block.cells is None:
         return None
     types = block.cells.types
@@ -230,7 +230,7 @@ def beside_the_flow(block: Block) -> np.ndarray | None:
 
 
 def found_name(path, name: str, names: list[str], listed: str) -> str:
-    """The array that a caller names, signs and case apart.
+    """Return the array that a caller names, ignoring case and punctuation.
 
     Raises:
         ReadError: No such array.
@@ -244,5 +244,5 @@ def found_name(path, name: str, names: list[str], listed: str) -> str:
 
 
 def plain_name(name: str) -> str:
-    """A name in lower case without blanks, signs, units and folders."""
+    """Return a name in lower case, without blanks, punctuation, units and groups."""
     return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(<{].*", "", name.lower()).rsplit("/", 1)[-1])
