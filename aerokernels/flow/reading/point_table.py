@@ -1,7 +1,7 @@
-"""CSV: a table of points, by its columns x, y, z (or r, z) and arrays.
+"""Read CSV: a table of points, by its columns x, y, z (or r, z) and arrays.
 
-Points on a grid are put back on it. Points that lie on none are joined by Delaunay's triangles (in a plane) or
-tetrahedra (in space), which fill concave parts: cells much larger than their neighbours are left out.
+Points on a grid are put back on it. Other points are joined by Delaunay triangles (in a plane) or tetrahedra (in
+space), which also fill concave parts and bodies; slivers of nearly no volume are left out.
 """
 
 import re
@@ -15,7 +15,7 @@ from .coordinates import COLUMNS
 from .dataset import TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError, check_points
 from .text_tables import read_table
 
-SAME = 1e-9  # of the extent: nearer coordinates along an axis are one
+SAME = 1e-9  # of the extent: coordinates along an axis that are closer count as equal
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
@@ -54,7 +54,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
 
 
 def joined(path, points: np.ndarray, arrays: dict[str, np.ndarray]) -> tuple[Block, list[str]]:
-    """Points as a grid where they lie on one, else as the cells of a Delaunay triangulation."""
+    """Return points as a grid where they form one, else as the cells of a Delaunay triangulation."""
     extent = np.ptp(points, axis=0)
     if (extent > 0.0).sum() < 2:
         raise ReadError(path, "its points lie on a line", "give points of a plane or a volume")

@@ -1,6 +1,6 @@
-"""Tecplot's ASCII data (.dat): ordered and finite-element zones, POINT and BLOCK packing, values at nodes or in cells.
+"""Read Tecplot ASCII files (.dat): ordered and finite-element zones, POINT and BLOCK packing, nodal and cell values.
 
-VTK's reader keeps single precision; this one keeps what is written.
+VTK's reader returns single precision; this one keeps all digits.
 """
 
 import math
@@ -42,8 +42,8 @@ ELEMENTS = {
 }
 _PAIR = re.compile(r'([A-Za-z][\w ]*?)\s*=\s*("[^"]*"|\((?:[^()]|\([^()]*\))*\)|[^\s,=]+)')
 _NUMBER = re.compile(r"^\s*[-+.\d]")
-LONGEST_HEAD = 10_000  # letters before the numbers of a zone
-MOST_REPEATED = 1000  # numbers of a zone for each that is written: a coordinate changes along the first index
+LONGEST_HEAD = 10_000  # characters of a zone's header
+MOST_REPEATED = 1000  # greatest ratio of a zone's numbers to written ones: a coordinate changes along the first index
 _REPEAT = re.compile(r"(\d+)\*(\S+)")
 
 
@@ -51,7 +51,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     """Read a Tecplot ASCII file.
 
     Raises:
-        ReadError: No Tecplot file, or zones that do not hold what they announce.
+        ReadError: Not a Tecplot file, or zones that do not contain what they announce.
     """
     data = path.read_bytes()
     if b"\0" in data:
@@ -66,7 +66,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
 
 
 def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, name: str, asked) -> Dataset:
-    """The zones of one solution time; zones without a time belong to all."""
+    """Return the zones of one solution time; zones without a time belong to every time."""
     flows = [k for k, block in enumerate(blocks) if block.cells is None or (block.cells.types != LINE).any()]
     notes = []
     if 0 < len(flows) < len(blocks):
@@ -86,7 +86,7 @@ def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, 
 
 
 def _parts(path: Path, text: str):
-    """The variables' names, and the head and numbers of each zone."""
+    """Return the variables' names, and the header and numbers of each zone."""
     variables: list[str] = []
     zones: list[tuple[dict[str, str], str]] = []
     head: list[str] | None = None
@@ -140,7 +140,7 @@ def _pairs(text: str) -> dict[str, str]:
 def zone_block(
     path: Path, variables: list[str], head: dict[str, str], text: str, number: int, before: list[Block]
 ) -> Block:
-    """The block of a zone."""
+    """Return the block of a zone."""
     name = f"zone {number}" + (f" ({head['T']})" if head.get("T") else "")
     kind = (head.get("ZONETYPE") or head.get("ET") or "ORDERED").upper()
     packing = (head.get("DATAPACKING") or head.get("F", "POINT")).upper().removeprefix("FE")
@@ -177,7 +177,7 @@ def zone_block(
 
 
 def element_cells(kind: int, corners: np.ndarray) -> Cells:
-    """Cells of an element type; quadrilaterals that name a corner twice are triangles."""
+    """Return cells of an element type; quadrilaterals that repeat their last corner are triangles."""
     if kind == QUAD and (twice := corners[:, 3] == corners[:, 2]).any():
         width = np.where(twice, 3, 4)
         flat = corners[np.arange(4) < width[:, None]]
@@ -186,7 +186,7 @@ def element_cells(kind: int, corners: np.ndarray) -> Cells:
 
 
 def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
-    """A block from its arrays: coordinates by their names, the rest as data."""
+    """Return a block from its arrays: coordinates by their names, the rest as data."""
     place = coordinate_columns(variables)
     if len(place) < 2 or any(k in in_cells for k in place.values()):
         raise ReadError(path, f"no coordinates are known (there are: {', '.join(variables)})", "call them X, Y, Z")
@@ -202,7 +202,7 @@ def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
 
 
 def coordinate_columns(variables: list[str]) -> dict[int, int]:
-    """Which variables are the coordinates: their number by that of the axis."""
+    """Return which variable is the coordinate along each axis: {axis number: variable number}."""
     plain = [re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", v.lower())) for v in variables]
     place: dict[int, int] = {}
     for axis, index in (("x", 0), ("y", 1), ("z", 2), ("r", 1)):
@@ -222,7 +222,7 @@ def _cell_variables(path: Path, text: str, count: int) -> set[int]:
             first, last = whole_number(low.strip()), whole_number((high or low).strip())
             if first is None or last is None:
                 raise ReadError(path, f"VARLOCATION names variables by {part.strip()[:20]!r}", DAMAGED)
-            if last > count:  # before a set of as many is made
+            if last > count:  # before allocating a set of this size
                 raise ReadError(path, f"VARLOCATION names variable {last} of {count}", DAMAGED)
             found |= set(range(first - 1, last))
     listed = re.fullmatch(r"\(((?:\s*(?:NODAL|CELLCENTERED)\s*,?)+)\)", text.strip(), re.IGNORECASE)
@@ -241,13 +241,13 @@ def _count(path: Path, name: str, word: str) -> int:
 
 
 def _numbers(path: Path, name: str, text: str, expected: int) -> np.ndarray:
-    """The numbers of a zone, as many as expected; 3*0.5 stands for three."""
+    """Return the numbers of a zone, of which there must be `expected`; 3*0.5 means three times 0.5."""
     text = text.replace(",", " ")
     counts = None
     if "*" in text:
         words = [_REPEAT.fullmatch(word) or word for word in text.split()]
         repeats = [1 if isinstance(word, str) else int(word[1]) for word in words]
-        _check_count(path, name, sum(repeats), expected)  # before they are written out: a damaged one may be any
+        _check_count(path, name, sum(repeats), expected)  # before expanding: a damaged count may be huge
         if expected > MOST_REPEATED * len(words):
             raise ReadError(path, f"{name} repeats {len(words)} numbers until they are {expected}", DAMAGED)
         counts, text = np.array(repeats), " ".join(word if isinstance(word, str) else word[2] for word in words)
