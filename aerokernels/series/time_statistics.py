@@ -1,4 +1,4 @@
-"""The statistics of optical path differences in time that are usually published, each with its standard error."""
+"""The usual statistics of optical path differences in time, each with its standard error."""
 
 import math
 from collections.abc import Sequence
@@ -43,15 +43,15 @@ def statistics(
     wavelength: float | None = None,
     series: Series | None = None,
 ) -> "xarray.Dataset":
-    """Statistics of optical path differences in time.
+    """Return statistics of optical path differences in time.
 
-    A standard error heeds that neighbouring samples depend on one another (see uncertainty.py); what drifts is named in
-    the attribute `drifting`. Below four snapshots errors are NaN.
+    Standard errors account for the correlation of neighbouring samples (see uncertainty.py); variables that drift are
+    listed in the attribute `drifting`. Below four snapshots errors are NaN.
 
     Args:
         dataset: Of `optical_series`, or any with `opd` [m] over (time, y, x), NaN outside the pupil, in metres and
             seconds.
-        velocity: Speed that frequencies are scaled by for the Strouhal number f D / U [m/s]; None: none.
+        velocity: Speed for the Strouhal number f D / U [m/s]; None: no Strouhal number.
         length: D [m]; None: the pupil's width.
         apertures: Diameters of concentric round parts of the pupil [m]; None: a quarter to all of it.
         mode_count: Proper orthogonal modes.
@@ -62,8 +62,8 @@ def statistics(
     Returns:
         A dataset with NAME and NAME_error:
         `opd_mean` (y, x), the steady map; `opd_std` (y, x), the unsteady part's rms in time;
-        `opd_rms` and `opd_rms_with_tilt`, root mean squares over pupil and time, mean and tilt of each map removed, or
-        its mean only; `opd_rms_steady`, of the steady map; `opd_rms_unsteady`, of the rest;
+        `opd_rms` and `opd_rms_with_tilt`, root mean squares over pupil and time, with mean and tilt of each map
+        removed, or its mean only; `opd_rms_steady`, of the steady map; `opd_rms_unsteady`, of the rest;
         `boresight_x`, `boresight_y`, means, and `jitter_x`, `jitter_y`, rms about them [rad];
         `strehl`, the exact mean, beside `strehl_large_aperture`, the mean of exp(-(2 pi opd_rms / wavelength)^2);
         over `frequency` [Hz] (and `strouhal`): `spectrum_opd` [m2/Hz], the mean over the pupil, `spectrum_jitter_x`,
@@ -71,12 +71,12 @@ def statistics(
         over `aperture` [m]: `opd_rms_aperture` and `strehl_aperture`, mean and tilt over that part removed;
         `pod_energy` (mode) [m2], `pod_share`, `pod_mode` (mode, y, x), `pod_coefficient` (time, mode) [m];
         `correlation` (lag_y, lag_x) and `correlation_length_x`, `correlation_length_y` [m];
-        with `series`: `opd_rms_linking`, the linking equation's, `opd_rms_path`, the double integral of which it is a
-        short form, and `opd_rms_point`, the same rms as the maps have it, their mean and tilt put back [m].
+        with `series`: `opd_rms_linking`, by the linking equation, `opd_rms_path`, by the double integral that the
+        equation approximates, and `opd_rms_point`, the same rms from the maps, their mean and tilt added back [m].
 
     Raises:
-        TypeError: No dataset.
-        ValueError: No `opd` over (time, y, x), a pupil without pixels, or a number that makes no sense.
+        TypeError: Not a dataset.
+        ValueError: No `opd` over (time, y, x), a pupil without pixels, or an invalid number.
     """
     opd, weight, lit = _checked(dataset)
     time, y, x = (seconds(np.asarray(dataset[name].values)) for name in ("time", "y", "x"))
@@ -121,7 +121,7 @@ def statistics(
 
 
 def _checked(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Maps of the pixels that are there at all times, shape (t, n), their weights, and which they are."""
+    """Return maps of the pixels that are valid at all times, shape (t, n), their weights, and which they are."""
     import xarray
 
     if not isinstance(dataset, xarray.Dataset):
@@ -143,7 +143,10 @@ def _checked(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _readings(dataset: Any, opd: np.ndarray, points: np.ndarray, weight: np.ndarray, wavelength: float):
-    """Tilts (t, 2), mean squares with and without tilt (t, 2), and Strehl ratios (t,), read off or kept."""
+    """Return tilts (t, 2), mean squares with and without tilt (t, 2), and Strehl ratios (t,).
+
+    They are taken from the dataset where it has them, and computed from the maps otherwise.
+    """
     reader = MapReader(points, weight, ("piston",), wavelength)
     found = [reader(one) for one in opd]
     tilts = np.array([one.tilt for one in found])
@@ -160,13 +163,13 @@ def _readings(dataset: Any, opd: np.ndarray, points: np.ndarray, weight: np.ndar
 
 
 def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray) -> None:
-    """The steady map, and what is left."""
+    """Add the steady map and the unsteady part."""
     count = len(opd)
     mean = opd.mean(axis=0)
     left = opd - mean
     spread = left.std(axis=0, ddof=1) if count > 1 else np.full(len(mean), np.nan)
     unsteady = left**2 @ weight
-    # Maps as a whole are as independent as their mean square over the pupil, or as their first mode: the lesser.
+    # The effective number of independent maps is that of their mean square or of their first mode: the lesser.
     first = orthogonal_modes(opd, weight, 1).coefficient[:, 0] if count > 1 else np.zeros(count)
     effective = min(mean_of(unsteady).effective_count, mean_of(first).effective_count)
     known = count >= 4

@@ -102,9 +102,7 @@ def _closed_behind(chain: np.ndarray, mesh: QuadMesh) -> np.ndarray:
     side = np.eye(2)[across]
     beyond = _fluid_is_beyond(chain, mesh, side)
     edge = float(low[across] if beyond else high[across])
-    if extent[across] < 1e-9 * float(
-        np.ptp(mesh.vertices, axis=0).max()
-    ):  # give the solid of a straight wall some depth
+    if extent[across] < 1e-9 * float(np.ptp(mesh.vertices, axis=0).max()):  # a straight wall: give it depth
         edge += (-0.1 if beyond else 0.1) * float(high[across] - low[across])
     feet = []
     for point in (chain[-1], chain[0]):
