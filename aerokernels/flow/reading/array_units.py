@@ -1,12 +1,31 @@
 """Units of a file's arrays: from their attributes, or in brackets in their names, as in "p [kPa]"."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from ...inputs.units import quantity
 from ...inputs.written_units import WrittenUnit, in_brackets, is_no_unit, unit_of, written_unit
 from .dataset import ReadError
+
+
+def stated_unit(attributes: Mapping[str, Any]) -> str:
+    """Return the unit of an array's attribute `units` or `unit`, in whatever case; empty if it has none."""
+    for name in ("units", "unit"):
+        for key in sorted(attributes, key=lambda key: key != name):
+            if str(key).lower() == name and (text := _text(attributes[key])):
+                return text
+    return ""
+
+
+def _text(value: Any) -> str:
+    """Return an attribute's text: some programs write it as an array of one entry, or as bytes."""
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.reshape(-1)[0]
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    return str(value) if isinstance(value, (str, int, float, np.number)) else ""
 
 
 def in_si_units(path, values: np.ndarray, name: str, stated: str, dimension: str) -> np.ndarray:

@@ -223,6 +223,7 @@ class Dataset:
         units: Unit of each array by name, where the file states it.
         length: Unit of the coordinates [m], where the file states it.
         notes: Further remarks for the user, in whole sentences.
+        grouped: Whether slashes in the names of arrays separate groups, as in HDF5.
     """
 
     blocks: Sequence[Block]
@@ -237,6 +238,7 @@ class Dataset:
     units: Mapping[str, str] = field(default_factory=dict)
     length: float | None = None
     notes: Sequence[str] = ()
+    grouped: bool = False
 
     def array_names(self) -> list[str]:
         """Return the names of the arrays that all blocks have, in the order of the first block."""

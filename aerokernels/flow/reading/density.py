@@ -5,7 +5,7 @@ non-dimensional files are multiplied by their references.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,8 @@ from .dataset import FLAT, SOLID, Block, Dataset, ReadError
 # Names that solvers use, in lower case, without blanks, punctuation and units.
 DENSITY_NAMES = ("rho", "density", "massdensity", "dens", "conservative1", "rhomean", "densitymean", "meandensity",
                  "ro", "q1")  # fmt: skip
-PRESSURE_NAMES = ("p", "pressure", "staticpressure", "absolutepressure", "pres", "press", "pmean")
+# An absolute pressure comes first: beside one, "pressure" is relative to an operating pressure (as in Fluent's files).
+PRESSURE_NAMES = ("absolutepressure", "p", "pressure", "staticpressure", "pres", "press", "pmean")
 TEMPERATURE_NAMES = ("t", "temperature", "statictemperature", "temp", "tmean")
 REFERENCES = {"density": "density", "pressure": "pressure", "temperature": "temperature", "length": "length"}
 
@@ -102,23 +103,21 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
     )
     listed = ", ".join(names) if names else "none"
     if isinstance(given, str):
-        return DensityChoice(found_name(path, given, names, listed))
+        return DensityChoice(found_name(path, given, names, listed, dataset.grouped))
     if isinstance(given, Mapping):
         if not {"pressure", "temperature"} <= set(given) <= {"pressure", "temperature", "gas_constant"}:
             raise ValueError(
                 f"density: give an array's name, or a mapping of 'pressure' and 'temperature', got {given!r}"
             )
         constant = check_positive(float(given.get("gas_constant", own)), "gas_constant")
-        pair = [found_name(path, given[key], names, listed) for key in ("pressure", "temperature")]
+        keys = ("pressure", "temperature")
+        pair = [found_name(path, given[key], names, listed, dataset.grouped) for key in keys]
         return DensityChoice(None, pair[0], pair[1], constant)
     if given is not None:
         raise TypeError(f"density must be an array's name or a mapping, got {type(given).__name__}")
-    plain = {plain_name(name): name for name in reversed(names)}
-    for known in DENSITY_NAMES:
-        if known in plain:
-            return DensityChoice(plain[known])
-    pressure = next((plain[known] for known in PRESSURE_NAMES if known in plain), None)
-    temperature = next((plain[known] for known in TEMPERATURE_NAMES if known in plain), None)
+    if (density := usual_name(path, dataset, DENSITY_NAMES)) is not None:
+        return DensityChoice(density)
+    pressure, temperature = (usual_name(path, dataset, known) for known in (PRESSURE_NAMES, TEMPERATURE_NAMES))
     if pressure is None or temperature is None:
         raise ReadError(
             path,
@@ -126,6 +125,24 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
             "name it: density = 'NAME', or density = {pressure = 'NAME', temperature = 'NAME'}",
         )
     return DensityChoice(None, pressure, temperature, check_positive(own, "gas_constant"))
+
+
+def usual_name(path, dataset: Dataset, known: Sequence[str]) -> str | None:
+    """Return the array with the first of the `known` names, the one in the fewest groups; None if there is none.
+
+    Raises:
+        ReadError: Arrays of that name in different groups of the same level.
+    """
+    for plain in known:
+        found = [name for name in dataset.array_names() if plain_name(name, dataset.grouped) == plain]
+        if dataset.grouped:
+            level = min((name.count("/") for name in found), default=0)
+            found = [name for name in found if name.count("/") == level]
+            if level and len(found) > 1:
+                raise ReadError(path, f"several groups have such an array: {', '.join(found)}", "name one of them")
+        if found:
+            return found[0]
+    return None
 
 
 def block_density(
@@ -229,7 +246,7 @@ def beside_the_flow(block: Block) -> np.ndarray | None:
     return None
 
 
-def found_name(path, name: str, names: list[str], listed: str) -> str:
+def found_name(path, name: str, names: list[str], listed: str, grouped: bool = False) -> str:
     """Return the array that a caller names, ignoring case and punctuation.
 
     Raises:
@@ -237,12 +254,16 @@ def found_name(path, name: str, names: list[str], listed: str) -> str:
     """
     if name in names:
         return name
-    alike = [other for other in names if plain_name(other) == plain_name(name)]
+    alike = [other for other in names if plain_name(other, grouped) == plain_name(name, grouped)]
     if len(alike) == 1:
         return alike[0]
     raise ReadError(path, f"there is no array {name!r}", f"take one of {listed}")
 
 
-def plain_name(name: str) -> str:
-    """Return a name in lower case, without blanks, punctuation, units and groups."""
-    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(<{].*", "", name.lower()).rsplit("/", 1)[-1])
+def plain_name(name: str, grouped: bool = False) -> str:
+    """Return a name in lower case, without blanks, punctuation and units; without groups if it is `grouped`.
+
+    Elsewhere than in grouped names a slash is a quotient: "p/rho" is not a density.
+    """
+    plain = re.sub(r"[\[(<{].*", "", name.lower())
+    return re.sub(r"[^a-z0-9]", "", plain.rsplit("/", 1)[-1] if grouped else plain)

@@ -66,7 +66,7 @@ def choose_fractions(path, dataset: Dataset, densities, given) -> Fractions | No
     """
     if given is None or given is False:
         return None
-    basis, arrays = species_arrays(path, dataset.array_names(), given)
+    basis, arrays = species_arrays(path, dataset.array_names(), given, dataset.grouped)
     blocks = []
     for block, (_, where) in zip(dataset.blocks, densities, strict=True):
         shares = np.stack([_share(path, block, name, where) for name in arrays.values()])
@@ -80,7 +80,7 @@ def mixture_in_words(basis: str, arrays: Mapping[str, str]) -> str:
     return f"a mixture by {basis} fractions of {told}"
 
 
-def species_arrays(path, names: list[str], given) -> tuple[str, dict[str, str]]:
+def species_arrays(path, names: list[str], given, grouped: bool = False) -> tuple[str, dict[str, str]]:
     """Return the basis, and the array of each species, from the available `names`; otherwise as `choose_fractions`."""
     basis = "mass"
     listed = ", ".join(names) or "none"
@@ -93,9 +93,9 @@ def species_arrays(path, names: list[str], given) -> tuple[str, dict[str, str]]:
             molar_mass(name)
             if not isinstance(array, str):
                 raise TypeError(f"species: {name} must name an array of the file, got {array!r}")
-        found = {name: found_name(path, array, names, listed) for name, array in stated.items()}
+        found = {name: found_name(path, array, names, listed, grouped) for name, array in stated.items()}
     elif given is True or (isinstance(given, (list, tuple)) and all(isinstance(name, str) for name in given)):
-        plain = {plain_name(name): name for name in reversed(names)}
+        plain = {plain_name(name, grouped): name for name in reversed(names)}
         found = {}
         for name in SPECIES_NAMES if given is True else given:
             molar_mass(name)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .array_units import ambient_attribute, unit_of_array
+from .array_units import ambient_attribute, stated_unit, unit_of_array
 from .dataset import Dataset
 from .density import Reference
 from .formats import checked_time
@@ -29,7 +29,7 @@ def from_xarray(array, *, density=None, frame=None, reference=None, ambient_dens
     ambient = ambient_density
     if ambient is None and attributes.get("ambient_density") is not None:
         held = next((array[name] for name in (density, "density", "rho") if name in array), None)
-        stated = str(held.attrs.get("units", "")) if held is not None else ""
+        stated = stated_unit(held.attrs) if held is not None else ""
         unit = unit_of_array("xarray data", "density", stated, "density").factor
         values = np.asarray(held.values) if held is not None else np.empty(0)
         ambient = ambient_attribute("xarray data", attributes["ambient_density"], unit, values)

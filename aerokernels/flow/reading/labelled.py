@@ -7,10 +7,11 @@ import numpy as np
 from ...files.netcdf_classic import is_classic
 from ...inputs.arguments import seconds
 from ...process.room import NoRoomError, check_file
-from .coordinates import COLUMNS
+from .array_units import stated_unit
+from .coordinates import COLUMNS, axes_of
 from .dataset import Dataset, ReadError
 from .density import plain_name
-from .named_arrays import DAMAGED, axes_of, dataset_of
+from .named_arrays import DAMAGED, dataset_of
 
 
 def read(path: Path, time=None, options: dict | None = None) -> Dataset:
@@ -44,7 +45,7 @@ def labelled_dataset(path, data, variables=None, time=None, kind: str = "xarray"
     names = {axis: variables.get(axis) or next((plain[one] for one in known if one in plain), None)
              for axis, known in COLUMNS.items()}  # fmt: skip
     # Transpose arrays to the order of axes that `dataset_of` expects: lengths alone do not tell equal axes apart.
-    order = axes_of([axis for axis, own in names.items() if own is not None])
+    order, _ = axes_of({axis: own for axis, own in names.items() if own is not None})
     in_order = list(
         dict.fromkeys(dim for axis in order if names[axis] in data.variables for dim in data[names[axis]].dims)
     )
@@ -62,5 +63,5 @@ def labelled_dataset(path, data, variables=None, time=None, kind: str = "xarray"
         values = np.asarray(entry.values)
         if values.ndim:
             arrays[str(name)] = values
-            units[str(name)] = str(entry.attrs.get("units", ""))
+            units[str(name)] = stated_unit(entry.attrs)
     return dataset_of(path, arrays, units, {a: n for a, n in variables.items() if n}, kind, time, True)

@@ -9,7 +9,6 @@ them. The ends are in `variables`, or in attributes of an HDF5 file called xmin 
 
 import math
 import re
-from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ...process.room import NoRoomError, check_room
-from .array_units import length_of, unit_of_array
-from .coordinates import COLUMNS
+from .array_units import length_of, stated_unit, unit_of_array
+from .coordinates import COLUMNS, PLACE, axes_of
 from .dataset import Block, Dataset, ReadError, chosen_time
 from .density import plain_name
 
@@ -59,7 +58,7 @@ def arrays_as_dataset(
     """Return the dataset of named arrays, their units and the ends of axes; `variables` is the caller's."""
     given = {axis: value for axis, value in variables.items() if not isinstance(value, str)}
     if given:  # ends of axes that a caller gives replace the file's coordinates
-        arrays = {n: own for n, own in arrays.items() if not any(plain_name(n) in COLUMNS[a] for a in COLUMNS)}
+        arrays = {n: own for n, own in arrays.items() if not any(plain_name(n, True) in COLUMNS[a] for a in COLUMNS)}
     arrays, note = _with_even_cells(path, arrays, variables, given or ends)
     found = dataset_of(path, arrays, units, {a: v for a, v in variables.items() if a not in given}, kind, time)
     return replace(found, notes=[*found.notes, note]) if note else found
@@ -152,8 +151,7 @@ def arrays_of(file: Any) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
             if name.rsplit("/", 1)[-1] in ("data", "values") and len(entry.parent) == 1 and "/" in name:
                 name = name.rsplit("/", 1)[0]  # a group with a single array gives it its name
             arrays[name] = entry[...]
-            unit = entry.attrs.get("units")
-            units[name] = unit.decode() if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
+            units[name] = stated_unit(entry.attrs)
 
     take("", file)
     file.visititems(take)
@@ -164,7 +162,7 @@ def arrays_of(file: Any) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
 
 def _with_even_cells(path, arrays, variables, ends) -> tuple[dict[str, np.ndarray], str]:
     """Return the arrays with the edges of uniform cells if they have no coordinates, and a note."""
-    if not ends or any(plain_name(name) in names for name in arrays for names in COLUMNS.values()):
+    if not ends or any(plain_name(name, True) in names for name in arrays for names in COLUMNS.values()):
         return arrays, ""
     if any(isinstance(value, str) for value in variables.values()):
         return arrays, ""
@@ -194,7 +192,9 @@ def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool =
     The axes of `labelled` arrays are in a known order; the axes of other arrays are identified by their lengths, where
     these differ.
     """
-    plain = {plain_name(name): name for name in reversed(list(arrays))}
+    plain: dict[str, str] = {}
+    for name in sorted(arrays, key=lambda name: name.count("/")):  # an array at the root counts before those in groups
+        plain.setdefault(plain_name(name, True), name)
     chosen = {}
     for axis, names in COLUMNS.items():
         if axis in variables:
@@ -205,15 +205,15 @@ def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool =
             chosen[axis] = found
     if unknown := set(variables) - set(COLUMNS):
         raise ReadError(path, f"variables: {sorted(unknown)[0]!r} is no coordinate", "name x, y, z or r, z")
-    axes = axes_of(chosen)
-    axisymmetric = axes[:1] == ("r",)
-    if len(known := [axis for axis in axes if axis in chosen]) < 2:
-        lacking = f"only {known[0]} is known, of two coordinates at least" if known else "no coordinates are known"
+    axes, symmetry = axes_of(chosen)
+    if len(axes) < 2:
+        lacking = f"only {min(chosen)} is known, of two coordinates at least" if chosen else "no coordinates are known"
         raise ReadError(
             path, f"{lacking} (there are: {', '.join(arrays) or 'no arrays'})",
             "call them x, y, z or r, z, or name them: variables={'x': 'NAME', ...}; a flow along one axis alone needs "
             "its samples repeated at two places of a second one",
         )  # fmt: skip
+    chosen = {axis: chosen[axis] for axis in axes}
     times, arrays, taken = _at_time(path, arrays, chosen, units, time)
     coordinates = [np.asarray(arrays[chosen[axis]], dtype=np.float64) for axis in axes]
     length, factors = length_of(path, {chosen[axis]: units.get(chosen[axis], "") for axis in axes})
@@ -222,16 +222,9 @@ def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool =
     block, notes = _block(path, axes, coordinates, {n: a for n, a in arrays.items() if n not in chosen.values()})
     if alike and block.shape:
         notes = [*notes, f"arrays taken as [{', '.join(axes)}]"]
-    along = {"z": (0.0, 0.0, -1.0), "x": (1.0, 0.0, 0.0)}
-    return Dataset([block], kind, "axisymmetric" if axisymmetric else None, times=times, time=taken,
-                   axis=along[axes[1]] if axisymmetric else None, units=units, length=length, notes=notes)  # fmt: skip
-
-
-def axes_of(known: Collection[str]) -> tuple[str, ...]:
-    """Return the axes of the arrays, in their order, from those that have a coordinate."""
-    if "r" in known and "y" not in known:
-        return ("r", "z" if "z" in known else "x")
-    return tuple(axis for axis in "xyz" if axis in known)
+    geometry = None if symmetry is None else "axisymmetric"
+    return Dataset([block], kind, geometry, times=times, time=taken, axis=symmetry, units=units, length=length,
+                   notes=notes, grouped=not labelled)  # fmt: skip
 
 
 def _block(path, axes, coordinates, arrays) -> tuple[Block, list[str]]:
@@ -239,7 +232,6 @@ def _block(path, axes, coordinates, arrays) -> tuple[Block, list[str]]:
 
     Samples at scattered points are joined like the points of a table.
     """
-    place = {"x": 0, "y": 1, "z": 2, "r": 1}
     if all(own.ndim == 1 for own in coordinates) and not _is_cloud(coordinates, arrays):
         counts = tuple(len(own) for own in coordinates)
         cells = tuple(n - 1 for n in counts)
@@ -260,13 +252,13 @@ def _block(path, axes, coordinates, arrays) -> tuple[Block, list[str]]:
 
             points = np.zeros((counts[0], 3))
             for axis, own in zip(axes, coordinates, strict=True):
-                points[:, place[axis]] = own
+                points[:, PLACE[axis]] = own
             return joined(path, points, {n: np.asarray(a, float) for n, a in arrays.items() if a.shape == counts})
         cells = tuple(n - 1 for n in counts)
         full = coordinates
     points = np.zeros((int(np.prod(counts)), 3))
     for axis, own in zip(axes, full, strict=True):
-        points[:, place[axis]] = own.ravel(order="F")
+        points[:, PLACE[axis]] = own.ravel(order="F")
     point_data, cell_data = {}, {}
     for name, own in arrays.items():
         turned = own
@@ -299,7 +291,7 @@ def _is_cloud(coordinates, arrays) -> bool:
 
 def _at_time(path, arrays, chosen, units, asked):
     """Return the arrays at one time, if there is an axis of time: it comes first."""
-    name = next((name for name in arrays if plain_name(name) in ("time", "t") and arrays[name].ndim == 1), None)
+    name = next((name for name in arrays if plain_name(name, True) in ("time", "t") and arrays[name].ndim == 1), None)
     rank = max((arrays[own].ndim for own in chosen.values()), default=1)
     rank = len(chosen) if rank == 1 else rank
     times = []

@@ -99,8 +99,8 @@ def block_polygons(path, block: Block, plane: Plane, values: np.ndarray, where: 
         blank = block.blank
         if len(blank) == len(block.points):
             blank = np.maximum.reduceat(blank[polygons.corners], polygons.start[:-1])
-        polygons = polygons.kept(~blank)
-    return polygons
+        return polygons.kept(~blank)
+    return polygons.used()  # without mid-edge nodes of quadratic cells, say
 
 
 def structured_mesh(block: Block, plane: Plane) -> QuadMesh | None:

@@ -234,6 +234,21 @@ def _walls(points: np.ndarray, markers: dict[str, np.ndarray]) -> list[Patch]:
     ]
 
 
+def _in_order_of_points(path: Path, table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the columns of a restart in the order of its column PointID, if it has one: rows may be in any order.
+
+    Raises:
+        ReadError: Numbers of points that are not 0 to the count less one, each once.
+    """
+    number = next((own for name, own in table.items() if name.lower().replace("_", "") == "pointid"), None)
+    if number is None:
+        return table
+    order = np.argsort(number, kind="stable")
+    if (number[order] != np.arange(len(order))).any():
+        raise ReadError(path, f"its column PointID does not number the {len(order)} points from 0 on", DAMAGED)
+    return {name: own[order] for name, own in table.items()}
+
+
 def read_restart(path: Path) -> dict[str, np.ndarray]:
     """Return the values at the points by name, from a binary or a text restart.
 
@@ -242,7 +257,7 @@ def read_restart(path: Path) -> dict[str, np.ndarray]:
     """
     data = path.read_bytes()
     if len(data) < 20 or MAGIC not in (int.from_bytes(data[:4], "little"), int.from_bytes(data[:4], "big")):
-        return read_table(path, data)
+        return _in_order_of_points(path, read_table(path, data))
     order = "<" if int.from_bytes(data[:4], "little") == MAGIC else ">"
     _, variables, count = (int(v) for v in np.frombuffer(data, f"{order}i4", 3))
     begin = 20 + NAME_LENGTH * variables

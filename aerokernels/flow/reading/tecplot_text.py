@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from .array_units import length_of
-from .coordinates import COLUMNS
+from .coordinates import COLUMNS, PLACE, axes_of
 from .dataset import (
     HEXAHEDRON,
     LINE,
@@ -74,7 +74,7 @@ def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, 
             f"zones of lines are left out: {', '.join(blocks[k].name for k in set(range(len(blocks))) - set(flows))}"
         ]
         blocks, times = [blocks[k] for k in flows], [times[k] for k in flows]
-    place = coordinate_columns(variables)
+    place, symmetry = coordinate_columns(variables)
     length, factors = length_of(path, {variables[k]: "" for k in place.values()})
     for index, factor in zip(place, factors, strict=True):
         for block in blocks if factor != 1.0 else []:
@@ -82,7 +82,10 @@ def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, 
     values = sorted({float(t) for t in times if t is not None})
     chosen = chosen_time(path, values, asked)
     kept = [block for block, t in zip(blocks, times, strict=True) if t is None or float(t) == chosen]
-    return Dataset(kept, name, times=values, time=chosen, length=length, notes=notes)
+    geometry = None if symmetry is None else "axisymmetric"
+    return Dataset(
+        kept, name, geometry, times=values, time=chosen, axis=symmetry, length=length, notes=notes
+    )  # fmt: skip
 
 
 def _parts(path: Path, text: str):
@@ -143,10 +146,10 @@ def zone_block(
     """Return the block of a zone."""
     name = f"zone {number}" + (f" ({head['T']})" if head.get("T") else "")
     kind = (head.get("ZONETYPE") or head.get("ET") or "ORDERED").upper()
-    packing = (head.get("DATAPACKING") or head.get("F", "POINT")).upper().removeprefix("FE")
     if any(key in head for key in ("VARSHARELIST", "CONNECTIVITYSHAREZONE", "PASSIVEVARLIST")):
         raise ReadError(path, f"{name} shares data with other zones", "write the file with all data in every zone")
     in_cells = _cell_variables(path, head.get("VARLOCATION", ""), len(variables))
+    packing = _packing(path, name, head, text, len(variables), bool(in_cells))
     if in_cells and packing != "BLOCK":
         raise ReadError(path, f"{name} has values in cells without BLOCK packing", DAMAGED)
     ordered = kind == "ORDERED"
@@ -176,6 +179,23 @@ def zone_block(
     return assembled(path, variables, arrays, in_cells, shape, whole, name)
 
 
+def _packing(path: Path, name: str, head: dict[str, str], text: str, variable_count: int, in_cells: bool) -> str:
+    """Return "POINT" or "BLOCK", as stated in the zone's header; programs differ in what they mean by neither.
+
+    Raises:
+        ReadError: Neither is stated, and the first line of numbers is not that of a point.
+    """
+    if stated := head.get("DATAPACKING") or head.get("F"):
+        return stated.upper().removeprefix("FE")
+    if in_cells:
+        return "BLOCK"
+    line = text.split("\n", 1)[0].replace(",", " ").split()
+    if len(line) != variable_count:
+        what = f"{name} does not state DATAPACKING, and its first line has {len(line)} of {variable_count} variables"
+        raise ReadError(path, what, "write DATAPACKING=POINT or DATAPACKING=BLOCK in the zone's header")
+    return "POINT"
+
+
 def element_cells(kind: int, corners: np.ndarray) -> Cells:
     """Return cells of an element type; quadrilaterals that repeat their last corner are triangles."""
     if kind == QUAD and (twice := corners[:, 3] == corners[:, 2]).any():
@@ -187,7 +207,7 @@ def element_cells(kind: int, corners: np.ndarray) -> Cells:
 
 def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
     """Return a block from its arrays: coordinates by their names, the rest as data."""
-    place = coordinate_columns(variables)
+    place, _ = coordinate_columns(variables)
     if len(place) < 2 or any(k in in_cells for k in place.values()):
         raise ReadError(path, f"no coordinates are known (there are: {', '.join(variables)})", "call them X, Y, Z")
     points = np.zeros((len(arrays[next(iter(place.values()))]), 3))
@@ -201,15 +221,12 @@ def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
     return Block(points, cells, shape, point, cell, hidden, name)
 
 
-def coordinate_columns(variables: list[str]) -> dict[int, int]:
-    """Return which variable is the coordinate along each axis: {axis number: variable number}."""
+def coordinate_columns(variables: list[str]) -> tuple[dict[int, int], tuple[float, float, float] | None]:
+    """Return the variable of the coordinate along each axis, {axis number: variable number}, and the symmetry axis."""
     plain = [re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", v.lower())) for v in variables]
-    place: dict[int, int] = {}
-    for axis, index in (("x", 0), ("y", 1), ("z", 2), ("r", 1)):
-        found = next((k for k, v in enumerate(plain) if v in COLUMNS[axis]), None)
-        if found is not None and index not in place:
-            place[index] = found
-    return place
+    known = {axis: k for axis, names in COLUMNS.items() for k in reversed(range(len(plain))) if plain[k] in names}
+    axes, symmetry = axes_of(known)
+    return {PLACE[axis]: known[axis] for axis in axes}, symmetry
 
 
 def _cell_variables(path: Path, text: str, count: int) -> set[int]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import CORNERS, LINE, SOLID, Block, Cells, Dataset, Faces, Patch, Polygons, ReadError, chosen_time
+from .dataset import CORNERS, FLAT, LINE, SOLID, Block, Cells, Dataset, Faces, Patch, Polygons, ReadError, chosen_time
 from .high_order import joined, linear_cells
 from .solids import FACES
 from .vtk_collections import SUFFIXES, collection
@@ -35,7 +35,10 @@ BLANK = 32
 STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners in hexahedron, quad order
 SURFACE = (5, 7, 9)  # triangles, polygons, quadrilaterals
 LINEAR = {11: 12, 8: 9}
-QUADRATIC = {21: 3, 22: 5, 23: 9, 28: 9, 24: 10, 25: 12, 29: 12, 26: 13, 27: 14}  # the linear cell of each
+# Quadratic cells, which list their corners first, and the linear cell of each.
+QUADRATIC = {21: 3, 35: 3, 22: 5, 34: 5, 23: 9, 28: 9, 30: 9, 24: 10, 25: 12, 29: 12, 33: 12, 26: 13, 31: 13, 32: 13,
+             27: 14, 37: 14}  # fmt: skip
+NO_FLOW = (0, 1, 2, 3, 4, 51, 60, 68, 75)  # empty cells, points, lines and curves
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
@@ -225,6 +228,11 @@ def _cells(path: Path | str, data) -> tuple[Cells | None, np.ndarray | None]:
     kinds = kinds.astype(np.uint8)
     start, points, kinds = _linear(start, points, kinds)
     start, points, kinds, parent = linear_cells(path, start, points, kinds)
+    if len(unknown := np.setdiff1d(kinds, [*NO_FLOW, *FLAT, *SOLID])):
+        raise ReadError(
+            path, f"it has cells of VTK's type {unknown[0]}, which are not read", "write triangles, quadrilaterals, "
+            "polygons, tetrahedra, hexahedra, prisms, pyramids or polyhedra"
+        )  # fmt: skip
     faces = None
     if (kinds == 42).any():
         if parent is not None:
