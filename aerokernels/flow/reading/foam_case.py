@@ -5,6 +5,7 @@ Finite-volume fields are cell averages and stay so. VTK's reader is not used bec
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -170,26 +171,46 @@ def _value_of(file: FoamFile, name: str) -> str:
     return str(values[-1]).strip() if values else ""
 
 
-def parts_and_times(folder: Path) -> tuple[list[Path], list[tuple[float, str]]]:
-    """Return the folders of the parts of a case (the case itself if it is whole and solved), and its times.
+@dataclass(frozen=True)
+class FoamTime:
+    """A time of a case.
+
+    Attributes:
+        value: The time [s].
+        name: Name of its folder.
+        parts: The folders that contain it: the case itself, or those of all processors.
+    """
+
+    value: float
+    name: str
+    parts: list[Path]
+
+
+def case_times(folder: Path) -> list[FoamTime]:
+    """Return the times of a case, ascending: those of the whole case, and others that only its processors have.
+
+    The times of a whole case that has not been solved, its initial state, count only if it is not decomposed.
 
     Raises:
-        ReadError: No mesh, or no fields at any time.
+        ReadError: No mesh, no fields at any time, or fields in the collated format.
     """
     parts = sorted(folder.glob("processor[0-9]*"), key=lambda part: int(re.sub(r"\D", "", part.name) or 0))
-    serial = times_of(folder)
-    solved = [entry for entry in serial if entry[0] > 0.0]
+    collated = next(folder.glob("processors[0-9]*"), None)
     whole = (folder / "constant" / "polyMesh").is_dir()
-    if parts and not (whole and solved):
-        times = times_of(parts[0])
-        folders = parts
-    elif whole:
-        times, folders = serial, [folder]
-    else:
+    serial = [FoamTime(value, name, [folder]) for value, name in times_of(folder)] if whole else []
+    if not any(time.value > 0.0 for time in serial):
+        if collated is not None and not parts:
+            raise ReadError(
+                collated, "its fields are in the collated format, which is not read", "run reconstructPar on the case"
+            )
+        serial = [] if parts else serial
+    if not parts and not whole:
         raise ReadError(folder, "there is no constant/polyMesh", "make the mesh first, with blockMesh say")
-    if not times:
+    known = {time.value for time in serial}
+    more = [FoamTime(value, name, parts) for value, name in times_of(parts[0]) if value not in known] if parts else []
+    if not serial and not more:
         raise ReadError(folder, "the case holds no fields at any time", "run the solver, or restore its time folders")
-    return folders, times
+    return sorted([*serial, *more], key=lambda time: time.value)
 
 
 def read(path: Path, time: float | str | None = None, options: dict | None = None) -> Dataset:
@@ -204,32 +225,33 @@ def read(path: Path, time: float | str | None = None, options: dict | None = Non
         ReadError: No case, no such time, or a file that is missing or damaged.
     """
     folder = case_folder(path)
-    folders, times = parts_and_times(folder)
-    value = chosen_time(folder, [entry for entry, _ in times], time)
-    name = next(name for entry, name in reversed(times) if entry == value)
-    blocks, patches, geometries = [], [], []
-    for part in folders:
-        block, own, geometry = _part(part, name)
+    times = case_times(folder)
+    value = chosen_time(folder, [entry.value for entry in times], time)
+    chosen = next(entry for entry in reversed(times) if entry.value == value)
+    blocks, patches, geometries, axes = [], [], [], []
+    for part in chosen.parts:
+        block, own, geometry, axis = _part(part, chosen.name)
         blocks.append(block)
         patches += own
         geometries.append(geometry)
+        axes += [axis] if axis is not None else []
     if len(set(geometries)) > 1:
         raise ReadError(folder, "some processors have another geometry than the others", "decompose the case again")
     return Dataset(
         blocks,
-        f"OpenFOAM case{f', decomposed in {len(folders)}' if folders != [folder] else ''}",
+        f"OpenFOAM case{f', decomposed in {len(chosen.parts)}' if chosen.parts != [folder] else ''}",
         geometry=geometries[0],
         patches=patches,
-        times=[entry for entry, _ in times],
+        times=[entry.value for entry in times],
         time=value,
-        axis=_axis(blocks) if geometries[0] == "axisymmetric" else None,
+        axis=(axes[0] if axes else _axis(blocks)) if geometries[0] == "axisymmetric" else None,
         gas_constant=_gas_constant(folder),
         units=getattr(blocks[0].cell_data, "units", {}),
     )
 
 
-def _part(folder: Path, time: str) -> tuple[Block, list, str]:
-    """Return the block, the patches and the geometry of a serial case or of one processor."""
+def _part(folder: Path, time: str) -> tuple[Block, list, str, tuple[float, float, float] | None]:
+    """Return the block, the patches, the geometry and the axis of symmetry of a serial case or of one processor."""
     moved = folder / time / "polyMesh"
     mesh = read_mesh(folder / "constant" / "polyMesh")
     if find(moved / "points") is not None:
@@ -237,9 +259,10 @@ def _part(folder: Path, time: str) -> tuple[Block, list, str]:
     fields = FoamFields(folder / time, mesh.cell_count)
     plane = plane_of(mesh)
     if plane is None:
-        return _solid_block(mesh, fields), surface_patches(mesh), "volume"
-    block, patches = flat_block(mesh, np.concatenate(plane[1]), fields, folder / time)
-    return block, patches, plane[0]
+        return _solid_block(mesh, fields), surface_patches(mesh), "volume", None
+    geometry, faces, axis = plane
+    block, patches = flat_block(mesh, faces, fields, folder / time)
+    return block, patches, geometry, axis
 
 
 def _solid_block(mesh: FoamMesh, fields: FoamFields) -> Block:
@@ -250,7 +273,7 @@ def _solid_block(mesh: FoamMesh, fields: FoamFields) -> Block:
 
 
 def _axis(blocks: list[Block]) -> tuple[float, float, float]:
-    """The axis of a wedge: the coordinate axis that is in its plane."""
+    """Return the axis of a wedge whose sides do not tell it: the coordinate axis that is in its plane."""
     points = np.concatenate([block.points for block in blocks])
     centred = points - points.mean(axis=0)
     normal = np.linalg.svd(centred.T @ centred)[0][:, 2]

@@ -122,8 +122,11 @@ LEAST_ANGLE = 1e-4  # between the sides of a wedge: below it, rounding of the po
 OFF_AXIS = 0.01  # allowed distance of the axis from the origin, relative to the greatest radius: rounding of points
 
 
-def plane_of(mesh: FoamMesh) -> tuple[str, list[np.ndarray]] | None:
-    """Return ("axisymmetric" or "planar", the faces of one side) of a mesh one cell thick, or None.
+Axis = tuple[float, float, float]
+
+
+def plane_of(mesh: FoamMesh) -> tuple[str, np.ndarray, Axis | None] | None:
+    """Return ("axisymmetric" or "planar", the faces of one side, axis if known) of a mesh one cell thick, or None.
 
     The sides of a wedge are two patches of type "wedge"; the sides of a plane are one or two patches of type "empty".
     Every
@@ -131,8 +134,7 @@ def plane_of(mesh: FoamMesh) -> tuple[str, list[np.ndarray]] | None:
     """
     wedges, empty = mesh.patch_faces("wedge"), mesh.patch_faces("empty")
     if wedges:
-        _check_axis(mesh, wedges)
-        return "axisymmetric", wedges[:1]
+        return "axisymmetric", wedges[0], _axis_of(mesh, wedges)
     if not empty:
         return None
     faces = np.concatenate(empty)
@@ -140,7 +142,7 @@ def plane_of(mesh: FoamMesh) -> tuple[str, list[np.ndarray]] | None:
     # Take the lower of the two faces of each cell.
     order = np.lexsort((height, mesh.faces.owner[faces]))
     owner = mesh.faces.owner[faces][order]
-    return "planar", [faces[order[np.append(True, owner[1:] != owner[:-1])]]]
+    return "planar", faces[order[np.append(True, owner[1:] != owner[:-1])]], None
 
 
 def _upward(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
@@ -150,15 +152,19 @@ def _upward(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
     return np.asarray(np.copysign(1.0, normal[np.argmax(np.abs(normal))]) * normal)
 
 
-def _check_axis(mesh: FoamMesh, wedges: list[np.ndarray]) -> None:
-    """Reject a wedge whose sides do not meet in the x, y or z axis, from which radii are measured."""
-    if len(wedges) != 2 or not all(len(faces) for faces in wedges):
-        return
+def _axis_of(mesh: FoamMesh, wedges: list[np.ndarray]) -> Axis | None:
+    """Return the coordinate axis in which the sides of a wedge meet; None if they do not tell.
+
+    Raises:
+        ReadError: The sides meet in another line: radii are measured from a coordinate axis.
+    """
+    if len(wedges) != 2:
+        return None
     normals = np.array([_upward(mesh, faces) for faces in wedges])
     heights = [_face_means(mesh, faces).mean(axis=0) @ normal for faces, normal in zip(wedges, normals, strict=True)]
     along = np.cross(*normals)
     if np.linalg.norm(along) < LEAST_ANGLE:
-        return
+        return None
     along /= np.linalg.norm(along)
     point = np.linalg.solve(np.array([*normals, along]), [*heights, 0.0])
     beside = mesh.points - point
@@ -170,6 +176,8 @@ def _check_axis(mesh: FoamMesh, wedges: list[np.ndarray]) -> None:
             f"{np.round(along, 6).tolist()}: that is the axis of symmetry, and it is not x, y or z",
             "move the mesh there, with transformPoints",
         )
+    axis = np.eye(3)[int(np.argmax(np.abs(along)))]
+    return axis[0], axis[1], axis[2]
 
 
 def _rows(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
