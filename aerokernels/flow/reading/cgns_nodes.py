@@ -1,7 +1,9 @@
 """Nodes of a CGNS file in HDF5: their labels, names, data and children, read on demand."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,6 +28,20 @@ class Node:
     def below(self) -> list["Node"]:
         """The children of the node."""
         return list(self._below())
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Node | None]:
+    """Open a CGNS file in HDF5 as its root node; None for a file in ADF."""
+    with path.open("rb") as stream:
+        is_hdf5 = stream.read(len(HDF5)) == HDF5
+    if not is_hdf5:
+        yield None
+        return
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        yield node_of(file)
 
 
 def node_of(group: Any) -> Node:

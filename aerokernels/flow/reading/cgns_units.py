@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from .array_units import length_of
-from .cgns_nodes import HDF5, Node, children, data_of, node_of, text_of
+from .cgns_nodes import Node, children, data_of, opened, text_of
 
 # Symbols of the standard's unit names, in the order of the exponents: mass, length, time, temperature, angle.
 SYMBOLS = (
@@ -35,13 +35,8 @@ def units(path: Path) -> tuple[float | None, dict[str, str]]:
     Raises:
         ReadError: An unknown unit of length.
     """
-    with path.open("rb") as stream:
-        if stream.read(8) != HDF5:
-            return None, {}
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        return units_of(path, node_of(file))
+    with opened(path) as root:
+        return (None, {}) if root is None else units_of(path, root)
 
 
 def units_of(path: Path, root: Node) -> tuple[float | None, dict[str, str]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .cgns_nodes import HDF5, Node, child, children, data_of, node_of, text_of
+from .cgns_nodes import Node, child, children, data_of, opened, text_of
 from .dataset import Patch
 
 # Number of corners of CGNS edges, triangles and quadrilaterals; mid-edge points follow the corners.
@@ -22,13 +22,8 @@ MIXED, POLYGONS = 20, 22
 
 def patches(path: Path) -> tuple[list[Patch], list[str]]:
     """Return the boundary patches of a file, and notes for the user about them."""
-    with path.open("rb") as stream:
-        if stream.read(8) != HDF5:
-            return [], ["boundary patches of CGNS files in ADF are not read"]
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        return patches_of(node_of(file))
+    with opened(path) as root:
+        return ([], ["boundary patches of CGNS files in ADF are not read"]) if root is None else patches_of(root)
 
 
 def patches_of(root: Node) -> tuple[list[Patch], list[str]]:
