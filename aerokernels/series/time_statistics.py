@@ -9,9 +9,11 @@ import numpy as np
 from aerokernels import __version__
 
 from ..flow import Series
+from ..flow.reading.array_units import stated_unit
 from ..inputs.arguments import checked, seconds
 from ..inputs.checks import check_count, check_positive
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
+from ..inputs.written_units import unit_of
 from .modes import orthogonal_modes
 from .pupil_grid import MapReader
 from .statistic_parts import (
@@ -49,8 +51,8 @@ def statistics(
     listed in the attribute `drifting`. Below four snapshots errors are NaN.
 
     Args:
-        dataset: Of `optical_series`, or any with `opd` [m] over (time, y, x), NaN outside the pupil, in metres and
-            seconds.
+        dataset: Of `optical_series`, or any with `opd` over (time, y, x), NaN outside the pupil, in metres and
+            seconds unless attributes `units` state other units.
         velocity: Speed for the Strouhal number f D / U [m/s]; None: no Strouhal number.
         length: D [m]; None: the pupil's width.
         apertures: Diameters of concentric round parts of the pupil [m]; None: a quarter to all of it.
@@ -78,8 +80,9 @@ def statistics(
         TypeError: Not a dataset.
         ValueError: No `opd` over (time, y, x), a pupil without pixels, or an invalid number.
     """
+    dataset = _in_order(dataset)
     opd, weight, lit = _checked(dataset)
-    time, y, x = (seconds(np.asarray(dataset[name].values)) for name in ("time", "y", "x"))
+    time, y, x = (seconds(np.asarray(dataset[name].values)) * _unit(dataset, name) for name in ("time", "y", "x"))
     wave = check_wavelength(dataset.attrs.get("wavelength", DEFAULT_WAVELENGTH) if wavelength is None else wavelength)
     for name, value in (("velocity", velocity), ("length", length)):
         if value is not None:
@@ -120,15 +123,36 @@ def statistics(
     return _dataset(table, coordinates, dataset, wave, skipped)
 
 
-def _checked(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return maps of the pixels that are valid at all times, shape (t, n), their weights, and which they are."""
+def _in_order(dataset: Any) -> Any:
+    """Return the dataset with its axes in the order time, y, x, and ascending along each."""
     import xarray
 
     if not isinstance(dataset, xarray.Dataset):
         raise TypeError(f"dataset must be an xarray.Dataset of optical_series, got {type(dataset).__name__}")
     if "opd" not in dataset or set(dataset["opd"].dims) != {"time", "y", "x"}:
         raise ValueError("the dataset has no opd over (time, y, x): give what optical_series returns")
-    maps = np.asarray(dataset["opd"].transpose("time", "y", "x").values, dtype=np.float64)
+    mixed = [name for name in ("time", "y", "x") if (np.diff(seconds(dataset[name].values)) < 0.0).any()]
+    return (dataset.sortby(mixed) if mixed else dataset).transpose("time", "y", "x", ...)
+
+
+def _unit(dataset: Any, name: str) -> float:
+    """Return the unit of a variable in SI, 1 where none is stated; dates have none.
+
+    Raises:
+        ValueError: A unit of another dimension, or an unknown unit.
+    """
+    if dataset[name].dtype.kind in "mM":
+        return 1.0
+    try:
+        stated = stated_unit(dataset[name].attrs).split(" since ")[0]  # "seconds since 2020-01-01"
+        return unit_of(stated, "time" if name == "time" else "length").factor
+    except ValueError as fault:
+        raise ValueError(f"the unit of {name}: {fault}; give SI units") from None
+
+
+def _checked(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return maps [m] of the pixels that are valid at all times, shape (t, n), their weights, and which they are."""
+    maps = np.asarray(dataset["opd"].values, dtype=np.float64) * _unit(dataset, "opd")
     share = dataset["weight"].values if "weight" in dataset else np.ones(maps.shape[1:])
     if len(maps) < 1:
         raise ValueError("the dataset has no snapshot")
@@ -156,7 +180,7 @@ def _readings(dataset: Any, opd: np.ndarray, points: np.ndarray, weight: np.ndar
         tilts = np.stack([dataset["boresight_x"].values, dataset["boresight_y"].values], axis=1)
     for k, name in enumerate(("opd_rms_with_tilt", "opd_rms")):
         if name in dataset:
-            squares[:, k] = dataset[name].values ** 2
+            squares[:, k] = (dataset[name].values * _unit(dataset, name)) ** 2
     if "strehl" in dataset:
         ratios = dataset["strehl"].values
     return tilts, squares, ratios
