@@ -11,7 +11,7 @@ from ..files.netcdf_reading import open_netcdf
 from ..inputs.arguments import seconds
 from ..inputs.written_units import unit_of
 from ..process.room import check_file, check_room
-from .reading.array_units import ambient_attribute
+from .reading.array_units import ambient_attribute, stated_unit
 from .reading.density import DENSITY_NAMES, plain_name
 from .series import GridMesh, Series
 
@@ -94,7 +94,7 @@ def series_of_dataset(
         averages,
     )
     times = _in_si(name, clock, array, "time")
-    factor = _factor(name, attributes.get("units"), "density", f"{array.name}")
+    factor = _factor(name, stated_unit(attributes), "density", f"{array.name}")
     around = ambient
     if around is None:
         first = np.asarray(array.isel({clock: 0}).values) if factor != 1.0 else np.empty(0)
@@ -165,12 +165,12 @@ def _in_si(name: str, axis: str, array: Any, dimension: str) -> np.ndarray:
     values = _along(name, coordinate)
     if values.dtype.kind in "mM":
         return seconds(values)
-    return values.astype(np.float64) * _factor(name, coordinate.attrs.get("units"), dimension, axis)
+    return values.astype(np.float64) * _factor(name, stated_unit(coordinate.attrs), dimension, axis)
 
 
-def _factor(name: str, unit: Any, dimension: str, what: str) -> float:
+def _factor(name: str, unit: str, dimension: str, what: str) -> float:
     try:
-        found = unit_of("" if unit is None else str(unit), dimension)
+        found = unit_of(unit, dimension)
     except ValueError as fault:
         raise ValueError(f"{name}: the unit of {what}: {fault}; write it in SI") from None
     return found.factor

@@ -183,7 +183,7 @@ def _reader(read: Callable[..., DensityField] | None, options: dict[str, Any], d
 def _of_case(path: Path, reader: Callable[..., DensityField]) -> Series:
     """Return the series of an OpenFOAM case, at the time directories from which `flow.read` chooses one."""
     case = import_module(f"{__package__}.reading.foam_case")
-    times = [value for value, _ in case.parts_and_times(case.case_folder(path))[1]]
+    times = [time.value for time in case.case_times(case.case_folder(path))]
     return _at_times(path, np.array(times), reader, {"case": path.name})
 
 

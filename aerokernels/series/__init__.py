@@ -1,4 +1,4 @@
-"""Optics of flows in time: maps of snapshots, their statistics, and maps over look angles."""
+"""Optics of unsteady flows: maps of snapshots, their statistics, and maps over look angles."""
 
 from .look import look_map
 from .optical import optical_series

@@ -1,17 +1,18 @@
-r"""What straight lines through a volume leave out, and what the spline through its nodes may be off by, on some rays.
+r"""Estimate, for some rays, the bending that straight lines leave out and the interpolation error of the spline.
 
 A ray that crosses the planes z = const with the slopes s would, bent, be displaced across them by xi(z). With
 N = sqrt(1 + s^2), Q = 1 / N - s s^T / N^3 and m the contrast, Fermat's principle gives to first order in m
 
     Q xi' = \int N grad m dz - (m - m_entry) s / N,        grad across the axis, from where the ray enters the box,
 
-and what the optical path difference changes by, to second order,
+and the optical path difference changes, to second order, by
 
-    \int (N grad m . xi + m s . xi' / N + 1/2 xi' . Q xi') dz,        on from the box to the stop with the last xi'.
+    \int (N grad m . xi + m s . xi' / N + 1/2 xi' . Q xi') dz,        continued from the box to the stop with the last
+    xi'.
 
-Along an axis that is [xi' . xi] - 1/2 \int theta^2 dz: what is left out is of third order, less by the box's length
-squared times the second derivatives of m. The gradients are those of the spline, from a window of the samples about
-each crossing; so a probe costs what its rays see of the samples, and not the whole of them.
+Along an axis this is [xi' . xi] - 1/2 \int theta^2 dz. The neglected terms are of third order, below the box's length
+squared times the second derivatives of m. The gradients are those of the spline, from a window of the samples around
+each crossing, so that an estimate reads only the samples near its rays.
 
 The interpolation error is Richardson's, from every second and fourth node (medium/levels.py).
 """
@@ -26,7 +27,7 @@ from ..medium.levels import ORDER, richardson_error
 from .line_integrals import LineIntegrals
 from .plane_values import basis_rows, to_coefficients
 
-WINDOW = 20  # nodes along each axis of it: the spline's inverse has fallen to 1e-5 at its ends
+WINDOW = 20  # nodes along each axis of the window: the spline's inverse has fallen to 1e-5 at its ends
 SAFETY = 3.0  # on the interpolation error, as in tracing/budget.py
 AT_ONCE = 8  # rays; speed only
 
@@ -36,15 +37,15 @@ Contrast = Callable[[np.ndarray], np.ndarray]
 def bending(
     lines: LineIntegrals, samples: np.ndarray, contrast: Contrast, beyond: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """By how much the optical path differences of bent rays differ from those on straight lines [m], shape (n,).
+    """Return the change of optical path differences by bending, and their values on straight lines [m].
 
-    And those on straight lines, ray by ray through the spline of every plane.
+    Each has the shape (n,). The values on straight lines are integrated ray by ray through the spline of every plane.
 
     Args:
         lines: The rays, through a volume.
         samples: Of the density, shape of the mesh.
-        contrast: The index contrast of densities.
-        beyond: How far the stop lies beyond the box, along each ray [m], shape (n,).
+        contrast: Function that returns the index contrast of densities.
+        beyond: Distance of the stop beyond the box, along each ray [m], shape (n,).
     """
     value, gradient = at_planes(lines, samples, contrast, True)
     others = [k for k in range(3) if k != lines.axis]
@@ -68,9 +69,9 @@ def bending(
 
 
 def interpolation_error(lines: LineIntegrals, samples: np.ndarray, contrast: Contrast) -> np.ndarray:
-    """What the integrals of the contrast along the rays may be off by between the nodes [m], shape (n,).
+    """Return the interpolation error of the integrals of the contrast along the rays [m], shape (n,).
 
-    On grids of fewer than nine nodes along each axis their change against the linear interpolant is taken.
+    On grids of fewer than nine nodes along each axis it is their difference from the linear interpolant.
     """
     mesh = lines.mesh
     every = [4 if count >= 9 else 2 if count >= 5 else 1 for count in mesh.shape]
@@ -90,7 +91,7 @@ def interpolation_error(lines: LineIntegrals, samples: np.ndarray, contrast: Con
 
 
 def _sum_to(values: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Integrals from the entry to each plane, shape (n, plane_count, 2)."""
+    """Return integrals from the entry to each plane, shape (n, plane_count, 2)."""
     parts = values * step[..., None]
     return np.cumsum(parts, axis=1) - 0.5 * parts
 
@@ -98,7 +99,7 @@ def _sum_to(values: np.ndarray, step: np.ndarray) -> np.ndarray:
 def at_planes(
     lines: LineIntegrals, samples: np.ndarray, contrast: Contrast, slopes: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The contrast where rays cross the planes of a volume, and its gradient across the main axis if asked for [1/m].
+    """Return the contrast where rays cross the planes of a volume, and with `slopes` its gradient across them [1/m].
 
     Shapes (n, plane_count) and (n, plane_count, 2).
     """
@@ -126,7 +127,7 @@ def at_planes(
 
 
 def _window_rows(place: np.ndarray, interpolation: str, inverse: np.ndarray):
-    """Nodes about places along an axis, and the weights of their samples in the value and in its slope by cells.
+    """Return nodes around places along an axis, and their samples' weights in the value and the slope [1/cell].
 
     Each of shape (*place.shape, width).
     """

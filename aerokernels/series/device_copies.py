@@ -1,8 +1,8 @@
-"""Samples on their way to a device of Warp's: through pinned memory, by several threads, while other work goes on.
+"""Copy samples to a Warp device through pinned memory, with several threads, while other work goes on.
 
-A copy from memory that is not pinned goes through one small buffer of the driver's, at a fraction of the bus's rate. So
-samples of the host are taken in pieces: threads put each into pinned memory, whence the device fetches it while the
-next ones are put there. Samples that are pinned are fetched at once, and samples on the device stay where they are.
+A copy from memory that is not pinned goes through one small buffer of the driver, at a fraction of the bus's rate. So
+samples of the host are copied in pieces: each thread puts a piece into pinned memory, from where the device fetches it
+while the next pieces are put there. Pinned samples are fetched at once, and samples on the device stay where they are.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..process.machine import core_count
 
-PIECE = 1 << 22  # bytes copied at a time
+PIECE = 1 << 22  # [bytes] copied at a time
 SLOTS = 4  # pieces of each thread in pinned memory
 MOST_THREADS = 8
 
@@ -23,10 +23,10 @@ class Sent:
     """Samples on a device.
 
     Attributes:
-        flat: A flat array of Warp's there, to which copies may be under way.
-        device: The device's name at Warp.
+        flat: A flat Warp array on the device, to which copies may be in progress.
+        device: The device's name in Warp.
         precision: "float32" or "float64".
-        done: When the copies are done, an event; None: they are.
+        done: Event at the end of the copies; None if they are complete.
     """
 
     flat: Any
@@ -35,14 +35,14 @@ class Sent:
     done: Any = None
 
     def ready(self) -> Any:
-        """The array, for work that waits there until the copies are done."""
+        """Return the array, and make later work on the device wait until the copies are complete."""
         if self.done is not None:
             self.flat.device.stream.wait_event(self.done)
         return self.flat
 
 
 def sent(samples: Any, copies: "Copies") -> Sent:
-    """Samples on a device: an array of Warp's on one stays where it is, others are copied by `copies`."""
+    """Return samples on a device: a Warp array on a GPU stays there, others are copied by `copies`."""
     import warp as wp
 
     if isinstance(samples, wp.array) and (samples.device.is_cuda or copies.device == "cpu"):
@@ -51,17 +51,17 @@ def sent(samples: Any, copies: "Copies") -> Sent:
 
 
 class Copies:
-    """Copies arrays of the host to a device, by turns into two arrays there: one is used while the other is filled.
+    """Copies host arrays to a device, alternating between two arrays there: one is used while the other is filled.
 
     Attributes:
-        device: The device, by its name at Warp.
+        device: The device, by its name in Warp.
     """
 
     def __init__(self, device: str):
-        """Begin.
+        """Prepare copies.
 
         Args:
-            device: By its name at Warp.
+            device: By its name in Warp.
         """
         import warp as wp
 
@@ -76,9 +76,9 @@ class Copies:
         self._slots: list[tuple[Any, np.ndarray, Any]] = []
 
     def __call__(self, samples: Any) -> Sent:
-        """Begin to copy an array of float32 or float64; all of it has been read when this returns.
+        """Start copying an array of float32 or float64; the array has been read completely when this returns.
 
-        What the call before the last one gave is overwritten.
+        The result of the call before the last one is overwritten.
         """
         import warp as wp
 
@@ -92,7 +92,7 @@ class Copies:
         if len(self._there) < 2:
             self._there.append(wp.empty(samples.size, dtype=real, device=self.device))
         target = self._there[-1]
-        if self._stream is not None:  # the array may be in use by what was launched before
+        if self._stream is not None:  # kernels launched before may still use the array
             self._stream.wait_stream(wp.get_stream(self.device))
         if pinned:
             wp.copy(target, samples.contiguous().flatten(), stream=self._stream)
@@ -111,7 +111,7 @@ class Copies:
             self._slots = [self._slot(rows * row, real) for _ in range(SLOTS * self._threads)]
         starts = range(0, len(samples), rows)
 
-        def copied(thread: int) -> None:  # each with slots of its own, which it fills one after another
+        def copied(thread: int) -> None:  # each thread fills its own slots one after another
             for turn, first in enumerate(starts[thread :: self._threads]):
                 slot = self._slots[SLOTS * thread + turn % SLOTS]
                 self._piece(target, samples[first : first + rows], first * row, *slot)
@@ -119,7 +119,7 @@ class Copies:
         list(self._pool.map(copied, range(self._threads)))
 
     def _slot(self, size: int, real: Any) -> tuple[Any, np.ndarray, Any]:
-        """Pinned memory, the same as an array of NumPy's, and the event of the last copy from there."""
+        """Return pinned memory, the same memory as a NumPy array, and the event of the last copy from it."""
         import warp as wp
 
         cuda = self._stream is not None
@@ -127,11 +127,11 @@ class Copies:
         return memory, memory.numpy(), wp.Event(self.device) if cuda else None
 
     def _piece(self, target: Any, samples: np.ndarray, first: int, memory: Any, here: np.ndarray, done: Any) -> None:
-        """Copy one piece, by way of a slot."""
+        """Copy one piece through a slot."""
         import warp as wp
 
         if done is not None:
-            wp.synchronize_event(done)  # until it has been fetched, what is there must stay
+            wp.synchronize_event(done)  # the slot may be overwritten only after it has been fetched
         np.copyto(here[: samples.size].reshape(samples.shape), samples)
         wp.copy(target, memory, first, 0, samples.size, stream=self._stream)
         if done is not None:

@@ -1,4 +1,4 @@
-"""Maps of a store, read by xarray when they are asked for: what is damaged there is told with the store's name."""
+"""Maps of a Zarr store, read by xarray on demand; damaged chunks raise an error that names the store."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -31,14 +31,14 @@ class _Map(BackendArray):
     def _read(self, key: tuple) -> np.ndarray:
         try:
             return np.asarray(self.array.oindex[key])
-        except Exception as fault:  # Zarr meets what is damaged with any error
+        except Exception as fault:  # Zarr raises any error for damaged data
             said = " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
             remedy = "take another copy, or make the series again"
             raise ValueError(f"{self.path}: {self.name} is damaged ({said}): {remedy}") from fault
 
 
 def told_with_their_store(path: Path, found: xarray.Dataset, names: Iterable[str]) -> xarray.Dataset:
-    """The dataset of a Zarr store in which reading a damaged chunk of some arrays is a ValueError with its name."""
+    """Return the dataset of a Zarr store whose arrays `names` raise ValueError with the store's name if damaged."""
 
     def variable(name: str) -> xarray.Variable:
         own = found[name].variable

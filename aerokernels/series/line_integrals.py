@@ -3,10 +3,10 @@ r"""Integrals along parallel straight rays through samples on a uniform grid, as
     I = \int f ds = sum over the planes k of nodes across the main axis of  w_k f(crossing of the ray with plane k)
 
 Within a plane f is the spline of medium/spline.py; w_k are the integrals of the spline through the values on the
-planes, from where the ray starts to where it leaves the box (for rays along an axis that is the exact integral of the
-tensor-product spline). Fourth order in the spacing for "cubic", second for "linear". What depends on where the rays
-run is worked out once; a set of samples then costs one pass over them where rays run along an axis, and a product with
-a sparse matrix, or where that would not fit a sum over sheared planes (sheared_lattice.py), otherwise.
+planes, from the start of the ray to its exit from the box (for rays along an axis this is the exact integral of the
+tensor-product spline). Fourth order in the spacing for "cubic", second for "linear". The part that depends on the rays
+alone is computed once. A set of samples then costs one pass over them where rays run along an axis; otherwise a
+product with a sparse matrix or, where that would not fit in memory, a sum over sheared planes (sheared_lattice.py).
 
 Outside the box f is zero. A ray that leaves through a side collects nothing beyond it.
 """
@@ -26,16 +26,16 @@ from .sheared_lattice import ShearedLattice
 
 LINEAR = ("cubic", "linear")  # interpolants that are linear in the samples
 MOST_ENTRIES = 8_000_000  # of the sparse matrix: 100 MB
-ALIGNED = 1e-12  # of the box that a ray along an axis may drift across it
-_EDGE = 1e-9  # of a cell that a point may lie outside and count as on the face
+ALIGNED = 1e-12  # of the box: drift up to which a ray runs along an axis
+_EDGE = 1e-9  # of a cell: distance outside up to which a point counts as on the face
 
 
 class NotLinearError(ValueError):
-    """Integrals that are no linear map of the samples, or not by this method."""
+    """Integrals that are not a linear map of the samples, or that this method cannot compute."""
 
 
 def main_axis(mesh: GridMesh, direction: np.ndarray) -> int:
-    """The array axis along which rays run mostly.
+    """Return the array axis that is closest to the direction of the rays.
 
     Raises:
         NotLinearError: Rays across the planes of a planar or axisymmetric grid.
@@ -52,16 +52,16 @@ class LineIntegrals:
 
     Attributes:
         inside: Whether a ray leaves the box through its end, and not through a side, shape (n,).
-        length: Length of each ray in the box, were it to leave through the end [m], shape (n,).
-        axis: The array axis along which the rays run mostly.
+        length: Length of each ray in the box, if it leaves through the end [m], shape (n,).
+        axis: The array axis closest to the direction of the rays.
     """
 
     def __init__(self, mesh: GridMesh, start: np.ndarray, direction: np.ndarray, interpolation: str = "cubic"):
-        """Work out the geometry.
+        """Compute the geometry.
 
         Args:
-            mesh: Where the samples lie.
-            start: Where the rays start [m], shape (n, 3).
+            mesh: The grid of the samples.
+            start: Starting points of the rays [m], shape (n, 3).
             direction: Their direction, a unit vector, shape (3,).
             interpolation: "cubic" or "linear".
 
@@ -72,7 +72,7 @@ class LineIntegrals:
             raise NotLinearError(f"interpolation {interpolation!r} is not linear in the samples")
         self.mesh, self.interpolation = mesh, interpolation
         self.axis = main_axis(mesh, direction)
-        space = self.axis if mesh.geometry == "volume" else 2  # the same axis in space
+        space = self.axis if mesh.geometry == "volume" else 2  # the corresponding axis in space
         along = direction[space]
         low, high = (corner[self.axis] for corner in mesh.box)
         first = np.clip(start[:, space], low, high)
@@ -99,15 +99,15 @@ class LineIntegrals:
         self.direction, self.start, self._space = direction, start, space
 
     def __call__(self, samples: Any, ambient: float = 0.0, device: str | None = None) -> np.ndarray:
-        """The integrals of samples less a constant: shape (n,), float64.
+        """Return the integrals of samples minus a constant: shape (n,), float64.
 
         Args:
-            samples: Shape of the mesh; with `device` also an array of Warp's there, or what `sent` gives.
+            samples: Shape of the mesh; with `device` also a Warp array there, or a result of `sent`.
             ambient: The constant, in the samples' unit.
-            device: A GPU of Warp's; None: the processor.
+            device: A GPU by its name in Warp; None: the processor.
         """
         if isinstance(samples, Sent):
-            assert self.lattice is not None  # which has sent them
+            assert self.lattice is not None  # `sent` returns None without a lattice
             return self.lattice.on_gpu(samples, samples.device, ambient)
         if self.mesh.cell_averages and not self.is_aligned:
             samples = nodes_along(host_array(samples), [self.axis], self.interpolation, self._is_even)
@@ -119,14 +119,14 @@ class LineIntegrals:
         return self._sum(found) - ambient * self.length
 
     def sent(self, samples: Any, device: str) -> Sent | None:
-        """Samples on their way to a device, on which they are summed later; None where they are summed on the host."""
+        """Start copying samples to a device where they are summed later; None if they are summed on the host."""
         if self.lattice is None or (self.mesh.cell_averages and not self.is_aligned):
             return None
         return self.lattice.sent(samples, device)
 
     @cached_property
     def _sum(self) -> Callable[[np.ndarray], np.ndarray]:
-        """How integrals are summed: along an axis, by one matrix, over a sheared lattice, or plane by plane."""
+        """The function that sums: along an axis, by one matrix, over a sheared lattice, or plane by plane."""
         counts = [self.mesh.shape[k] for k in self._others]
         averages = self.mesh.cell_averages
         if self.is_aligned:
@@ -147,7 +147,7 @@ class LineIntegrals:
 
     @cached_property
     def lattice(self) -> ShearedLattice | None:
-        """The same map by lines through the nodes, which runs on a GPU too; None where it cannot be had so."""
+        """The same map by lines through the nodes, which also runs on a GPU; None where it does not apply."""
         if self.mesh.geometry != "volume" or self.interpolation != "cubic" or len(self._weights) != 1:
             return None
         if min(self.mesh.shape) < 4:
@@ -180,7 +180,7 @@ class LineIntegrals:
         return total
 
     def along(self, samples: np.ndarray) -> np.ndarray:
-        """The samples where each ray crosses each plane, linear within the plane, shape (n, plane_count)."""
+        """Return the samples where each ray crosses each plane, linear within the plane, shape (n, plane_count)."""
         moved = np.moveaxis(samples, self.axis, 0)
         counts = moved[0].shape
         columns = []
@@ -191,11 +191,11 @@ class LineIntegrals:
         return np.stack(columns, axis=1)
 
     def crossings(self) -> np.ndarray:
-        """Where each ray crosses each plane, in cells from the first node, shape (n, plane_count, 1 or 2)."""
+        """Return where each ray crosses each plane, in cells from the first node, shape (n, plane_count, 1 or 2)."""
         return np.stack([self._cells(self._crossing(k)) for k in range(self.mesh.shape[self.axis])], axis=1)
 
     def path_weights(self) -> np.ndarray:
-        """The length of each ray that each plane stands for [m], shape (n, plane_count)."""
+        """Return the length of each ray that each plane represents [m], shape (n, plane_count)."""
         return np.asarray(self._weights[self._which])
 
     @property
@@ -203,7 +203,7 @@ class LineIntegrals:
         return self.mesh.geometry == "axisymmetric"
 
     def _lateral(self, points: np.ndarray) -> np.ndarray:
-        """Coordinates across the main axis [m], shape (n, 1 or 2)."""
+        """Return coordinates across the main axis [m], shape (n, 1 or 2)."""
         if self.mesh.geometry == "volume":
             return points[:, self._others]
         if self.mesh.geometry == "planar":
@@ -216,35 +216,35 @@ class LineIntegrals:
         return np.asarray(((lateral >= low - slack) & (lateral <= high + slack)).all(axis=1))
 
     def _cells(self, lateral: np.ndarray) -> np.ndarray:
-        """Coordinates across the main axis in cells from the first node."""
+        """Return coordinates across the main axis in cells from the first node."""
         return np.asarray((lateral - self.mesh.origin[self._others]) / self.mesh.spacing[self._others])
 
     def _coefficients(self, plane: np.ndarray) -> np.ndarray:
-        """Spline coefficients of the samples of a plane."""
+        """Return the spline coefficients of the samples of a plane."""
         found = np.asarray(plane, np.float64)
         for axis, inverse in enumerate(self._inverse):
             found = inverse @ found if axis == 0 else (inverse @ np.ascontiguousarray(found.T)).T
         return found
 
     def _plane_weights(self, places: np.ndarray, along: float) -> np.ndarray:
-        """Weights of the planes for rays that start at these places [cells], shape (len(places), plane_count)."""
+        """Return the planes' weights for rays that start at these places [cells], shape (len(places), plane_count)."""
         count = self.mesh.shape[self.axis]
         end = float(count - 1) if along > 0.0 else 0.0
         difference = basis_integrals(np.array([end]), count, self.interpolation) - basis_integrals(
             places, count, self.interpolation
         )
         signed = difference if along > 0.0 else -difference
-        # Across the planes a slanted ray moves on, so that averages along the axis are no averages along the ray.
+        # A slanted ray moves across the planes, so that averages along the axis are not averages along the ray.
         averages = self.mesh.cell_averages and self.is_aligned
         return signed @ to_coefficients(count, self.interpolation, False, averages)
 
     def _rows(self, lateral: np.ndarray) -> sparse.csr_matrix:
-        """The matrix that takes a plane's coefficients to its values at points; none outside the box."""
+        """Return the matrix from a plane's coefficients to its values at points; zero outside the box."""
         counts = [self.mesh.shape[k] for k in self._others]
         return tensor_rows(self._cells(lateral), counts, self.interpolation, self._within(lateral))
 
     def _sparse_matrix(self) -> sparse.csr_matrix:
-        """The whole map of the planes' coefficients."""
+        """Return the matrix of the whole map from the planes' coefficients."""
         parts = []
         for plane in range(self.mesh.shape[self.axis]):
             weight = self._weights[:, plane][self._which]
@@ -253,7 +253,7 @@ class LineIntegrals:
 
 
 def basis_integrals(places: np.ndarray, count: int, interpolation: str) -> np.ndarray:
-    """Integrals of the basis functions of an axis from its first node to places [cells], in cells.
+    """Return integrals of an axis's basis functions from its first node to places [cells], in cells.
 
     Returns:
         Shape (len(places), coefficient_count).
@@ -274,7 +274,7 @@ def basis_integrals(places: np.ndarray, count: int, interpolation: str) -> np.nd
             ]
         )
     support = len(whole)
-    # Whole cells before: cumulative over cells of what each of them adds to each coefficient.
+    # Whole cells before the place: the cumulative sum of each cell's contribution to each coefficient.
     each = np.zeros((count, count + support - 2))
     for k in range(count - 1):
         each[k + 1, k : k + support] = whole
@@ -286,7 +286,7 @@ def basis_integrals(places: np.ndarray, count: int, interpolation: str) -> np.nd
 
 
 def contracted(samples: np.ndarray, weights: np.ndarray, axis: int) -> np.ndarray:
-    """Weighted sum along an axis, in the samples' own precision: one pass over them."""
+    """Return the weighted sum along an axis, in the samples' own precision: one pass over them."""
     weights = weights.astype(samples.dtype)
     if axis == samples.ndim - 1:
         return samples @ weights

@@ -2,10 +2,10 @@ r"""The linking equation: the variance of optical path differences from density 
 
     <OPD'^2> = 2 K^2 \int <rho'^2> Lambda ds          Lambda(s) = \int_0 r(s, s + l) dl  to the first zero of r
 
-(G. W. Sutton, AIAA J. 7 (1969) 1737). It takes the flow for homogeneous over a correlation length and the path for long
-against it. Beside it stands the double integral K^2 \int \int <rho'(s) rho'(s')> ds ds' over the same samples, which
-takes nothing for granted: their ratio is what the equation itself costs. Both are variances in time at a point of the
-pupil, mean over the pupil and tilt of each map included.
+(G. W. Sutton, AIAA J. 7 (1969) 1737). It assumes that the flow is homogeneous over a correlation length and that the
+path is long against it. The double integral K^2 \int \int <rho'(s) rho'(s')> ds ds' over the same samples, which is
+computed as well, makes no such assumption: the ratio of the two is the error of the equation itself. Both are variances
+in time at a point of the pupil, with the mean over the pupil and the tilt of each map included.
 """
 
 import math
@@ -31,11 +31,11 @@ def linking_equation(
     relation: str = "gladstone-dale",
     constant: float | None = None,
 ) -> dict[str, Mean]:
-    """Both values [m], each with its standard error.
+    """Return both values [m], each with its standard error.
 
     Args:
         series: The snapshots, on one uniform grid.
-        points: Where rays start [m], shape (n, 3); at most 49 of them, evenly chosen, are used.
+        points: Starting points of rays [m], shape (n, 3); at most 49 of them, evenly chosen, are used.
         direction: Their direction, shape (3,).
         wavelength: Vacuum wavelength [m].
         relation: Density to index, linear ones only.
@@ -63,11 +63,11 @@ def linking_equation(
 
 
 def _linked_and_path(densities: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """What each snapshot adds to the two variances over K^2 [kg2/m4], means over the rays, shape (2, t).
+    """Return the contribution of each snapshot to the two variances over K^2 [kg2/m4], means over rays, shape (2, t).
 
     Args:
         densities: Along the rays [kg/m3], shape (t, n, planes).
-        weights: The length that each plane stands for [m], shape (n, planes).
+        weights: The length of each ray that each plane represents [m], shape (n, planes).
     """
     count = len(densities)
     left = (densities - densities.mean(axis=0)) * math.sqrt(count / (count - 1))
@@ -77,7 +77,7 @@ def _linked_and_path(densities: np.ndarray, weights: np.ndarray) -> np.ndarray:
         pitch = float(step.max())
         scale = np.zeros(covariance.shape)
         for plane, row in enumerate(covariance):
-            # Toward an end that is nearer than the correlation reaches, the other side stands for both.
+            # If one end is nearer than the correlation length, the other side is used for both.
             sides = [side for side in (slice(plane, None), slice(plane, None, -1)) if len(row[side]) > 1]
             lengths = [integral_length(row[side], pitch) for side in sides]
             if np.isfinite(lengths).any():

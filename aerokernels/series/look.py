@@ -1,10 +1,11 @@
-r"""Maps over look angles: what a pupil that is turned about its centre sees of a flow, direction by direction.
+r"""Maps over look angles: the optics of a pupil that is turned about its centre, for each direction.
 
     direction = (sin(azimuth) cos(elevation), sin(elevation), cos(azimuth) cos(elevation))
 
-At azimuth and elevation 0 it looks along +z, upstream; azimuth turns it toward +x, elevation toward +y. The
-directions from -90 to 90 degrees of both are the hemisphere ahead. Light that meets a body counts as blocked.
-A pupil all of whose rays are blocked sees nothing; a pupil that does not look through the flow has a Strehl ratio of 1.
+At azimuth and elevation 0 the pupil looks along +z, upstream; azimuth turns it toward +x, elevation toward +y. The
+directions from -90 to 90 degrees of both are the hemisphere ahead. Rays that meet a body count as blocked.
+A pupil whose rays are all blocked has no Strehl ratio; a pupil that does not look through the flow has a Strehl ratio
+of 1.
 """
 
 import warnings
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     import xarray
 
 Progress = Callable[[str, float], None]
-ALIKE = 12  # directions whose cosines with the axis agree to these decimals are equal in a symmetric flow
+ALIKE = 12  # decimals of the cosine with the axis to which directions count as equal in a symmetric flow
 VARIABLES = {
     "strehl": ("1", "Strehl ratio"),
     "strehl_standard_error": ("1", "standard error of its sampling"),
@@ -61,13 +62,13 @@ def look_map(
     precision: str = "float32",
     progress: Progress | None = None,
 ) -> "xarray.Dataset":
-    """OPD, boresight error and Strehl ratio of a pupil over its look angles.
+    """Return OPD, boresight error and Strehl ratio of a pupil over its look angles.
 
-    The pupil keeps its centre, and its normal is turned. In a flow that is symmetric about the axis, seen from a centre
-    on it by a round pupil, directions at one angle from the axis are one: each such angle is traced once.
+    The pupil keeps its centre, and its normal is turned. In a flow that is symmetric about the axis, with a round pupil
+    centred on it, directions at the same angle from the axis are equivalent: each such angle is traced once.
 
     Args:
-        field: The refractive index, or a density field or a series of which the index is made.
+        field: The refractive index, or a density field or a series from which the index is computed.
         azimuth: Angles [rad], shape (n,): toward +x.
         elevation: Angles [rad], shape (m,), from -pi/2 to pi/2: toward +y.
         pupil: The pupil, in any direction.
@@ -75,24 +76,24 @@ def look_map(
         relation: Density to index, see `flow.refractivity_model`; likewise `constant`.
         constant: K [m3/kg].
         ray_count: Rays over the pupil.
-        tolerance: OPD error asked for [waves].
-        remove: Terms taken out of the wavefront: "piston", "tilt".
+        tolerance: Requested OPD error [waves].
+        remove: Terms removed from the wavefront: "piston", "tilt".
         backend: See `trace`; likewise `device` and `precision`.
         device: Device of the backend.
         precision: "float32" or "float64".
-        progress: Called with what is done, in words, and its share.
+        progress: Called with a description of the progress and its share.
 
     Returns:
         A dataset (azimuth, elevation), with `time` before them for a series: `strehl` and its
         `strehl_standard_error`, `opd_rms` [m], `boresight`, `boresight_azimuth` and `boresight_elevation` [rad],
         `blocked`, the share in the body's shadow, and `known`. All but `blocked` and `known` are NaN where the whole
-        pupil is in the shadow. A direction from which the computed flow ends in disturbed air has `known` 0: its
-        numbers hold the known part only.
+        pupil is in the shadow. A direction along which the computed flow ends in disturbed air has `known` 0: its
+        numbers cover the known part only.
 
     Raises:
         TypeError: A field or a pupil of the wrong kind.
-        ValueError: Angles that are not finite or out of range, an option that makes no sense, or a pupil that the flow
-            is before in no direction.
+        ValueError: Angles that are not finite or out of range, an invalid option, or a pupil from which no direction
+            leads through the flow.
     """
     angles = [_angles(name, values) for name, values in (("azimuth", azimuth), ("elevation", elevation))]
     if (np.abs(angles[1]) > 0.5 * np.pi * (1.0 + 1e-12)).any():
@@ -131,7 +132,7 @@ def _angles(name: str, values: Any) -> np.ndarray:
 
 
 def _hemisphere(field, azimuth, elevation, pupil, options, progress, share) -> dict[str, np.ndarray]:
-    """The variables over (azimuth, elevation) of one field."""
+    """Return the variables over (azimuth, elevation) of one field."""
     columns, rows = np.meshgrid(azimuth, elevation, indexing="ij")
     looks = direction_of(columns, rows).reshape(-1, 3)
     turned, kind = looks, np.arange(len(looks))
@@ -175,13 +176,13 @@ def _hemisphere(field, azimuth, elevation, pupil, options, progress, share) -> d
 
 
 def _looks_alike(field: IndexField, pupil: Any) -> bool:
-    """Whether all directions at one angle from the z axis see the same."""
+    """Return whether all directions at the same angle from the z axis are equivalent."""
     ahead = replace(pupil, normal=np.array([0.0, 0.0, 1.0]))
     return asymmetry(field, ahead, ahead.normal) is None
 
 
 def _about_the_axis(tilt: np.ndarray, looks: np.ndarray) -> np.ndarray:
-    """Tilts seen in the plane x = 0 on the side of +y, turned about z to where each look is."""
+    """Rotate tilts found in the plane x = 0 on the side of +y about z to the plane of each look direction."""
     across = np.hypot(looks[:, 0], looks[:, 1])
     safe = np.where(across > 0.0, across, 1.0)
     sine, cosine = looks[:, 0] / safe, np.where(across > 0.0, looks[:, 1] / safe, 1.0)
@@ -190,7 +191,7 @@ def _about_the_axis(tilt: np.ndarray, looks: np.ndarray) -> np.ndarray:
 
 
 def _look(field: IndexField, pupil: Any, look: np.ndarray, options: dict[str, Any]):
-    """The numbers of one direction, its tilt as a vector in space [rad], and whether the flow is before the pupil."""
+    """Return the numbers of one direction, its tilt as a vector in space [rad], and whether it meets the flow."""
     turned = replace(pupil, normal=look)
     none = np.full(3, np.nan)
     try:

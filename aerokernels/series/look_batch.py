@@ -1,13 +1,14 @@
-r"""Many look directions of a pupil through a volume in one launch, and what of them is checked by full traces.
+r"""Trace many look directions of a pupil through a volume in one launch, and check some of them by full traces.
 
 Along each undisturbed ray, by two Gauss points a cell of the cubic spline,
 
     OPD = \int m ds + \int (g . xi + theta^2 / 2) ds,   theta = \int g ds,  xi = \int theta ds,  g = grad m across it
 
-and what faces and the way to the stop add: the straight line's optical path, and to second order what bending does to
-it (see bending.py). Sums over the pupil are made where the rays are, on the processor's cores or on a GPU. Third order
-in the contrast is left out: the direction of the greatest rms and some others are traced in full, and where they differ
-by more than the tolerance and both samplings explain, all directions are.
+plus the contributions of the faces and of the path to the stop: the straight line's optical path, and its change by
+bending to second order (see bending.py). Sums over the pupil are formed on the device that traces the rays, the
+processor's cores or a GPU. Terms of third order in the contrast are neglected. The direction of the greatest rms and
+some others are traced in full as a check. If they differ by more than the tolerance and both sampling errors allow, all
+directions are traced in full.
 """
 
 from collections.abc import Callable
@@ -27,19 +28,19 @@ from .snapshot import gpu_of
 from .strehl_bound import strehl_error
 from .warp_launch import launch
 
-LEAST = 12  # directions, below which they are traced one by one
+LEAST = 12  # directions; fewer are traced one by one
 CHECKED = 3
 REPLICATES = 16
 AT_ONCE = 1 << 24  # rays of a launch; speed only
-KNOWN_RAYS = 256  # of a direction, whose ways out of the known air are looked at
-KNOWN_FIRST = 16  # of these, at which all directions are looked at first
+KNOWN_RAYS = 256  # rays of a direction for which the exit from the known air is checked
+KNOWN_FIRST = 16  # rays of the first check of all directions
 KNOWN_AT_ONCE = 1 << 18  # speed only
-CURVE_BITS = 12  # of the places of points, along each axis; speed only
+CURVE_BITS = 12  # of the coordinates of points, along each axis; speed only
 Look = tuple[dict[str, float], np.ndarray, bool]
 
 
 def can_batch(field: IndexField, looks: np.ndarray, options: dict[str, Any]) -> bool:
-    """Whether directions go together: many of them, through a cubic volume without a body, in single precision."""
+    """Return whether directions can be batched: many of them, through a cubic volume without a body, in float32."""
     if len(looks) < LEAST or not field.is_uniform or field.geometry != "volume" or field.body is not None:
         return False
     if field.interpolation != "cubic":
@@ -51,7 +52,7 @@ def can_batch(field: IndexField, looks: np.ndarray, options: dict[str, Any]) -> 
 def batch_looks(
     field: IndexField, pupil: Any, looks: np.ndarray, options: dict[str, Any], wavelength: float, check: Callable
 ) -> list[Look] | None:
-    """What `check` gives for each direction, for all of them; None where the two differ by too much.
+    """Return the result of `check` for all directions; None if the two differ by too much.
 
     Args:
         field: The refractive index.
@@ -59,7 +60,8 @@ def batch_looks(
         looks: Unit vectors, shape (n, 3).
         options: Of `look_map`: ray_count, tolerance, remove, backend, device.
         wavelength: Vacuum wavelength [m].
-        check: The numbers, the tilt in space and whether the flow is before the pupil, of one direction by full traces.
+        check: Function that returns the numbers of one direction, its tilt in space and whether it meets the flow, by
+            full traces.
     """
     axes = transverse_frames(looks)
     tolerance = float(options["tolerance"])
@@ -97,7 +99,7 @@ def batch_looks(
 def _agrees(
     ours: dict[str, float], full: dict[str, float], ray_count: int, tolerance: float, wavelength: float
 ) -> bool:
-    """Whether a direction's numbers agree with its full trace within the tolerance and the sampling error."""
+    """Return whether a direction's numbers agree with its full trace within the tolerance and the sampling error."""
     if not np.isfinite(full["strehl"]) or full["blocked"] > 0.0:
         return False
     sampling = SAFETY * float(np.hypot(ours["strehl_standard_error"], full["strehl_standard_error"]))
@@ -107,7 +109,7 @@ def _agrees(
 
 
 def side_by_side(points: np.ndarray) -> np.ndarray:
-    """Points of a plane, shape (n, 2), in the order of a Z-shaped curve: those after each other lie by each other.
+    """Sort points of a plane, shape (n, 2), along a Z-order curve, so that consecutive points are close together.
 
     Rays that are traced together then read the same samples.
     """
@@ -120,10 +122,10 @@ def side_by_side(points: np.ndarray) -> np.ndarray:
 
 
 def _known(field: IndexField, center: np.ndarray, points: np.ndarray, looks, axes, tolerance: float) -> np.ndarray:
-    """Whether the light of each direction stays in known air, at all but a thousandth of the pupil's points."""
+    """Return whether the rays of each direction stay in known air, at all but a thousandth of the pupil's points."""
     found = np.ones(len(looks))
     most = GREATEST_SHARE * len(points)
-    # A few of the points settle most of the directions in which it does not; all points are looked at in the others.
+    # A few points suffice to find most directions that leave the known air; the others are checked with all points.
     for some in (points[:: -(-len(points) // KNOWN_FIRST)], points):
         left = np.flatnonzero(found)
         each = max(1, KNOWN_AT_ONCE // len(some))  # speed only
@@ -139,7 +141,7 @@ class _Traced:
     """Rays of some directions, traced and summed on a device."""
 
     def __init__(self, field, pupil, points: np.ndarray, per_replicate: int, wavelength: float, remove, device: str):
-        """Put the field and the points of the pupil there."""
+        """Copy the field and the points of the pupil to the device."""
         import warp as wp
 
         from ..process.quiet_warp import start_warp
@@ -163,7 +165,7 @@ class _Traced:
         ]
 
     def __call__(self, looks: np.ndarray, axes: np.ndarray) -> dict[str, np.ndarray]:
-        """Their Strehl ratios, rms, tilts and whether they meet the flow."""
+        """Return the Strehl ratios, rms and tilts of some directions, and whether they meet the flow."""
         import warp as wp
 
         device, total, some = self.device, len(self.points), len(looks)

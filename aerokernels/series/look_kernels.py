@@ -2,11 +2,11 @@
 
 from typing import Any
 
-GAUSS = 0.2886751345948129  # of a step, from its middle: the two points that are exact for cubics
+GAUSS = 0.2886751345948129  # of a step, from its middle: the two Gauss points, exact for cubics
 
 
 def build_kernels() -> tuple[Any, Any, Any]:
-    """The kernels `look_rays`, `look_moments` and `look_phasors`."""
+    """Return the kernels `look_rays`, `look_moments` and `look_phasors`."""
     import warp as wp
 
     gauss = wp.constant(GAUSS)
@@ -28,7 +28,7 @@ def build_kernels() -> tuple[Any, Any, Any]:
 
     @wp.func
     def potential(coefficient: wp.array(dtype=float), count: wp.vec3i, place: wp.vec3):
-        """The potential and its slopes by cells, of the cubic spline at a place in cells."""
+        """Return the potential of the cubic spline and its slopes [1/cell] at a place [cells]."""
         i = wp.clamp(int(wp.floor(place[0])), 0, count[0] - 2)
         j = wp.clamp(int(wp.floor(place[1])), 0, count[1] - 2)
         k = wp.clamp(int(wp.floor(place[2])), 0, count[2] - 2)
@@ -63,7 +63,7 @@ def build_kernels() -> tuple[Any, Any, Any]:
         first_ray: int,
         opd_out: wp.array(dtype=float),
     ):
-        """The optical path difference of a ray: along a straight line, and to second order what bending adds."""
+        """Compute the optical path difference of a ray: along a straight line, plus bending to second order."""
         ray = wp.tid() + first_ray
         points = point_in.shape[0]
         d = ray // points
@@ -121,7 +121,7 @@ def build_kernels() -> tuple[Any, Any, Any]:
         first_group: int,
         moment_out: wp.array(dtype=wp.vec4d),
     ):
-        """Sums of o, o^2, x o and y o over a group of `each` rays of a direction."""
+        """Compute the sums of o, o^2, x o and y o over a group of `each` rays of a direction."""
         group = wp.tid() + first_group
         first = group * each
         found = wp.vec4d()
@@ -142,7 +142,7 @@ def build_kernels() -> tuple[Any, Any, Any]:
         first_group: int,
         phasor_out: wp.array(dtype=wp.vec2d),
     ):
-        """Sums of exp(i k o) over a group, less a piston and a tilt of the direction."""
+        """Compute the sums of exp(i k o) over a group, after removing a piston and a tilt of the direction."""
         group = wp.tid() + first_group
         first = group * each
         less = removed_in[group // groups]

@@ -1,8 +1,8 @@
-r"""What the pixels of a series' maps make their numbers off by, each of them having one ray: wavefront/pixel_errors.py.
+r"""Errors of a series' maps due to their pixels, each of which has one ray: see wavefront/pixel_errors.py.
 
-All numbers follow from sums over the pixels of cos p, sin p, f, f^2, x f and y f, p the phase and f the OPD. They are
-read off the sums of all pixels by the shares, by exact weights, which differ near the edge only, and off those of the
-four grids of every other row and column.
+All numbers follow from sums over the pixels of cos p, sin p, f, f^2, x f and y f, where p is the phase and f the OPD.
+They are computed with the weights of the map, with exact weights, which differ only near the edge, and on the four
+interleaved grids of every other row and column. The errors follow from the differences.
 """
 
 import math
@@ -12,13 +12,13 @@ import numpy as np
 
 from ..wavefront import SAFETY
 
-# Share of the greatest weight that is rounding.
+# Differences of weights below this share of the greatest weight are rounding.
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class PixelErrors:
-    """What the pixels make a `Reading` off by, by its names and in its units; NaN where that was not asked for."""
+    """Errors of a `Reading` due to the pixels, by its names and in its units; NaN if not computed."""
 
     strehl: float = math.nan
     rms: float = math.nan
@@ -27,16 +27,16 @@ class PixelErrors:
 
 
 class MapErrors:
-    """Errors of the readings of maps of the same pixels."""
+    """Pixel errors of maps with the same pixels."""
 
     def __init__(self, centred: np.ndarray, weight: np.ndarray, lacking: np.ndarray, quarter: np.ndarray):
-        """Work out what depends on the pixels alone.
+        """Compute the part that depends on the pixels alone.
 
         Args:
             centred: Coordinates of the pixels from their mean [m], shape (n, 2).
             weight: Their shares, which sum to 1, shape (n,).
-            lacking: What the shares lack of exact weights, shape (n,).
-            quarter: Which of four interleaved grids each is of, shape (n,).
+            lacking: Exact weights minus the shares, shape (n,).
+            quarter: Number of the interleaved grid of each pixel, 0 to 3, shape (n,).
         """
         self._points, self._weight, self._quarter = centred, weight, quarter
         self._edge = np.flatnonzero(np.abs(lacking) > ROUNDING * weight.max())
@@ -50,7 +50,7 @@ class MapErrors:
         self._grids = [_Shape(one) for one in grids[self._there]]
 
     def __call__(self, cosine: np.ndarray, sine: np.ndarray, flat: np.ndarray, tilt: np.ndarray) -> PixelErrors:
-        """Of the reading of a map of mean 0 [m], with the phase's cosine and sine, shape (n,), and its tilt [rad]."""
+        """Return the errors of a map of mean 0 [m], with its phase's cosine and sine, shape (n,), and tilt [rad]."""
         x, y = self._points.T
         values = [cosine, sine, flat, flat**2, x * flat, y * flat]
         sums = self._sums(values)
@@ -64,15 +64,15 @@ class MapErrors:
         return PixelErrors(float(found[0]), float(found[1]), float(found[2]), found[3:])
 
     def _sums(self, values) -> np.ndarray:
-        """Weighted sums over each of the four grids, shape (4, number of values)."""
+        """Return weighted sums over each of the four grids, shape (4, number of values)."""
         return np.stack([np.bincount(self._quarter, self._weight * one, 4) for one in values], axis=1)
 
 
 class _Shape:
-    """Where some weighted pixels lie."""
+    """Moments of the places of some weighted pixels."""
 
     def __init__(self, sums: np.ndarray):
-        """By the weighted sums of 1, x, y, x^2, x y and y^2."""
+        """Compute them from the weighted sums of 1, x, y, x^2, x y and y^2."""
         self.total = sums[0]
         x, y, xx, xy, yy = sums[1:] / self.total
         self.middle = np.array([x, y])
@@ -80,7 +80,7 @@ class _Shape:
         self.inverse = np.linalg.pinv(self.extent, rcond=1e-12)
 
     def numbers(self, sums: np.ndarray, tilt: np.ndarray) -> np.ndarray:
-        """Strehl ratio, rms, rms less a given tilt, and both slopes, from weighted sums over them."""
+        """Return Strehl ratio, rms, rms without a given tilt, and both slopes, from weighted sums over the pixels."""
         cosine, sine, mean, square = sums[:4] / self.total
         with_points = sums[4:] / self.total - self.middle * mean
         rms = square - mean**2

@@ -1,10 +1,10 @@
-r"""Integrals along parallel straight rays through values on a quadrilateral mesh, a linear map of values at vertices.
+r"""Integrals along parallel straight rays through a quadrilateral mesh, a linear map of values at its vertices.
 
     I = \int f ds = sum over the samples of a ray, by the midpoint rule, of  ds sum_k w_k f_k
 
-f is bilinear in each cell, w_k are the weights of its corners at the sample. The samples lie closer than the cells;
-the remaining error is of second order and is measured together with the bending where a series is computed.
-Outside the mesh f is zero. Cells are looked up once; a set of values then costs a product with a sparse matrix.
+f is bilinear in each cell, w_k are the weights of its corners at the sample. The samples are closer together than the
+cells. The remaining error is of second order; for a series it is measured together with the bending. Outside the mesh
+f is zero. Cells are located once; a set of values then costs a product with a sparse matrix.
 """
 
 from typing import Any
@@ -21,7 +21,7 @@ from .line_integrals import NotLinearError
 SAMPLES_A_CELL = 4.0
 LEAST_SAMPLES, MOST_SAMPLES = 64, 20_000  # of a ray
 MOST_LOOKED_UP = 4_000_000  # samples of all rays together
-CHUNK = 1 << 18  # of them at once; speed only
+CHUNK = 1 << 18  # samples located at once; speed only
 
 
 class MeshIntegrals:
@@ -33,16 +33,17 @@ class MeshIntegrals:
     """
 
     def __init__(self, mesh: QuadMesh, start: np.ndarray, direction: np.ndarray, interpolation: str | None = None):
-        """Look up the cells.
+        """Locate the cells along the rays.
 
         Args:
             mesh: The mesh.
-            start: Where the rays start [m], shape (n, 3).
+            start: Starting points of the rays [m], shape (n, 3).
             direction: Their direction, a unit vector, shape (3,).
-            interpolation: Of averages over cells: "conserving" on cells cut in four; None or "bilinear" on these cells.
+            interpolation: For cell averages: "conserving" on cells cut in four; None or "bilinear" on the cells as they
+                are.
 
         Raises:
-            NotLinearError: More samples than are worth a matrix.
+            NotLinearError: Too many samples for a matrix.
         """
         self.mesh, self._start, self._direction = mesh, start, direction
         self._reaches = self._reach(start, direction)
@@ -52,7 +53,7 @@ class MeshIntegrals:
         self.inside = self.length > 0.0
 
     def __call__(self, samples: Any, ambient: float = 0.0, device: str | None = None) -> np.ndarray:
-        """The integrals of averages over the cells, or of values at the vertices, less a constant: shape (n,).
+        """Return integrals of cell averages, or of values at the vertices, minus a constant: shape (n,).
 
         They are summed on the processor, whatever the device.
         """
@@ -65,7 +66,7 @@ class MeshIntegrals:
         return np.asarray(self._matrix(cuts) @ values - ambient * self.length)
 
     def _matrix(self, cuts: bool) -> sparse.csr_matrix:
-        """The map of values at the mesh's vertices, or at those of the cells cut in four; made when it is asked for."""
+        """Return the map from values at the mesh's vertices, or at those of the cells cut in four; built on demand."""
         if cuts not in self._matrices:
             reach, start = self._reaches, self._start
             cells = float(reach.max(initial=0.0)) / np.median(self.mesh.cell_size)
@@ -81,7 +82,7 @@ class MeshIntegrals:
         return self._matrices[cuts]
 
     def _reach(self, start: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Length of each ray beyond which there is no mesh [m], shape (n,)."""
+        """Return the length of each ray beyond which there is no mesh [m], shape (n,)."""
         low, high = self.mesh.box
         ends = []
         if abs(direction[2]) > 0.0:
@@ -98,7 +99,7 @@ class MeshIntegrals:
         return np.maximum(np.min(ends, axis=0), 0.0)
 
     def _rows(self, start: np.ndarray, reach: np.ndarray, count: int, cuts: bool) -> sparse.csr_matrix:
-        """The rows of the matrix of some rays."""
+        """Return the rows of the matrix for some rays."""
         way = (np.arange(count) + 0.5) / count * reach[:, None]
         points = (start[:, None, :] + way[..., None] * self._direction).reshape(-1, 3)
         axisymmetric = self.mesh.geometry == "axisymmetric"

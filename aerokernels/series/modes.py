@@ -1,4 +1,4 @@
-"""Shapes of wavefronts in time: proper orthogonal decomposition, and two-point correlation."""
+"""Spatial structure of unsteady wavefronts: proper orthogonal decomposition, and two-point correlation."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +24,7 @@ class Modes:
 
 
 def about_mean(maps: np.ndarray) -> np.ndarray:
-    """Maps about their mean in time, shape (t, n): 0 where a pixel keeps its value, but for rounding."""
+    """Return maps minus their mean in time, shape (t, n): exactly 0 where a pixel is constant, apart from rounding."""
     left = maps - maps.mean(axis=0)
     rounding = len(maps) * np.finfo(np.float64).eps * np.abs(maps).max(axis=0)
     left[:, np.abs(left).max(axis=0) <= rounding] = 0.0
@@ -32,9 +32,9 @@ def about_mean(maps: np.ndarray) -> np.ndarray:
 
 
 def orthogonal_modes(maps: np.ndarray, weight: np.ndarray, count: int) -> Modes:
-    """The first modes of maps about their mean, shape (t, n), with pixels of weights that sum to 1, shape (n,).
+    """Return the first modes of maps about their mean, shape (t, n), with pixels of weights that sum to 1, shape (n,).
 
-    The smaller of the two matrices is solved: over times, or over pixels.
+    The smaller of the two eigenvalue problems is solved: over times, or over pixels.
     """
     from scipy.linalg import eigh
 
@@ -46,7 +46,7 @@ def orthogonal_modes(maps: np.ndarray, weight: np.ndarray, count: int) -> Modes:
     size = len(small)
     values, vectors = eigh(small, subset_by_index=[size - count, size - 1])
     values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1]
-    # Below the rounding of the greatest they are noise of the solver, and so are their shapes.
+    # Eigenvalues below the rounding of the greatest one are noise of the solver, and so are their shapes.
     values[values <= size * np.finfo(np.float64).eps * values[0]] = 0.0
     root = np.sqrt(values)
     if times <= pixels:
@@ -57,23 +57,23 @@ def orthogonal_modes(maps: np.ndarray, weight: np.ndarray, count: int) -> Modes:
         coefficient = flat @ vectors
     coefficient[:, values == 0.0] = 0.0
     shape = np.where(values[:, None] > 0.0, rows / np.sqrt(weight), np.nan)
-    # A mode's sign is nobody's: its greatest entry is made positive.
+    # The sign of a mode is arbitrary: make its greatest entry positive.
     sign = np.sign(shape[np.arange(count), np.abs(shape).argmax(axis=1)])
     sign[~(np.abs(sign) > 0.0)] = 1.0
     return Modes(shape * sign[:, None], values / times, coefficient * sign, total)
 
 
 def two_point_correlation(maps: np.ndarray, lit: np.ndarray, mean: Any = None) -> np.ndarray:
-    """Correlation of maps about their mean at two pixels, by their distance, averaged over maps and pairs of pixels.
+    """Return the correlation of maps about their mean at two pixels, by their distance, averaged over maps and pairs.
 
     Args:
         maps: Pixels that are lit, shape (t, n).
         lit: Which pixels these are, shape (ny, nx).
-        mean: What the maps are taken about, if not their own mean, shape (n,) or a number.
+        mean: Subtracted from the maps instead of their own mean, shape (n,) or a number.
 
     Returns:
-        Mean product [square of the unit], shape (2 ny - 1, 2 nx - 1), the distance zero in the middle; NaN where no two
-        pixels are so far apart.
+        Mean product [square of the unit], shape (2 ny - 1, 2 nx - 1), distance zero in the middle; NaN where no two
+        pixels have that distance.
     """
     ny, nx = lit.shape
     size = (2 * ny, 2 * nx)
@@ -92,7 +92,7 @@ def two_point_correlation(maps: np.ndarray, lit: np.ndarray, mean: Any = None) -
 
 
 def integral_length(correlation: np.ndarray, pixel: float) -> float:
-    """Integral of a correlation over distance from zero to its first zero [m], the rest counting as nothing.
+    """Return the integral of a correlation over distance from zero to its first zero [m].
 
     Args:
         correlation: From distance zero on, shape (n,), any scale.
@@ -104,10 +104,10 @@ def integral_length(correlation: np.ndarray, pixel: float) -> float:
 
 
 def first_zero_weights(correlation: np.ndarray, pixel: float) -> np.ndarray:
-    """Weights of the entries of a correlation in its integral up to its first zero [m], shape (n,).
+    """Return weights of the entries of a correlation in its integral up to its first zero [m], shape (n,).
 
-    Where the correlation is a little other, its integral is so by the weighted sum of the differences: at its zero it
-    adds nothing, wherever that has moved.
+    For a small change of the correlation, the integral changes by the weighted sum of the differences: at the zero the
+    integrand vanishes, so that a shift of the zero adds nothing.
     """
     good = np.isfinite(correlation)
     count = len(correlation) if good.all() else int(np.argmin(good))

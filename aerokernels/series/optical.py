@@ -51,9 +51,10 @@ def optical_series(
     out: str | Path | None = None,
     progress: Progress | None = None,
 ) -> "xarray.Dataset":
-    """Maps of the optical path difference of every snapshot of a series over a pupil.
+    """Return maps of the optical path difference of every snapshot of a series over a pupil.
 
-    Where the rays are nearly straight, OPD is linear in the density: lines through the grid are worked out once, and a
+    Where the rays are nearly straight, OPD is linear in the density: the lines through the grid are prepared once, and
+    a
     snapshot costs one pass over its samples, on a GPU where there is one. The bending that this leaves out is measured
     on the first snapshot, and again whenever it has grown; above the tolerance a snapshot is traced in full. The next
     snapshot is read while one is computed, and no more than these two are in memory, unless the maps are.
@@ -62,39 +63,39 @@ def optical_series(
         series: The snapshots, as `flow.open_series` opens them.
         pupil: The pupil; rays leave it along its normal, or along `direction`.
         direction: Look direction, if not along the pupil's normal, shape (3,).
-        remove: Terms taken out of each map: "piston", "tilt".
+        remove: Terms removed from each map: "piston", "tilt".
         wavelength: Vacuum wavelength [m].
         relation: Density to index, see `flow.refractivity_model`; likewise `constant` and `composition`.
         constant: K [m3/kg].
         composition: Fractions of species.
         interpolation: Interpolant of the samples: "cubic" on grids by default, "linear", "monotone".
         pixel_count: Pixels along the pupil's greater side.
-        tolerance: OPD error asked for [waves].
+        tolerance: Requested OPD error [waves].
         method: "auto", "linear" (straight lines, whatever they leave out), or "trace" (every snapshot in full).
-        backend: For what is traced, see `trace`; likewise `device` and `precision`.
+        backend: For snapshots that are traced, see `trace`; likewise `device` and `precision`.
         device: Device of the backend.
         precision: "float32" or "float64".
-        out: A Zarr store to write to, snapshot by snapshot; a run that was broken off goes on in it, and gives what it
-            would have given unbroken, bit for bit. None keeps all in memory.
-        progress: Called with what is done, in words, and its share.
+        out: A Zarr store to write to, snapshot by snapshot. An interrupted run continues in it, and its result equals
+            that of an uninterrupted run bit for bit. None keeps all in memory.
+        progress: Called with a description of the progress and its share.
 
     Returns:
         A dataset (time, y, x): `opd` [m], terms removed, NaN outside the pupil, and `valid`; over time `strehl`,
-        `boresight_x` and `boresight_y` [rad], `opd_rms` and `opd_rms_with_tilt` [m], each with what it may be off by
-        for the error of `opd` and for the pixels, which have one ray each (`strehl_error` and so on), `piston` [m],
-        `error` [m], the share of the pupil that is `known`, and whether a snapshot was `traced`; over (y, x) `weight`,
-        the pixels' shares of the pupil. Lazy where `out` is given.
+        `boresight_x` and `boresight_y` [rad], `opd_rms` and `opd_rms_with_tilt` [m], each with its error due to the
+        error of `opd` and to the pixels, which have one ray each (`strehl_error` and so on), `piston` [m], `error` [m],
+        the share of the pupil that is `known`, and whether a snapshot was `traced`; over (y, x) `weight`, the pixels'
+        shares of the pupil. Lazy where `out` is given.
         Pixels whose rays leave the grid sideways, miss it or end on a body are not valid, and in no number. `error`
-        on straight lines is that of the OPD through the grid, whatever lies beyond the ends of the known air.
+        on straight lines is that of the OPD through the grid; it does not include disturbed air beyond the grid.
 
     Warns:
         TruncationWarning: More than a thousandth of the pupil is not valid, or looks through disturbed air that ends
             with the grid of the first snapshot computed (not with method="linear").
 
     Raises:
-        TypeError: No series, or no pupil.
-        ValueError: A name or number that makes no sense, rays that miss the grid, a snapshot that cannot be used, or a
-            store of something else.
+        TypeError: Not a series, or not a pupil.
+        ValueError: An invalid name or number, rays that miss the grid, a snapshot that cannot be used, or a
+            store that holds another series.
         ImportError: `out` without Zarr.
     """
     if not isinstance(series, Series):
@@ -154,14 +155,14 @@ def optical_series(
 
 
 def _warn_of_ends(air: PupilAir) -> None:
-    """Say where the known air ends in disturbed air."""
+    """Warn if the known air ends in disturbed air."""
     if air.is_truncated:
         text = f"{air.described}: the optical path ends there too; give a larger grid, or look along it"
         warnings.warn(text, TruncationWarning, stacklevel=3)
 
 
 def _warn_of_lost(known: np.ndarray) -> None:
-    """Say how much of the pupil is in no number."""
+    """Warn if some of the pupil is in no number."""
     least = float(known.min())
     if least < 1.0 - GREATEST_SHARE:
         text = (
@@ -173,7 +174,7 @@ def _warn_of_lost(known: np.ndarray) -> None:
 
 
 def _finished(written: "Future[None] | None", count: int, total: int, progress: Progress | None) -> None:
-    """Wait until the maps of a snapshot are written, and report how many are."""
+    """Wait until the maps of a snapshot are written, and report the progress."""
     if written is None:
         return
     written.result()
@@ -182,7 +183,7 @@ def _finished(written: "Future[None] | None", count: int, total: int, progress: 
 
 
 def _read_ahead(snapshots: Snapshots, first: int, stop: int) -> Iterator[tuple[int, Any]]:
-    """Snapshots one after another, the next of which is read, and sent to a GPU, while one is worked on."""
+    """Yield snapshots in order; the next one is read, and sent to a GPU, while the current one is processed."""
     with ThreadPoolExecutor(1) as reader:
         following = reader.submit(snapshots.read, first) if first < stop else None
         for number in range(first, stop):
@@ -195,7 +196,7 @@ def _read_ahead(snapshots: Snapshots, first: int, stop: int) -> Iterator[tuple[i
 def _entry(
     grid: PupilGrid, found: Found, good: np.ndarray, read: Reading, wavelength: float
 ) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """The maps and numbers of a snapshot."""
+    """Return the maps and numbers of a snapshot."""
     opd = np.full(len(good), np.nan)
     opd[good] = read.opd
     pixels = read.pixel_errors
@@ -227,7 +228,7 @@ def _entry(
 
 
 def _template(series: Series, pupil: Any, grid: PupilGrid, way: Way, remove: tuple[str, ...], snapshots: Snapshots):
-    """Coordinates, weights and attributes: all that is known before the first snapshot."""
+    """Return coordinates, weights and attributes: all that is known before the first snapshot."""
     import xarray
 
     def meaning(units: str, words: str) -> dict[str, str]:
@@ -260,7 +261,7 @@ def _template(series: Series, pupil: Any, grid: PupilGrid, way: Way, remove: tup
 
 
 def _definition(series: Series, template: "xarray.Dataset", way: Way) -> dict[str, Any]:
-    """What tells one run from another."""
+    """Return what distinguishes this run from others with the same store."""
     mesh = series.mesh
     return {
         "version": __version__,
@@ -284,5 +285,5 @@ def _definition(series: Series, template: "xarray.Dataset", way: Way) -> dict[st
 
 
 def _digest(*arrays: np.ndarray) -> str:
-    """A short text of arrays: other ones have another."""
+    """Return a short hash of arrays."""
     return hashlib.sha256(b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)).hexdigest()[:16]

@@ -2,9 +2,9 @@ r"""Values of splines between the nodes of a plane, as linear maps of the values
 
     value at a place = sum over the nodes of  (row of basis functions at the place) (inverse of the spline's matrix)
 
-The inverse falls off by 0.27 a node, so what is left of it below REST of its greatest entry is dropped and a map along
-one axis is a sparse matrix of some forty entries a row. Places that are a grid themselves, as the pixels of a pupil
-along the axes are, need one such matrix an axis; others are gathered from the plane's coefficients.
+The inverse decays by a factor 0.27 a node, so entries below REST of the greatest one are dropped, and the map along one
+axis is a sparse matrix of some forty entries a row. Places that form a grid themselves, such as the pixels of a pupil
+along the axes, need one such matrix an axis; other places are interpolated from the plane's coefficients one by one.
 """
 
 from typing import Any
@@ -16,25 +16,25 @@ from ..medium import spline
 from ..medium.cell_averages import node_values
 
 REST = 1e-13
-SPARSEST = 4.0  # cells of a grid of places for each place on it, above which they are gathered one by one; speed only
-DECIMALS = 9  # of a cell, to which places count as the same
+SPARSEST = 4.0  # grid points for each place on the grid; above it places are interpolated one by one; speed only
+DECIMALS = 9  # of a place in cells, to which places count as equal
 
 
 def to_coefficients(count: int, interpolation: str, even: bool, cell_averages: bool) -> np.ndarray:
-    """The matrix from the samples of an axis to its coefficients, shape (coefficient_count, count)."""
+    """Return the matrix from the samples of an axis to its coefficients, shape (coefficient_count, count)."""
     unit = np.eye(count)
     samples = to_nodes(count, interpolation, even) if cell_averages else unit
     return samples if interpolation == "linear" else spline.spline_along(samples, 0, even)
 
 
 def to_nodes(count: int, interpolation: str, even: bool) -> np.ndarray:
-    """The matrix from averages over the cells of an axis to the values at its nodes, shape (count, count)."""
+    """Return the matrix from averages over the cells of an axis to values at its nodes, shape (count, count)."""
     unit = np.eye(count)
     return np.stack([node_values(unit[:, k], interpolation, even) for k in range(count)], axis=1)
 
 
 def nodes_along(samples: np.ndarray, axes: Any, interpolation: str, even: bool) -> np.ndarray:
-    """Averages over cells as values at the nodes of some of the axes, in the samples' own precision."""
+    """Convert cell averages to values at the nodes along some of the axes, in the samples' own precision."""
     for axis in axes:
         matrix = to_nodes(samples.shape[axis], interpolation, even and axis == 0).astype(samples.dtype)
         if axis == samples.ndim - 1:
@@ -46,14 +46,14 @@ def nodes_along(samples: np.ndarray, axes: Any, interpolation: str, even: bool) 
 
 
 def basis_rows(places: np.ndarray, count: int, interpolation: str) -> tuple[np.ndarray, np.ndarray]:
-    """First coefficient and weights of places [cells] along an axis, shapes (n,) and (n, support)."""
+    """Return the first coefficient and the weights of places [cells] along an axis, shapes (n,) and (n, support)."""
     held = np.clip(places, 0.0, count - 1.0)
     cell = np.minimum(held.astype(np.int64), count - 2)
     return cell, spline.weights(interpolation, held - cell)[0].T
 
 
 def sparse_rows(places: np.ndarray, count: int, interpolation: str) -> sparse.csr_matrix:
-    """The matrix from the coefficients of an axis to its values at places [cells]."""
+    """Return the matrix from the coefficients of an axis to its values at places [cells]."""
     cell, weight = basis_rows(places, count, interpolation)
     support = weight.shape[1]
     columns = (cell[:, None] + np.arange(support)).ravel()
@@ -63,7 +63,7 @@ def sparse_rows(places: np.ndarray, count: int, interpolation: str) -> sparse.cs
 
 
 def thinned(matrix: np.ndarray) -> sparse.csr_matrix:
-    """A matrix without its entries below REST of the greatest one."""
+    """Return a matrix without its entries below REST of the greatest one."""
     return sparse.csr_matrix(np.where(np.abs(matrix) > REST * np.abs(matrix).max(initial=0.0), matrix, 0.0))
 
 
@@ -71,7 +71,7 @@ class PlaneValues:
     """The map from the samples of a plane to the values at points of it.
 
     Attributes:
-        maps: Sparse matrices along each axis; what they make of a plane `taken` takes the points from.
+        maps: Sparse matrices along each axis; `taken` picks the points from the plane to which they were applied.
         count: Number of points.
     """
 
@@ -85,16 +85,17 @@ class PlaneValues:
         cell_averages: bool = False,
         inverted: tuple[bool, ...] = (False, False),
     ):
-        """Work it out.
+        """Compute the map.
 
         Args:
-            places: Where the points lie [cells], shape (n, 1 or 2).
+            places: Positions of the points [cells], shape (n, 1 or 2).
             counts: Nodes along each axis.
-            within: Which of the points lie in the plane; the others' values are zero, shape (n,).
+            within: Which of the points are in the plane; the others' values are zero, shape (n,).
             interpolation: "cubic" or "linear".
             even: The plane is mirrored at the first node of its first axis.
-            cell_averages: The samples are averages over cells.
-            inverted: Along which axes the spline's inverse is applied once more: to sums of its basis functions.
+            cell_averages: The samples are cell averages.
+            inverted: Along which axes the spline's inverse is applied once more, because the samples are sums of its
+                basis functions.
         """
         inverses = []
         for axis, count in enumerate(counts):
@@ -116,7 +117,7 @@ class PlaneValues:
             self._rows = tensor_rows(places, counts, interpolation)
 
     def __call__(self, plane: np.ndarray) -> np.ndarray:
-        """Values at the points, shape (n,), float64."""
+        """Return values at the points, shape (n,), float64."""
         found = np.asarray(plane, np.float64)
         for axis, one in enumerate(self.maps):
             found = one @ found if axis == 0 else (one @ np.ascontiguousarray(found.T)).T
@@ -124,7 +125,7 @@ class PlaneValues:
 
     @property
     def rule(self) -> tuple[np.ndarray | None, sparse.csr_matrix | None]:
-        """What takes the points from what `maps` made of a plane: numbers of its entries, or else a matrix.
+        """How `taken` picks the points from a plane: the numbers of its entries, or else a matrix.
 
         Points outside the plane have the number -1, or a row of zeros.
         """
@@ -133,13 +134,13 @@ class PlaneValues:
         return None, sparse.csr_matrix(sparse.diags(self._within.astype(np.float64)) @ self._rows)
 
     def taken(self, found: np.ndarray) -> np.ndarray:
-        """The values at the points from what `maps` made of a plane, shape (n,)."""
+        """Return the values at the points from a plane to which `maps` were applied, shape (n,)."""
         values = self._rows @ found.ravel() if self._index is None else np.take(found, self._index)
         return np.where(self._within, values, 0.0)
 
 
 def tensor_rows(places: np.ndarray, counts, interpolation: str, keep: np.ndarray | None = None) -> sparse.csr_matrix:
-    """The matrix from a plane's coefficients to its values at places [cells], shape (n, axes); zero unless `keep`."""
+    """Return the matrix from a plane's coefficients to values at places [cells], shape (n, axes); 0 unless `keep`."""
     columns = np.zeros((len(places), 1), dtype=np.int64)
     values = np.ones((len(places), 1)) if keep is None else keep[:, None].astype(np.float64)
     size = 1

@@ -1,4 +1,4 @@
-"""A pupil as a grid of pixels, and the numbers taken from a map of optical path differences over it."""
+"""A pupil as a grid of pixels, and the numbers computed from a map of optical path differences over it."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from ..pupils import Pupil
 from ..wavefront import exact_weights, remove_terms, weighted_mean
 from .map_errors import MapErrors, PixelErrors
 
-# Share of a pixel that is rounding.
+# Share of a pixel below which a remainder is rounding.
 ROUNDING = 1e-9
 
 
@@ -47,7 +47,7 @@ class PupilGrid:
         return np.stack([x[self.lit], y[self.lit]], axis=1)
 
     def reader(self, good: np.ndarray, remove: tuple[str, ...], wavelength: float) -> "MapReader":
-        """A reader of maps of some of the pixels with a weight, `good` of shape (n,)."""
+        """Return a reader of maps of some of the pixels with a weight, `good` of shape (n,)."""
         weight = np.where(self.spread(good, False), self.weight, 0.0)
         lacking = exact_weights(weight, self.pixel, self.pupil) - weight
         rows, columns = np.nonzero(weight)
@@ -61,7 +61,7 @@ class PupilGrid:
         )
 
     def spread(self, values: np.ndarray, fill: Any = np.nan) -> np.ndarray:
-        """A map of the values of the pixels with a weight, shape (ny, nx)."""
+        """Return a map of the values of the pixels with a weight, shape (ny, nx)."""
         found = np.full(self.weight.shape, fill, dtype=np.asarray(values).dtype)
         found[self.lit] = values
         return found
@@ -79,7 +79,7 @@ def pupil_grid(pupil: Any, pixel_count: int) -> PupilGrid:
     check_count(pixel_count, "pixel_count", 2)
     half = pupil.half_extent
     pixel = 2.0 * max(half) / int(pixel_count)
-    # As many as hold all of the pupil: a rim that were left out would be missing in every mean.
+    # Enough pixels to cover the whole pupil: a missing rim would be missing in every mean.
     counts = [max(1, math.ceil(2.0 * extent / pixel - ROUNDING)) for extent in half]
     edges = [pixel * (np.arange(count + 1) - 0.5 * count) for count in counts]
     weight = pupil.coverage(edges[0], edges[1])
@@ -93,17 +93,17 @@ def pupil_grid(pupil: Any, pixel_count: int) -> PupilGrid:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """What is read off a map.
+    """The numbers of a map.
 
     Attributes:
-        opd: The map less the terms removed [m], shape (n,).
+        opd: The map without the removed terms [m], shape (n,).
         piston: Mean optical path difference [m].
         tilt: Slopes along x and y [rad], shape (2,).
-        rms: Root mean square of the map less its mean [m].
-        rms_without_tilt: And less its tilt [m].
+        rms: Root mean square of the map without its mean [m].
+        rms_without_tilt: The same, also without its tilt [m].
         strehl: |<exp(i k OPD)>|^2 of `opd`.
         extent: Rms of the pixels' coordinates about their mean along x and y [m], shape (2,).
-        pixel_errors: What the pixels make all of them off by: see map_errors.py; NaN where not asked for.
+        pixel_errors: Errors of all of these due to the pixels, see map_errors.py; NaN if not computed.
     """
 
     opd: np.ndarray
@@ -117,7 +117,7 @@ class Reading:
 
 
 class MapReader:
-    """Reads maps of the same pixels, one after another: what depends on the pixels alone is worked out once."""
+    """Computes the numbers of maps with the same pixels; the part that depends on the pixels alone is computed once."""
 
     def __init__(
         self,
@@ -128,24 +128,25 @@ class MapReader:
         lacking: np.ndarray | None = None,
         quarter: np.ndarray | None = None,
     ):
-        """Work it out from `coordinates` [m], shape (n, 2), and `weight`, shape (n,).
+        """Prepare from `coordinates` [m], shape (n, 2), and `weight`, shape (n,).
 
-        `lacking` is what the weights lack of exact ones, and `quarter` which of four interleaved grids a pixel is of;
-        None where errors by the pixels are not asked for.
+        `lacking` is exact weights minus `weight`, and `quarter` the number of each pixel's interleaved grid; None if
+        pixel
+        errors are not needed.
         """
         total = weight.sum()
         self.weight, self.remove, self.wavelength = weight / total, remove, wavelength
         self.coordinates = coordinates
         self._centred = coordinates - weighted_mean(self.weight, coordinates)
         self._extent = np.sqrt(weighted_mean(self.weight, self._centred**2))
-        # Scaled, so that neither metres nor a pupil that is a line make trouble.
+        # pinv with a relative cutoff, so that neither small units nor a pupil that is a line make it singular.
         self._inverse = np.linalg.pinv((self._centred * self.weight[:, None]).T @ self._centred, rcond=1e-12)
         self._errors: MapErrors | None = None
         if lacking is not None and quarter is not None:
             self._errors = MapErrors(self._centred, self.weight, lacking / total, quarter)
 
     def __call__(self, opd: np.ndarray) -> Reading:
-        """Read a map [m], shape (n,)."""
+        """Return the numbers of a map [m], shape (n,)."""
         piston = float(weighted_mean(self.weight, opd))
         flat = opd - piston
         tilt = self._inverse @ (self._centred.T @ (self.weight * flat))

@@ -4,11 +4,12 @@ from typing import Any
 
 
 def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int, parts: int) -> tuple[Any, Any, Any, Any]:
-    """The kernels `shear`, `gather`, `rows` and `take` for samples of "float32" or "float64".
+    """Return the kernels `shear`, `gather`, `rows` and `take` for samples of "float32" or "float64".
 
-    A line takes taps_u by taps_v nodes in each plane, and a thread `lanes` lines, which share most of their nodes, in
-    every plane, or with several `parts` in every so many'th one: threads beside each other then read planes beside each
-    other.
+    A line reads taps_u by taps_v nodes in each plane. A thread sums `lanes` neighbouring lines, which share most of
+    their
+    nodes. With several `parts` a thread sums every `parts`-th plane only: neighbouring threads then read neighbouring
+    planes.
     """
     import warp as wp
 
@@ -16,7 +17,7 @@ def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int, parts: i
 
     @wp.func
     def along(samples: wp.array(dtype=real), place: int, count: int, stride: int, base: int):
-        """A sample of an axis, cubic beyond its ends."""
+        """Return a sample along an axis, extrapolated cubically beyond its ends."""
         if place >= 0 and place < count:
             return samples[base + place * stride]
         m = wp.min(-place, 3)
@@ -34,7 +35,7 @@ def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int, parts: i
 
     @wp.func
     def sample(samples: wp.array(dtype=real), u: int, v: int, k: int, count: wp.vec3i, stride: wp.vec3i):
-        """A sample of a plane, cubic beyond its edges, three cells at most."""
+        """Return a sample of a plane, extrapolated cubically beyond its edges, by at most three cells."""
         base = k * stride[2]
         if u >= 0 and u < count[0]:
             return along(samples, v, count[1], stride[1], base + u * stride[0])
@@ -71,7 +72,7 @@ def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int, parts: i
         first_group: int,
         sum_out: wp.array(dtype=real),
     ):
-        """Sums along a group of neighbouring lines of the lattice, taps_u by taps_v nodes in a part of the planes."""
+        """Sum a group of neighbouring lines of the lattice, taps_u by taps_v nodes, over a part of the planes."""
         thread = wp.tid() + first_group
         group = thread // parts
         part = thread % parts
@@ -95,7 +96,7 @@ def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int, parts: i
                     w = weight_u_in[k, a]
                     for b in range(lanes + taps_v - 1):
                         nodes[b] += w * sample(samples_in, at_u + a, at_v + b, k, count, stride)
-            # The offset goes out plane by plane: what is summed is small, and so is what rounding leaves of it.
+            # Subtract the offset plane by plane: the sum and its rounding error stay small.
             for j in range(lanes):
                 value = -offset
                 for b in range(taps_v):
@@ -107,7 +108,7 @@ def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int, parts: i
 
     @wp.kernel(module="unique", enable_backward=False)
     def gather(sum_in: wp.array(dtype=real), total_out: wp.array(dtype=real)):
-        """The sum of a line's parts, in their order."""
+        """Sum the parts of a line, in their order."""
         line = wp.tid()
         total = real(0.0)
         for part in range(parts):
@@ -123,7 +124,7 @@ def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int, parts: i
         strides: wp.vec4i,
         value_out: wp.array(dtype=real),
     ):
-        """A sparse matrix times many columns: strides of its rows and of the columns, in what comes in and goes out."""
+        """Multiply a sparse matrix by many columns; strides of matrix rows and columns in the input and the output."""
         i, j = wp.tid()
         total = real(0.0)
         for p in range(start_in[i], start_in[i + 1]):
@@ -132,7 +133,7 @@ def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int, parts: i
 
     @wp.kernel(module="unique", enable_backward=False)
     def take(value_in: wp.array(dtype=real), index_in: wp.array(dtype=int), value_out: wp.array(dtype=real)):
-        """Values by their places; zero where a place is negative."""
+        """Pick values by index; zero where an index is negative."""
         i = wp.tid()
         value = real(0.0)
         if index_in[i] >= 0:

@@ -1,4 +1,4 @@
-"""The map of sheared_lattice.py on a device of Warp's, whence one number a line comes back."""
+"""The map of sheared_lattice.py on a Warp device; only one number a line returns to the host."""
 
 from typing import Any
 
@@ -8,19 +8,19 @@ from ..process.opened import OPENED
 from .warp_launch import launch
 
 LANES = 4  # neighbouring lines of one thread, which share most of their nodes
-PARTS = 32  # of the planes, each of a thread, where planes are neighbours in memory: a warp reads them together
+PARTS = 32  # threads that share the planes of a line where planes are contiguous in memory: a warp reads them together
 
 
 class DeviceLattice:
     """Sums along the lines of a lattice, on a device."""
 
     def __init__(self, lattice: Any, precision: str, device: str):
-        """Put there what depends on the direction, and build the kernels.
+        """Copy the data that depend on the direction to the device, and build the kernels.
 
         Args:
             lattice: The ShearedLattice.
             precision: Of the samples, "float32" or "float64".
-            device: By its name at Warp.
+            device: By its name in Warp.
         """
         import warp as wp
 
@@ -58,7 +58,7 @@ class DeviceLattice:
         self._groups = height * -(-width // lanes)
         self._partial = wp.empty(self._lines * parts, dtype=real, device=device)
         self._total = wp.empty(self._lines, dtype=real, device=device) if parts > 1 else self._partial
-        # Between the lines of the lattice: a sparse matrix along each axis, and what takes the points from there.
+        # Interpolation between the lines of the lattice: a sparse matrix along each axis, and a rule to pick points.
         maps = lattice.values.maps
         sizes = [(maps[0].shape[0], width), (maps[0].shape[0], maps[1].shape[0])]
         across = [wp.vec4i(width, 1, width, 1), wp.vec4i(1, width, 1, sizes[1][1])]
@@ -74,7 +74,7 @@ class DeviceLattice:
         self._host = wp.empty(count, dtype=real, device="cpu", pinned=device != "cpu")
 
     def __call__(self, samples: Any, offset: float) -> np.ndarray:
-        """Sums of samples, a flat array there, less a constant: shape (n,), float64."""
+        """Return sums of samples, a flat array on the device, minus a constant: shape (n,), float64."""
         import warp as wp
 
         shear, gather, rows, take = self._kernels

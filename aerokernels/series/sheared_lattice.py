@@ -1,14 +1,14 @@
-r"""Sums along parallel lines through a volume: first along the lines through the nodes, then interpolated between them.
+r"""Sums along parallel lines through a volume: first along lines through the nodes, then interpolated between them.
 
-Parallel lines that cross the planes of nodes at one shift a plane cross each plane at one fraction of its cells. So for
-the lines through the nodes of one plane the spline's weights are the same four in each plane, w_k B_a(shift_k), and the
-spline's inverse, which is a convolution, commutes with the sum over the planes:
+Parallel lines that shift by the same amount from plane to plane cross each plane at the same fraction of its cells. So
+for the lines through the nodes of one plane the spline's weights in another plane are the same four, w_k B_a(shift_k),
+and the spline's inverse, which is a convolution, commutes with the sum over the planes:
 
     g(line) = inverse  sum over the planes k of  w_k sum_ab B_a B_b f_k(node of the line + shift_k + a, b)
 
-g is then interpolated, by the same spline, to the lines asked for. Samples are read as they are: on the processor by
-products of matrices (sheared_products.py), on a GPU by a kernel (sheared_device.py), where samples that are there stay.
-Fourth order, as the spline is; along an axis without shift the weights are a single one.
+g is then interpolated, by the same spline, to the requested lines. Samples are read as they are: on the processor by
+products of matrices (sheared_products.py), on a GPU by a kernel (sheared_device.py), where samples on the GPU stay.
+Fourth order, like the spline; along an axis without shift there is a single weight.
 """
 
 from functools import cached_property
@@ -23,8 +23,8 @@ from .sheared_products import ShearedProducts
 if TYPE_CHECKING:
     from .device_copies import Sent
 
-STILL = 1e-9  # of a cell, over the box, that lines along an axis may be shifted
-MARGIN, STILL_MARGIN = 2, 8  # cells of the lattice beyond the lines asked for, with shift and without
+STILL = 1e-9  # of a cell, over the box: a smaller shift counts as none
+MARGIN, STILL_MARGIN = 2, 8  # cells of the lattice beyond the requested lines, with shift and without
 
 
 class ShearedLattice:
@@ -34,26 +34,26 @@ class ShearedLattice:
         shape: Nodes along each axis of the volume.
         axis: The main axis.
         others: The other two axes.
-        shift: Offset of the first node of each plane from a line's own [cells], shape (plane_count, 2).
+        shift: Offset of the first node of each plane from a line's own node [cells], shape (plane_count, 2).
         blends: Weights of the nodes from there on along each axis, shapes (plane_count, taps).
         weights: Of the planes [m], shape (plane_count,).
         low: The lattice's first line along each axis [cells], shape (2,).
         size: Its lines along each axis, shape (2,).
-        values: From the lattice to the lines asked for.
+        values: From the lattice to the requested lines.
     """
 
     def __init__(self, shape, axis: int, places: np.ndarray, slope, middle: int, weights, within, averages: bool):
-        """Work out the geometry.
+        """Compute the geometry.
 
         Args:
             shape: Nodes along each axis of the volume, four or more.
             axis: The main axis.
             places: Where the lines cross the plane `middle` [cells], shape (n, 2).
-            slope: Their shift from a plane to the next one [cells], shape (2,).
+            slope: Their shift from one plane to the next [cells], shape (2,).
             middle: Number of that plane.
             weights: Of the planes [m], shape (plane_count,).
-            within: Which lines are wanted; the others' sums are zero, shape (n,).
-            averages: The samples are averages over cells.
+            within: Which lines are needed; the others' sums are zero, shape (n,).
+            averages: The samples are cell averages.
         """
         self.shape, self.axis = tuple(shape), axis
         self.others = [k for k in range(3) if k != axis]
@@ -71,7 +71,7 @@ class ShearedLattice:
         margin = np.where(sheared, MARGIN, STILL_MARGIN)
         low = np.floor(wanted.min(axis=0)).astype(int) - margin
         high = np.ceil(wanted.max(axis=0)).astype(int) + margin
-        for a in range(2):  # without shift there is nothing beyond the box
+        for a in range(2):  # without shift no line is beyond the box
             if not sheared[a]:
                 low[a], high[a] = max(low[a], 0), min(high[a], counts[a] - 1)
         self.low, self.size = low, high - low + 1
@@ -80,7 +80,7 @@ class ShearedLattice:
         self._copies: dict[str, Any] = {}
 
     def __call__(self, samples: np.ndarray, offset: float = 0.0) -> np.ndarray:
-        """Sums of samples less a constant, on the processor's cores, shape (n,), float64."""
+        """Return sums of samples minus a constant, on the processor's cores, shape (n,), float64."""
         return self.values(self._products(samples, offset))
 
     @cached_property
@@ -89,7 +89,7 @@ class ShearedLattice:
         return ShearedProducts(self.axis, counts, self.shift, self.blends, self.weights, self.low, self.size)
 
     def sent(self, samples: Any, device: str) -> "Sent":
-        """Samples on a device of Warp's: where they lie, if that is on one, else on their way to `device`."""
+        """Return samples on a Warp device: in place if they are on one, else copied to `device`."""
         from .device_copies import Copies, sent
 
         if device not in self._copies:
@@ -97,11 +97,11 @@ class ShearedLattice:
         return sent(samples, self._copies[device])
 
     def on_gpu(self, samples: Any, device: str, offset: float = 0.0) -> np.ndarray:
-        """The same with all of the work on a device of Warp's.
+        """Return the same sums, computed entirely on a Warp device.
 
         Args:
-            samples: What `sent` gives, or what it takes.
-            device: For samples that are not on one yet.
+            samples: A result of `sent`, or samples that it accepts.
+            device: For samples that are not on a device yet.
             offset: The constant.
         """
         from .device_copies import Sent

@@ -1,13 +1,13 @@
 r"""Sums along the lines through the nodes of a volume, on the processor: products of matrices, and shifts.
 
-Along the lines of sheared_lattice.py the node at offset (du, dv) from a line's own takes part in plane k with a weight
-C[(du, dv), k] that is the same for all lines:
+Along the lines of sheared_lattice.py the node at offset (du, dv) from a line's own node contributes in plane k with a
+weight C[(du, dv), k] that is the same for all lines:
 
     g(u, v) = sum over (du, dv) of  P[(du, dv)](u + du, v + dv),      P = C f,   f(k, node) = samples - offset
 
-C is worked out once for a direction. P is a product of matrices, at the speed of the library for these, which reads the
-samples as they lie, some rows at a time; the sum of the shifted P runs along rows. The planes are taken in as many
-parts as make the work least: the lines drift, so fewer planes together have fewer offsets.
+C is computed once for a direction. P is a matrix product, at the speed of the BLAS library, which reads the samples in
+place, some rows at a time; the sum of the shifted P runs along rows. The planes are divided into the number of parts
+that minimises the work: the lines drift, so fewer planes together have fewer offsets.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -18,26 +18,26 @@ import numpy as np
 
 from ..process.machine import core_count
 
-BEYOND = 3  # cells beyond an edge up to which samples go on, as a cubic through the last four
+BEYOND = 3  # cells beyond an edge to which samples are extrapolated, by the cubic through the last four
 PARTS = (1, 2, 3, 4, 6, 8)  # of the planes; speed only
-SHIFT_COST = 50.0  # of a value of P beside its product, in multiplications of that; speed only
+SHIFT_COST = 50.0  # cost of shifting a value of P, in multiplications of its product; speed only
 AT_ONCE = 1_000_000  # samples at a time; speed only
-ON = np.array([[4.0, -6.0, 4.0, -1.0], [10.0, -20.0, 15.0, -4.0], [20.0, -45.0, 36.0, -10.0]])  # 1, 2, 3 cells on
+ON = np.array([[4.0, -6.0, 4.0, -1.0], [10.0, -20.0, 15.0, -4.0], [20.0, -45.0, 36.0, -10.0]])  # 1, 2, 3 cells beyond
 
 
 class ShearedProducts:
     """The map from samples to sums along lines through the nodes."""
 
     def __init__(self, axis: int, counts, shift: np.ndarray, blends, weights: np.ndarray, low, size):
-        """Work out what depends on the direction.
+        """Prepare the part that depends on the direction.
 
         Args:
             axis: The array axis across the planes.
             counts: Nodes along the other two axes, four or more.
-            shift: First node's offset from the line's own in each plane, shape (plane_count, 2).
+            shift: First node's offset from the line's own node in each plane, shape (plane_count, 2).
             blends: Weights of the nodes from there on along each axis, shapes (plane_count, taps).
             weights: Of the planes, shape (plane_count,).
-            low: Node of the first line along each axis; it may lie outside.
+            low: Node of the first line along each axis; it may be outside.
             size: Lines along each axis.
         """
         self._axis, self._counts, self._low, self._size = axis, counts, low, size
@@ -46,12 +46,12 @@ class ShearedProducts:
         offsets = np.concatenate([offset for _, offset, _ in self._parts])
         first = np.clip(low + offsets.min(axis=0), -BEYOND, np.add(counts, BEYOND - 1))
         last = np.clip(low + size - 1 + offsets.max(axis=0), -BEYOND, np.add(counts, BEYOND - 1))
-        self._first, self._stop = first, last + 1  # the nodes that are needed, along each axis
+        self._first, self._stop = first, last + 1  # range of the nodes that are needed, along each axis
         self._drift = int(offsets[:, 0].min()), int(offsets[:, 0].max())
         self._matrices: dict[np.dtype, list[np.ndarray]] = {}
 
     def __call__(self, samples: np.ndarray, offset: float) -> np.ndarray:
-        """Sums of samples less a constant, shape `size`, in the samples' precision."""
+        """Return sums of samples minus a constant, shape `size`, in the samples' precision."""
         if samples.dtype not in self._matrices:
             self._matrices[samples.dtype] = [part[2].astype(samples.dtype) for part in self._parts]
         first, stop, count = int(self._first[0]), int(self._stop[0]), self._counts[0]
@@ -66,22 +66,22 @@ class ShearedProducts:
         total = np.zeros(self._size, samples.dtype)
         blocks = list(pairwise(bounds))
         with ThreadPoolExecutor(max(1, min(core_count(), len(blocks)))) as pool:
-            for line, part in pool.map(summed, blocks):  # in their order, whichever is done first
+            for line, part in pool.map(summed, blocks):  # in a fixed order, so that results are reproducible
                 total[line : line + len(part)] += part
         return total
 
     def _summed(self, moved: np.ndarray, begin: int, end: int, offset: float) -> tuple[int, np.ndarray]:
-        """What some rows of nodes add to the lines that pass them: the first of these lines, and the sums."""
+        """Return the contribution of some rows of nodes to the lines that pass them: the first line, and the sums."""
         drift = self._drift
         lines = max(begin - self._low[0] - drift[1], 0), min(end - self._low[0] - drift[0], self._size[0])
-        if begin < 0:  # lines further out take the last of these rows
+        if begin < 0:  # lines further out use the last of these rows
             lines = 0, lines[1]
         if end > self._counts[0]:
             lines = lines[0], int(self._size[0])
         total = np.zeros((max(lines[1] - lines[0], 0), self._size[1]), moved.dtype)
         block = self._block(moved, begin, end, offset)
         for (planes, offsets, _), matrix in zip(self._parts, self._matrices[moved.dtype], strict=True):
-            # Row by row: products so small are made by one thread, and none waits for others.
+            # Row by row: BLAS computes such small products in one thread, without waiting for others.
             product = np.matmul(matrix, block[:, planes])
             for number, (du, dv) in enumerate(offsets.tolist()):
                 low = self._low[0] + lines[0] + du, self._low[1] + dv
@@ -94,9 +94,9 @@ class ShearedProducts:
         return lines[0], total
 
     def _block(self, moved: np.ndarray, begin: int, end: int, offset: float) -> np.ndarray:
-        """Some rows of the samples less the constant, shape (rows, planes, nodes of a row).
+        """Return some rows of the samples minus the constant, shape (rows, planes, nodes of a row).
 
-        Rows and the ends of rows beyond the volume are those of the cubics through the last nodes.
+        Rows and ends of rows beyond the volume are extrapolated by the cubics through the last nodes.
         """
         at = 0 if self._axis == 2 else 1  # the axis of rows; that of a row's nodes is the next one
         count, width = self._counts
@@ -113,7 +113,7 @@ class ShearedProducts:
         return block.transpose((0, 2, 1) if self._axis == 2 else (1, 0, 2))
 
     def _widened(self, block: np.ndarray, axis: int) -> np.ndarray:
-        """Whole rows, cut or drawn out to the nodes that are needed."""
+        """Cut or extend whole rows to the nodes that are needed."""
         count, first, stop = self._counts[1], int(self._first[1]), int(self._stop[1])
         parts = []
         if first < 0:
@@ -128,12 +128,12 @@ class ShearedProducts:
 
 
 def _meeting(first: int, size: int, count: int, begin: int, end: int) -> tuple[slice, Any]:
-    """Of `size` lines at the nodes from `first` on those at the nodes from `begin` to `end`, and at which of them.
+    """Return which of `size` lines at the nodes from `first` meet the nodes from `begin` to `end`, and where.
 
-    A line further beyond the edge than samples go on takes the last one.
+    A line further beyond the edge than the extrapolated samples uses the last one.
     """
     least, most = -BEYOND, count + BEYOND - 1
-    if least < begin and end <= most:  # no end among them: an unbroken run of nodes
+    if least < begin and end <= most:  # neither end is among them: a contiguous run of nodes
         start, stop = max(begin - first, 0), min(end - first, size)
         return slice(start, max(stop, start)), slice(first + start - begin, first + max(stop, start) - begin)
     nodes = np.clip(np.arange(first, first + size), least, most)
@@ -142,13 +142,13 @@ def _meeting(first: int, size: int, count: int, begin: int, end: int) -> tuple[s
 
 
 def _beyond(last: np.ndarray, axis: int, numbers: np.ndarray, before: bool) -> np.ndarray:
-    """Values beyond an end of an axis, from the four at that end: `numbers` 0, 1, 2 are one, two, three cells on."""
+    """Return values beyond an end of an axis, from the last four; `numbers` 0, 1, 2: one, two, three cells beyond."""
     weights = ON[numbers] if before else ON[numbers][:, ::-1]
     return np.moveaxis(np.tensordot(weights.astype(last.dtype), last, (1, axis)), 0, axis)
 
 
 def _parts(shift: np.ndarray, blends, weights: np.ndarray, count: int) -> list[tuple[slice, np.ndarray, np.ndarray]]:
-    """Planes, offsets (m, 2) and weights (m, planes) of each part."""
+    """Return planes, offsets (m, 2) and weights (m, planes) of each part."""
     bounds = np.linspace(0, len(weights), count + 1).round().astype(int)
     found = []
     for begin, end in pairwise(bounds):

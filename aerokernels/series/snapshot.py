@@ -1,10 +1,10 @@
-r"""The optical path differences of a snapshot: from straight lines where those are good enough, else traced.
+r"""The optical path differences of a snapshot: from straight lines where those are accurate enough, else traced.
 
 On straight rays OPD = K \int (rho - rho_ambient) ds is linear in the density (Gladstone-Dale), so a snapshot costs one
-pass over its samples. The bending of rays and their displacement, which that leaves out, are computed for some of
-the rays: in volumes to second order (bending.py), elsewhere by tracing them in full. They grow with the square of the
-slopes of the wavefront, -1/2 \int theta^2 ds, so they are computed again whenever the slopes have grown. Where they
-are above the tolerance the snapshot is traced in full.
+pass over its samples. The neglected bending and displacement of the rays are computed for some of the rays: in volumes
+to second order (bending.py), elsewhere by full traces. They grow with the square of the slopes of the wavefront,
+-1/2 \int theta^2 ds, so they are computed again whenever the slopes have grown. Where they are above the tolerance the
+snapshot is traced in full.
 """
 
 from dataclasses import dataclass, replace
@@ -33,24 +33,24 @@ from .pupil_grid import PupilGrid
 
 METHODS = ("auto", "linear", "trace")
 PROBES = 96  # rays whose bending is measured
-GROWN = 1.5  # the growth of the squared slopes after which the bending is measured again
+GROWN = 1.5  # growth of the squared slopes after which the bending is measured again
 PROBE_TOLERANCE = 0.1  # of the tolerance
 
 
 @dataclass(frozen=True)
 class Way:
-    """How the rays of a series run.
+    """Direction and method of the rays of a series.
 
     Attributes:
         direction: Their direction, a unit vector, shape (3,).
         wavelength: Vacuum wavelength [m].
-        relation: See `flow.index_field`; so are the next two.
+        relation: See `flow.index_field`; likewise the next two.
         constant: K [m3/kg] or None.
         composition: A composition or None.
         interpolation: Interpolant of the samples; None takes that of the flow's kind.
-        tolerance: OPD error asked for [waves].
+        tolerance: Requested OPD error [waves].
         method: "auto", "linear" or "trace".
-        trace_options: backend, device and precision of what is traced.
+        trace_options: backend, device and precision of full traces.
     """
 
     direction: np.ndarray
@@ -64,7 +64,7 @@ class Way:
     trace_options: dict[str, Any]
 
     def index_field(self, flow: DensityField) -> IndexField:
-        """The index of a snapshot."""
+        """Return the index field of a snapshot."""
         options: dict[str, Any] = {"constant": self.constant, "composition": self.composition}
         if self.interpolation is not None:
             options["interpolation"] = self.interpolation
@@ -77,11 +77,11 @@ class Found:
 
     Attributes:
         opd: [m], shape (n,); NaN where a ray failed.
-        valid: Whether a ray came through, all of its way in known air, shape (n,).
+        valid: Whether a ray came through, its whole path in known air, shape (n,).
         traced: Whether it was traced in full.
-        error: What it may be off by, rms over the pupil [m]: bending and interpolation, or the tracing's own budget.
+        error: Its error, rms over the pupil [m]: bending and interpolation, or the budget of the full trace.
         slope: Mean square of the wavefront's slopes.
-        probe: The bending's part as measured on this snapshot, terms removed [m]; NaN where it was not.
+        probe: Bending's part as measured on this snapshot, terms removed [m]; NaN where it was not measured.
         interpolation: The interpolant's part, likewise.
     """
 
@@ -95,10 +95,10 @@ class Found:
 
 
 def gpu_of(backend: str | None, device: str | None) -> str | None:
-    """The GPU that a backend and a device stand for, by its name at Warp; None for the processor, or OpenCL's GPUs.
+    """Return the GPU that a backend and a device select, by its name in Warp; None for the processor or OpenCL GPUs.
 
     Raises:
-        ValueError: A GPU of Warp's that is not there.
+        ValueError: A Warp GPU that does not exist.
     """
     if device is not None and device.startswith("cuda"):
         choose_backend(backend or "auto", device)
@@ -117,15 +117,15 @@ def gpu_of(backend: str | None, device: str | None) -> str | None:
 
 
 class Snapshots:
-    """Turns the snapshots of a series into optical path differences, one after another, in their order.
+    """Converts the snapshots of a series to optical path differences, one after another, in their order.
 
     Attributes:
-        reason: Why snapshots are traced in full, or "" where straight lines may do.
-        device: The GPU on which integrals along straight lines are summed, by its name at Warp; None: the processor.
+        reason: Why snapshots are traced in full, or "" where straight lines may suffice.
+        device: The GPU on which integrals along straight lines are summed, by its name in Warp; None: the processor.
     """
 
     def __init__(self, series: Series, grid: PupilGrid, way: Way, remove: tuple[str, ...]):
-        """Work out the geometry."""
+        """Prepare the geometry."""
         self.series, self.grid, self.way, self.remove = series, grid, way, remove
         self.model = refractivity_model(way.relation, constant=way.constant, composition=way.composition)
         self.lines: LineIntegrals | MeshIntegrals | None = None
@@ -159,12 +159,12 @@ class Snapshots:
         return LineIntegrals(mesh, self.grid.points, self.way.direction, interpolation)
 
     def resume(self, slope: float, probe: float, interpolation: float) -> None:
-        """Take over what was measured before a break."""
+        """Restore the measurements of an interrupted run."""
         if np.isfinite(probe):
             self._measured_slope, self._measured, self._interpolation = slope, probe, interpolation
 
     def read(self, number: int) -> tuple[Any, Sent | None]:
-        """A snapshot, and its samples on their way to the device on which they are summed, if there is one."""
+        """Read a snapshot, and start copying its samples to the device that sums them, if there is one."""
         stored = self.series.read(number, self.device is not None)
         if self.device is None or not isinstance(self.lines, LineIntegrals) or self.model.form != "gladstone-dale":
             return stored, None
@@ -176,12 +176,12 @@ class Snapshots:
         return stored, self.lines.sent(samples, self.device) if self.series.lies_here(stored) else None
 
     def air(self, pupil: Pupil, number: int, stored: Any) -> PupilAir:
-        """What the pupil may lose where the known air of a snapshot ends."""
+        """Return what the pupil may lose where the known air of a snapshot ends."""
         field = self.way.index_field(self.series.field(stored, number))
         return pupil_air(field, pupil, self.way.direction, self.way.tolerance * self.way.wavelength)
 
     def __call__(self, number: int, read: tuple[Any, Sent | None] | None = None) -> Found:
-        """The optical path differences of a snapshot, which `read` may have read already."""
+        """Return the optical path differences of a snapshot, which `read` may have read already."""
         stored, there = self.read(number) if read is None else read
         flow = stored if isinstance(stored, DensityField) else None
         mixture = getattr(flow, "composition", None) is not None and self.way.constant is None
@@ -189,7 +189,7 @@ class Snapshots:
             return self._traced(self.way.index_field(self.series.field(stored, number)))
         density = stored if flow is None else np.asarray(flow.density)  # type: ignore[attr-defined]
         ambient = self.series.ambient_density if flow is None else flow.ambient_density
-        assert ambient is not None  # open_series asks for it
+        assert ambient is not None  # open_series requires it
         opd = self._straight(density if there is None else there, ambient)
         valid = self.lines.inside & np.isfinite(opd)
         if not np.isfinite(opd).all():
@@ -209,16 +209,16 @@ class Snapshots:
         if self.way.method == "auto" and bending > self.way.tolerance * self.way.wavelength:
             found = self._traced(self.way.index_field(self.series.field(stored, number)))
             return replace(found, slope=slope, probe=probe, interpolation=interpolation)
-        # And what drawing the flow's own cells into a grid changed on lines through it, where it was read from such.
+        # Add the resampling error of lines through a grid that the flow's own cells were resampled to.
         column = float(getattr(getattr(flow, "resampling", None), "column_error", 0.0))
         drawn = SAFETY * self.model.upstream(self.way.wavelength, column).columns
         error = float(np.sqrt(bending**2 + self._interpolation**2 + drawn**2))
         return Found(opd, valid, False, error, slope, probe, interpolation)
 
     def _check_range(self, samples: np.ndarray, number: int) -> None:
-        """Refuse densities that are no gas's, which straight lines take like any number.
+        """Reject densities that no gas has, for which straight lines would give a number as well.
 
-        Looking at every sample costs as much as their integrals: it is done where the bending is measured.
+        Checking every sample costs as much as the integrals: it is done only when the bending is measured.
         """
         if samples.size and not (samples.min() > 0.0 and samples.max() <= GREATEST_DENSITY):
             try:
@@ -227,7 +227,7 @@ class Snapshots:
                 raise ValueError(f"snapshot {number}: {fault}") from None
 
     def _straight(self, density: Any, ambient: float) -> np.ndarray:
-        """K times the integral of what the density has above the ambient one, a spline of which is that constant."""
+        """Return K times the integral of the density minus the ambient one, whose spline is that constant."""
         assert self.lines is not None
         if self.model.form == "gladstone-dale":
             constant = float(self.model.constant(self.way.wavelength))
@@ -235,7 +235,7 @@ class Snapshots:
         return self.lines(self.model.contrast(host_array(density), ambient, self.way.wavelength))
 
     def _slope(self, opd: np.ndarray, valid: np.ndarray) -> float:
-        """Mean square of the slopes of a wavefront, from neighbouring pixels."""
+        """Return the mean square of the slopes of a wavefront, from neighbouring pixels."""
         found = self.grid.spread(np.where(valid, opd, np.nan))
         pixel = float(self.grid.x[1] - self.grid.x[0]) if len(self.grid.x) > 1 else 1.0
         squares = [np.diff(found, axis=axis) ** 2 for axis in (0, 1)]
@@ -247,16 +247,16 @@ class Snapshots:
         return RayBundle(points, np.broadcast_to(self.way.direction, points.shape)), points
 
     def _stop(self, box: tuple[np.ndarray, np.ndarray]) -> Plane:
-        """A plane across the rays, beyond a box and the pupil."""
+        """Return a plane across the rays, beyond a box and the pupil."""
         low, high = (np.where(np.isfinite(corner), corner, 0.0) for corner in box)
         corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
         away = np.concatenate([corners, self.grid.points]) @ self.way.direction
         return Plane((away.max() + 1e-3 * np.ptp(away)) * self.way.direction, self.way.direction)
 
     def _probe(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray) -> tuple[float, float]:
-        """By how much straight lines differ from bent rays, rms over some rays of the pupil, terms removed [m].
+        """Return the rms difference of straight lines from bent rays over some rays of the pupil, terms removed [m].
 
-        And what the interpolant may be off by, of the same rays.
+        Also the interpolation error of the same rays [m].
         """
         rows = np.flatnonzero(valid)
         if not len(rows):
@@ -283,7 +283,7 @@ class Snapshots:
         return self._rms(difference, rows[good]), float(traced.error.get("interpolation") or 0.0)
 
     def _second_order(self, stored: Any, rows: np.ndarray, opd: np.ndarray) -> tuple[float, float]:
-        """The same through a volume, from what the rays see of its samples; and by how much `opd` differs from that."""
+        """Return the same for a volume, from samples near the rays; includes the difference of `opd` from them."""
         assert isinstance(self.lines, LineIntegrals)
         flow = stored if isinstance(stored, DensityField) else None
         density = host_array(stored if flow is None else flow.density)  # type: ignore[attr-defined]
@@ -308,7 +308,7 @@ class Snapshots:
         return self._rms(bent, rows), self._rms(between, rows) + self._rms(opd - straight, rows)
 
     def _rms(self, values: np.ndarray, rows: np.ndarray) -> float:
-        """Root mean square over some rays, terms removed [m]."""
+        """Return the root mean square over some rays, terms removed [m]."""
         left = remove_terms(values, self.remove, self.grid.coordinates[rows])
         return float(np.sqrt(np.mean(left**2)))
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-EVEN = 1e-3  # of a step by which times may be off even ones
+EVEN = 1e-3  # greatest relative deviation of time steps from even ones
 LEAST_SEGMENT = 8
-SEGMENTS = 8  # by default, half overlapping
+SEGMENTS = 8  # default number of half-overlapping segments
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +17,7 @@ class Spectrum:
         frequency: [Hz], shape (f,).
         density: [square of the unit / Hz], shape (f, ...).
         error: Its standard error, of the same shape.
-        segment_count: Independent segments that it is a mean of.
+        segment_count: Number of independent segments averaged.
     """
 
     frequency: np.ndarray
@@ -27,7 +27,7 @@ class Spectrum:
 
 
 def sample_rate(time: np.ndarray) -> float:
-    """Samples per second of even times [s].
+    """Return the samples per second of even times [s].
 
     Raises:
         ValueError: Times that are not even, or too few.
@@ -41,7 +41,7 @@ def sample_rate(time: np.ndarray) -> float:
 
 
 def welch(values: np.ndarray, rate: float, segment: int | None = None) -> Spectrum:
-    """The spectrum of samples along the first axis, their mean taken off.
+    """Return the spectrum of samples along the first axis, with their mean subtracted.
 
     Args:
         values: Samples, shape (n, ...).

@@ -12,9 +12,9 @@ from .pupil_grid import MapReader
 from .spectra import Spectrum, sample_rate, welch
 from .uncertainty import Mean, mean_of, root_of
 
-BLOCKS = 10  # of the series; their differences give the error of a number that is no plain mean
+BLOCKS = 10  # blocks of the series, whose differences give the error of numbers that are not plain means
 APERTURES = (0.25, 0.5, 0.75, 1.0)  # of the pupil, by default
-DRIFTS = 0.01  # probability below which a series is said to drift
+DRIFTS = 0.01  # probability below which a series counts as drifting
 LEAST_PIXELS = 12  # of an aperture
 
 
@@ -22,12 +22,12 @@ class Table:
     """Variables, collected one by one."""
 
     def __init__(self) -> None:
-        """Begin with none."""
+        """Start with no variables."""
         self.variables: dict[str, Any] = {}
         self.drifting: list[str] = []
 
     def number(self, name: str, mean: Mean, units: str, words: str) -> None:
-        """A number, its error, and whether it drifts."""
+        """Add a number, its error, and whether it drifts."""
         attributes = {"units": units, "long_name": words, "effective_count": mean.effective_count, "trend": mean.trend}
         self.variables[name] = ((), mean.value, attributes)
         self.variables[f"{name}_error"] = ((), mean.error, {"units": units, "long_name": f"{words}: standard error"})
@@ -35,7 +35,7 @@ class Table:
             self.drifting.append(name)
 
     def array(self, name: str, dims: tuple[str, ...], values: Any, error: Any, units: str, words: str) -> None:
-        """An array and its error."""
+        """Add an array and its error."""
         self.variables[name] = (dims, np.asarray(values), {"units": units, "long_name": words})
         if error is not None:
             described = {"units": units, "long_name": f"{words}: standard error"}
@@ -43,20 +43,20 @@ class Table:
 
 
 def spread_map(values: np.ndarray, lit: np.ndarray) -> np.ndarray:
-    """A map out of what each lit pixel has, NaN elsewhere."""
+    """Return a map of the values of lit pixels, NaN elsewhere."""
     found = np.full(lit.shape, np.nan)
     found[lit] = values
     return found
 
 
 def pupil_width(x: np.ndarray, y: np.ndarray) -> float:
-    """The pupil's greater side [m]."""
+    """Return the pupil's greater side [m]."""
     sides = [float(axis[-1] - axis[0]) * len(axis) / (len(axis) - 1) for axis in (x, y) if len(axis) > 1]
     return max(sides)
 
 
 def add_spectra(table, coordinates, time, opd, weight, tilts, segment, velocity, length) -> None:
-    """Power spectra of the maps, mean over the pupil, and of their tilts."""
+    """Add power spectra of the maps, mean over the pupil, and of their tilts."""
     rate = sample_rate(time)
     ours: dict[str, tuple[Spectrum, str, str]] = {}
     whole = welch(opd, rate, segment)
@@ -73,7 +73,7 @@ def add_spectra(table, coordinates, time, opd, weight, tilts, segment, velocity,
 
 
 def covers_of(x: np.ndarray, y: np.ndarray, lit: np.ndarray):
-    """A function of a diameter [m] that gives the share of each lit pixel in a disc of it about the pupil's centre."""
+    """Return a function of a diameter [m] that gives each lit pixel's share in a disc about the pupil's centre."""
     steps = [float(axis[1] - axis[0]) if len(axis) > 1 else 1.0 for axis in (x, y)]
     edges = [np.append(axis - 0.5 * step, axis[-1] + 0.5 * step) for axis, step in zip((x, y), steps, strict=True)]
     middle = [0.5 * (edge[0] + edge[-1]) for edge in edges]
@@ -82,7 +82,7 @@ def covers_of(x: np.ndarray, y: np.ndarray, lit: np.ndarray):
 
 
 def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures, covers) -> None:
-    """Concentric round parts of the pupil, mean and tilt over each removed."""
+    """Add rms and Strehl ratio over concentric round parts of the pupil, with mean and tilt over each removed."""
     width = pupil_width(coordinates["x"], coordinates["y"])
     asked = np.array([share * width for share in APERTURES] if apertures is None else apertures, dtype=np.float64)
     if asked.ndim != 1 or not (np.isfinite(asked).all() and (asked > 0.0).all()):
@@ -111,7 +111,7 @@ def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures
 
 
 def add_modes(table, coordinates, opd, weight, lit, count) -> None:
-    """Proper orthogonal modes."""
+    """Add proper orthogonal modes."""
     if len(opd) < 2:
         return
     modes = orthogonal_modes(opd, weight, count)
@@ -129,10 +129,10 @@ def add_modes(table, coordinates, opd, weight, lit, count) -> None:
 
 
 def _shape_errors(modes, counts: list[float]) -> np.ndarray:
-    """Standard errors of the shapes of modes, shape (mode_count, n), by how far they mix with one another.
+    """Return standard errors of the shapes of modes, shape (mode_count, n), from their mixing with one another.
 
-    Mode k takes up sqrt(e_k e_j / N) / (e_k - e_j) of mode j (G. R. North et al., Mon. Weather Rev. 110 (1982) 699),
-    all of it where their energies are as good as equal.
+    The share of mode j in mode k is sqrt(e_k e_j / N) / (e_k - e_j) (G. R. North et al., Mon. Weather Rev. 110 (1982)
+    699), and 1 where their energies are practically equal.
     """
     energy = modes.energy
     gap = np.abs(energy[:, None] - energy)
@@ -143,20 +143,20 @@ def _shape_errors(modes, counts: list[float]) -> np.ndarray:
 
 
 def add_correlation(table, coordinates, opd, lit, x, y) -> None:
-    """Two-point correlation and its lengths; their errors from the differences of parts of the series."""
+    """Add the two-point correlation and its lengths, with errors from the differences of parts of the series."""
     if len(opd) < 2:
         return
     found = two_point_correlation(opd, lit)
     middle = tuple(size // 2 for size in found.shape)
     steps = [float(axis[1] - axis[0]) if len(axis) > 1 else 1.0 for axis in (y, x)]
     blocks = min(BLOCKS, len(opd) // 2)
-    # About the whole series' mean: that of a part takes the slow fluctuations out of it, and with them its spread.
+    # About the mean of the whole series: a part's own mean would remove slow fluctuations, and with them the spread.
     left = about_mean(opd)
     parts = [two_point_correlation(part, lit, 0.0) for part in np.array_split(left, blocks)] if blocks >= 4 else []
     power = found[middle]
     ratio = found / power if power > 0.0 else np.full(found.shape, np.nan)
     differences = [(part - ratio * part[middle]) / power for part in parts] if power > 0.0 else []
-    # Neighbouring parts depend on each other: their spread tells too little, by as much as it does of the mean square.
+    # Neighbouring parts are correlated, so that their spread is too small: scale it by the ratio for the mean square.
     by_parts = _error_by_parts([part[middle] for part in parts]) if parts else 0.0
     more = max(1.0, mean_of(np.mean(left**2, axis=1)).error / by_parts) if by_parts > 0.0 else 1.0
     error = more * _error_by_parts(differences) if differences else np.full(found.shape, np.nan)
@@ -175,12 +175,12 @@ def add_correlation(table, coordinates, opd, lit, x, y) -> None:
 
 
 def _error_by_parts(values: list) -> np.ndarray:
-    """Standard error of a mean of parts of a series, from their differences."""
+    """Return the standard error of a mean over parts of a series, from their differences."""
     return np.asarray(np.std(values, axis=0, ddof=1) / math.sqrt(len(values)))
 
 
 def add_linking(table, dataset, series, opd, points, weight, wavelength) -> None:
-    """The linking equation beside what the maps give."""
+    """Add the linking equation, and the corresponding number of the maps."""
     about = dataset.attrs
     missing = [name for name in ("pupil_center", "pupil_axes", "direction") if name not in about]
     if missing:

@@ -1,8 +1,8 @@
-"""Maps of a series as they are made: in memory, or in a Zarr store that a kill at any moment leaves whole.
+"""Maps of a series as they are computed: in memory, or in a Zarr store that a kill at any moment leaves consistent.
 
-Each snapshot's map is a chunk of its own, written in one step, and then a line of a journal beside the store says that
-it is there, with the snapshot's numbers. After a break the maps that the journal names are kept, and what follows is
-what an unbroken run would have made, bit for bit.
+Each snapshot's map is a chunk of its own, written in one step. Then a line with the snapshot's numbers is added to a
+journal beside the store. After an interruption the maps that the journal lists are kept, and the rest is what an
+uninterrupted run would have computed, bit for bit.
 """
 
 import errno
@@ -49,27 +49,27 @@ NUMBERS = {
 }
 
 
-FIRST = "first snapshot"  # of what a store is of: a mark of its samples
+FIRST = "first snapshot"  # key of a store's definition: a hash of the samples
 
 
 class Done:
-    """The numbers of the snapshots that are done, in their order: one block of memory from the start.
+    """The numbers of the finished snapshots, in their order: one block of memory from the start.
 
     Attributes:
-        count: How many are done.
+        count: Number of finished snapshots.
     """
 
     def __init__(self, total: int):
-        """Begin with none of `total`."""
+        """Start with none of `total` finished."""
         self.count, self._table = 0, np.full((total, len(NUMBERS)), np.nan)
 
     def add(self, numbers: Mapping[str, float]) -> None:
-        """One more."""
+        """Add a snapshot."""
         self._table[self.count] = [numbers[name] for name in NUMBERS]
         self.count += 1
 
     def column(self, name: str) -> np.ndarray:
-        """A number of those that are done, shape (count,)."""
+        """Return one number of all finished snapshots, shape (count,)."""
         return np.array(self._table[: self.count, list(NUMBERS).index(name)])
 
 
@@ -77,11 +77,11 @@ class MemoryStore:
     """Everything in memory.
 
     Attributes:
-        done: The numbers of the snapshots that are done.
+        done: The numbers of the finished snapshots.
     """
 
     def __init__(self, template: "xarray.Dataset"):
-        """Begin with nothing done."""
+        """Start with no finished snapshot."""
         self.template = template
         self.done = Done(template.sizes["time"])
         shape = tuple(template.sizes[name] for name in ("time", "y", "x"))
@@ -89,17 +89,17 @@ class MemoryStore:
 
     @contextmanager
     def writing(self) -> Iterator["MemoryStore"]:
-        """Nothing to open."""
+        """Do nothing: there is nothing to open."""
         yield self
 
     def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:
-        """Keep a snapshot."""
+        """Store a snapshot."""
         for name, array in maps.items():
             self._maps[name][self.done.count] = array
         self.done.add(numbers)
 
     def finish(self) -> "xarray.Dataset":
-        """The dataset."""
+        """Return the dataset."""
         found = self.template.copy()
         for name, (_, units, words) in MAPS.items():
             found[name] = (("time", "y", "x"), self._maps[name], {"units": units, "long_name": words})
@@ -112,15 +112,15 @@ class ZarrStore:
     """A Zarr store and its journal.
 
     Attributes:
-        done: The numbers of the snapshots that are done.
+        done: The numbers of the finished snapshots.
     """
 
     def __init__(self, path: Path, template: "xarray.Dataset", definition: Mapping[str, Any]):
-        """Open a store, or prepare one that is made with the first snapshot.
+        """Open a store, or prepare one that is created with the first snapshot.
 
         Raises:
-            ValueError: Something else lies there, or a series of something else.
-            ImportError: No Zarr.
+            ValueError: The path is something else, or a store of another series.
+            ImportError: Zarr is not installed.
         """
         try:
             import zarr  # noqa: F401
@@ -165,12 +165,12 @@ class ZarrStore:
 
     @property
     def is_finished(self) -> bool:
-        """Whether all snapshots are there, and the numbers in the store."""
+        """Whether all snapshots are finished, and the numbers are in the store."""
         done = self.done.count == self.template.sizes["time"]
         return done and bool(self._group().attrs.get("finished", False))
 
     def _group(self) -> Any:
-        """The store, where its arrays are those of this series and hold the maps that the journal names.
+        """Return the store, after checking that its arrays fit this series and contain the maps that the journal lists.
 
         Raises:
             ValueError: It is damaged.
@@ -184,7 +184,7 @@ class ZarrStore:
             other = next((name for name, shape in shapes.items() if group[name].shape != shape), None)
         if other:
             raise self._damaged(f"{other} in the store has another shape than the series")
-        # Zarr reads a chunk that is lost as one without a ray, for which it keeps none.
+        # Zarr reads a lost chunk as fill values, as it does for a map without rays, for which it stores no chunk.
         for number in np.flatnonzero(np.isfinite(self.done.column("strehl"))):
             for name in MAPS:
                 if not (self.path / name / "c" / str(number) / "0" / "0").is_file():
@@ -193,7 +193,7 @@ class ZarrStore:
 
     @contextmanager
     def _in_words(self) -> Iterator[None]:
-        """Zarr meets what is damaged with any error: it is told with the store's name."""
+        """Convert any error that Zarr raises for damaged data to a ValueError with the store's name."""
         try:
             yield
         except Exception as fault:
@@ -204,16 +204,16 @@ class ZarrStore:
 
     @contextmanager
     def writing(self) -> Iterator["ZarrStore"]:
-        """Write to the store; it is made with the first snapshot, so that what fails at once leaves nothing.
+        """Open the store for writing; it is created with the first snapshot, so that an early failure leaves nothing.
 
         Raises:
-            OutputError: No room for what is written.
+            OutputError: The disk is full.
         """
         with ExitStack() as self._open:
             yield self
 
     def _begin(self) -> None:
-        """Make the store where there is none, and open the journal."""
+        """Create the store if there is none, and open the journal."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._open.enter_context(self._alone())
         if not (self.journal.is_file() and self.path.is_dir()):
@@ -225,10 +225,10 @@ class ZarrStore:
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
-        """Hold the store against another process: one that writes now, or that wrote since the journal was read.
+        """Lock the store against another process that writes now, or that wrote since the journal was read.
 
         Raises:
-            ValueError: There is one.
+            ValueError: There is such a process.
         """
         with only_writer(self.path, "out"):
             there = self.journal.is_file() and self.path.is_dir()
@@ -240,15 +240,15 @@ class ZarrStore:
         return ValueError(f"out={self.path}: another process is at work there; wait for it, or take another")
 
     def _create(self) -> None:
-        """The store with all its arrays, empty, and the journal with what it is of.
+        """Create the store with all its arrays, empty, and the journal with its definition.
 
-        The store is made under another name and gets its own last: there is none without a journal.
+        The store is created under a temporary name and renamed last, so that no store exists without a journal.
         """
         making = self.path.with_name(f".{self.path.name}.partial")
         partial = self.journal.with_name(f"{self.journal.name}.partial")
         try:
             self._make(making, partial)
-        finally:  # where it was made it has its own name by now
+        finally:  # on success both have been renamed
             shutil.rmtree(making, ignore_errors=True)
             partial.unlink(missing_ok=True)
 
@@ -283,10 +283,10 @@ class ZarrStore:
         making.rename(self.path)
 
     def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:
-        """Keep a snapshot: its maps first, and then the line that says so.
+        """Store a snapshot: first its maps, then its line in the journal.
 
         Raises:
-            OutputError: There is no room for it; what was kept before stays, and a series goes on there.
+            OutputError: The disk is full; earlier snapshots remain, and a later run continues after them.
         """
         with self._in_room():
             if not self._arrays:
@@ -300,7 +300,7 @@ class ZarrStore:
 
     @contextmanager
     def _in_room(self) -> Iterator[None]:
-        """A disk that is full is told with the store's name."""
+        """Convert errors of a full disk to an OutputError with the store's name."""
         try:
             yield
         except OSError as fault:
@@ -309,7 +309,7 @@ class ZarrStore:
             raise
 
     def finish(self) -> "xarray.Dataset":
-        """Write the numbers, and open the whole lazily.
+        """Write the numbers, and open the whole store lazily.
 
         Raises:
             ValueError: The store is damaged.
@@ -320,7 +320,7 @@ class ZarrStore:
         with self._in_room(), self._in_words():
             for name in NUMBERS:
                 column = self.done.column(name)
-                if not np.array_equal(group[name][:], column, equal_nan=True):  # none yet, or lost since
+                if not np.array_equal(group[name][:], column, equal_nan=True):  # not written yet, or lost since
                     group[name][:] = column
             if not group.attrs.get("finished", False):
                 group.attrs["finished"] = 1  # NetCDF has no attributes that are true or false
@@ -334,9 +334,9 @@ class ZarrStore:
 
 
 def _consolidate(path: Path) -> None:
-    """Put what all arrays of a store are into one place, where xarray looks for it first."""
+    """Collect the metadata of all arrays of a store in one place, where xarray looks first."""
     import zarr
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that the third format of Zarr has no such place in its standard
+        warnings.simplefilter("ignore")  # consolidated metadata are not part of the Zarr 3 specification
         zarr.consolidate_metadata(str(path))

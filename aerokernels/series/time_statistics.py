@@ -1,4 +1,4 @@
-"""The statistics of optical path differences in time that are usually published, each with its standard error."""
+"""The usual statistics of optical path differences in time, each with its standard error."""
 
 import math
 from collections.abc import Sequence
@@ -9,9 +9,11 @@ import numpy as np
 from aerokernels import __version__
 
 from ..flow import Series
+from ..flow.reading.array_units import stated_unit
 from ..inputs.arguments import checked, seconds
 from ..inputs.checks import check_count, check_positive
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
+from ..inputs.written_units import unit_of
 from .modes import orthogonal_modes
 from .pupil_grid import MapReader
 from .statistic_parts import (
@@ -43,15 +45,15 @@ def statistics(
     wavelength: float | None = None,
     series: Series | None = None,
 ) -> "xarray.Dataset":
-    """Statistics of optical path differences in time.
+    """Return statistics of optical path differences in time.
 
-    A standard error heeds that neighbouring samples depend on one another (see uncertainty.py); what drifts is named in
-    the attribute `drifting`. Below four snapshots errors are NaN.
+    Standard errors account for the correlation of neighbouring samples (see uncertainty.py); variables that drift are
+    listed in the attribute `drifting`. Below four snapshots errors are NaN.
 
     Args:
-        dataset: Of `optical_series`, or any with `opd` [m] over (time, y, x), NaN outside the pupil, in metres and
-            seconds.
-        velocity: Speed that frequencies are scaled by for the Strouhal number f D / U [m/s]; None: none.
+        dataset: Of `optical_series`, or any with `opd` over (time, y, x), NaN outside the pupil, in metres and
+            seconds unless attributes `units` state other units.
+        velocity: Speed for the Strouhal number f D / U [m/s]; None: no Strouhal number.
         length: D [m]; None: the pupil's width.
         apertures: Diameters of concentric round parts of the pupil [m]; None: a quarter to all of it.
         mode_count: Proper orthogonal modes.
@@ -62,8 +64,8 @@ def statistics(
     Returns:
         A dataset with NAME and NAME_error:
         `opd_mean` (y, x), the steady map; `opd_std` (y, x), the unsteady part's rms in time;
-        `opd_rms` and `opd_rms_with_tilt`, root mean squares over pupil and time, mean and tilt of each map removed, or
-        its mean only; `opd_rms_steady`, of the steady map; `opd_rms_unsteady`, of the rest;
+        `opd_rms` and `opd_rms_with_tilt`, root mean squares over pupil and time, with mean and tilt of each map
+        removed, or its mean only; `opd_rms_steady`, of the steady map; `opd_rms_unsteady`, of the rest;
         `boresight_x`, `boresight_y`, means, and `jitter_x`, `jitter_y`, rms about them [rad];
         `strehl`, the exact mean, beside `strehl_large_aperture`, the mean of exp(-(2 pi opd_rms / wavelength)^2);
         over `frequency` [Hz] (and `strouhal`): `spectrum_opd` [m2/Hz], the mean over the pupil, `spectrum_jitter_x`,
@@ -71,15 +73,16 @@ def statistics(
         over `aperture` [m]: `opd_rms_aperture` and `strehl_aperture`, mean and tilt over that part removed;
         `pod_energy` (mode) [m2], `pod_share`, `pod_mode` (mode, y, x), `pod_coefficient` (time, mode) [m];
         `correlation` (lag_y, lag_x) and `correlation_length_x`, `correlation_length_y` [m];
-        with `series`: `opd_rms_linking`, the linking equation's, `opd_rms_path`, the double integral of which it is a
-        short form, and `opd_rms_point`, the same rms as the maps have it, their mean and tilt put back [m].
+        with `series`: `opd_rms_linking`, by the linking equation, `opd_rms_path`, by the double integral that the
+        equation approximates, and `opd_rms_point`, the same rms from the maps, their mean and tilt added back [m].
 
     Raises:
-        TypeError: No dataset.
-        ValueError: No `opd` over (time, y, x), a pupil without pixels, or a number that makes no sense.
+        TypeError: Not a dataset.
+        ValueError: No `opd` over (time, y, x), a pupil without pixels, or an invalid number.
     """
+    dataset = _in_order(dataset)
     opd, weight, lit = _checked(dataset)
-    time, y, x = (seconds(np.asarray(dataset[name].values)) for name in ("time", "y", "x"))
+    time, y, x = (seconds(np.asarray(dataset[name].values)) * _unit(dataset, name) for name in ("time", "y", "x"))
     wave = check_wavelength(dataset.attrs.get("wavelength", DEFAULT_WAVELENGTH) if wavelength is None else wavelength)
     for name, value in (("velocity", velocity), ("length", length)):
         if value is not None:
@@ -120,15 +123,36 @@ def statistics(
     return _dataset(table, coordinates, dataset, wave, skipped)
 
 
-def _checked(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Maps of the pixels that are there at all times, shape (t, n), their weights, and which they are."""
+def _in_order(dataset: Any) -> Any:
+    """Return the dataset with its axes in the order time, y, x, and ascending along each."""
     import xarray
 
     if not isinstance(dataset, xarray.Dataset):
         raise TypeError(f"dataset must be an xarray.Dataset of optical_series, got {type(dataset).__name__}")
     if "opd" not in dataset or set(dataset["opd"].dims) != {"time", "y", "x"}:
         raise ValueError("the dataset has no opd over (time, y, x): give what optical_series returns")
-    maps = np.asarray(dataset["opd"].transpose("time", "y", "x").values, dtype=np.float64)
+    mixed = [name for name in ("time", "y", "x") if (np.diff(seconds(dataset[name].values)) < 0.0).any()]
+    return (dataset.sortby(mixed) if mixed else dataset).transpose("time", "y", "x", ...)
+
+
+def _unit(dataset: Any, name: str) -> float:
+    """Return the unit of a variable in SI, 1 where none is stated; dates have none.
+
+    Raises:
+        ValueError: A unit of another dimension, or an unknown unit.
+    """
+    if dataset[name].dtype.kind in "mM":
+        return 1.0
+    try:
+        stated = stated_unit(dataset[name].attrs).split(" since ")[0]  # "seconds since 2020-01-01"
+        return unit_of(stated, "time" if name == "time" else "length").factor
+    except ValueError as fault:
+        raise ValueError(f"the unit of {name}: {fault}; give SI units") from None
+
+
+def _checked(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return maps [m] of the pixels that are valid at all times, shape (t, n), their weights, and which they are."""
+    maps = np.asarray(dataset["opd"].values, dtype=np.float64) * _unit(dataset, "opd")
     share = dataset["weight"].values if "weight" in dataset else np.ones(maps.shape[1:])
     if len(maps) < 1:
         raise ValueError("the dataset has no snapshot")
@@ -143,7 +167,10 @@ def _checked(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _readings(dataset: Any, opd: np.ndarray, points: np.ndarray, weight: np.ndarray, wavelength: float):
-    """Tilts (t, 2), mean squares with and without tilt (t, 2), and Strehl ratios (t,), read off or kept."""
+    """Return tilts (t, 2), mean squares with and without tilt (t, 2), and Strehl ratios (t,).
+
+    They are taken from the dataset where it has them, and computed from the maps otherwise.
+    """
     reader = MapReader(points, weight, ("piston",), wavelength)
     found = [reader(one) for one in opd]
     tilts = np.array([one.tilt for one in found])
@@ -153,20 +180,20 @@ def _readings(dataset: Any, opd: np.ndarray, points: np.ndarray, weight: np.ndar
         tilts = np.stack([dataset["boresight_x"].values, dataset["boresight_y"].values], axis=1)
     for k, name in enumerate(("opd_rms_with_tilt", "opd_rms")):
         if name in dataset:
-            squares[:, k] = dataset[name].values ** 2
+            squares[:, k] = (dataset[name].values * _unit(dataset, name)) ** 2
     if "strehl" in dataset:
         ratios = dataset["strehl"].values
     return tilts, squares, ratios
 
 
 def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray) -> None:
-    """The steady map, and what is left."""
+    """Add the steady map and the unsteady part."""
     count = len(opd)
     mean = opd.mean(axis=0)
     left = opd - mean
     spread = left.std(axis=0, ddof=1) if count > 1 else np.full(len(mean), np.nan)
     unsteady = left**2 @ weight
-    # Maps as a whole are as independent as their mean square over the pupil, or as their first mode: the lesser.
+    # The effective number of independent maps is that of their mean square or of their first mode: the lesser.
     first = orthogonal_modes(opd, weight, 1).coefficient[:, 0] if count > 1 else np.zeros(count)
     effective = min(mean_of(unsteady).effective_count, mean_of(first).effective_count)
     known = count >= 4

@@ -1,10 +1,10 @@
-r"""Means of series with their standard errors, when the samples depend on one another, and whether they drift.
+r"""Means of series with their standard errors, for correlated samples, and a test for drift.
 
     N_eff = N / tau,   tau = 1 + 2 sum over the lags of  rho_k,   standard error = s / sqrt(N_eff)
 
 rho_k is the autocorrelation of the series; the sum ends where a pair of neighbours rho_2m + rho_2m+1 is no longer
-positive (C. J. Geyer, Stat. Sci. 7 (1992) 473). The trend test is Mann and Kendall's, its variance multiplied by tau
-(K. H. Hamed and A. R. Rao, J. Hydrol. 204 (1998) 182), that of the series without its straight drift.
+positive (C. J. Geyer, Stat. Sci. 7 (1992) 473). The trend test is Mann and Kendall's, with its variance multiplied by
+tau of the series without its linear drift (K. H. Hamed and A. R. Rao, J. Hydrol. 204 (1998) 182).
 """
 
 import math
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LEAST = 4  # samples, for anything to be said of an error
+LEAST = 4  # samples needed for an error estimate
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class Mean:
     Attributes:
         value: The mean.
         error: Its standard error; NaN below four samples.
-        effective_count: Independent samples that say as much.
-        trend: Probability that a series without drift looks as much like one; small means that it drifts.
+        effective_count: Equivalent number of independent samples.
+        trend: Probability that a series without drift shows at least this trend; a small value means that it drifts.
     """
 
     value: float
@@ -33,7 +33,7 @@ class Mean:
 
 
 def correlation_sum(values: np.ndarray) -> float:
-    """Tau of a series of samples, shape (n,): 1 where they are independent, at least 1/n."""
+    """Return tau of a series of samples, shape (n,): 1 for independent samples, at least 1/n."""
     flat = values - values.mean()
     count = len(flat)
     power = float(flat @ flat)
@@ -48,7 +48,7 @@ def correlation_sum(values: np.ndarray) -> float:
 
 
 def mean_of(values: np.ndarray) -> Mean:
-    """The mean of a series of samples, shape (n,), with its error; samples that are not finite are left out."""
+    """Return the mean of a series of samples, shape (n,), with its error; samples that are not finite are left out."""
     values = np.asarray(values, dtype=np.float64)
     values = values[np.isfinite(values)]
     count = len(values)
@@ -57,20 +57,20 @@ def mean_of(values: np.ndarray) -> Mean:
     if count < LEAST:
         return Mean(float(values.mean()), math.nan, float(count), math.nan)
     tau = correlation_sum(values)
-    # A pair of opposite samples makes tau small: no error is smaller than that of a tenth of it.
+    # Anticorrelated samples make tau small: use at least 0.1.
     error = float(values.std(ddof=1) * math.sqrt(max(tau, 0.1) / count))
     return Mean(float(values.mean()), error, count / max(tau, 0.1), trend_of(values))
 
 
 def root_of(mean_square: Mean) -> Mean:
-    """The root of a mean square: its error is half the relative one."""
+    """Return the root of a mean square: its relative error is half that of the mean square."""
     root = math.sqrt(max(mean_square.value, 0.0))
     error = mean_square.error / (2.0 * root) if root > 0.0 else mean_square.error
     return Mean(root, error, mean_square.effective_count, mean_square.trend)
 
 
 def trend_of(values: np.ndarray) -> float:
-    """Probability of a Mann-Kendall statistic as great as this one's without drift."""
+    """Return the probability of a Mann-Kendall statistic at least as great as this one in a series without drift."""
     count = len(values)
     if count < LEAST or not np.ptp(values) > 0.0:
         return math.nan
@@ -78,7 +78,7 @@ def trend_of(values: np.ndarray) -> float:
 
     place = np.arange(count)
     statistic = kendalltau(place, values).statistic
-    # The samples' dependence on one another is that of what a straight drift leaves.
+    # The correlation of the samples is that of the residual after a linear drift.
     slope, start = np.polyfit(place, values, 1)
     tau = correlation_sum(values - slope * place - start)
     spread = math.sqrt(2.0 * (2.0 * count + 5.0) / (9.0 * count * (count - 1.0)) * max(tau, 1.0))

@@ -1,4 +1,4 @@
-"""Launches of Warp's kernels: one on a GPU; on the processor chunks, over host threads, since a launch takes one."""
+"""Launch Warp kernels: once on a GPU; on the processor in chunks over host threads, since a launch uses one thread."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ CHUNKS = 4  # for each thread
 
 
 def launch(kernel: Any, count: int, before: list, after: list, device: str) -> None:
-    """Run a kernel `count` times; it takes `before`, the number of the first one of the launch, and `after`."""
+    """Run a kernel for `count` items; its arguments: `before`, the number of the launch's first item, `after`."""
     import warp as wp
 
     if device != "cpu":
@@ -20,5 +20,5 @@ def launch(kernel: Any, count: int, before: list, after: list, device: str) -> N
     def run(first: int) -> None:
         wp.launch(kernel, dim=min(chunk, count - first), inputs=[*before, first, *after], device="cpu")
 
-    wp.load_module(kernel.module, device="cpu", block_dim=1)  # once, and not by every thread
+    wp.load_module(kernel.module, device="cpu", block_dim=1)  # once, not in every thread
     in_threads(run, range(0, count, chunk))

@@ -306,3 +306,52 @@ def test_maps_that_do_not_change_have_no_modes_and_no_correlation():
     beaten = of(still + 1e-9 * np.sin(np.arange(30.0))[:, None, None] * places[:, None])
     assert beaten.pod_energy[0] > 0.0 and (beaten.pod_energy[1:] == 0.0).all()
     assert beaten.pod_share[0] == pytest.approx(1.0) and np.isnan(beaten.pod_mode[1:]).all()
+
+
+def weighted_maps():
+    """Maps of tilts and noise in time over a round pupil whose weights grow along x."""
+    draw = np.random.default_rng(0)
+    axis = (np.arange(12) - 5.5) * 1e-3
+    x, y = np.meshgrid(axis, axis)
+    lit = np.hypot(x, y) < 6e-3
+    opd = 1e-4 * draw.normal(size=(64, 1, 1)) * x + 2e-8 * draw.normal(size=(64, 12, 12)) + 1e-5 * y**2 / 1e-3
+    return xarray.Dataset(
+        {
+            "opd": (("time", "y", "x"), np.where(lit, opd, np.nan)),
+            "weight": (("y", "x"), np.where(lit, np.exp(x / 3e-3), 0.0)),
+        },
+        {"time": 1e-4 * np.arange(64), "y": axis, "x": axis},
+        {"wavelength": 633e-9, "remove": "piston"},
+    )
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        lambda data: data.transpose("x", "y", "time"),
+        lambda data: data.isel(y=slice(None, None, -1)),
+        lambda data: data.isel(x=slice(None, None, -1)),
+        lambda data: data.isel(time=np.random.default_rng(1).permutation(64)),
+        lambda data: data.assign_coords({n: (n, 1e3 * data[n].values, {"units": "mm"}) for n in "xy"}),
+        lambda data: data.assign_coords(time=("time", 1e3 * data.time.values, {"units": "ms since 2020-01-01"})),
+        lambda data: data.assign(opd=(data.opd * 1e9).assign_attrs(units="nm")),
+    ],
+    ids=["transposed", "y descending", "x descending", "times mixed", "mm", "ms", "nm"],
+)
+def test_the_order_and_the_units_of_a_dataset_change_no_statistic(changed):
+    """Set-up: the same maps with axes in another order or direction, or in other units. Expected: the same numbers.
+
+    Weights were taken in the order of the dataset's own axes, lengths along a falling axis were negative.
+    """
+    expected, found = statistics(weighted_maps()), statistics(changed(weighted_maps()))
+    for name in expected.data_vars:
+        if name not in ("pod_mode", "pod_coefficient", "pod_mode_error"):  # whose sign is anybody's
+            scale = float(np.nanmax(np.abs(expected[name].values), initial=0.0))
+            assert found[name].values == pytest.approx(expected[name].values, abs=1e-8 * scale, nan_ok=True), name
+
+
+def test_a_unit_of_something_else_is_refused():
+    data = weighted_maps()
+    data["opd"].attrs["units"] = "rad"
+    with pytest.raises(ValueError, match="the unit of opd: 'rad' is no unit of a length that is known; give SI units"):
+        statistics(data)

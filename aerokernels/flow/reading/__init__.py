@@ -1,4 +1,4 @@
-"""Flow files of any solver: read them, or see what they hold."""
+"""Read the flow files of any CFD program, or list what they contain."""
 
 from .contents import Contents, contents
 from .dataset import ReadError

@@ -1,6 +1,7 @@
-"""Units of a file's arrays: stated beside them, or in brackets in their names, as in "p [kPa]"."""
+"""Units of a file's arrays: from their attributes, or in brackets in their names, as in "p [kPa]"."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -9,11 +10,29 @@ from ...inputs.written_units import WrittenUnit, in_brackets, is_no_unit, unit_o
 from .dataset import ReadError
 
 
+def stated_unit(attributes: Mapping[str, Any]) -> str:
+    """Return the unit of an array's attribute `units` or `unit`, in whatever case; empty if it has none."""
+    for name in ("units", "unit"):
+        for key in sorted(attributes, key=lambda key: key != name):
+            if str(key).lower() == name and (text := _text(attributes[key])):
+                return text
+    return ""
+
+
+def _text(value: Any) -> str:
+    """Return an attribute's text: some programs write it as an array of one entry, or as bytes."""
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.reshape(-1)[0]
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    return str(value) if isinstance(value, (str, int, float, np.number)) else ""
+
+
 def in_si_units(path, values: np.ndarray, name: str, stated: str, dimension: str) -> np.ndarray:
-    """Values in SI, out of the unit that the file states for them or has in the array's name, as in "p [kPa]".
+    """Return values in SI, converted from the unit that the file states or that the array's name contains.
 
     Raises:
-        ReadError: A unit of something else, or one that is stated and not known.
+        ReadError: A unit of another dimension, or an unknown unit.
     """
     unit = unit_of_array(path, name, stated, dimension)
     if (unit.factor, unit.offset) == (1.0, 0.0):
@@ -22,11 +41,11 @@ def in_si_units(path, values: np.ndarray, name: str, stated: str, dimension: str
 
 
 def unit_of_array(path, name: str, stated: str, dimension: str) -> WrittenUnit:
-    """The unit of an array; arguments and errors as of `in_si_units`."""
+    """Return the unit of an array; arguments and errors as in `in_si_units`."""
     if is_no_unit(stated):
         stated = in_brackets(name)
         if written_unit(stated) is None:
-            stated = ""  # brackets may hold anything: "x (axial)"
+            stated = ""  # brackets may contain any text: "x (axial)"
     try:
         return unit_of(stated, dimension)
     except ValueError as fault:
@@ -36,17 +55,17 @@ def unit_of_array(path, name: str, stated: str, dimension: str) -> WrittenUnit:
 
 
 def length_of(path, axes: Mapping[str, str]) -> tuple[float | None, list[float]]:
-    """The unit of length [m] of coordinates, None where no name and no statement tells it; and a factor for each.
+    """Return the unit of length [m] of coordinates, None if no unit is stated, and a factor for each coordinate.
 
-    The factors are 1 unless the coordinates' units differ; they bring all to metres then. What has none takes the
-    others'.
+    The factors are 1 unless the units of the coordinates differ; then the factors convert all coordinates to metres. A
+    coordinate without a unit takes that of the others.
 
     Args:
         path: The file, for messages.
         axes: Names of the coordinates, and the unit that the file states for each, or "".
 
     Raises:
-        ReadError: A unit that is no length's, or one that is stated and not known.
+        ReadError: A unit that is not a length, or an unknown unit.
     """
     told = {}
     for name, stated in axes.items():
@@ -59,7 +78,7 @@ def length_of(path, axes: Mapping[str, str]) -> tuple[float | None, list[float]]
 
 
 def ambient_attribute(path, stated, factor: float, values: np.ndarray) -> float | None:
-    """The ambient density that an array's attribute `ambient_density` states [kg/m3], None where there is none.
+    """Return the ambient density [kg/m3] of an array's attribute `ambient_density`, None if there is none.
 
     Args:
         path: The file, for messages.
@@ -68,7 +87,7 @@ def ambient_attribute(path, stated, factor: float, values: np.ndarray) -> float 
         values: Densities of the array, in its own unit.
 
     Raises:
-        ReadError: No density, or a number that would be one of this array's in the array's unit, and not in kg/m3.
+        ReadError: Not a density, or a number that fits the array's densities in the array's unit but not in kg/m3.
     """
     if stated is None:
         return None

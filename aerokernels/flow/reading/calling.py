@@ -1,4 +1,4 @@
-"""Calling a reader by the name of its module, in whatever process."""
+"""Call a reader by the name of its module, in this process or in a child process."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -12,7 +12,7 @@ Reader = Callable[[Path, Any, dict[str, Any]], Dataset]
 
 
 def read_here(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
-    """Call a reader in this process; what a damaged file makes it raise becomes a ReadError."""
+    """Call a reader in this process; errors that a damaged file causes become a ReadError."""
     reader: Reader = import_module(f".{module}", __package__).read
     try:
         return reader(path, time, options)
@@ -24,6 +24,6 @@ def read_here(module: str, path: Path, time, options: dict[str, Any]) -> Dataset
         raise ReadError(
             path, "it announces more data than the memory takes", "the file is damaged: write it again"
         ) from None
-    except Exception as fault:  # whatever a library says of a damaged file: a TokenError of a heading of NumPy's, say
+    except Exception as fault:  # libraries raise any error for a damaged file, such as TokenError for a NumPy header
         what = f"it cannot be read ({type(fault).__name__}: {fault})"
         raise ReadError(path, what, "the file is damaged: write it again") from fault

@@ -1,14 +1,16 @@
-"""CGNS, by VTK's reader: structured and unstructured zones, solutions at vertices or cell centres.
+"""Read CGNS files with VTK's reader: structured and unstructured zones, solutions at vertices or cell centres.
 
-Runs in the child of fragile.py.
+Runs in the child process of fragile.py.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from .cgns_statements import statements
 from .cgns_units import units
 from .cgns_walls import patches
-from .dataset import Block, Dataset, ReadError, chosen_time
+from .dataset import Dataset, ReadError, chosen_time
 from .vtk_files import DAMAGED, blocks_of, run
 
 
@@ -16,7 +18,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     """Read a CGNS file.
 
     Raises:
-        ReadError: Whatever VTK reports, or a file without flow.
+        ReadError: An error that VTK reports, or a file without flow.
     """
     from vtkmodules.vtkIOCGNSReader import vtkCGNSReader
 
@@ -43,16 +45,13 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     if reader.GetNumberOfBaseArrays() > 1 and twice is not None:
         told = f"{reader.GetNumberOfBaseArrays()} bases of it hold a zone {twice!r}: moments or cases of one flow"
         raise ReadError(path, told, "write each base to a file of its own")
-    blocks = [_named(block, k) for k, block in enumerate(blocks)]
+    blocks = [replace(block, name=block.name or f"zone {k}") for k, block in enumerate(blocks, start=1)]
     found, notes = patches(path)
     length, stated = units(path)
-    return Dataset(blocks, "CGNS", patches=found, times=times, time=chosen, units=stated, length=length, notes=notes)
-
-
-def _named(block: Block, number: int) -> Block:
-    from dataclasses import replace
-
-    return replace(block, name=block.name or f"zone {number + 1}")
+    axis, more = statements(path)
+    geometry = None if axis is None else "axisymmetric"
+    return Dataset(blocks, "CGNS", geometry, patches=found, times=times, time=chosen, axis=axis, units=stated,
+                   length=length, notes=[*notes, *more])  # fmt: skip
 
 
 def _times(reader) -> list[float]:
@@ -60,4 +59,4 @@ def _times(reader) -> list[float]:
 
     information, key = reader.GetOutputInformation(0), Pipeline.TIME_STEPS()
     times = [float(information.Get(key, k)) for k in range(information.Length(key))] if information.Has(key) else []
-    return [] if times == [0.0] else times  # 0 is what VTK says of a file that tells no time
+    return [] if times == [0.0] else times  # VTK reports [0] for a file without times

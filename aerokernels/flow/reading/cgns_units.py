@@ -1,7 +1,8 @@
-"""Units of a CGNS file in HDF5: what its DimensionalUnits_t nodes say of coordinates and of the arrays of solutions.
+"""Units of a CGNS file in HDF5, from the DimensionalUnits_t nodes of coordinates and solution arrays.
 
-A node's units hold for all below it that have none of their own, if the class of the data is dimensional or not told.
-An array's exponents say which unit is whose; those of density, pressure and temperature are known by their names.
+The units of a node apply to all nodes below it that have no units of their own, if the data class is dimensional or not
+stated. An array's exponents combine the base units; the exponents of density, pressure and temperature are known from
+their names.
 """
 
 from pathlib import Path
@@ -9,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from .array_units import length_of
-from .cgns_nodes import HDF5, Node, children, data_of, node_of, text_of
+from .cgns_nodes import Node, children, data_of, opened, text_of
 
-# Symbols by the standard's words, in the order of the exponents: mass, length, time, temperature, angle.
+# Symbols of the standard's unit names, in the order of the exponents: mass, length, time, temperature, angle.
 SYMBOLS = (
     {"Kilogram": "kg", "Gram": "g", "Slug": "slug", "PoundMass": "lb"},
     {"Meter": "m", "Centimeter": "cm", "Millimeter": "mm", "Foot": "ft", "Inch": "in"},
@@ -25,26 +26,21 @@ EXPONENTS = {
     "Temperature": (0.0, 0.0, 0.0, 1.0, 0.0),
 }
 LENGTH = (0.0, 1.0, 0.0, 0.0, 0.0)
-WIDTH = 32  # characters of each word
+WIDTH = 32  # characters of each unit name
 
 
 def units(path: Path) -> tuple[float | None, dict[str, str]]:
-    """The unit of length [m], or None, and the unit of each array that has one, of the first zone that tells any.
+    """Return the unit of length [m] or None, and the unit of each array, from the first zone that states it.
 
     Raises:
-        ReadError: A unit of length that is not known.
+        ReadError: An unknown unit of length.
     """
-    with path.open("rb") as stream:
-        if stream.read(8) != HDF5:
-            return None, {}
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        return units_of(path, node_of(file))
+    with opened(path) as root:
+        return (None, {}) if root is None else units_of(path, root)
 
 
 def units_of(path: Path, root: Node) -> tuple[float | None, dict[str, str]]:
-    """The same of the nodes of a file."""
+    """Return what `units` does, from the root node of a file."""
     lengths: dict[str, str] = {}
     arrays: dict[str, str] = {}
     for base in children(root, "CGNSBase_t"):
@@ -60,7 +56,7 @@ def units_of(path: Path, root: Node) -> tuple[float | None, dict[str, str]]:
 
 
 def _unit(above: list[Node], known: tuple[float, ...] | None) -> str:
-    """The unit of the last node of a row of nodes, each below the one before it; empty where nothing tells it."""
+    """Return the unit of the last of a path of nodes, each the child of the one before; empty if not stated."""
     words, kind = None, ""
     for node in above:
         for own in children(node, "DataClass_t"):

@@ -1,7 +1,8 @@
-"""Boundary patches of a CGNS file in HDF5: what its BC_t nodes say, as edges of a plane or faces of a volume.
+"""Boundary patches of a CGNS file in HDF5: its BC_t nodes, as edges of a plane or faces of a volume.
 
-VTK's reader leaves out most kinds of boundary conditions, so that the nodes are read here, by h5py: ranges of a
-structured zone, elements of an unstructured one, directly or by their points, with a type of their own or a family's.
+VTK's reader skips most kinds of boundary conditions, so h5py reads the nodes here: ranges of a structured zone,
+elements
+of an unstructured zone, given directly or by their points, with a type of their own or a family's.
 """
 
 from collections.abc import Iterator
@@ -9,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from .cgns_nodes import HDF5, Node, child, children, data_of, node_of, text_of
+from .cgns_nodes import Node, child, children, data_of, opened, text_of
 from .dataset import Patch
 
-# Corners of CGNS' edges, triangles and quadrilaterals; mid-points come last.
+# Number of corners of CGNS edges, triangles and quadrilaterals; mid-edge points follow the corners.
 SURFACE = {3: 2, 4: 2, 5: 3, 6: 3, 7: 4, 8: 4, 9: 4}
 POINTS = {2: 1, 3: 2, 4: 3, 5: 3, 6: 6, 7: 4, 8: 8, 9: 9, 10: 4, 11: 10, 12: 5, 13: 14, 14: 6, 15: 15, 16: 18, 17: 8,
           18: 20, 19: 27, 21: 13}  # fmt: skip
@@ -20,18 +21,13 @@ MIXED, POLYGONS = 20, 22
 
 
 def patches(path: Path) -> tuple[list[Patch], list[str]]:
-    """The boundary patches of a file, and what a user should know of them."""
-    with path.open("rb") as stream:
-        if stream.read(8) != HDF5:
-            return [], ["boundary patches of CGNS files in ADF are not read"]
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        return patches_of(node_of(file))
+    """Return the boundary patches of a file, and notes for the user about them."""
+    with opened(path) as root:
+        return ([], ["boundary patches of CGNS files in ADF are not read"]) if root is None else patches_of(root)
 
 
 def patches_of(root: Node) -> tuple[list[Patch], list[str]]:
-    """The same of the nodes of a file."""
+    """Return what `patches` does, from the root node of a file."""
     found, notes = [], []
     for base in children(root, "CGNSBase_t"):
         dimension = int(data_of(base)[0])
@@ -51,7 +47,7 @@ def patches_of(root: Node) -> tuple[list[Patch], list[str]]:
                 if not len(corners):
                     notes.append(f"boundary patch {own.name} names no faces that are there")
                     continue
-                if corners.min() < 0 or corners.max() >= len(points):  # NumPy counts the former from the end
+                if corners.min() < 0 or corners.max() >= len(points):  # NumPy would count negative numbers from the end
                     raise ValueError(f"boundary patch {own.name!r} names points that are not there")
                 found.append(Patch.of(own.name, _kind(own, families), points[corners]))
     return found, notes
@@ -67,7 +63,7 @@ def _points(zone: Node) -> np.ndarray | None:
 
 
 def _kind(condition: Node, families: dict[str, str]) -> str:
-    """Kind "wall" for walls, by the condition's own type, its family's, or its family's name; else the type."""
+    """Return "wall" for walls, by the condition's type, its family's type or the family's name; else the type."""
     kind = text_of(condition)
     if kind == "FamilySpecified":
         family = next((text_of(own) for own in children(condition, "FamilyName_t")), "")
@@ -83,8 +79,8 @@ def _location(condition: Node) -> str:
 
 
 def _faces_of_range(condition: Node, zone: Node, dimension: int, point_count: int) -> np.ndarray:
-    """Corners of the faces of a structured zone in a range of points, shape (n, 2) or (n, 4); i is the fastest."""
-    counts = data_of(zone).reshape(3, dimension)[0].astype(np.int64)  # as HDF5 has it: sizes of vertices first
+    """Return the corners of the faces in a point range of a structured zone, shape (n, 2) or (n, 4); i is fastest."""
+    counts = data_of(zone).reshape(3, dimension)[0].astype(np.int64)  # vertex counts first, as HDF5 orders axes
     if np.prod(counts, dtype=float) != point_count:
         raise ValueError(f"{zone.name!r} announces {' x '.join(map(str, counts))} points and has {point_count}")
     own = child(condition, "PointRange")
@@ -113,7 +109,7 @@ def _faces_of_range(condition: Node, zone: Node, dimension: int, point_count: in
 
 
 class _Elements:
-    """The edges of an unstructured plane, or the faces of a volume, by their numbers in the file."""
+    """The edges of an unstructured plane, or the faces of a volume, by their element numbers in the file."""
 
     def __init__(self, zone: Node, dimension: int):
         self.wide = 2 if dimension == 2 else 4
@@ -132,7 +128,7 @@ class _Elements:
             return
         first, last = (int(v) for v in data_of(limits).ravel())
         flat = data_of(own).astype(np.int64).ravel()
-        if not 0 <= last + 1 - first <= len(flat):  # before they get room: a few bytes may announce billions
+        if not 0 <= last + 1 - first <= len(flat):  # before allocating: a few bytes may announce billions
             raise ValueError(f"{section.name!r} announces elements {first} to {last} in {len(flat)} numbers")
         number = np.arange(first, last + 1)
         if kind in SURFACE:
@@ -164,7 +160,10 @@ class _Elements:
         yield number, np.concatenate([corners, corners[:, -1:].repeat(short, axis=1)], axis=1)
 
     def of(self, condition: Node) -> np.ndarray:
-        """Corners of the elements of a condition; by points, those that have all theirs among them."""
+        """Return the corners of the elements of a condition.
+
+        For a condition given by points these are the elements whose points are all listed.
+        """
         ends = child(condition, "PointRange", "ElementRange")
         own = child(condition, "PointList", "ElementList")
         if ends is not None:

@@ -1,4 +1,4 @@
-"""What a flow file holds before anything is made of it: zones, cells, extents, arrays, their ranges, times, patches."""
+"""List what a flow file contains: zones, cells, extents, arrays and their ranges, times, patches."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,14 +15,14 @@ CELL_NAMES = {1: "points", 3: "lines", 5: "triangles", 7: "polygons", 9: "quadri
 
 @dataclass(frozen=True)
 class ArrayRange:
-    """An array of a file.
+    """An array of a file and its range.
 
     Attributes:
         name: Its name.
         where: "cells" or "points".
         components: 1 for scalars, 3 for vectors.
-        low: Least finite value; NaN for none.
-        high: Greatest.
+        low: Least finite value; NaN if there is none.
+        high: Greatest finite value; NaN if there is none.
         bad: Number of values that are not finite.
     """
 
@@ -36,20 +36,20 @@ class ArrayRange:
 
 @dataclass(frozen=True)
 class Contents:
-    """What a file holds.
+    """The contents of a file.
 
     Attributes:
         path: The file or case.
-        format: In words.
-        geometry: "planar", "axisymmetric", "volume", or None where the file leaves it to its points.
-        zones: Each zone in words: its name, shape or cells, and points.
+        format: Name of the format.
+        geometry: "planar", "axisymmetric", "volume", or None where only the points decide.
+        zones: Description of each zone: its name, shape or cells, and points.
         low: Lowest corner in the file's unit and axes.
         high: Highest corner.
         arrays: The arrays.
-        times: The times for which there are fields; empty for one that has no time.
-        time: The one that was looked at, or None.
+        times: The times for which there are fields; empty for a file without times.
+        time: The time that was read, or None.
         patches: Boundary patches: name and kind.
-        notes: What else there is to know.
+        notes: Further remarks for the user.
     """
 
     path: str
@@ -66,11 +66,11 @@ class Contents:
 
 
 def contents(path, *, time: float | str | None = None, **options: Any) -> Contents:
-    """Look into a flow file or case.
+    """List the contents of a flow file or case.
 
     Args:
         path: As in `flow.read`.
-        time: Likewise.
+        time: As in `flow.read`.
         options: `mesh`, `solution`, `variables`, as in `flow.read`.
 
     Raises:

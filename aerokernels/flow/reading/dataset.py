@@ -1,7 +1,7 @@
-"""What every reader of a flow file hands over: points, cells, arrays and boundary patches, in the file's own frame.
+"""What every reader of a flow file returns: points, cells, arrays and boundary patches, in the file's own frame.
 
-A reader knows its format and nothing of optics; what comes after it (density, frame, plane or volume, body) knows
-nothing of formats. This page is all that the two have in common.
+A reader knows its format and nothing of optics. The stages after it (density, frame, plane or volume, body) know
+nothing of formats. The classes of this module are all that readers and later stages share.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -9,47 +9,47 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-LONGEST = 5000  # letters of what is wrong with a file, in a message
+LONGEST = 5000  # characters of an error message
 
 
 def whole_number(word: str) -> int | None:
-    """The number that a word of at most 18 digits says; None of any other: digits of other scripts, or thousands."""
+    """Return the value of a word of at most 18 ASCII digits; None for any other word."""
     return int(word) if word.isascii() and word.isdigit() and len(word) <= 18 else None
 
 
 class ReadError(ValueError):
-    """A flow file that cannot be used. The message names the file, the place in it and the remedy, on one line."""
+    """A flow file that cannot be used. The message gives the file, the place in it and the remedy, on one line."""
 
     def __init__(self, path, fault: str, remedy: str):
-        """Put file, fault and remedy together."""
+        """Compose the message of file, fault and remedy."""
         words = f"{path}: {fault}"
-        if len(words) > LONGEST:  # names in a file may have any length
+        if len(words) > LONGEST:  # names in a file may be of any length
             words = f"{words[: LONGEST // 2]} ... {words[-LONGEST // 2 :]}"
         super().__init__(" ".join(f"{words}: {remedy[:LONGEST]}".split()))
 
     def __reduce__(self):
-        """Pickled as its message: it travels between processes."""
+        """Pickle as the message, so that the error can travel between processes."""
         return ReadError.said, (str(self),)
 
     @staticmethod
     def said(message: str) -> "ReadError":
-        """The error of a whole message."""
+        """Return the error with a complete message."""
         error = ReadError.__new__(ReadError)
         ValueError.__init__(error, message)
         return error
 
 
 def chosen_time(path, times: Sequence[float], asked) -> float | None:
-    """The time asked for out of those that a file holds, ascending; None where it tells none and none was asked for.
+    """Return the requested one of a file's ascending times; None if the file has no times and none was requested.
 
     Raises:
-        ReadError: No such time: which there are.
+        ReadError: A time that the file does not contain.
     """
     if asked in (None, "latest", "first"):
         return (times[0] if asked == "first" else times[-1]) if times else None
     if not times:
         raise ReadError(path, f"it holds one time only, not t = {asked!r}", "leave time out")
-    wanted = float(asked)  # or a text of one: `formats.checked_time` has refused others
+    wanted = float(asked)  # a number, or the text of one: `formats.checked_time` rejects others
     nearest = min(times, key=lambda value: abs(value - wanted))
     if not abs(nearest - wanted) <= 1e-9 * abs(wanted):
         some = ", ".join(f"{value:g}" for value in times[:8]) + (", ..." if len(times) > 8 else "")
@@ -57,14 +57,14 @@ def chosen_time(path, times: Sequence[float], asked) -> float | None:
     return nearest
 
 
-GREATEST_COORDINATE = 1e12  # of any unit: what is greater was never a length
+GREATEST_COORDINATE = 1e12  # in any unit: a greater number is damaged data
 
 
 def check_points(path, points: np.ndarray, name: str = "") -> None:
-    """Refuse coordinates that are not finite, or none.
+    """Check that coordinates are finite and below GREATEST_COORDINATE.
 
     Raises:
-        ReadError: Such points: how many, and which is the first.
+        ReadError: Other points: how many, and the first of them.
     """
     with np.errstate(invalid="ignore"):
         bad = ~(np.abs(points) < GREATEST_COORDINATE).all(axis=1)
@@ -79,7 +79,7 @@ def check_points(path, points: np.ndarray, name: str = "") -> None:
         )
 
 
-# VTK's numbers of cell types, the common tongue of readers: corners of each, and its faces where it is solid.
+# Cell types by VTK's numbers, which all readers use.
 VERTEX, LINE, TRIANGLE, POLYGON, QUAD, TETRAHEDRON, HEXAHEDRON, PRISM, PYRAMID, POLYHEDRON = (
     1, 3, 5, 7, 9, 10, 12, 13, 14, 42,
 )  # fmt: skip
@@ -90,13 +90,13 @@ SOLID = (TETRAHEDRON, HEXAHEDRON, PRISM, PYRAMID, POLYHEDRON)
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """The faces of polyhedra: `points[start[f]:start[f + 1]]` go round face f, looking from outside its owner.
+    """The faces of polyhedra: `points[start[f]:start[f + 1]]` go round face f, seen from outside its owner.
 
     Attributes:
-        start: Where each face begins, shape (face_count + 1,).
+        start: First entry of each face in `points`, shape (face_count + 1,).
         points: Point indices, concatenated.
-        owner: The cell that each face looks out of, shape (face_count,).
-        neighbour: The cell behind each of the first faces, shape (inner_count,): inner faces come first.
+        owner: The cell from which each face points outward, shape (face_count,).
+        neighbour: The cell on the other side of each inner face, shape (inner_count,): inner faces come first.
     """
 
     start: np.ndarray
@@ -111,9 +111,9 @@ class Cells:
 
     Attributes:
         types: VTK's number of each cell's type, shape (cell_count,).
-        start: Where each cell begins, shape (cell_count + 1,).
-        points: Point indices, concatenated; of a polyhedron its corners, each once.
-        faces: Faces of all cells, where some are polyhedra; otherwise None.
+        start: First entry of each cell in `points`, shape (cell_count + 1,).
+        points: Point indices, concatenated; a polyhedron lists each of its corners once.
+        faces: Faces of all cells if some are polyhedra; otherwise None.
     """
 
     types: np.ndarray
@@ -127,7 +127,7 @@ class Cells:
 
     @classmethod
     def of_one_type(cls, kind: int, corners) -> "Cells":
-        """Cells of one type from their corners, shape (cell_count, corner_count)."""
+        """Return cells of one type from their corners, shape (cell_count, corner_count)."""
         corners = np.asarray(corners, dtype=np.int64)
         count, width = corners.shape
         return cls(np.full(count, kind, np.uint8), width * np.arange(count + 1, dtype=np.int64), corners.ravel())
@@ -140,10 +140,10 @@ class Block:
     Attributes:
         points: Coordinates in the file's unit and axes, float64, shape (point_count, 3).
         cells: The cells, or None for a structured block and for points alone.
-        shape: Points along (i, j, k) of a structured block, the first index fastest; None for others.
+        shape: Points along (i, j, k) of a structured block, i fastest; None for other blocks.
         point_data: Arrays by name, shape (point_count,) or (point_count, n).
         cell_data: Arrays by name, shape (cell_count,) or (cell_count, n); structured cells with i fastest.
-        blank: Cells (or, by size, points) without flow: holes of overset and blanked grids; None for no holes.
+        blank: Cells (or points, by its length) without flow, in overset and blanked grids; None if there are none.
         name: The zone's name.
     """
 
@@ -168,8 +168,8 @@ class Polygons:
     """Faces in space: `points[start[f]:start[f + 1]]` go round face f.
 
     Attributes:
-        points: Their corners, one face after the other, shape (n, 3); the last may be there twice.
-        start: Where each face begins, shape (face_count + 1,).
+        points: Their corners, one face after the other, shape (n, 3); the last corner may be repeated.
+        start: First entry of each face in `points`, shape (face_count + 1,).
     """
 
     points: np.ndarray
@@ -181,14 +181,14 @@ NO_EDGES = np.empty((0, 2, 3))
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A named part of the boundary: edges in the plane of a two-dimensional flow, faces of a volume.
+    """A named part of the boundary: edges in the plane of a two-dimensional flow, or faces of a volume.
 
     Attributes:
         name: The patch's name in the file.
-        kind: "wall" where the file says so, else the file's own word for it.
-        edges: Both ends of each edge in the file's unit and axes, shape (edge_count, 2, 3); none of a volume.
-        polygons: The faces in the file's unit and axes, of a volume.
-        values: What an array has at each edge and in the cell behind it, by its name; None where the file says nothing.
+        kind: "wall" where the file marks it as a wall, else the file's own type.
+        edges: Both ends of each edge in the file's unit and axes, shape (edge_count, 2, 3); none for a volume.
+        polygons: The faces of a volume in the file's unit and axes.
+        values: Returns the values of an array, by its name, at each edge and in the cell behind it; None if unknown.
     """
 
     name: str
@@ -199,7 +199,7 @@ class Patch:
 
     @classmethod
     def of(cls, name: str, kind: str, corners: np.ndarray) -> "Patch":
-        """Edges or faces of equally many corners, shape (count, corner_count, 3): edges have two."""
+        """Return a patch of edges or of faces with equally many corners, shape (count, corner_count, 3)."""
         each = corners.shape[1]
         if each == 2:
             return cls(name, kind, corners)
@@ -208,21 +208,22 @@ class Patch:
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """What a file holds at one time.
+    """The contents of a file at one time.
 
     Attributes:
         blocks: The zones.
-        format: The format in words.
-        geometry: "planar", "axisymmetric" or "volume" where the file tells; None where its points must.
+        format: Name of the format.
+        geometry: "planar", "axisymmetric" or "volume" where the file states it; None where the points decide.
         patches: Boundary patches.
-        times: Times for which the file or case holds fields, ascending; empty for none.
-        time: The one that was read, or None.
+        times: Times for which the file or case has fields, ascending; empty for a file without times.
+        time: The time that was read, or None.
         axis: Direction of the axis of symmetry in the file's axes, for an axisymmetric flow.
-        gas_constant: Of the gas, where the file tells it [J/(kg K)].
-        ambient: Density of the free stream in the file's unit, where the file tells it.
-        units: Unit of each array by name, where the file tells it.
-        length: Unit of the coordinates [m], where the file tells it.
-        notes: What else a user should know, in whole sentences.
+        gas_constant: Gas constant where the file states it [J/(kg K)].
+        ambient: Density of the free stream in the file's unit, where the file states it.
+        units: Unit of each array by name, where the file states it.
+        length: Unit of the coordinates [m], where the file states it.
+        notes: Further remarks for the user, in whole sentences.
+        grouped: Whether slashes in the names of arrays separate groups, as in HDF5.
     """
 
     blocks: Sequence[Block]
@@ -237,8 +238,9 @@ class Dataset:
     units: Mapping[str, str] = field(default_factory=dict)
     length: float | None = None
     notes: Sequence[str] = ()
+    grouped: bool = False
 
     def array_names(self) -> list[str]:
-        """Names of all arrays that every block with cells or points has, in the order of the first."""
+        """Return the names of the arrays that all blocks have, in the order of the first block."""
         names = [[*block.point_data, *block.cell_data] for block in self.blocks]
         return [name for name in (names[0] if names else []) if all(name in other for other in names)]

@@ -1,11 +1,11 @@
-"""Which array of a file is the density, and its values in kg/m3.
+"""Choose the density array of a file, and convert its values to kg/m3.
 
-Density is taken directly, or from pressure and temperature by the law of ideal gases, rho = p / (R T). Arrays of
+Density is taken directly, or from pressure and temperature by the ideal gas law, rho = p / (R T). Arrays of
 non-dimensional files are multiplied by their references.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,19 +16,20 @@ from ..gas import GAS_CONSTANT_AIR, no_gas
 from .array_units import in_si_units
 from .dataset import FLAT, SOLID, Block, Dataset, ReadError
 
-# Names by which solvers call them, in lower case and without blanks, signs and units.
+# Names that solvers use, in lower case, without blanks, punctuation and units.
 DENSITY_NAMES = ("rho", "density", "massdensity", "dens", "conservative1", "rhomean", "densitymean", "meandensity",
                  "ro", "q1")  # fmt: skip
-PRESSURE_NAMES = ("p", "pressure", "staticpressure", "absolutepressure", "pres", "press", "pmean")
+# An absolute pressure comes first: beside one, "pressure" is relative to an operating pressure (as in Fluent's files).
+PRESSURE_NAMES = ("absolutepressure", "p", "pressure", "staticpressure", "pres", "press", "pmean")
 TEMPERATURE_NAMES = ("t", "temperature", "statictemperature", "temp", "tmean")
 REFERENCES = {"density": "density", "pressure": "pressure", "temperature": "temperature", "length": "length"}
 
 
 @dataclass(frozen=True)
 class Reference:
-    """What one of a non-dimensional file is in SI: density [kg/m3], pressure [Pa], temperature [K], length [m].
+    """Values in SI of 1 in a non-dimensional file: density [kg/m3], pressure [Pa], temperature [K], length [m].
 
-    `given` are those that a caller states; the others are 1, and units that the file names count.
+    `given` names those that a caller states. The others are 1, and the units in the file apply to them.
     """
 
     density: float = 1.0
@@ -39,11 +40,11 @@ class Reference:
 
     @classmethod
     def of(cls, given) -> "Reference":
-        """References from None, the density's alone, or a mapping by name; numbers in SI or texts with a unit.
+        """Return references from None, the density's alone, or a mapping by name; numbers in SI or texts with a unit.
 
         Raises:
-            TypeError: Something else.
-            ValueError: A name that is not known, or a value that is not positive.
+            TypeError: A value of another kind.
+            ValueError: An unknown name, or a value that is not positive.
         """
         if given is None or isinstance(given, cls):
             return given or cls()
@@ -57,13 +58,13 @@ class Reference:
 
 @dataclass(frozen=True)
 class DensityChoice:
-    """Where the density comes from.
+    """The arrays that the density comes from.
 
     Attributes:
-        density: Name of the density's array, or None for the other two:
-        pressure: name of the pressure's,
-        temperature: name of the temperature's,
-        gas_constant: and the gas constant [J/(kg K)].
+        density: Name of the density array, or None if the density follows from pressure and temperature.
+        pressure: Name of the pressure array.
+        temperature: Name of the temperature array.
+        gas_constant: Gas constant [J/(kg K)].
     """
 
     density: str | None = None
@@ -77,23 +78,23 @@ class DensityChoice:
         return tuple(name for name in (self.density, self.pressure, self.temperature) if name is not None)
 
     def described(self) -> str:
-        """In words, for the provenance."""
+        """Describe the choice, for the provenance."""
         if self.density is not None:
             return f"density from {self.density!r}"
         return f"density from {self.pressure!r} and {self.temperature!r} with R = {self.gas_constant:.6g} J/(kg K)"
 
 
 def choose_density(path, dataset: Dataset, given, gas_constant: float | None) -> DensityChoice:
-    """Find the arrays that hold the density, by their usual names or as a caller names them.
+    """Choose the arrays that the density comes from, by their usual names or as a caller names them.
 
     Args:
         path: The file, for messages.
-        dataset: What it holds.
-        given: None, an array's name, or a mapping of "pressure", "temperature" and, if wanted, "gas_constant".
+        dataset: Its contents.
+        given: None, an array's name, or a mapping of "pressure", "temperature" and optionally "gas_constant".
         gas_constant: [J/(kg K)]; None takes the file's own, or air's.
 
     Raises:
-        TypeError: `given` is something else.
+        TypeError: `given` is of another kind.
         ReadError: No such array.
     """
     names = dataset.array_names()
@@ -102,23 +103,21 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
     )
     listed = ", ".join(names) if names else "none"
     if isinstance(given, str):
-        return DensityChoice(found_name(path, given, names, listed))
+        return DensityChoice(found_name(path, given, names, listed, dataset.grouped))
     if isinstance(given, Mapping):
         if not {"pressure", "temperature"} <= set(given) <= {"pressure", "temperature", "gas_constant"}:
             raise ValueError(
                 f"density: give an array's name, or a mapping of 'pressure' and 'temperature', got {given!r}"
             )
         constant = check_positive(float(given.get("gas_constant", own)), "gas_constant")
-        pair = [found_name(path, given[key], names, listed) for key in ("pressure", "temperature")]
+        keys = ("pressure", "temperature")
+        pair = [found_name(path, given[key], names, listed, dataset.grouped) for key in keys]
         return DensityChoice(None, pair[0], pair[1], constant)
     if given is not None:
         raise TypeError(f"density must be an array's name or a mapping, got {type(given).__name__}")
-    plain = {plain_name(name): name for name in reversed(names)}
-    for known in DENSITY_NAMES:
-        if known in plain:
-            return DensityChoice(plain[known])
-    pressure = next((plain[known] for known in PRESSURE_NAMES if known in plain), None)
-    temperature = next((plain[known] for known in TEMPERATURE_NAMES if known in plain), None)
+    if (density := usual_name(path, dataset, DENSITY_NAMES)) is not None:
+        return DensityChoice(density)
+    pressure, temperature = (usual_name(path, dataset, known) for known in (PRESSURE_NAMES, TEMPERATURE_NAMES))
     if pressure is None or temperature is None:
         raise ReadError(
             path,
@@ -128,20 +127,38 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
     return DensityChoice(None, pressure, temperature, check_positive(own, "gas_constant"))
 
 
+def usual_name(path, dataset: Dataset, known: Sequence[str]) -> str | None:
+    """Return the array with the first of the `known` names, the one in the fewest groups; None if there is none.
+
+    Raises:
+        ReadError: Arrays of that name in different groups of the same level.
+    """
+    for plain in known:
+        found = [name for name in dataset.array_names() if plain_name(name, dataset.grouped) == plain]
+        if dataset.grouped:
+            level = min((name.count("/") for name in found), default=0)
+            found = [name for name in found if name.count("/") == level]
+            if level and len(found) > 1:
+                raise ReadError(path, f"several groups have such an array: {', '.join(found)}", "name one of them")
+        if found:
+            return found[0]
+    return None
+
+
 def block_density(
     path, block: Block, choice: DensityChoice, reference: Reference, units: Mapping[str, str]
 ) -> tuple[np.ndarray, str]:
-    """Density [kg/m3] of a block, and whether it is of its "cell"s or its "point"s.
+    """Return the density [kg/m3] of a block, and whether it belongs to its "cell"s or its "point"s.
 
     Args:
         path: The file, for messages.
         block: The block.
-        choice: Where its density comes from.
-        reference: What 1 is; where that is given, the file's own unit of that quantity does not count.
-        units: Unit of each array by name, where the file tells it.
+        choice: The arrays that its density comes from.
+        reference: Reference values; they replace the file's own unit of that quantity.
+        units: Unit of each array by name, where the file states it.
 
     Raises:
-        ReadError: Arrays of another shape, units of another kind, or densities that are no gas's, outside of blanked
+        ReadError: Arrays of another shape, units of another dimension, or densities that no gas has, outside of blanked
             parts.
     """
     if choice.density is not None:
@@ -165,7 +182,7 @@ def block_density(
 def in_si(
     path, name: str, values: np.ndarray, choice: DensityChoice, reference: Reference, units: Mapping[str, str]
 ) -> np.ndarray:
-    """Values of one of the arrays that the density comes from, in SI; what comes out as no number is refused later."""
+    """Return values of one of the arrays that the density comes from, in SI; overflows are rejected later."""
     dimension = {choice.density: "density", choice.pressure: "pressure", choice.temperature: "temperature"}[name]
     with np.errstate(all="ignore"):
         if dimension in reference.given:
@@ -174,7 +191,7 @@ def in_si(
 
 
 def density_of(found: Mapping[str, np.ndarray], choice: DensityChoice) -> np.ndarray:
-    """The density [kg/m3] from the arrays that it comes from, by name, in SI."""
+    """Return the density [kg/m3] from the arrays that it comes from, by name, in SI."""
     if choice.density is not None:
         return found[choice.density]
     assert choice.pressure is not None and choice.temperature is not None
@@ -183,10 +200,10 @@ def density_of(found: Mapping[str, np.ndarray], choice: DensityChoice) -> np.nda
 
 
 def scalar_array(path, block: Block, name: str, where: str | None = None) -> tuple[np.ndarray, str]:
-    """A scalar array of a block, and whether it is of its "cell"s or its "point"s; of both, `where` comes first.
+    """Return a scalar array of a block, and whether it belongs to "cell"s or "point"s; `where` is searched first.
 
     Raises:
-        ReadError: No such array, or one that is no scalar.
+        ReadError: No such array, or an array that is not scalar.
     """
     order = ("cell", "point") if where is None else (where, "cell", "point")
     for place in order:
@@ -219,7 +236,7 @@ def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str
 
 
 def beside_the_flow(block: Block) -> np.ndarray | None:
-    """Which cells hold no flow: faces beside solid cells, lines and points beside flat ones; None for no such."""
+    """Return which cells hold no flow: faces beside solid cells, lines and points beside flat cells; None if none."""
     if block.cells is None:
         return None
     types = block.cells.types
@@ -229,20 +246,24 @@ def beside_the_flow(block: Block) -> np.ndarray | None:
     return None
 
 
-def found_name(path, name: str, names: list[str], listed: str) -> str:
-    """The array that a caller names, signs and case apart.
+def found_name(path, name: str, names: list[str], listed: str, grouped: bool = False) -> str:
+    """Return the array that a caller names, ignoring case and punctuation.
 
     Raises:
         ReadError: No such array.
     """
     if name in names:
         return name
-    alike = [other for other in names if plain_name(other) == plain_name(name)]
+    alike = [other for other in names if plain_name(other, grouped) == plain_name(name, grouped)]
     if len(alike) == 1:
         return alike[0]
     raise ReadError(path, f"there is no array {name!r}", f"take one of {listed}")
 
 
-def plain_name(name: str) -> str:
-    """A name in lower case without blanks, signs, units and folders."""
-    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(<{].*", "", name.lower()).rsplit("/", 1)[-1])
+def plain_name(name: str, grouped: bool = False) -> str:
+    """Return a name in lower case, without blanks, punctuation and units; without groups if it is `grouped`.
+
+    Elsewhere than in grouped names a slash is a quotient: "p/rho" is not a density.
+    """
+    plain = re.sub(r"[\[(<{].*", "", name.lower())
+    return re.sub(r"[^a-z0-9]", "", plain.rsplit("/", 1)[-1] if grouped else plain)

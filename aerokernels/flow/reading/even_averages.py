@@ -1,14 +1,15 @@
-r"""Averages over even cells as values at their corners, whose cubic spline keeps them: one axis after the other.
+r"""Convert averages over uniform cells to values at their corners whose cubic spline keeps them, one axis at a time.
 
-The value at the face between two cells is their mean less a sum of differences of slopes on either side,
+The value at the face between two cells is their mean minus a sum of differences of slopes on either side,
 
-    v_(i+1/2) = (a_i + a_(i+1)) / 2 - sum_k c_k [ (a_(i+1+k) - a_(i+k)) - (a_(i+1-k) - a_(i-k)) ],
+    v_(i+1/2) = (a_i + a_(i+1)) / 2 - sum_k c_k [ (a_(i+1+k) - a_(i+k)) - (a_(i+1-k) - a_(i-k)) ].
 
-with the c_k that make the mean over each cell of the spline through the values the cell's average, up to the eighth
-order of the cell's size: within a millionth where a wave has sixteen cells. Next to the ends it is of fourth order.
-Beside a captured shock the mean of the two cells stays: no continuous function keeps both averages and its range there.
-What the ends and a shock leave of the integral along a row goes to its faces, in proportion to the room that each has
-towards the averages beside it, so that the integral along every row is the row's sum, to rounding.
+With the c_k used here, the mean over each cell of the spline through these values equals the cell's average, up to the
+eighth order of the cell's size: within a millionth for a wave with sixteen cells. Next to the ends it is of fourth
+order. Beside a captured shock the mean of the two cells remains: no continuous function keeps both averages and their
+range there. The deficit of the integral along a row, due to ends and shocks, is distributed to the row's faces in
+proportion to the room that each has towards the adjacent averages, so that the integral along every row is the row's
+sum, to rounding.
 """
 
 import numpy as np
@@ -18,18 +19,18 @@ from ...medium.vertex_values import SHOCK_SHARE
 from ...process.threads import in_threads
 from .point_values import LEAST_SHARE
 
-# The c_k of one and of three slopes on either side: M F = 1 + O(w^4) and O(w^8) for a wave exp(i w x / h), with M the
+# The c_k for one and for three slopes on either side: M F = 1 + O(w^4) and O(w^8) for a wave exp(i w x / h), with M the
 # mean over a cell of the spline through values F exp(i w x / h) at the faces.
 NEAR = 1.0 / 12.0
 FAR = (239.0 / 1728.0, -29.0 / 864.0, 7.0 / 1728.0)
-FIRST_CELL = (24.0 / 9.0, -19.0 / 9.0, 5.0 / 9.0, -1.0 / 9.0)  # of its average and three faces: the cubic's outer face
-SLAB = 1 << 20  # averages that are worked on at a time
+FIRST_CELL = (24.0 / 9.0, -19.0 / 9.0, 5.0 / 9.0, -1.0 / 9.0)  # outer face of the cubic through average and three faces
+SLAB = 1 << 20  # averages processed at a time
 
 
 def at_corners(average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Values at the corners of even cells from averages over these, one node more along each axis; and smooth cells.
+    """Return values at the corners of uniform cells, one node more along each axis, and which cells are smooth.
 
-    These neither hold a captured shock nor touch one that does.
+    Smooth cells neither contain a captured shock nor touch a cell that does.
 
     Args:
         average: Averages over the cells, three axes, at least two cells along each.
@@ -43,7 +44,7 @@ def at_corners(average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:
-    """Cells that neither hold a captured shock nor touch one that does."""
+    """Return which cells neither contain a captured shock nor touch a cell that does."""
     jump, bound = np.zeros(values.shape, bool), SHOCK_SHARE * np.ptp(values)
     for axis in range(values.ndim):
         if values.shape[axis] > 2:
@@ -58,7 +59,7 @@ def _smooth(values: np.ndarray) -> np.ndarray:
 
 
 def _along(average: np.ndarray, smooth: np.ndarray, axis: int) -> np.ndarray:
-    """Values at the faces across one axis, some of the rows at a time, on all cores."""
+    """Return values at the faces across one axis; threads process slabs of rows."""
     shape = list(average.shape)
     shape[axis] += 1
     found = np.empty(shape)
@@ -76,14 +77,14 @@ def _along(average: np.ndarray, smooth: np.ndarray, axis: int) -> np.ndarray:
 
 
 def integral_weights(count: int) -> np.ndarray:
-    """Weights of `count` node values, one spacing apart, in the integral of their spline from the first to the last."""
+    """Return the weights of `count` node values, one spacing apart, in the integral of their spline over all nodes."""
     coefficient = spline.spline_along(np.eye(count), 0, False)
     pieces = np.array([1.0, 11.0, 11.0, 1.0]) / 24.0
     return sum(piece * coefficient[k : k + count - 1].sum(axis=0) for k, piece in enumerate(pieces))
 
 
 def _at_faces(average: np.ndarray, smooth: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Values at the n + 1 faces of n cells along the first axis."""
+    """Return values at the n + 1 faces of n cells along the first axis."""
     faces = np.empty((len(average) + 1, *average.shape[1:]))
     np.add(average[1:], average[:-1], out=faces[1:-1])
     faces[1:-1] *= 0.5
@@ -95,12 +96,12 @@ def _at_faces(average: np.ndarray, smooth: np.ndarray, weight: np.ndarray) -> np
 
 
 def _bend(inner: np.ndarray, average: np.ndarray, smooth: np.ndarray) -> None:
-    """Take the differences of slopes off the means of neighbours, shape (n - 1, ...), where both are smooth."""
+    """Subtract the differences of slopes from the means of neighbours, shape (n - 1, ...), where both are smooth."""
     slope, least = np.diff(average, axis=0), LEAST_SHARE * np.minimum(average[1:], average[:-1])
     if len(slope) < 2:
         return
     free, reach = smooth[1:] & smooth[:-1], len(FAR)
-    first, last = 2.0 * slope[0] - slope[1], 2.0 * slope[-1] - slope[-2]  # one slope beyond: a parabola on three cells
+    first, last = 2.0 * slope[0] - slope[1], 2.0 * slope[-1] - slope[-2]  # extrapolated slopes, of a parabola
     if len(slope) > 2:
         first, last = first + slope[0] - 2.0 * slope[1] + slope[2], last + slope[-1] - 2.0 * slope[-2] + slope[-3]
     beyond = np.concatenate([first[None], slope, last[None]])
@@ -117,9 +118,9 @@ def _bend(inner: np.ndarray, average: np.ndarray, smooth: np.ndarray) -> None:
 
 
 def _set_edge(faces: np.ndarray, average: np.ndarray, smooth: np.ndarray) -> None:
-    """The first face: that of the cubic with the first cell's average, or beside a shock the lesser change."""
+    """Set the first face: that of the cubic with the first cell's average, or beside a shock by the lesser change."""
     own = average[0]
-    if len(average) < 3:  # two cells do not say whether they hold a slope or a jump
+    if len(average) < 3:  # two cells cannot tell a slope from a jump
         faces[0] = own
         return
     near, far = own - average[1], average[1] - average[2]
@@ -129,7 +130,7 @@ def _set_edge(faces: np.ndarray, average: np.ndarray, smooth: np.ndarray) -> Non
 
 
 def _keep_sum(faces: np.ndarray, average: np.ndarray, weight: np.ndarray) -> None:
-    """Let the integral along each row be the sum of its averages: faces are moved within the range of their cells."""
+    """Move faces within the range of their cells so that the integral along each row is the sum of its averages."""
     low, high = np.minimum(average[1:], average[:-1]), np.maximum(average[1:], average[:-1])
     # Differences from the row's first average keep the digits of a nearly uniform density.
     lacks = (average - average[0]).sum(axis=0) - np.tensordot(weight, faces - average[0], axes=1)

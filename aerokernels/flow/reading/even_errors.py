@@ -1,8 +1,9 @@
-"""What values at the corners of even cells lack of the flow, told on rows of cells along z, as of volumes on meshes.
+"""Estimate the error of values at the corners of uniform cells, on rows of cells along z.
 
-Beside a captured shock these values are means of neighbours, and the row is judged like cells of any mesh: by how a
-linear function with each cell's average differs from the means at its corners. Where the flow is smooth that difference
-is of second order and the values are of fourth: what it changes from cell to cell along the row counts there.
+Beside a captured shock these values are means of neighbours, and the row is judged like the cells of any mesh: by the
+difference between a linear function with each cell's average and the means at the cell's corners. Where the flow is
+smooth this difference is of second order but the values are of fourth order: there the change of the difference from
+cell to cell along the row counts.
 """
 
 import numpy as np
@@ -13,15 +14,15 @@ SIDES = np.array([[-0.5, 0.5]])
 
 
 def told_error(average: np.ndarray, smooth: np.ndarray, step: np.ndarray) -> VolumeResampling:
-    """The error of columns along z through the spline that keeps averages over even cells.
+    """Return the error of columns along z through the spline that keeps averages over uniform cells.
 
     Args:
         average: Averages over the cells [kg/m3], [x, y, z].
-        smooth: Cells that neither hold a captured shock nor touch one that does, likewise.
+        smooth: Cells that neither contain a captured shock nor touch a cell that does, likewise.
         step: Size of the cells along each axis [m].
     """
     i, j = (_some(n) for n in average.shape[:2])
-    # [row in x, its side, row in y, its side, z], cells beyond the edge as the line through the last two has them
+    # [row in x, its side, row in y, its side, z]; cells beyond the edge are extrapolated linearly from the last two
     near = _with_sides(_with_sides(average, i, 0), j, 2)
     near = np.concatenate(
         [2.0 * near[..., :1] - near[..., 1:2], near, 2.0 * near[..., -1:] - near[..., -2:-1]], axis=-1
@@ -45,12 +46,12 @@ def told_error(average: np.ndarray, smooth: np.ndarray, step: np.ndarray) -> Vol
 
 
 def _some(count: int) -> np.ndarray:
-    """Numbers of some rows, evenly among `count`."""
+    """Return the numbers of some rows, evenly spaced among `count`."""
     return np.unique(((np.arange(LINES) + 0.5) / LINES * count).astype(np.int64))
 
 
 def _with_sides(values: np.ndarray, index: np.ndarray, axis: int) -> np.ndarray:
-    """Some entries along an axis with those before and after each, on an axis of their own behind it."""
+    """Return some entries along an axis with those before and after each, on a new axis behind it."""
     last = values.shape[axis] - 1
     own = np.take(values, index, axis)
     inward = np.take(values, np.where(index == 0, 1, index - 1), axis)
@@ -62,7 +63,7 @@ def _with_sides(values: np.ndarray, index: np.ndarray, axis: int) -> np.ndarray:
 
 
 def _bends(near: np.ndarray) -> np.ndarray:
-    """What linear functions in the cells of rows differ from means at their corners: see `Linear.bend`."""
+    """Return the differences of linear functions in cells from means at their corners: see `Linear.bend`."""
     corner = near
     for axis in (1, 3):
         moved = np.moveaxis(corner, axis, 0)

@@ -1,7 +1,7 @@
-"""The boundaryField of an OpenFOAM field: what a solver holds at the faces of walls.
+"""Read the boundaryField of an OpenFOAM field: the solver's values at the faces of walls.
 
-A patch with an entry `value` has it, uniform or face by face; one of zero gradient has the averages of its cells. What
-is written in another way (coded, by macros, from other files) is not known.
+A patch with an entry `value` has one value, or one for each face; a patch of zero gradient has the averages of its
+cells. Values given in another way (coded, by macros, from other files) are unknown.
 """
 
 import re
@@ -27,9 +27,9 @@ class FoamPatchValues:
         folder: The time's folder.
         cell_data: The fields' averages over the cells.
         patch: The patch's name.
-        faces: Which of its faces are meant, in their order.
-        face_count: How many it has.
-        owner: The cell behind each that is meant.
+        faces: Numbers of the selected faces within the patch.
+        face_count: Number of all faces of the patch.
+        owner: The cell behind each selected face.
     """
 
     folder: Path
@@ -40,14 +40,14 @@ class FoamPatchValues:
     owner: np.ndarray
 
     def __call__(self, name: str) -> tuple[np.ndarray, np.ndarray] | None:
-        """Values of a scalar field at the faces and in their cells, shape (len(faces),) each; None if not known."""
+        """Return a scalar field at the faces and in their cells, shape (len(faces),) each; None if not known."""
         here = {self.patch: self.face_count}
         try:
             found = boundary_values(FoamFile(self.folder / name), here)[self.patch]
-            # Gas that slips along a wall has no layer there, whatever temperature the wall has.
+            # Gas that slips along a wall has no thermal layer, whatever the wall's temperature.
             if find(self.folder / "U") and _conditions(FoamFile(self.folder / "U"), here)[self.patch][0] in LEVEL:
                 found = LEVEL[0]
-        except ReadError:  # the averages of the same file are what was asked for
+        except ReadError:  # wall values are optional: the cell averages of the file remain
             return None
         cells = np.asarray(self.cell_data[name])[self.owner]  # type: ignore[index]
         if isinstance(found, str):
@@ -56,14 +56,15 @@ class FoamPatchValues:
 
 
 def boundary_values(file: FoamFile, patches: dict[str, int]) -> dict[str, np.ndarray | str]:
-    """Values at the faces of patches, or the type of a patch's condition where it has none, from a scalar field.
+    """Return a scalar field at the faces of patches, or the type of a patch's condition without a value.
 
     Args:
         file: The field.
         patches: Number of faces of each patch by name.
 
     Raises:
-        ReadError: A boundaryField that is not there, not closed, or has other numbers of values than of faces.
+        ReadError: A boundaryField that is missing or not closed, or whose numbers of values differ from those of the
+            faces.
     """
     found: dict[str, np.ndarray | str] = {}
     for name, (kind, value) in _conditions(file, patches).items():
@@ -74,7 +75,7 @@ def boundary_values(file: FoamFile, patches: dict[str, int]) -> dict[str, np.nda
 
 
 def _conditions(file: FoamFile, patches: dict[str, int]) -> dict[str, tuple[str, np.ndarray | None]]:
-    """Type and `value` of the condition on each patch: by its name, else by the last pattern that it has."""
+    """Return type and `value` of the condition on each patch, by its name, else by the last matching pattern."""
     starts = list(_BOUNDARY.finditer(file.data, file.at))
     if not starts:
         raise file.fault("there is no boundaryField")
@@ -91,7 +92,7 @@ def _conditions(file: FoamFile, patches: dict[str, int]) -> dict[str, tuple[str,
 
 
 def _fits(pattern: str, name: str) -> bool:
-    """Whether a pattern as cases have them, "(wall|body).*", is a patch's; others could take for ever and are none."""
+    """Return whether a pattern such as "(wall|body).*" matches a patch; patterns that are slow to match never do."""
     plain = _PLAIN.fullmatch(pattern) and pattern.count("(") < 3 and pattern.count("*") < 3
     try:
         return bool(plain) and re.fullmatch(pattern, name[:200]) is not None
@@ -100,7 +101,7 @@ def _fits(pattern: str, name: str) -> bool:
 
 
 def _condition(file: FoamFile, repeated: int) -> tuple[str, np.ndarray | None]:
-    """The type of a patch's condition, and its `value`: one number, or one for each face."""
+    """Return the type of a patch's condition, and its `value`: one number, or one for each face."""
     kind, value = "", None
     file.expect(b"{")
     while file.peek() != b"}":
@@ -115,7 +116,7 @@ def _condition(file: FoamFile, repeated: int) -> tuple[str, np.ndarray | None]:
 
 
 def _entry(file: FoamFile, repeated: int) -> np.ndarray | str:
-    """An entry up to its semicolon: numbers where it is uniform or nonuniform, else its first word."""
+    """Return an entry up to its semicolon: numbers where it is uniform or nonuniform, else its first word."""
     first, numbers, depth = "", None, 0
     while depth or file.peek() != b";":
         mark = file.peek()
@@ -124,14 +125,14 @@ def _entry(file: FoamFile, repeated: int) -> np.ndarray | str:
         if mark in b"(){};":
             depth += 1 if mark in b"({" else -1 if mark in b")}" else 0
             file.at += 1
-            if mark == b"}" and depth == 0:  # a dictionary in it, which has no semicolon
+            if mark == b"}" and depth == 0:  # a nested dictionary ends without a semicolon
                 return first
             continue
         word = file.word()
         first = first or word
         if word == "nonuniform" and depth == 0:
             following = file.word()
-            if following == "0":  # of a patch without a face here, "0()", as decomposed cases have them
+            if following == "0":  # "0()": a patch without faces on this processor of a decomposed case
                 numbers = np.empty(0)
                 continue
             kind = re.fullmatch(r"List<(\w+)>", following)

@@ -1,10 +1,11 @@
-"""OpenFOAM cases: serial and decomposed, ascii and binary, wedge, planar and 3-D, any time.
+"""Read OpenFOAM cases: serial and decomposed, ascii and binary, wedge, planar and 3-D, any time.
 
-Fields of finite volumes are averages over cells, and stay so. VTK's reader is not used: it keeps single precision.
+Finite-volume fields are cell averages and stay so. VTK's reader is not used because it returns single precision.
 """
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,19 +18,19 @@ UNIVERSAL_GAS_CONSTANT = 8314.4626  # [J/(kmol K)]
 _INTERNAL = re.compile(rb"\binternalField\s+(uniform|nonuniform)\b")
 _WIDTH = {"volScalarField": 1, "volVectorField": 3}
 _MOLAR_MASS = re.compile(r"\bmolWeight\s+([0-9.eE+-]+)\s*;")
-_COMMENT = re.compile(r"//[^\n]*|/\*.*?(?:\*/|\Z)", re.DOTALL)  # one that is not closed goes to the end
+_COMMENT = re.compile(r"//[^\n]*|/\*.*?(?:\*/|\Z)", re.DOTALL)  # an unclosed comment extends to the end
 _DIMENSIONS = re.compile(rb"\bdimensions\s*\[([^\]]*)\]")
-GREATEST_INCLUDED = 1_000_000  # [bytes]: a case of somebody else's may name any file of the system
+GREATEST_INCLUDED = 1_000_000  # [bytes]: a case from elsewhere may include any file of the system
 _INCLUDE = re.compile(r'^[ \t]*#include\w*\s+"([^"\n]+)"', re.MULTILINE)
 
 
 def may_be_case(path: Path) -> bool:
-    """Whether a path is of the kinds that stand for a case, whatever lies there: a folder, .foam file, controlDict."""
+    """Return whether a path is of a kind that denotes a case: a folder, a .foam file or a controlDict."""
     return path.is_dir() or path.suffix.lower() in (".foam", ".openfoam") or path.name == "controlDict"
 
 
 def is_case(path: Path) -> bool:
-    """Whether a path is an OpenFOAM case: a folder with a mesh, its controlDict, or a .foam file that marks one."""
+    """Return whether a path is an OpenFOAM case: a folder with a mesh, its controlDict, or a .foam file in it."""
     folder = case_folder(path)
     return (folder / "constant" / "polyMesh").is_dir() or (folder / "processor0").is_dir() or (
         (folder / "system" / "controlDict").is_file()
@@ -37,14 +38,14 @@ def is_case(path: Path) -> bool:
 
 
 def case_folder(path: Path) -> Path:
-    """The folder of a case from the folder itself, a .foam file in it or its controlDict."""
+    """Return the folder of a case from the folder itself, a .foam file in it or its controlDict."""
     if path.is_dir():
         return path
     return path.parent.parent if path.name == "controlDict" else path.parent
 
 
 def times_of(folder: Path) -> list[tuple[float, str]]:
-    """Times for which a folder holds fields, ascending, with the names of their folders."""
+    """Return the times for which a folder holds fields, ascending, with the names of their folders."""
     found = []
     for entry in folder.iterdir():
         try:
@@ -57,21 +58,21 @@ def times_of(folder: Path) -> list[tuple[float, str]]:
 
 
 def fields_in(folder: Path) -> Iterator[str]:
-    """Names of the files in a time's folder."""
+    """Yield the names of the files in a time's folder."""
     for entry in sorted(folder.iterdir()):
         if entry.is_file() and not entry.name.startswith(".") and not entry.name.endswith("~"):
             yield entry.name.removesuffix(".gz")
 
 
 class FoamFields(Mapping):
-    """The cell fields of one time by name, each read when it is first asked for.
+    """The cell fields of one time by name, each read on first access.
 
     Attributes:
-        units: Unit of each by name, of its dimensions.
+        units: Unit of each field by name, from its dimensions.
     """
 
     def __init__(self, folder: Path, cell_count: int):
-        """Look which files are fields of cells."""
+        """Find the files that are fields of cells."""
         self._folder, self._cell_count = folder, cell_count
         self._read: dict[str, np.ndarray] = {}
         self.units: dict[str, str] = {}
@@ -82,7 +83,7 @@ class FoamFields(Mapping):
         try:
             file = FoamFile(path) if path else None
         except ReadError:
-            return 1  # damaged: reported when it is asked for
+            return 1  # a damaged file is reported when the field is read
         width = _WIDTH.get(file.header.get("class", ""), 0) if file else 0
         if file and width and (found := _DIMENSIONS.search(file.data, file.at)):
             self.units[name] = unit_in_words(found[1].decode("latin-1"))
@@ -97,11 +98,11 @@ class FoamFields(Mapping):
         return len(self._names)
 
     def __contains__(self, name) -> bool:
-        """Whether there is such a field, without reading it."""
+        """Return whether there is such a field, without reading it."""
         return name in self._names
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """A field's averages over the cells, shape (cell_count,) or (cell_count, 3)."""
+        """Return a field's averages over the cells, shape (cell_count,) or (cell_count, 3)."""
         if name not in self._names:
             raise KeyError(name)
         if name not in self._read:
@@ -110,17 +111,20 @@ class FoamFields(Mapping):
 
 
 def unit_in_words(exponents: str) -> str:
-    """A field's dimensions, such as "1 -3 0 0 0 0 0" (mass, length, time, temperature, ...), as a unit: "kg m^-3"."""
+    """Return a field's dimensions, such as "1 -3 0 0 0 0 0", as a unit: "kg m^-3".
+
+    The exponents are those of mass, length, time, temperature, amount, current and luminous intensity.
+    """
     symbols = ("kg", "m", "s", "K", "mol", "A", "cd")
     try:
         powers = [float(word) for word in exponents.split()]
-    except ValueError:  # by their names, which nobody but OpenFOAM knows
+    except ValueError:  # named dimensions, which only OpenFOAM can resolve
         return ""
     return " ".join(f"{one}^{power:g}" for one, power in zip(symbols, powers, strict=False) if power)
 
 
 def read_field(path: Path, cell_count: int) -> np.ndarray:
-    """The averages over the cells of a volScalarField or volVectorField.
+    """Return the cell averages of a volScalarField or volVectorField.
 
     Raises:
         ReadError: No such field, or another number of entries than of cells.
@@ -154,12 +158,12 @@ def read_field(path: Path, cell_count: int) -> np.ndarray:
 
 
 def _value_of(file: FoamFile, name: str) -> str:
-    """What stands for a name such as $pInlet: in the file itself, or in those that it includes."""
+    """Return the value of a macro such as $pInlet, from the file itself or from files that it includes."""
     text = _COMMENT.sub("", file.data.decode("latin-1"))
     texts = [text]
     for included in _INCLUDE.findall(text):
         other = file.path.parent / included
-        if other.is_file() and 0 < other.stat().st_size <= GREATEST_INCLUDED:  # of 0 bytes: a device
+        if other.is_file() and 0 < other.stat().st_size <= GREATEST_INCLUDED:  # devices have 0 bytes
             texts.append(_COMMENT.sub("", other.read_text("latin-1")))
     values = [
         found for one in texts for found in re.findall(rf"^[ \t]*{re.escape(name)}\s+([^;{{}}]*);", one, re.MULTILINE)
@@ -167,26 +171,46 @@ def _value_of(file: FoamFile, name: str) -> str:
     return str(values[-1]).strip() if values else ""
 
 
-def parts_and_times(folder: Path) -> tuple[list[Path], list[tuple[float, str]]]:
-    """The folders in which the parts of a case lie, itself alone where it is whole and solved; and its times.
+@dataclass(frozen=True)
+class FoamTime:
+    """A time of a case.
+
+    Attributes:
+        value: The time [s].
+        name: Name of its folder.
+        parts: The folders that contain it: the case itself, or those of all processors.
+    """
+
+    value: float
+    name: str
+    parts: list[Path]
+
+
+def case_times(folder: Path) -> list[FoamTime]:
+    """Return the times of a case, ascending: those of the whole case, and others that only its processors have.
+
+    The times of a whole case that has not been solved, its initial state, count only if it is not decomposed.
 
     Raises:
-        ReadError: No mesh, or no fields at any time.
+        ReadError: No mesh, no fields at any time, or fields in the collated format.
     """
     parts = sorted(folder.glob("processor[0-9]*"), key=lambda part: int(re.sub(r"\D", "", part.name) or 0))
-    serial = times_of(folder)
-    solved = [entry for entry in serial if entry[0] > 0.0]
+    collated = next(folder.glob("processors[0-9]*"), None)
     whole = (folder / "constant" / "polyMesh").is_dir()
-    if parts and not (whole and solved):
-        times = times_of(parts[0])
-        folders = parts
-    elif whole:
-        times, folders = serial, [folder]
-    else:
+    serial = [FoamTime(value, name, [folder]) for value, name in times_of(folder)] if whole else []
+    if not any(time.value > 0.0 for time in serial):
+        if collated is not None and not parts:
+            raise ReadError(
+                collated, "its fields are in the collated format, which is not read", "run reconstructPar on the case"
+            )
+        serial = [] if parts else serial
+    if not parts and not whole:
         raise ReadError(folder, "there is no constant/polyMesh", "make the mesh first, with blockMesh say")
-    if not times:
+    known = {time.value for time in serial}
+    more = [FoamTime(value, name, parts) for value, name in times_of(parts[0]) if value not in known] if parts else []
+    if not serial and not more:
         raise ReadError(folder, "the case holds no fields at any time", "run the solver, or restore its time folders")
-    return folders, times
+    return sorted([*serial, *more], key=lambda time: time.value)
 
 
 def read(path: Path, time: float | str | None = None, options: dict | None = None) -> Dataset:
@@ -201,32 +225,33 @@ def read(path: Path, time: float | str | None = None, options: dict | None = Non
         ReadError: No case, no such time, or a file that is missing or damaged.
     """
     folder = case_folder(path)
-    folders, times = parts_and_times(folder)
-    value = chosen_time(folder, [entry for entry, _ in times], time)
-    name = next(name for entry, name in reversed(times) if entry == value)
-    blocks, patches, geometries = [], [], []
-    for part in folders:
-        block, own, geometry = _part(part, name)
+    times = case_times(folder)
+    value = chosen_time(folder, [entry.value for entry in times], time)
+    chosen = next(entry for entry in reversed(times) if entry.value == value)
+    blocks, patches, geometries, axes = [], [], [], []
+    for part in chosen.parts:
+        block, own, geometry, axis = _part(part, chosen.name)
         blocks.append(block)
         patches += own
         geometries.append(geometry)
+        axes += [axis] if axis is not None else []
     if len(set(geometries)) > 1:
         raise ReadError(folder, "some processors have another geometry than the others", "decompose the case again")
     return Dataset(
         blocks,
-        f"OpenFOAM case{f', decomposed in {len(folders)}' if folders != [folder] else ''}",
+        f"OpenFOAM case{f', decomposed in {len(chosen.parts)}' if chosen.parts != [folder] else ''}",
         geometry=geometries[0],
         patches=patches,
-        times=[entry for entry, _ in times],
+        times=[entry.value for entry in times],
         time=value,
-        axis=_axis(blocks) if geometries[0] == "axisymmetric" else None,
+        axis=(axes[0] if axes else _axis(blocks)) if geometries[0] == "axisymmetric" else None,
         gas_constant=_gas_constant(folder),
         units=getattr(blocks[0].cell_data, "units", {}),
     )
 
 
-def _part(folder: Path, time: str) -> tuple[Block, list, str]:
-    """The block of a serial case or of one processor."""
+def _part(folder: Path, time: str) -> tuple[Block, list, str, tuple[float, float, float] | None]:
+    """Return the block, the patches, the geometry and the axis of symmetry of a serial case or of one processor."""
     moved = folder / time / "polyMesh"
     mesh = read_mesh(folder / "constant" / "polyMesh")
     if find(moved / "points") is not None:
@@ -234,9 +259,10 @@ def _part(folder: Path, time: str) -> tuple[Block, list, str]:
     fields = FoamFields(folder / time, mesh.cell_count)
     plane = plane_of(mesh)
     if plane is None:
-        return _solid_block(mesh, fields), surface_patches(mesh), "volume"
-    block, patches = flat_block(mesh, np.concatenate(plane[1]), fields, folder / time)
-    return block, patches, plane[0]
+        return _solid_block(mesh, fields), surface_patches(mesh), "volume", None
+    geometry, faces, axis = plane
+    block, patches = flat_block(mesh, faces, fields, folder / time)
+    return block, patches, geometry, axis
 
 
 def _solid_block(mesh: FoamMesh, fields: FoamFields) -> Block:
@@ -247,12 +273,12 @@ def _solid_block(mesh: FoamMesh, fields: FoamFields) -> Block:
 
 
 def _axis(blocks: list[Block]) -> tuple[float, float, float]:
-    """The axis of a wedge: the coordinate axis that lies in its plane."""
+    """Return the axis of a wedge whose sides do not tell it: the coordinate axis that is in its plane."""
     points = np.concatenate([block.points for block in blocks])
     centred = points - points.mean(axis=0)
     normal = np.linalg.svd(centred.T @ centred)[0][:, 2]
-    # The plane holds the axis: the normal is across it. Of the two coordinate axes that are left, the plane
-    # of the wedge goes through one only.
+    # The plane contains the axis, so that the axis is perpendicular to the normal: the plane of a wedge side, which is
+    # tilted, contains one coordinate axis only.
     across = np.abs(normal)
     axis = [0.0, 0.0, 0.0]
     axis[int(np.argmin(across))] = 1.0
@@ -260,7 +286,7 @@ def _axis(blocks: list[Block]) -> tuple[float, float, float]:
 
 
 def _gas_constant(folder: Path) -> float | None:
-    """The gas constant [J/(kg K)] from constant/thermophysicalProperties, where it names a molar mass."""
+    """Return the gas constant [J/(kg K)] from the molar mass in constant/thermophysicalProperties, None without one."""
     for name in ("thermophysicalProperties", "physicalProperties"):
         path = folder / "constant" / name
         for place in (path, folder.parent / "constant" / name):

@@ -1,7 +1,7 @@
-"""One file of an OpenFOAM case: its header, and lists and words read at a cursor, ascii and binary.
+"""Parse one file of an OpenFOAM case: its header, and lists and words at a cursor, in ascii and binary.
 
 The format: a dictionary FoamFile {...} with `format` and `arch`, then entries. A list is a count and its entries in
-brackets, `3(1 2 3)`; in binary files the entries between the brackets are raw numbers, of the sizes that `arch` names
+brackets, `3(1 2 3)`; in binary files the entries between the brackets are raw numbers, whose sizes `arch` states
 ("LSB;label=32;scalar=64").
 """
 
@@ -20,12 +20,12 @@ _BLANK = re.compile(rb"(?:\s+|//[^\n]*\n?|/\*.*?\*/)*", re.DOTALL)
 _WORD = re.compile(rb'"[^"\n]*"|[^\s(){};"]+')
 _HEADER = re.compile(rb"FoamFile\s*\{(.*?)\}", re.DOTALL)
 _BRACKETS = bytes.maketrans(b"()", b"  ")
-PIECE = 1 << 24  # [bytes] that are unpacked at once
+PIECE = 1 << 24  # [bytes] unpacked at once
 REMEDY = "the file is damaged or was not written to its end: write it again, or read another time"
 
 
 def find(path: Path) -> Path | None:
-    """The file itself, or the same compressed by gzip, whichever is there."""
+    """Return the path of the file or of its gzip-compressed version, whichever exists, or None."""
     if path.is_file():
         return path
     packed = path.with_name(path.name + ".gz")
@@ -33,7 +33,10 @@ def find(path: Path) -> Path | None:
 
 
 def _unpacked(path: Path) -> bytes:
-    """What a compressed file holds, if there is room for it: a thousandth may lie in the file."""
+    """Return the content of a compressed file, after checking that it fits in memory.
+
+    The content may be a thousand times larger than the file.
+    """
     parts: list[bytes] = []
     with gzip.open(path) as stream:
         while part := stream.read(PIECE):
@@ -57,7 +60,7 @@ class FoamFile:
         """Read the file and its header.
 
         Raises:
-            ReadError: No such file, no gzip file in spite of its name, or no header.
+            ReadError: No such file, a damaged gzip file, or no header.
         """
         found = find(path)
         if found is None:
@@ -83,15 +86,15 @@ class FoamFile:
         self.scalar = np.dtype(f"{order}f{int(sizes.get('scalar', 64)) // 8}")
 
     def fault(self, what: str, remedy: str = REMEDY) -> ReadError:
-        """An error at the cursor."""
+        """Return an error at the cursor."""
         return ReadError(self.path, f"{what} (byte {self.at} of {len(self.data)})", remedy)
 
     def skip(self) -> None:
-        """Move the cursor past blanks and comments."""
+        """Move the cursor past white space and comments."""
         self.at = _BLANK.match(self.data, self.at).end()  # type: ignore[union-attr]
 
     def peek(self) -> bytes:
-        """The next character that is not blank; empty at the end of the file."""
+        """Return the next character that is not blank; empty at the end of the file."""
         self.skip()
         return self.data[self.at : self.at + 1]
 
@@ -102,7 +105,7 @@ class FoamFile:
         self.at += 1
 
     def word(self) -> str:
-        """The next word."""
+        """Return the next word and move past it."""
         self.skip()
         match = _WORD.match(self.data, self.at)
         if match is None:
@@ -111,10 +114,12 @@ class FoamFile:
         return match[0].decode("latin-1").strip('"')
 
     def count(self, repeated: int = 0) -> int:
-        """The next word as the length of a list: no more than the file can hold, or of one value, `5{1.2}`, `repeated`.
+        """Return the next word as the length of a list.
+
+        The length is at most the size of the file, or `repeated` for a list of one value, `5{1.2}`.
 
         Raises:
-            ReadError: Another word, or more.
+            ReadError: Not a number, or a greater one.
         """
         word = self.word()
         count = whole_number(word)
@@ -123,12 +128,12 @@ class FoamFile:
         return count
 
     def numbers(self, kind: np.dtype, width: int = 1, repeated: int = 0) -> np.ndarray:
-        """A list of numbers, or of vectors of `width` numbers: shape (n,) or (n, width).
+        """Return a list of numbers, or of vectors of `width` numbers: shape (n,) or (n, width).
 
-        A list of one value has as many as the file has bytes or `repeated`, at most.
+        A list of one repeated value has at most as many entries as the file has bytes, or `repeated`.
 
         Raises:
-            ReadError: Another number of entries than was announced, or entries that are no numbers.
+            ReadError: Another number of entries than was announced, or entries that are not numbers.
         """
         count = self.count(repeated)
         uniform = self.peek() == b"{"
@@ -150,7 +155,7 @@ class FoamFile:
         return values if width == 1 else values.reshape(count, width)
 
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
-        """A list of faces: where each begins, shape (n + 1,), and their points, concatenated."""
+        """Return a list of faces: the first entry of each, shape (n + 1,), and their points, concatenated."""
         if "Compact" in self.header.get("class", "") and self.binary:
             start, points = self.numbers(self.label), self.numbers(self.label)
             good = len(start) > 0 and start[0] == 0 and start[-1] == len(points) and (np.diff(start) > 2).all()
@@ -180,7 +185,7 @@ class FoamFile:
         return self.at + size < len(self.data) and self.data[self.at + size : self.at + size + 1] == b")"
 
     def _until(self, pattern: bytes) -> bytes:
-        """The text up to a pattern; the cursor moves past it."""
+        """Return the text up to a pattern; the cursor moves past the pattern."""
         match = re.compile(pattern).search(self.data, self.at)
         if match is None:
             raise self.fault("a list is not closed")

@@ -1,4 +1,4 @@
-"""The mesh of an OpenFOAM case: points, faces, owner and neighbour of each face, and the boundary's patches."""
+"""Read the mesh of an OpenFOAM case: points, faces, owner and neighbour of each face, and the boundary's patches."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ BAD_MESH = "run checkMesh on the case and make the mesh again"
 
 @dataclass(frozen=True)
 class FoamPatch:
-    """A patch: its name, its type in words, its first face and its number of faces."""
+    """A patch: its name, its type, its first face and its number of faces."""
 
     name: str
     kind: str
@@ -26,7 +26,7 @@ class FoamMesh:
     """A polyMesh folder.
 
     Attributes:
-        folder: Where it lies.
+        folder: Path of the folder.
         points: Coordinates [m], shape (point_count, 3).
         faces: The faces.
         cell_count: Number of cells.
@@ -40,7 +40,7 @@ class FoamMesh:
     patches: list[FoamPatch]
 
     def patch_faces(self, kind: str) -> list[np.ndarray]:
-        """Indices of the faces of each patch of a type that has any."""
+        """Return the indices of the faces of each non-empty patch of a type."""
         return [np.arange(p.first, p.first + p.count) for p in self.patches if p.kind == kind and p.count]
 
 
@@ -73,7 +73,7 @@ def _cells_of_faces(folder: Path, face_count: int) -> tuple[np.ndarray, np.ndarr
     file = FoamFile(folder / "neighbour")
     neighbour = file.numbers(file.label).astype(np.int64)
     neighbour = neighbour[neighbour >= 0]  # old versions list -1 for the boundary
-    # Every cell has faces of its own: a greater number is damaged, and would be the size of arrays.
+    # Every cell owns a face: a greater cell number is damaged, and would set the size of arrays.
     fits = len(neighbour) <= face_count and len(owner) and owner.min() >= 0 and owner.max() < face_count
     if not fits or (len(neighbour) and neighbour.max() > owner.max()):
         raise ReadError(file.path, "owners and neighbours of faces do not agree", BAD_MESH)
@@ -118,46 +118,53 @@ def _patches(path: Path, inner: int, face_count: int) -> list[FoamPatch]:
     return patches
 
 
-LEAST_ANGLE = 1e-4  # between the sides of a wedge, below which rounded points do not tell where they meet
-OFF_AXIS = 0.01  # of the greatest radius: so much rounded points may leave
+LEAST_ANGLE = 1e-4  # between the sides of a wedge: below it, rounding of the points hides where the sides meet
+OFF_AXIS = 0.01  # allowed distance of the axis from the origin, relative to the greatest radius: rounding of points
 
 
-def plane_of(mesh: FoamMesh) -> tuple[str, list[np.ndarray]] | None:
-    """Whether the mesh is one cell thick: ("axisymmetric" or "planar", the faces of one side), or None.
+Axis = tuple[float, float, float]
 
-    The sides of a wedge are two patches of type "wedge"; those of a plane are one or two of type "empty". Every cell
-    has one face on either side.
+
+def plane_of(mesh: FoamMesh) -> tuple[str, np.ndarray, Axis | None] | None:
+    """Return ("axisymmetric" or "planar", the faces of one side, axis if known) of a mesh one cell thick, or None.
+
+    The sides of a wedge are two patches of type "wedge"; the sides of a plane are one or two patches of type "empty".
+    Every
+    cell has one face on either side.
     """
     wedges, empty = mesh.patch_faces("wedge"), mesh.patch_faces("empty")
     if wedges:
-        _check_axis(mesh, wedges)
-        return "axisymmetric", wedges[:1]
+        return "axisymmetric", wedges[0], _axis_of(mesh, wedges)
     if not empty:
         return None
     faces = np.concatenate(empty)
     height = _face_means(mesh, faces) @ _upward(mesh, faces[:1])
-    # Of the two faces of a cell, the lower one.
+    # Take the lower of the two faces of each cell.
     order = np.lexsort((height, mesh.faces.owner[faces]))
     owner = mesh.faces.owner[faces][order]
-    return "planar", [faces[order[np.append(True, owner[1:] != owner[:-1])]]]
+    return "planar", faces[order[np.append(True, owner[1:] != owner[:-1])]], None
 
 
 def _upward(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
-    """The direction across the points of some faces in a plane, up or towards what is positive."""
+    """Return the normal of the plane of some faces, oriented so that its greatest component is positive."""
     corners = mesh.points[mesh.faces.points[_rows(mesh, faces)]]
     normal = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)[2][2]
     return np.asarray(np.copysign(1.0, normal[np.argmax(np.abs(normal))]) * normal)
 
 
-def _check_axis(mesh: FoamMesh, wedges: list[np.ndarray]) -> None:
-    """Refuse a wedge whose sides do not meet in x, y or z: radii are counted from these."""
-    if len(wedges) != 2 or not all(len(faces) for faces in wedges):
-        return
+def _axis_of(mesh: FoamMesh, wedges: list[np.ndarray]) -> Axis | None:
+    """Return the coordinate axis in which the sides of a wedge meet; None if they do not tell.
+
+    Raises:
+        ReadError: The sides meet in another line: radii are measured from a coordinate axis.
+    """
+    if len(wedges) != 2:
+        return None
     normals = np.array([_upward(mesh, faces) for faces in wedges])
     heights = [_face_means(mesh, faces).mean(axis=0) @ normal for faces, normal in zip(wedges, normals, strict=True)]
     along = np.cross(*normals)
     if np.linalg.norm(along) < LEAST_ANGLE:
-        return
+        return None
     along /= np.linalg.norm(along)
     point = np.linalg.solve(np.array([*normals, along]), [*heights, 0.0])
     beside = mesh.points - point
@@ -169,10 +176,12 @@ def _check_axis(mesh: FoamMesh, wedges: list[np.ndarray]) -> None:
             f"{np.round(along, 6).tolist()}: that is the axis of symmetry, and it is not x, y or z",
             "move the mesh there, with transformPoints",
         )
+    axis = np.eye(3)[int(np.argmax(np.abs(along)))]
+    return axis[0], axis[1], axis[2]
 
 
 def _rows(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
-    """Places in `mesh.faces.points` of the points of some faces, concatenated."""
+    """Return the indices into `mesh.faces.points` of the points of some faces, concatenated."""
     width = np.diff(mesh.faces.start)[faces]
     before = np.cumsum(width) - width
     return np.arange(int(width.sum())) + np.repeat(mesh.faces.start[faces] - before, width)
@@ -185,7 +194,7 @@ def _face_means(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
 
 
 def surface_patches(mesh: FoamMesh) -> list[Patch]:
-    """The patches of a volume, those between its parts left out."""
+    """Return the patches of a volume, without those between processors."""
     start, points, found = mesh.faces.start, mesh.faces.points, []
     for patch in mesh.patches:
         if not patch.count or patch.kind.startswith("processor"):
@@ -197,7 +206,7 @@ def surface_patches(mesh: FoamMesh) -> list[Patch]:
 
 
 def flat_block(mesh: FoamMesh, faces: np.ndarray, cell_data, time: Path) -> tuple[Block, list[Patch]]:
-    """The side of a mesh that is one cell thick as polygons, in the order of the cells, and the patches' edges.
+    """Return one side of a mesh one cell thick as polygons, in the order of the cells, and the patches' edges.
 
     `time` is the folder of the fields, which have values on patches.
     """

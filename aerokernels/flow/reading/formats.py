@@ -1,7 +1,7 @@
-"""Which reader reads a path: by what lies there, its first bytes and the end of its name.
+"""Choose the reader of a path by its kind, its first bytes and its file name suffix.
 
-A reader is a function of (path, time, options) that returns a `Dataset`, or raises `ReadError`. Those that stand on
-libraries in C or C++ run in a child process (aerokernels/process/fragile.py), which may crash without harm.
+A reader is a function of (path, time, options) that returns a `Dataset`, or raises `ReadError`. Readers that depend on
+libraries in C or C++ run in a child process (aerokernels/process/fragile.py), so that a crash cannot end this one.
 """
 
 import math
@@ -22,14 +22,14 @@ from .vtk_collections import LISTED, SUFFIXES
 
 @dataclass(frozen=True)
 class Format:
-    """A format: its name in words, the ends of its files' names, the module that reads it, and whether in a child.
+    """A file format and the module that reads it.
 
     Attributes:
-        name: In words.
-        suffixes: Ends of file names, in lower case.
-        module: Module of this package; it has a function `read(path, time, options)`.
+        name: Name of the format in messages.
+        suffixes: File name suffixes, in lower case.
+        module: Module of this package with a function `read(path, time, options)`.
         fragile: Whether a damaged file may end the process that reads it.
-        library: What has to be installed, or "".
+        library: Package that must be installed, or "".
     """
 
     name: str
@@ -58,7 +58,7 @@ FORMATS = (
     Format("HDF5", (".h5", ".hdf5", ".hdf"), "named_arrays", True),
     Format("table of points", (".csv", ".txt"), "point_table"),
 )
-# Which formats take what single ones need.
+# The reader modules that accept each option.
 OPTIONS = {"mesh": ("su2",), "solution": ("su2", "plot3d"), "variables": ("named_arrays", "labelled")}
 _BY_NAME = {entry.name: entry for entry in FORMATS}
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -66,12 +66,12 @@ SU2_MAGIC = (535532).to_bytes(4, "little"), (535532).to_bytes(4, "big")
 
 
 def format_of(path: Path, options: Mapping[str, Any]) -> Format:
-    """The format of what lies at a path; `options` as in `load`.
+    """Return the format of a path; `options` as in `load`.
 
     Raises:
-        ReadError: Nothing there, an empty file, or nothing that is known.
+        ReadError: No such path, an empty file, or an unknown format.
     """
-    if not os.path.exists(path):  # of a name of any length
+    if not os.path.exists(path):  # which, unlike Path.exists, accepts a name of any length
         raise ReadError(path, "there is no such file or folder", "give the path of a flow file or case")
     from .foam_case import is_case, may_be_case
 
@@ -94,7 +94,7 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
     if head[:4] in SU2_MAGIC:
         return _BY_NAME["SU2"]
     if options.get("mesh") is not None and suffix in (".csv", ".dat"):
-        return _BY_NAME["SU2"]  # a restart whose mesh lies elsewhere
+        return _BY_NAME["SU2"]  # a restart whose mesh is in another folder
     if suffix in (".dat", ".plt", ".tec", ".tp"):
         if suffix == ".plt" and b"\0" in head:
             return _BY_NAME["Tecplot binary"]
@@ -106,28 +106,28 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
             return entry
     if head.startswith(HDF5_MAGIC):
         return _BY_NAME["CGNS" if b"CGNS" in head else "HDF5"]
-    if "solution" in options:  # the grids of Plot3D end as their programs like
+    if "solution" in options:  # programs give Plot3D grids any suffix
         return _BY_NAME["Plot3D"]
     known = ", ".join(sorted({end for entry in FORMATS for end in entry.suffixes} | {".dat"}))
     raise ReadError(path, f"no format is known for the name's end {suffix!r}", f"known are OpenFOAM cases and {known}")
 
 
 def _su2_mesh_beside(path: Path, head: bytes) -> bool:
-    """Whether a CSV file is a restart of SU2: its first column says so, and a mesh lies beside it."""
+    """Return whether a CSV file is an SU2 restart: its header names a PointID, and a mesh is in the same folder."""
     first = head.split(b"\n", 1)[0].lower()
     return b"pointid" in first.replace(b"_", b"") and any(path.parent.glob("*.su2"))
 
 
 def load(path: Path, time, options: dict[str, Any]) -> Dataset:
-    """Read what lies at a path.
+    """Read the file or case at a path.
 
     Args:
         path: File or folder.
         time: "latest" (None), "first" or a time [s].
-        options: What single formats take beside it: "mesh" (SU2), "solution" (Plot3D), "variables" (named arrays).
+        options: Options of single formats: "mesh" (SU2), "solution" (Plot3D), "variables" (named arrays).
 
     Raises:
-        ReadError: A path that nothing reads, a library that is not installed, a damaged file.
+        ReadError: A path that no reader accepts, a library that is not installed, a damaged file.
     """
     time = checked_time(time)
     entry = format_of(path, options)
@@ -137,16 +137,16 @@ def load(path: Path, time, options: dict[str, Any]) -> Dataset:
             raise ValueError(f"{path} is read as {entry.name}, which takes no {name}: that belongs to {own}")
     _need(path, entry)
     found = (in_child if entry.fragile else read_here)(entry.module, path, time, options)
-    if not found.times:  # many a format has none, and its reader does not ask
+    if not found.times:  # readers of formats without times do not check the requested time
         chosen_time(path, (), time)
     return found
 
 
 def checked_time(time) -> float | str | None:
-    """A time of a file as readers take it: "latest", "first", None or a number [s].
+    """Return a requested time in the form that readers take: "latest", "first", None or a number [s].
 
     Raises:
-        TypeError: Something else.
+        TypeError: Neither a text nor a number.
         ValueError: A text that is none of these, or a number that is not finite.
     """
     if time is None or time in ("latest", "first"):
@@ -163,7 +163,7 @@ def checked_time(time) -> float | str | None:
 
 
 def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
-    """As `read_here`, in a child process; its end becomes a ReadError."""
+    """Call `read_here` in a child process; raise ReadError if the child process ends early."""
     try:
         found = call_in_child(path, f"{read_here.__module__}:{read_here.__name__}", module, path, time, options)
     except LibraryEndedError as fault:

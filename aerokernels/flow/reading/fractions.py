@@ -1,7 +1,7 @@
-"""Which gas a file holds, place by place: fractions of species, from their arrays to the `Composition` of a field.
+"""The gas mixture of a file: fractions of species, from their arrays to the `Composition` of a field.
 
-What is carried from cells to a mesh or a grid are the partial densities, rho times the mass fraction: refractivities
-add by them, and averages of them stay averages.
+The quantities carried from cells to a mesh or a grid are the partial densities, density times mass fraction:
+refractivities are additive in them, and averages of them remain averages.
 """
 
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from ..species import SPECIES_NAMES, Composition, molar_mass
 from .dataset import Block, Dataset, ReadError
 from .density import found_name, plain_name, scalar_array
 
-SUM_TOLERANCE = 1e-3  # by which fractions may miss a sum of 1, and fall below 0, as solvers leave them
+SUM_TOLERANCE = 1e-3  # deviation of solvers' fractions from a sum of 1, and below 0
 BASES = ("mass", "mole")
 BESIDE_THE_FORMULA = ("", "y", "mass", "massfraction", "massfractionof", "mf")
 
@@ -24,8 +24,8 @@ class Fractions:
 
     Attributes:
         names: Chemical formulas.
-        blocks: Fractions in each block, each shape (species_count, value_count), where the density lies.
-        said: What was taken, in words.
+        blocks: Fractions in each block, each shape (species_count, value_count), at the places of the density.
+        said: Description of the arrays used.
     """
 
     names: tuple[str, ...]
@@ -33,7 +33,7 @@ class Fractions:
     said: str
 
     def composition(self, partial: np.ndarray, ambient: np.ndarray) -> Composition:
-        """The composition of a field from partial densities.
+        """Return the composition of a field from partial densities.
 
         Args:
             partial: [kg/m3], shape (species_count, ...).
@@ -53,20 +53,20 @@ def choose_fractions(path, dataset: Dataset, densities, given) -> Fractions | No
 
     Args:
         path: The file, for messages.
-        dataset: What it holds.
-        densities: Density of each block and where it lies, as in `Reading`.
-        given: None or False: the gas is one. True: arrays called by formulas, N2, Y_O2, MassFractionCO2 say. Formulas
-            alone: those. A mapping of formulas to names of arrays, with "basis" = "mole" for mole fractions.
+        dataset: Its contents.
+        densities: Density of each block and where it is given, as in `Reading`.
+        given: None or False: a single gas. True: arrays named by formulas, such as N2, Y_O2, MassFractionCO2. Formulas
+            alone: those species. A mapping of formulas to names of arrays, with "basis" = "mole" for mole fractions.
 
     Raises:
-        TypeError: `given` is something else.
-        ValueError: A species or a basis that is not known.
-        ReadError: No such array, one that lies elsewhere than the density, fractions below 0 or not finite, a sum that
+        TypeError: `given` is of another kind.
+        ValueError: An unknown species or basis.
+        ReadError: No such array, an array at other places than the density, fractions below 0 or not finite, a sum that
             is not 1.
     """
     if given is None or given is False:
         return None
-    basis, arrays = species_arrays(path, dataset.array_names(), given)
+    basis, arrays = species_arrays(path, dataset.array_names(), given, dataset.grouped)
     blocks = []
     for block, (_, where) in zip(dataset.blocks, densities, strict=True):
         shares = np.stack([_share(path, block, name, where) for name in arrays.values()])
@@ -75,13 +75,13 @@ def choose_fractions(path, dataset: Dataset, densities, given) -> Fractions | No
 
 
 def mixture_in_words(basis: str, arrays: Mapping[str, str]) -> str:
-    """What was taken for the fractions of each species."""
+    """Describe the arrays used for the fractions of each species."""
     told = ", ".join(name if name == array else f"{name} from {array!r}" for name, array in arrays.items())
     return f"a mixture by {basis} fractions of {told}"
 
 
-def species_arrays(path, names: list[str], given) -> tuple[str, dict[str, str]]:
-    """The basis, and the array of each species, out of the `names` that there are; otherwise as `choose_fractions`."""
+def species_arrays(path, names: list[str], given, grouped: bool = False) -> tuple[str, dict[str, str]]:
+    """Return the basis, and the array of each species, from the available `names`; otherwise as `choose_fractions`."""
     basis = "mass"
     listed = ", ".join(names) or "none"
     if isinstance(given, Mapping):
@@ -93,9 +93,9 @@ def species_arrays(path, names: list[str], given) -> tuple[str, dict[str, str]]:
             molar_mass(name)
             if not isinstance(array, str):
                 raise TypeError(f"species: {name} must name an array of the file, got {array!r}")
-        found = {name: found_name(path, array, names, listed) for name, array in stated.items()}
+        found = {name: found_name(path, array, names, listed, grouped) for name, array in stated.items()}
     elif given is True or (isinstance(given, (list, tuple)) and all(isinstance(name, str) for name in given)):
-        plain = {plain_name(name): name for name in reversed(names)}
+        plain = {plain_name(name, grouped): name for name in reversed(names)}
         found = {}
         for name in SPECIES_NAMES if given is True else given:
             molar_mass(name)
@@ -123,12 +123,12 @@ def _share(path, block: Block, name: str, where: str) -> np.ndarray:
 def mass_fractions(
     path, shares: np.ndarray, where: str, arrays: Mapping[str, str], basis: str, blank: np.ndarray | None = None
 ) -> np.ndarray:
-    """Mass fractions of sum 1, where nothing is blanked; there equal parts stand for what nobody reads.
+    """Return mass fractions of sum 1. Blanked places, which nothing reads, get equal parts.
 
     Args:
         path: The file, for messages.
         shares: Fractions as they were read, shape (species_count, value_count).
-        where: What they belong to, a "cell", a "point" or a "node".
+        where: The kind of place: a "cell", a "point" or a "node".
         arrays: Name of each species' array.
         basis: "mass" or "mole".
         blank: Which of these places hold no flow, or None.

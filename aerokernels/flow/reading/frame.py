@@ -1,7 +1,7 @@
-"""From the file's axes to the optical frame: which way the light looks, which way is up, where the origin is.
+"""The optical frame in the file's axes: viewing direction, upward direction and origin.
 
-In the optical frame z is the optical axis and looks upstream, y is up (the direction of target tilt), x = y cross z. A
-frame says where these lie in the file. What it leaves out follows from the file's kind:
+In the optical frame z is the optical axis and points upstream, y is up (the direction of target tilt), x = y cross z. A
+`Frame` states where these axes are in the file. What it leaves out follows from the kind of file:
 
     volume          the file's x, y, z are taken as they are
     plane y-z       likewise
@@ -19,24 +19,24 @@ import numpy as np
 from ...inputs.units import quantity
 
 AXES = {"x": 0, "y": 1, "z": 2}
-FLAT_SHARE = 1e-6  # of the greatest extent: thinner is a plane
-SOME_POINTS = 10_000  # of a large file, which show that it is no plane
+FLAT_SHARE = 1e-6  # of the greatest extent: a thinner set of points is a plane
+SOME_POINTS = 10_000  # sample of a large file's points that may show that it is not a plane
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the optical frame lies in a file's axes.
+    """Position of the optical frame in a file's axes.
 
     Attributes:
         optical: The optical axis z in the file's axes: "-x", "+y", ... or a vector; None follows from the file.
-        up: The axis y, likewise, at right angles to `optical`; None takes the first of y, z, x that is.
-        flow: The direction of the flow: another way to say `optical`, which looks against it.
+        up: The axis y, likewise, perpendicular to `optical`; None takes the first of y, z, x that is perpendicular.
+        flow: The direction of the flow: an alternative to `optical`, which points against it.
         origin: The point of the file that becomes the origin, in the file's unit.
         rotation: Angle about x by which the optical axis is turned toward up [rad], or a text such as "10 deg".
 
     Raises:
-        TypeError: Something that is no axis.
-        ValueError: An axis that is not known, both `optical` and `flow`, axes that are not at right angles.
+        TypeError: A value that is not an axis.
+        ValueError: An unknown axis, both `optical` and `flow`, axes that are not perpendicular.
     """
 
     optical: str | tuple[float, float, float] | None = None
@@ -62,11 +62,11 @@ class Frame:
 
     @classmethod
     def of(cls, given) -> "Frame":
-        """A frame from what a caller may give: None, a Frame, the optical axis alone, or a mapping of its attributes.
+        """Return a frame from None, a Frame, the optical axis alone, or a mapping of its attributes.
 
         Raises:
-            TypeError: Something else.
-            ValueError: A key that is not known, and what `Frame` refuses.
+            TypeError: A value of another kind.
+            ValueError: An unknown key, or values that `Frame` rejects.
         """
         if isinstance(given, cls):
             return given
@@ -90,10 +90,10 @@ class Frame:
         return None if self.flow is None else -direction(self.flow, "flow")
 
     def axes(self, flat_along: np.ndarray | None = None) -> np.ndarray:
-        """Unit vectors x, y, z of the optical frame in the file's axes, as rows, shape (3, 3).
+        """Return unit vectors x, y, z of the optical frame in the file's axes, as rows, shape (3, 3).
 
         Args:
-            flat_along: Normal of the plane in which a two-dimensional file lies; None for a volume.
+            flat_along: Normal of the plane of a two-dimensional file; None for a volume.
 
         Raises:
             ValueError: An axis out of the plane.
@@ -125,7 +125,7 @@ class Frame:
         return np.stack([np.cross(up, look), up, look]) + 0.0
 
     def described(self, axes: np.ndarray) -> str:
-        """The frame in words, for pictures and provenance: "z along -x, y along +y of the file"."""
+        """Describe the frame, for pictures and provenance: "z along -x, y along +y of the file"."""
         named = []
         for name, row in (("z", axes[2]), ("y", axes[1])):
             k = int(np.argmax(np.abs(row)))
@@ -140,7 +140,7 @@ class Frame:
 
 
 def direction(value, name: str) -> np.ndarray:
-    """A unit vector from "+x", "-y", "z" or three numbers."""
+    """Return a unit vector from "+x", "-y", "z" or three numbers."""
     if isinstance(value, str):
         sign, axis = (-1.0, value[1:]) if value[:1] == "-" else (1.0, value.removeprefix("+"))
         if axis.strip().lower() not in AXES:
@@ -158,7 +158,7 @@ def direction(value, name: str) -> np.ndarray:
 
 
 def plane_normal(points: np.ndarray) -> np.ndarray | None:
-    """The normal of the plane that all points lie in, or None where they fill a volume."""
+    """Return the normal of the plane that contains all points, or None where they fill a volume."""
     if len(points) > 2 * SOME_POINTS and _fill_a_volume(points[:: len(points) // SOME_POINTS]):
         return None
     extent = np.ptp(points, axis=0)
@@ -166,13 +166,13 @@ def plane_normal(points: np.ndarray) -> np.ndarray | None:
         return np.asarray(np.eye(3)[int(np.argmin(extent))])
     centred = points - points.mean(axis=0)
     normal = np.linalg.eigh(centred.T @ centred / len(points))[1][:, 0]
-    if np.ptp(centred @ normal) > FLAT_SHARE * extent.max():  # its eigenvalue is squared, and lost in rounding
+    if np.ptp(centred @ normal) > FLAT_SHARE * extent.max():  # the eigenvalue is lost in rounding
         return None
     return np.asarray(normal * np.sign(normal[int(np.argmax(np.abs(normal)))]))
 
 
 def _fill_a_volume(points: np.ndarray) -> bool:
-    """Whether points lie so far from any plane that more of them would change nothing."""
+    """Return whether points are so far from any plane that further points cannot make them flat."""
     centred = points - points.mean(axis=0)
     normal = np.linalg.eigh(centred.T @ centred)[1][:, 0]
     return bool(np.ptp(centred @ normal) > 0.01 * np.ptp(points, axis=0).max())

@@ -1,8 +1,8 @@
-"""Flows that other libraries hold in memory: xarray's data sets and arrays, pyvista's and VTK's grids."""
+"""Density fields from flows in memory: xarray data sets and arrays, pyvista and VTK grids."""
 
 import numpy as np
 
-from .array_units import ambient_attribute, unit_of_array
+from .array_units import ambient_attribute, stated_unit, unit_of_array
 from .dataset import Dataset
 from .density import Reference
 from .formats import checked_time
@@ -12,11 +12,11 @@ from .read import field_of, length_unit_given, reading_of
 
 def from_xarray(array, *, density=None, frame=None, reference=None, ambient_density=None, time=None, geometry=None,
                 gas_constant=None, length_unit=None, species=None):  # fmt: skip
-    """A density field from an xarray data set or array; arguments as in `flow.read`.
+    """Return a density field from an xarray data set or array; arguments as in `flow.read`.
 
     Coordinates are x, y, z (volume), two of them (planar), or r, z (axisymmetric), in the unit that their attribute
-    `units` names. An array is the density itself, its attribute `ambient_density` what surrounds it: a number of
-    kg/m3, or a text with a unit, as in "1.2e-3 g/cm3".
+    `units` names. An array is the density itself. Its attribute `ambient_density` is the density around the field: a
+    number of kg/m3, or a text with a unit, as in "1.2e-3 g/cm3".
     """
     from .labelled import labelled_dataset
 
@@ -29,7 +29,7 @@ def from_xarray(array, *, density=None, frame=None, reference=None, ambient_dens
     ambient = ambient_density
     if ambient is None and attributes.get("ambient_density") is not None:
         held = next((array[name] for name in (density, "density", "rho") if name in array), None)
-        stated = str(held.attrs.get("units", "")) if held is not None else ""
+        stated = stated_unit(held.attrs) if held is not None else ""
         unit = unit_of_array("xarray data", "density", stated, "density").factor
         values = np.asarray(held.values) if held is not None else np.empty(0)
         ambient = ambient_attribute("xarray data", attributes["ambient_density"], unit, values)
@@ -40,7 +40,7 @@ def from_xarray(array, *, density=None, frame=None, reference=None, ambient_dens
 
 def from_pyvista(dataset, *, density=None, frame=None, reference=None, ambient_density=None, geometry=None,
                  gas_constant=None, length_unit=None, spacing=None, region=None, species=None):  # fmt: skip
-    """A density field from a pyvista (or VTK) grid or multi-block set; arguments as in `flow.read`."""
+    """Return a density field from a pyvista (or VTK) grid or multi-block set; arguments as in `flow.read`."""
     from .vtk_files import blocks_of
 
     if not hasattr(dataset, "GetClassName"):

@@ -1,4 +1,4 @@
-"""The grid that a volume is resampled to, and the checks of the cells that are drawn into it."""
+"""Choose the grid that a volume is resampled to, and check the cells that are rasterised into it."""
 
 import math
 
@@ -7,16 +7,16 @@ import numpy as np
 from .dataset import SOLID, Block, ReadError
 from .raster import CellFacts
 
-DEFAULT_NODES = 8_000_000  # of a grid that nobody chose
+DEFAULT_NODES = 8_000_000  # of a grid whose spacing the caller did not choose
 NODE_LIMIT = 200_000_000
 LEAST_NODES = 5
 
 
 def choose_grid(path, blocks, moved, spacing, region):
-    """First node [m], spacing [m] and shape of the grid for blocks whose points in the optical frame are `moved` [m].
+    """Return first node [m], spacing [m] and shape of the grid for blocks with points `moved` to the optical frame [m].
 
     Raises:
-        ValueError: A spacing or a region that makes no grid.
+        ValueError: A spacing or a region that does not give a grid.
     """
     low = np.min([points.min(axis=0) for points in moved], axis=0)
     high = np.max([points.max(axis=0) for points in moved], axis=0)
@@ -34,7 +34,7 @@ def choose_grid(path, blocks, moved, spacing, region):
         cells = max(sum(block.cell_count for block in blocks), 1)
         size = float((np.prod([np.ptp(np.concatenate(moved)[:, k]) for k in range(3)]) / cells) ** (1.0 / 3.0))
         step = max(size, float((extent.prod() / DEFAULT_NODES) ** (1.0 / 3.0)))
-        # Where the mesh is thinner than that along an axis, the least nodes there come on top: fewer of the others.
+        # An axis along which the mesh is thinner still gets LEAST_NODES nodes; the other axes get fewer in return.
         thin = extent < step * (LEAST_NODES - 1)
         if thin.any() and not thin.all():
             long = extent[~thin]
@@ -55,7 +55,7 @@ def choose_grid(path, blocks, moved, spacing, region):
 
 
 def _metres(given, shape: tuple[int, ...], told: str) -> np.ndarray:
-    """Numbers of a shape, or a refusal that says what is wanted."""
+    """Return numbers of a given shape; raise ValueError with the expected form otherwise."""
     try:
         found = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
@@ -66,7 +66,7 @@ def _metres(given, shape: tuple[int, ...], told: str) -> np.ndarray:
 
 
 def check_solids(path, block: Block, points: np.ndarray, facts: CellFacts) -> None:
-    """Refuse cells that are inside out against the others, cells of no volume, and points that are there twice."""
+    """Reject cells that are inside out against the majority, cells of zero volume, and duplicate points."""
     solid = np.ones(block.cell_count, bool) if block.shape is not None else np.isin(block.cells.types, SOLID)  # type: ignore[union-attr]
     volume = facts.volume[solid]
     inverted = volume < 0.0

@@ -1,7 +1,7 @@
-"""Which nodes of a grid lie in which cells, cell by cell in the order of their first nodes.
+"""The grid nodes inside each cell, cell by cell in the order of their first nodes.
 
-A set of densities then costs one pass over the cells that hold a node: its linear function never goes to memory, and
-neighbouring cells write to neighbouring nodes.
+A set of densities then costs one pass over the cells that contain a node: the linear function of a cell is never
+stored, and neighbouring cells write to neighbouring nodes.
 """
 
 from dataclasses import dataclass
@@ -14,15 +14,15 @@ from .rows import Rows
 
 @dataclass(frozen=True, eq=False)
 class HeldNodes:
-    """The nodes that the cells of a block hold, and what makes the linear function of each of these cells.
+    """The nodes inside the cells of a block, and the weights of the linear function of each of these cells.
 
     Attributes:
         cell: Numbers of the cells in their block, shape (n,).
-        nodes: The nodes that each of them holds, in rising order.
-        rows: What each of them makes its slope of.
-        weight: Weights of that, shape (entry_count, 3); of tetrahedra three for each, of what their corners have above
-            the first one, shape (3 n, 3).
-        middle: The places of their averages, shape (n, 3).
+        nodes: The nodes inside each cell, ascending.
+        rows: The values from which the slope of each cell is computed.
+        weight: Weights of these values, shape (entry_count, 3); for tetrahedra three for each cell, of the differences
+            between the values at its other corners and at its first one, shape (3 n, 3).
+        middle: Centroids to which the averages belong, shape (n, 3).
     """
 
     cell: np.ndarray
@@ -33,7 +33,7 @@ class HeldNodes:
 
     @classmethod
     def of(cls, part: Reconstruction, number: np.ndarray, first_cell: int, cell_count: int) -> "HeldNodes":
-        """Those of a block whose cells are counted from `first_cell` in `number`, the cell of each node or -1."""
+        """Return the nodes of a block from `number`, the cell of each node or -1; its cells begin at `first_cell`."""
         every = nodes_by_cell(number, first_cell, cell_count)
         some = np.flatnonzero(np.diff(every.start))
         cell = some[np.argsort(every.column[every.start[some]], kind="stable")].astype(np.int32)
@@ -41,20 +41,20 @@ class HeldNodes:
         rows, entry = part.rows.taken(cell)
         weight, middle = part.weight[entry], part.middle[cell]
         if (np.diff(rows.start) == 4).all():
-            # Weights of a fit add up to nothing: that of the first corner follows from the others'.
+            # The weights of a fit sum to zero: that of the first corner follows from the others.
             return cls(cell, nodes, rows, np.ascontiguousarray(weight.reshape(-1, 4, 3)[:, 1:]).reshape(-1, 3), middle)
         return cls(cell, nodes, rows, weight, middle)
 
     def draw(self, value, near, origin, shape, spacing, density: np.ndarray) -> None:
-        """Give these nodes their densities.
+        """Set the densities of these nodes.
 
         Args:
             value: Average of every cell of the block.
-            near: What rows list the numbers of.
+            near: The values that `rows` lists by number.
             origin: The first node of the grid [m].
             shape: Nodes of the grid along x, y and z.
             spacing: Of the nodes [m].
-            density: Of all nodes of the grid, shape (node_count,): changed.
+            density: Of all nodes of the grid, shape (node_count,): changed in place.
         """
         from .mesh_kernels import densities_at_nodes, densities_in_tetrahedra, launch
 
@@ -70,13 +70,13 @@ class HeldNodes:
 
 
 def nodes_by_cell(number: np.ndarray, first_cell: int, cell_count: int) -> Rows:
-    """The nodes of each cell, in rising order, from the cell of each node; those of other blocks are left out."""
+    """Return the nodes of each cell, ascending, from the cell of each node; nodes of other blocks are left out."""
     from scipy.sparse import csr_array
 
     own = (number >= first_cell) & (number < first_cell + cell_count)
     start = np.zeros(len(number) + 1, np.int32)
     np.cumsum(own, out=start[1:])
     column = (number if own.all() else number[own]) - np.int32(first_cell)
-    # Transposing a sparse matrix sorts in one pass over the nodes, which no sort of the numbers does.
+    # Transposing a sparse matrix sorts in one pass over the nodes, faster than a sort of the numbers.
     turned = csr_array((np.ones(len(column), np.int8), column, start), shape=(len(number), cell_count)).tocsc()
     return Rows(turned.indptr.astype(np.int64), turned.indices.astype(np.int32, copy=False))

@@ -1,7 +1,7 @@
-"""Cells of high order, and points that every element has for itself, as codes of discontinuous elements write them.
+"""Convert high-order cells to linear ones, and merge the points that discontinuous elements write once per element.
 
-A Lagrange quadrilateral or hexahedron becomes the linear cells between its nodes. Points of different elements in the
-same place become one, which takes the mean of what these have there: in a resolved flow they differ by little.
+A Lagrange quadrilateral or hexahedron becomes the linear cells between its nodes. Points of different elements at the
+same place become one point with the mean of their values: in a resolved flow these differ little.
 """
 
 from dataclasses import replace
@@ -11,24 +11,24 @@ import numpy as np
 
 from .dataset import GREATEST_COORDINATE, HEXAHEDRON, PRISM, QUAD, TETRAHEDRON, TRIANGLE, Block, ReadError
 
-TENSOR = {70: (QUAD, 2), 72: (HEXAHEDRON, 3)}  # VTK's Lagrange cells, the linear ones between their nodes, dimensions
-# Others by their corners: with so many points, of the first and the second order, nothing but mid-edge nodes is lost.
+TENSOR = {70: (QUAD, 2), 72: (HEXAHEDRON, 3)}  # VTK's Lagrange cells, the linear cells between their nodes, dimensions
+# Other types keep their corners; at these point counts (first and second order) only nodes between them are lost.
 BY_CORNERS = {69: (TRIANGLE, 3, (3, 6, 7)), 71: (TETRAHEDRON, 4, (4, 10)), 73: (PRISM, 6, (6, 15, 18))}
-SAME = 1e-13  # of a mesh's size: points so near to one another differ by rounding
-LEAST_SHARE = 0.05  # of the points, from which on those in the same place are the elements' own, and no damage
+SAME = 1e-13  # of a mesh's size: points this close differ by rounding
+LEAST_SHARE = 0.05  # of the points: from this share of duplicates on, elements have points of their own
 
 
 def linear_cells(path, start: np.ndarray, points: np.ndarray, kinds: np.ndarray):
-    """Lagrange cells as linear ones: start, points and types of the cells, and the cell that each is a part of.
+    """Return Lagrange cells as linear ones: start, points and types of the cells, and the original cell of each.
 
     Raises:
-        ReadError: An order that differs between directions, or triangles, tetrahedra and prisms above the second.
+        ReadError: An order that differs between directions, or triangles, tetrahedra and prisms above second order.
     """
     high = np.isin(kinds, [*TENSOR, *BY_CORNERS])
     if not high.any():
         return start, points, kinds, None
     width = np.diff(start)
-    parts = []  # of each sort: the cells, their linear parts' type and corners [cell, part, corner]
+    parts = []  # for each type and width: the cells, their linear parts' type and corners [cell, part, corner]
     for kind, count in np.unique(np.stack([kinds, width])[:, high], axis=1).T:
         own = np.flatnonzero((kinds == kind) & (width == count))
         linear, table = _parts(path, int(kind), int(count))
@@ -48,7 +48,7 @@ def linear_cells(path, start: np.ndarray, points: np.ndarray, kinds: np.ndarray)
 
 
 def _parts(path, kind: int, count: int) -> tuple[int, np.ndarray]:
-    """The type of a Lagrange cell's linear parts, and their corners by the place among its points."""
+    """Return the type of a Lagrange cell's linear parts, and their corners as indices into its points."""
     if kind in BY_CORNERS:
         linear, corners, known = BY_CORNERS[kind]
         if count in known:
@@ -64,7 +64,7 @@ def _parts(path, kind: int, count: int) -> tuple[int, np.ndarray]:
 
 
 def _between_nodes(nodes: int, axes: int) -> np.ndarray:
-    """Corners of the linear cells between the nodes of a Lagrange quadrilateral or hexahedron."""
+    """Return the corners of the linear cells between the nodes of a Lagrange quadrilateral or hexahedron."""
     from vtkmodules.vtkCommonDataModel import vtkHigherOrderHexahedron, vtkHigherOrderQuadrilateral
 
     place: Any = (vtkHigherOrderQuadrilateral if axes == 2 else vtkHigherOrderHexahedron).PointIndexFromIJK
@@ -77,7 +77,7 @@ def _between_nodes(nodes: int, axes: int) -> np.ndarray:
 
 
 def _is_damaged(block: Block) -> bool:
-    """Whether places or numbers of points are none, which those refuse who take the block."""
+    """Return whether coordinates or point numbers are invalid; later stages reject such blocks."""
     assert block.cells is not None
     numbers = [block.cells.points, *([] if block.cells.faces is None else [block.cells.faces.points])]
     with np.errstate(invalid="ignore"):
@@ -86,7 +86,7 @@ def _is_damaged(block: Block) -> bool:
 
 
 def _seem_apart(points: np.ndarray) -> bool:
-    """Whether few points, if any, share a place: by one sort of numbers, in which rounding may hide some."""
+    """Return whether few points share a place, by a quick hash that rounding may affect."""
     size = max(float(np.ptp(points, axis=0).max()), 1e-300)
     places = np.round((points - points.min(axis=0)) / (1e-10 * size) + 0.3).astype(np.uint64)
     key = places @ np.random.default_rng(9).integers(1, 2**63, 3, dtype=np.uint64)
@@ -95,7 +95,7 @@ def _seem_apart(points: np.ndarray) -> bool:
 
 
 def joined(block: Block) -> tuple[Block, str | None]:
-    """The block with points in the same place made one where that is how its elements are written, and a word on it."""
+    """Return the block with coincident points merged if its elements have points of their own, and a note on it."""
     cells = block.cells
     if block.shape is not None or cells is None or _is_damaged(block) or _seem_apart(block.points):
         return block, None

@@ -1,18 +1,18 @@
-"""The rows and columns of a mesh of quadrilaterals that is structured, but was written without saying so.
+"""Recover the rows and columns of a structured quadrilateral mesh that was written as unstructured.
 
 Where a mesh is a logical rectangle, averages become vertex values by a scheme of higher order, and captured shocks keep
-their place better (see medium/vertex_values.py). Starting at a corner, the first row of cells is walked along, and each
-row leads to the next.
+their place better (see medium/vertex_values.py). The search starts at a corner, follows the first row of cells, and
+steps from each row to the next.
 """
 
 import numpy as np
 
 
 def logical_rectangle(cells: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray] | None:
-    """Vertices, shape (ni, nj), and cells, shape (ni - 1, nj - 1), of a structured mesh; None where it is none.
+    """Return vertices, shape (ni, nj), and cells, shape (ni - 1, nj - 1), of a structured mesh, or None.
 
     Args:
-        cells: Vertices around each cell, all the same way round, shape (cell_count, 4).
+        cells: Vertices around each cell, all in the same orientation, shape (cell_count, 4).
         vertex_count: Number of vertices.
     """
     count = len(cells)
@@ -24,7 +24,7 @@ def logical_rectangle(cells: np.ndarray, vertex_count: int) -> tuple[np.ndarray,
     holder, place = np.argwhere(cells == alone[0])[0]
     row, turn = [int(holder)], [int(place)]
     while len(row) <= count:
-        # Past the edge from corner 1 to corner 2, whose ends become corners 0 and 3 of the next.
+        # Cross the edge from corner 1 to corner 2; its ends become corners 0 and 3 of the next cell.
         following = int(behind[row[-1], (turn[-1] + 1) % 4])
         if following < 0:
             break
@@ -62,7 +62,10 @@ def _corner(cells: np.ndarray, cell: np.ndarray, start: np.ndarray, k: int) -> n
 
 
 def _behind(cells: np.ndarray, vertex_count: int) -> np.ndarray:
-    """The cell behind each edge of each cell, -1 at the boundary, shape (cell_count, 4); edge k ends at k + 1."""
+    """Return the cell across each edge of each cell, shape (cell_count, 4); -1 at the boundary.
+
+    Edge k runs from corner k to corner k + 1.
+    """
     edge = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     key = edge[:, 0] * np.int64(vertex_count) + edge[:, 1]
     order = np.argsort(key, kind="stable")

@@ -1,4 +1,4 @@
-"""What drawing a mesh into a grid changes, measured on lines along z."""
+"""Measure on lines along z how resampling a mesh to a grid changes the density."""
 
 from dataclasses import dataclass
 
@@ -7,33 +7,33 @@ import numpy as np
 from .raster import NodeGrid
 from .reconstruction import Linear, Reconstruction, SomeCells
 
-LINES = 12  # along x and y, on which the error is measured
-GREATEST = 3.0  # budgets tell three times the rms error: the greatest of a line counts where it is more
-SHEET_SHARE = 0.02  # of the range of the density: cells whose function lacks more hold a shock, or lie beside one
-# Of a curved density a linear function with the right average lacks up to h^2 / 12 of the second derivative along a
-# line beside the middles of the cells, and at the corners h^2 / 4, which is seen.
+LINES = 12  # measuring lines along x and along y
+GREATEST = 3.0  # budgets report three times the rms error: the greatest error of a line counts where it is more
+SHEET_SHARE = 0.02  # of the range of the density: cells with a greater deficit contain a shock, or are beside one
+# In a curved density the deficit of a linear function with the right average is up to h^2 / 12 times the second
+# derivative on a line off the centroids of the cells; at the corners it is h^2 / 4, which is what is measured.
 BIAS = 1.0 / 3.0
-ALONG = 2.0  # more at most of the squares of cells in a row through which a line runs along a shock, or in it
-PLACE = 2.0  # a shock's place in its cell, which no average tells: what the worst corner lacks beside the mean of all
+ALONG = 2.0  # greatest increase of the squares in a row of cells where the line runs along or inside a shock
+PLACE = 2.0  # the average leaves a shock's place in its cell open: deficit of the worst corner over the corners' rms
 
 
 @dataclass(frozen=True)
 class VolumeResampling:
-    """What resampling a mesh to a uniform grid changed, by cause.
+    """The changes caused by resampling a mesh to a uniform grid, by cause.
 
     Attributes:
         spacing: Node spacing of the grid [m], one per axis.
         density_rms: Root mean square change of the density between grid and cells [kg/m3], on lines along z.
-        density_max: Greatest change of it seen [kg/m3].
+        density_max: Greatest change of the density found [kg/m3].
         column_rms: Root mean square change of the integral of the density along those lines [kg/m2].
-        column_max: Greatest change of that [kg/m2].
-        reconstruction_rms: What of the columns comes from the slopes inside cells: against cells of one density each.
-        outside_share: Share of the nodes that no cell holds: in a body, or beyond the mesh.
-        averaged_share: Share of the nodes whose neighbourhood has several cells, which were averaged.
-        unresolved_rms: Root mean square of what the functions in the cells lack of the flow [kg/m3], judged by what
-            they differ at the corners of the cells; for densities at points by how slopes change across the cells.
-        unresolved_column_rms: Of the columns what that makes [kg/m2].
-        unresolved_column_max: Greatest of it on a line [kg/m2]: beside a shock that the line runs along.
+        column_max: Greatest change of such an integral [kg/m2].
+        reconstruction_rms: Part of the columns that is due to the slopes inside cells: against constant cells [kg/m2].
+        outside_share: Share of the nodes that are in no cell: in a body, or beyond the mesh.
+        averaged_share: Share of the nodes with several cells around them, whose densities were averaged.
+        unresolved_rms: Root mean square deficit of the functions in the cells against the flow [kg/m3], estimated from
+            their differences at the corners of the cells; for densities at points from changes of slope between cells.
+        unresolved_column_rms: The part of the columns due to that deficit [kg/m2].
+        unresolved_column_max: Its greatest value on a line [kg/m2]: beside a shock along which the line runs.
     """
 
     spacing: tuple[float, float, float]
@@ -52,17 +52,17 @@ class VolumeResampling:
     def column_error(self) -> float:
         """Error of the columns [kg/m2], of the grid and of the functions in the cells together.
 
-        Root mean square, or a third of the greatest on a line where that is more.
+        Root mean square, or a third of the greatest error on a line where that is more.
         """
         grid = max(self.column_rms, self.column_max / GREATEST)
         return float(np.hypot(grid, max(self.unresolved_column_rms, self.unresolved_column_max / GREATEST)))
 
 
 class MeasuringLines:
-    """Lines through a grid along z, and the cells that they cross: finer than the grid, at the same places for all."""
+    """Lines along z through a grid, sampled finer than the grid, and the cells that they cross."""
 
     def __init__(self, low: np.ndarray, spacing: np.ndarray, shape):
-        """Lay them out in the grid of the nodes."""
+        """Place the lines in the grid."""
         extent = spacing * (np.array(shape) - 1)
         fine = max(2, min(4 * shape[2], 4096))
         self.grid = NodeGrid(
@@ -73,12 +73,12 @@ class MeasuringLines:
         self._low, self._spacing, self._shape = low, spacing, shape
 
     def settle(self, parts: list[Reconstruction], firsts: list[int], cell_counts: list[int]) -> None:
-        """Keep what is needed of the cells that the lines were drawn through; a part for each block.
+        """Store what is needed of the cells that the lines cross, one part for each block.
 
         Args:
-            parts: Of the blocks.
-            firsts: Number of the first cell of each in the lines' grid.
-            cell_counts: Cells of each.
+            parts: Reconstructions of the blocks.
+            firsts: Number of the first cell of each block in the lines' grid.
+            cell_counts: Number of cells of each block.
         """
         from scipy.sparse import csr_array
 
@@ -91,7 +91,7 @@ class MeasuringLines:
             own = cells[(cells >= firsts[k]) & (cells < firsts[k] + cell_counts[k])]
             self._parts.append(SomeCells.of(parts[k], own - firsts[k]))
         self._at = grid.positions(self._node)
-        # The eight nodes about each place, and their shares of what is linear between them.
+        # The eight nodes around each place, and their weights in trilinear interpolation.
         place = (self._at - self._low) / self._spacing
         corner = np.clip(np.floor(place).astype(np.int64), 0, np.array(self._shape) - 2)
         share = np.clip(place - corner, 0.0, 1.0)
@@ -104,12 +104,12 @@ class MeasuringLines:
         self._length = float(grid.spacing[2])
 
     def measure(self, values, density: np.ndarray, outside_share: float, averaged_share: float) -> VolumeResampling:
-        """What the grid's density, flat, changes against the cells' functions.
+        """Return the changes of the grid's density against the cells' functions.
 
         Args:
-            values: What `Reconstruction.values` gives of each block.
+            values: Results of `Reconstruction.values` for each block.
             density: At all nodes of the grid, shape (node_count,).
-            outside_share: Share of the nodes that no cell holds.
+            outside_share: Share of the nodes that are in no cell.
             averaged_share: Share of the nodes that took an average.
         """
         shape, node = self.grid.shape, self._node
@@ -125,7 +125,7 @@ class MeasuringLines:
             span = float(np.ptp(linear.value))
         columns = [self._length * own.reshape(shape).sum(axis=2) for own in (change, flat)]
         seen = change[node] if len(node) else change
-        met = max(int((self.grid.cell.reshape(shape) >= 0).any(axis=2).sum()), 1)  # lines that go through cells at all
+        met = max(int((self.grid.cell.reshape(shape) >= 0).any(axis=2).sum()), 1)  # lines that cross any cells
         by_line = bend.reshape(-1, shape[2])
         likely, greatest = unresolved(by_line * self._length, by_line, self.grid.cell.reshape(by_line.shape), span)
         rms = [float(np.sqrt(np.mean(seen**2))), *(float(np.sqrt(np.sum(own**2) / met)) for own in columns)]
@@ -145,11 +145,11 @@ class MeasuringLines:
 
 
 def unresolved(lines: np.ndarray, bend: np.ndarray, cell: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
-    """What `bend` makes of lines [kg/m2], in each cell and all together, as is likely and at most: (line_count,) each.
+    """Return the likely and the greatest error of each line [kg/m2] due to `bend`, shape (line_count,) each.
 
     Args:
-        lines: What it makes of each place of each line [kg/m2], shape (line_count, place_count).
-        bend: What the function of the cell there lacks [kg/m3], likewise.
+        lines: Contribution of `bend` to each place of each line [kg/m2], shape (line_count, place_count).
+        bend: Deficit of the function of the cell there [kg/m3], likewise.
         cell: Numbers of the cells, likewise.
         span: The range of the density [kg/m3].
     """
@@ -157,7 +157,7 @@ def unresolved(lines: np.ndarray, bend: np.ndarray, cell: np.ndarray, span: floa
     shock = np.sign(lines) * (np.abs(bend) > SHEET_SHARE * span)
     other = np.ones(lines.shape, bool)
     other[:, 1:] = cell[:, 1:] != cell[:, :-1]
-    # Cells of a shock that lie in a row along the line lack alike: their errors add up.
+    # Consecutive cells of a shock along the line have alike deficits: their errors add up.
     first = other.copy()
     first[:, 1:] &= (shock[:, 1:] != shock[:, :-1]) | (shock[:, 1:] == 0)
     begin = np.flatnonzero(first)

@@ -1,6 +1,6 @@
-"""Warp kernels of volumes on meshes, in float64: means at points, slopes in cells, values at the nodes of a grid.
+"""Warp kernels for volumes on meshes, in float64: means at points, slopes in cells, values at the nodes of a grid.
 
-They run over host threads in chunks: Warp's CPU device runs a launch in one thread, and lets go of the interpreter.
+They run in chunks over host threads: Warp's CPU device runs a launch in one thread and releases the interpreter lock.
 """
 
 import numpy as np
@@ -10,21 +10,21 @@ from ...process.machine import core_count
 from ...process.quiet_warp import start_warp
 from ...process.threads import in_threads
 
-CHUNK = 1 << 18  # of what a kernel goes through, at a time
+CHUNK = 1 << 18  # items of a launch
 LEAST_CHUNK = 1 << 10
 
 Numbers = wp.array[wp.float64]
 Vectors = wp.array[wp.vec3d]
 Starts = wp.array[wp.int64]
 Indices = wp.array[wp.int32]
-# Of a cell: its value at the origin, its slope, the least and the greatest value allowed: one look at memory.
+# The function of a cell: value at the origin, slope, least and greatest value allowed, loaded in one access.
 Function = wp.types.vector(length=6, dtype=wp.float64)
 Functions = wp.array[Function]
 
 
 @wp.kernel(enable_backward=False)
 def mean_of_listed(first: int, start_in: Starts, column_in: Indices, value_in: Numbers, mean_out: Numbers):
-    """The mean of the values that each row lists; 0 for a row that lists none."""
+    """Compute the mean of the values that each row lists; 0 for an empty row."""
     row = first + wp.tid()
     k = start_in[row]
     end = start_in[row + 1]
@@ -48,7 +48,7 @@ def linear_functions(
     origin: wp.vec3d,
     function_out: Functions,
 ):
-    """The slope in each cell, a weighted sum of the values that its row lists, and the range of these and its own."""
+    """Compute the slope in each cell, a weighted sum of its row's values, and the range of these and its own value."""
     cell = first + wp.tid()
     value = value_in[cell]
     low = value
@@ -58,7 +58,7 @@ def linear_functions(
     end = start_in[cell + 1]
     while k < end:
         near = near_in[column_in[k]]
-        # Weights add up to nothing: differences keep the digits of a nearly uniform density.
+        # The weights sum to zero: differences keep the digits of a nearly uniform density.
         slope += (near - value) * weight_in[k]
         low = wp.min(low, near)
         high = wp.max(high, near)
@@ -81,7 +81,7 @@ def fill(
     spacing: wp.vec3d,
     density_out: Numbers,
 ):
-    """A linear function at some nodes of a grid, kept within a range; `row_count` nodes lie in a row along z."""
+    """Evaluate a linear function, clamped to a range, at some nodes; the grid has `row_count` nodes along z."""
     half = wp.float64(0.5)
     per_row = wp.float64(1.0) / wp.float64(row_count)
     per_column = wp.float64(1.0) / wp.float64(column_count)
@@ -90,7 +90,7 @@ def fill(
     sz = spacing[2] * slope[2]
     while at < last:
         node = node_in[at]
-        # Quotients of whole numbers, by products that are quicker: a half is far above their rounding.
+        # Integer quotients by faster products: the added half is far above their rounding.
         row = int((wp.float64(node) + half) * per_row)
         i = int((wp.float64(row) + half) * per_column)
         j = row - i * column_count
@@ -118,7 +118,7 @@ def densities_at_nodes(
     spacing: wp.vec3d,
     density_out: Numbers,
 ):
-    """The linear function of each cell, as above, at the nodes that it holds, kept within the cell's range."""
+    """Evaluate the linear function of each cell, clamped to the cell's range, at the nodes inside the cell."""
     held = first + wp.tid()
     value = value_in[cell_in[held]]
     low = value
@@ -155,7 +155,7 @@ def densities_in_tetrahedra(
     spacing: wp.vec3d,
     density_out: Numbers,
 ):
-    """The same of cells that have four corners: slopes by three differences of these."""
+    """Do the same for cells with four corners: slopes from three differences of the corners' values."""
     held = first + wp.tid()
     value = value_in[cell_in[held]]
     k = 4 * held
@@ -174,10 +174,10 @@ def densities_in_tetrahedra(
 
 
 def launch(kernel, count: int, *arguments) -> None:
-    """Run a kernel over `count` items on all cores; arrays are worked on where they are, vectors by their rows."""
+    """Run a kernel over `count` items on all cores; arrays are used in place, (n, 3) arrays as vectors."""
     start_warp()
     given = [_shared(argument) for argument in arguments]
-    kernel.module.load("cpu", 1)  # once, before threads ask for it
+    kernel.module.load("cpu", 1)  # once, before several threads need it
     size = max(LEAST_CHUNK, min(CHUNK, -(-count // (4 * core_count()))))
 
     def run(first: int) -> None:
@@ -195,6 +195,6 @@ def _shared(argument):
     if not isinstance(argument, np.ndarray):
         return argument
     kind = {3: wp.vec3d, 6: Function}[argument.shape[1]] if argument.ndim == 2 else TYPES[argument.dtype]
-    if not len(argument):  # an array of nothing has no address
+    if not len(argument):  # an empty array has no address
         return wp.zeros(1, dtype=kind, device="cpu")
     return wp.array(ptr=argument.ctypes.data, dtype=kind, shape=len(argument), device="cpu", copy=False)

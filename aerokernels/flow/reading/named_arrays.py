@@ -1,15 +1,14 @@
-"""Arrays by name: NPZ and HDF5, with axes or coordinates of every sample.
+"""Read named arrays from NPZ and HDF5 files, with coordinates along axes or for every sample.
 
 Coordinates are arrays called x, y, z or r, z (`variables` names others): one number for each index along an axis, or
-one for each sample. A field of r and z is axisymmetric. HDF5 files are read in the child of fragile.py.
+one for each sample. A field of r and z is axisymmetric. HDF5 files are read in the child process of fragile.py.
 
-Where there are none, both ends of each axis make even cells, whose averages the arrays are: in `variables`, or in
-attributes of an HDF5 file called xmin and xmax, x_min and x_max, and so on.
+Without coordinate arrays, the two ends of each axis define uniform cells, and the arrays are taken as averages over
+them. The ends are in `variables`, or in attributes of an HDF5 file called xmin and xmax, x_min and x_max, and so on.
 """
 
 import math
 import re
-from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ...process.room import NoRoomError, check_room
-from .array_units import length_of, unit_of_array
-from .coordinates import COLUMNS
+from .array_units import length_of, stated_unit, unit_of_array
+from .coordinates import COLUMNS, PLACE, axes_of
 from .dataset import Block, Dataset, ReadError, chosen_time
 from .density import plain_name
 
@@ -56,10 +55,10 @@ def arrays_as_dataset(
     kind: str,
     time: Any,
 ) -> Dataset:
-    """The dataset of what a file holds: arrays and their units by name, the ends of axes; `variables` is a caller's."""
+    """Return the dataset of named arrays, their units and the ends of axes; `variables` is the caller's."""
     given = {axis: value for axis, value in variables.items() if not isinstance(value, str)}
-    if given:  # what a caller says of the axes counts for more than what the file has of them
-        arrays = {n: own for n, own in arrays.items() if not any(plain_name(n) in COLUMNS[a] for a in COLUMNS)}
+    if given:  # ends of axes that a caller gives replace the file's coordinates
+        arrays = {n: own for n, own in arrays.items() if not any(plain_name(n, True) in COLUMNS[a] for a in COLUMNS)}
     arrays, note = _with_even_cells(path, arrays, variables, given or ends)
     found = dataset_of(path, arrays, units, {a: v for a, v in variables.items() if a not in given}, kind, time)
     return replace(found, notes=[*found.notes, note]) if note else found
@@ -97,7 +96,7 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
 
 
 def _unless_objects(data, name: str) -> np.ndarray | None:
-    """An array of an NPZ file; None for one of Python's objects, which are never unpickled: settings, mostly."""
+    """Return an array of an NPZ file; None for an array of Python objects, which is never unpickled."""
     try:
         _check_heading(data, name)
         return np.asarray(data[name])
@@ -108,7 +107,7 @@ def _unless_objects(data, name: str) -> np.ndarray | None:
 
 
 def _check_heading(data, name: str) -> None:
-    """Refuse an array that announces more numbers than its part of the file holds, before they get room."""
+    """Reject an array whose header announces more numbers than its part of the file holds, before allocating it."""
     part = data.zip.getinfo(name if name in data.zip.namelist() else f"{name}.npy")
     with data.zip.open(part) as stream:
         if not stream.peek(6).startswith(np.lib.format.MAGIC_PREFIX):
@@ -125,7 +124,7 @@ def _check_heading(data, name: str) -> None:
 
 
 def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, tuple[float, float]]]:
-    """Arrays by name, their units, and the ends of axes."""
+    """Return the arrays of an HDF5 file by name, their units, and the ends of axes."""
     import h5py
 
     try:
@@ -136,7 +135,7 @@ def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, 
 
 
 def arrays_of(file: Any) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, tuple[float, float]]]:
-    """The same of an open file."""
+    """Return what `_hdf5` does, from an open file."""
     import h5py
 
     arrays: dict[str, np.ndarray] = {}
@@ -150,10 +149,9 @@ def arrays_of(file: Any) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
                 bounds.setdefault("".join(end.groups()), set()).add(float(number.reshape(-1)[0]))
         if isinstance(entry, h5py.Dataset) and entry.shape and np.issubdtype(entry.dtype, np.number):
             if name.rsplit("/", 1)[-1] in ("data", "values") and len(entry.parent) == 1 and "/" in name:
-                name = name.rsplit("/", 1)[0]  # a group for one array, called by the group's name
+                name = name.rsplit("/", 1)[0]  # a group with a single array gives it its name
             arrays[name] = entry[...]
-            unit = entry.attrs.get("units")
-            units[name] = unit.decode() if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
+            units[name] = stated_unit(entry.attrs)
 
     take("", file)
     file.visititems(take)
@@ -163,8 +161,8 @@ def arrays_of(file: Any) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
 
 
 def _with_even_cells(path, arrays, variables, ends) -> tuple[dict[str, np.ndarray], str]:
-    """The arrays with edges of even cells between the ends of axes, where they have no coordinates; and a note."""
-    if not ends or any(plain_name(name) in names for name in arrays for names in COLUMNS.values()):
+    """Return the arrays with the edges of uniform cells if they have no coordinates, and a note."""
+    if not ends or any(plain_name(name, True) in names for name in arrays for names in COLUMNS.values()):
         return arrays, ""
     if any(isinstance(value, str) for value in variables.values()):
         return arrays, ""
@@ -179,7 +177,7 @@ def _with_even_cells(path, arrays, variables, ends) -> tuple[dict[str, np.ndarra
     count = max((len(shape) for shape in shapes), default=0)
     axes = [axis for axis in ("r", "x", "y", "z") if axis in pairs]
     shape = max(shapes, key=shapes.count, default=())
-    if len(axes) > count == 2:  # ends of the third axis of a plane file say nothing
+    if len(axes) > count == 2:  # ignore the ends of the third axis of a plane file
         axes = axes[:2]
     if len(axes) != len(shape):
         return arrays, ""
@@ -189,11 +187,14 @@ def _with_even_cells(path, arrays, variables, ends) -> tuple[dict[str, np.ndarra
 
 
 def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool = False) -> Dataset:
-    """A dataset from arrays by name; arguments as found, `variables` names coordinates by axis.
+    """Return a dataset of named arrays; `variables` names coordinates by axis.
 
-    `labelled` arrays are known to have their axes in order; of others their lengths tell, where these differ.
+    The axes of `labelled` arrays are in a known order; the axes of other arrays are identified by their lengths, where
+    these differ.
     """
-    plain = {plain_name(name): name for name in reversed(list(arrays))}
+    plain: dict[str, str] = {}
+    for name in sorted(arrays, key=lambda name: name.count("/")):  # an array at the root counts before those in groups
+        plain.setdefault(plain_name(name, True), name)
     chosen = {}
     for axis, names in COLUMNS.items():
         if axis in variables:
@@ -204,15 +205,15 @@ def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool =
             chosen[axis] = found
     if unknown := set(variables) - set(COLUMNS):
         raise ReadError(path, f"variables: {sorted(unknown)[0]!r} is no coordinate", "name x, y, z or r, z")
-    axes = axes_of(chosen)
-    axisymmetric = axes[:1] == ("r",)
-    if len(known := [axis for axis in axes if axis in chosen]) < 2:
-        lacking = f"only {known[0]} is known, of two coordinates at least" if known else "no coordinates are known"
+    axes, symmetry = axes_of(chosen)
+    if len(axes) < 2:
+        lacking = f"only {min(chosen)} is known, of two coordinates at least" if chosen else "no coordinates are known"
         raise ReadError(
             path, f"{lacking} (there are: {', '.join(arrays) or 'no arrays'})",
             "call them x, y, z or r, z, or name them: variables={'x': 'NAME', ...}; a flow along one axis alone needs "
             "its samples repeated at two places of a second one",
         )  # fmt: skip
+    chosen = {axis: chosen[axis] for axis in axes}
     times, arrays, taken = _at_time(path, arrays, chosen, units, time)
     coordinates = [np.asarray(arrays[chosen[axis]], dtype=np.float64) for axis in axes]
     length, factors = length_of(path, {chosen[axis]: units.get(chosen[axis], "") for axis in axes})
@@ -221,29 +222,21 @@ def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool =
     block, notes = _block(path, axes, coordinates, {n: a for n, a in arrays.items() if n not in chosen.values()})
     if alike and block.shape:
         notes = [*notes, f"arrays taken as [{', '.join(axes)}]"]
-    along = {"z": (0.0, 0.0, -1.0), "x": (1.0, 0.0, 0.0)}
-    return Dataset([block], kind, "axisymmetric" if axisymmetric else None, times=times, time=taken,
-                   axis=along[axes[1]] if axisymmetric else None, units=units, length=length, notes=notes)  # fmt: skip
-
-
-def axes_of(known: Collection[str]) -> tuple[str, ...]:
-    """The axes of the arrays, in their order, out of those that have a coordinate."""
-    if "r" in known and "y" not in known:
-        return ("r", "z" if "z" in known else "x")
-    return tuple(axis for axis in "xyz" if axis in known)
+    geometry = None if symmetry is None else "axisymmetric"
+    return Dataset([block], kind, geometry, times=times, time=taken, axis=symmetry, units=units, length=length,
+                   notes=notes, grouped=not labelled)  # fmt: skip
 
 
 def _block(path, axes, coordinates, arrays) -> tuple[Block, list[str]]:
-    """The samples as a structured block, the last axis of the arrays being the slowest of the block's; and notes.
+    """Return the samples as a structured block, with the last axis of the arrays the slowest of the block, and notes.
 
-    Samples at scattered places are joined as the points of a table are.
+    Samples at scattered points are joined like the points of a table.
     """
-    place = {"x": 0, "y": 1, "z": 2, "r": 1}
     if all(own.ndim == 1 for own in coordinates) and not _is_cloud(coordinates, arrays):
         counts = tuple(len(own) for own in coordinates)
         cells = tuple(n - 1 for n in counts)
         if 0 in counts or not any({own.shape, own.shape[::-1]} & {counts, cells} for own in arrays.values()):
-            raise _no_samples(path, counts)  # before places are made, of which a few numbers may announce billions
+            raise _no_samples(path, counts)  # before meshgrid: a few numbers may announce billions of points
         full = np.meshgrid(*coordinates, indexing="ij")
     else:
         shapes = {own.shape for own in coordinates}
@@ -259,13 +252,13 @@ def _block(path, axes, coordinates, arrays) -> tuple[Block, list[str]]:
 
             points = np.zeros((counts[0], 3))
             for axis, own in zip(axes, coordinates, strict=True):
-                points[:, place[axis]] = own
+                points[:, PLACE[axis]] = own
             return joined(path, points, {n: np.asarray(a, float) for n, a in arrays.items() if a.shape == counts})
         cells = tuple(n - 1 for n in counts)
         full = coordinates
     points = np.zeros((int(np.prod(counts)), 3))
     for axis, own in zip(axes, full, strict=True):
-        points[:, place[axis]] = own.ravel(order="F")
+        points[:, PLACE[axis]] = own.ravel(order="F")
     point_data, cell_data = {}, {}
     for name, own in arrays.items():
         turned = own
@@ -286,7 +279,7 @@ def _no_samples(path, counts: tuple[int, ...]) -> ReadError:
 
 
 def _is_cloud(coordinates, arrays) -> bool:
-    """Whether coordinates of one length are those of samples, not of axes."""
+    """Return whether coordinates of equal length belong to samples, not to axes."""
     counts = tuple(len(own) for own in coordinates)
     if len(set(counts)) > 1:
         return False
@@ -297,8 +290,8 @@ def _is_cloud(coordinates, arrays) -> bool:
 
 
 def _at_time(path, arrays, chosen, units, asked):
-    """Arrays at one time, where there is an axis of time: it comes first."""
-    name = next((name for name in arrays if plain_name(name) in ("time", "t") and arrays[name].ndim == 1), None)
+    """Return the arrays at one time, if there is an axis of time: it comes first."""
+    name = next((name for name in arrays if plain_name(name, True) in ("time", "t") and arrays[name].ndim == 1), None)
     rank = max((arrays[own].ndim for own in chosen.values()), default=1)
     rank = len(chosen) if rank == 1 else rank
     times = []

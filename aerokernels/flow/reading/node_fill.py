@@ -1,4 +1,4 @@
-"""Nodes of a grid that no single cell speaks for: several small cells about them, or none at all."""
+"""Densities of grid nodes that no single cell determines: nodes among several small cells, or in no cell."""
 
 from dataclasses import dataclass
 
@@ -8,16 +8,16 @@ from .dataset import Block
 from .point_values import LEAST_SHARE
 from .raster import CellFacts, NodeGrid
 
-LEAST_AVERAGED = 4  # cells about a node from which on their average says more than the one that holds it
-CARRIED_ON = 8  # nodes by which the density is carried on into a body, and beyond the mesh
-CARRIED_LINEARLY = 3  # of these, along the change further in
+LEAST_AVERAGED = 4  # cells around a node: from this number on their average replaces the cell that contains it
+CARRIED_ON = 8  # layers of nodes into which the density is extrapolated, in a body and beyond the mesh
+CARRIED_LINEARLY = 3  # the first of these layers, with linear extrapolation
 
 
 class SmallCells:
-    """Nodes about which several cells have their middles, which take their average, by volume."""
+    """Nodes around which several cells have their centroids, and which take the volume average of these cells."""
 
     def __init__(self, grid: NodeGrid, facts: list[CellFacts], blocks: list[Block], held: np.ndarray):
-        """Find them, and the shares of their cells."""
+        """Find the nodes, and the shares of their cells."""
         middle = np.concatenate([own.middle for own in facts])
         volume = np.abs(np.concatenate([own.volume for own in facts]))
         index = np.round((middle - grid.low) / grid.spacing)
@@ -31,7 +31,7 @@ class SmallCells:
         node = np.ravel_multi_index(tuple(index[cell].astype(np.int64).T), grid.shape)
         count = np.bincount(node, minlength=len(held))
         total = np.bincount(node, volume[cell], len(held))
-        # Cells that fill most of the node's surroundings: fewer would shift the average to one side.
+        # The cells must fill most of the node's surroundings: otherwise the average would be one-sided.
         several = (count >= LEAST_AVERAGED) & held & (total >= 0.7 * grid.spacing.prod())
         self.node = np.flatnonzero(several)
         number = np.zeros(len(held), np.int32)
@@ -43,7 +43,7 @@ class SmallCells:
         self.share = len(self.node) / max(len(held), 1)
 
     def _centre(self, step: np.ndarray) -> None:
-        """Shift the shares so that their middle is the node; where one would be negative, the node takes no average."""
+        """Adjust the shares so that their centroid is the node; drop nodes for which a share would be negative."""
         count = len(self.node)
 
         def total(each: np.ndarray) -> np.ndarray:
@@ -61,13 +61,13 @@ class SmallCells:
         self._of = (np.cumsum(good) - 1)[self._of[kept]]
 
     def average(self, value: np.ndarray, density: np.ndarray) -> None:
-        """Give these nodes the averages of `value`, one of each cell."""
+        """Set the densities of these nodes to the averages of `value`, one value for each cell."""
         if len(self.node):
             density[self.node] = np.bincount(self._of, self._share * value[self._cell], len(self.node))
 
 
 def foremost(held: np.ndarray, shape) -> np.ndarray:
-    """The nodes of the foremost twentieth of the layers that the mesh holds."""
+    """Return the nodes of the most upstream twentieth of the layers that the mesh covers."""
     inside = held.reshape(shape)
     layers = np.flatnonzero(inside.any(axis=(0, 1)))
     first = int(layers[int(0.95 * (len(layers) - 1))])
@@ -77,7 +77,7 @@ def foremost(held: np.ndarray, shape) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class _Layer:
-    """Nodes whose densities follow from known ones further in, three in a row along an axis; -1 for one not known."""
+    """Nodes extrapolated from up to three known nodes in a row along an axis; -1 for an unknown one."""
 
     node: np.ndarray
     start: np.ndarray
@@ -87,14 +87,14 @@ class _Layer:
 
 
 class EmptyNodes:
-    """Nodes without a cell: what known ones beside them lead to, layer by layer; deeper ones are ambient.
+    """Nodes in no cell, extrapolated layer by layer from the known nodes beside them; deeper ones are ambient.
 
-    In the first layers the density goes on as it changes between the nodes further in, by the lesser of two changes one
-    after the other, so that a linear density stays one and a shock is not carried on; deeper it stays what it is.
+    In the first layers the extrapolation is linear, by the lesser of two consecutive changes, so that a linear density
+    stays linear and a shock is not carried on. In deeper layers it is constant.
     """
 
     def __init__(self, held: np.ndarray, shape):
-        """Find them, and what they follow from."""
+        """Find the nodes, and the known nodes from which each is extrapolated."""
         known = held.copy()
         strides = (shape[1] * shape[2], shape[2], 1)
         self._layers: list[_Layer] = []
@@ -121,7 +121,7 @@ class EmptyNodes:
             row, found = np.concatenate(rows), np.concatenate(near, axis=1)
             changes = found[1] >= 0
             some = np.bincount(row, changes, len(empty)) > 0
-            of_use = changes | ~some[row]  # one known node alone says little where two in a row are known elsewhere
+            of_use = changes | ~some[row]  # drop single known nodes where two in a row are known in another direction
             row, found = row[of_use], found[:, of_use]
             order = np.argsort(row, kind="stable")
             start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=len(empty)))])
@@ -130,7 +130,7 @@ class EmptyNodes:
         self._deep = np.flatnonzero(~known)
 
     def fill(self, density: np.ndarray, ambient: float) -> None:
-        """Give them their densities."""
+        """Set the densities of these nodes."""
         from .mesh_kernels import launch
         from .point_kernels import carry_on
 
@@ -140,7 +140,7 @@ class EmptyNodes:
 
 
 def _beside(known: np.ndarray, shape) -> np.ndarray:
-    """Nodes that are not known, and have a known one beside them."""
+    """Return the nodes that are not known and have a known node beside them."""
     if known.all():
         return np.empty(0, np.int32)
     inside = known.reshape(shape)

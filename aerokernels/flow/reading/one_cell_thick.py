@@ -1,7 +1,7 @@
-"""Volumes that are one cell thick: two-dimensional flows, as solvers write them in formats of three dimensions.
+"""Reduce volumes that are one cell thick to planes: two-dimensional flows in three-dimensional formats.
 
-Of two parallel layers of points with the same densities the lower one is taken. What changes from one to the other, or
-is a wedge, stays a volume.
+Of two parallel layers of points with the same densities the lower one is kept. A flow that differs between the layers,
+and a wedge, stays a volume.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ import numpy as np
 from .dataset import HEXAHEDRON, POLYGON, PRISM, Block, Cells, Dataset, Patch
 
 NEAR = 1e-7  # of the size: single precision
-ALIKE = 1e-6  # of a value at a point: so much it may differ between the layers
+ALIKE = 1e-6  # greatest relative difference between the values of the two layers
 # Corners of each face of a cell, in order around it.
 FACES = {
     HEXAHEDRON: ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
@@ -21,9 +21,9 @@ FACES = {
 
 
 def flattened(dataset: Dataset, look: np.ndarray | None) -> Dataset | None:
-    """The flow in its plane, across x, y or z; None of a volume with more cells across than one.
+    """Return the flow in its plane, across x, y or z; None for a volume with more than one cell across.
 
-    And none where light is to go across, along `look`.
+    Also None if rays are to run across the plane, along `look`.
     """
     if not dataset.blocks or any(block.cells is None and block.shape is None for block in dataset.blocks):
         return None
@@ -51,7 +51,7 @@ def _has_two_layers(place: np.ndarray, size: float) -> bool:
 
 
 def _flat(block: Block, low: np.ndarray, axis: int, size: float) -> Block | None:
-    """The lower layer of a block; None where the other one is not the same moved across."""
+    """Return the lower layer of a block; None if the other layer is not the same shifted across."""
     rest = [k for k in range(3) if k != axis]
     shape, cells = None, None
     if block.shape is not None:
@@ -90,7 +90,7 @@ def _flat(block: Block, low: np.ndarray, axis: int, size: float) -> Block | None
 
 
 def _structured_layers(block: Block, low: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[int, int, int]] | None:
-    """Numbers of the points of both layers of a grid that is two points thick, in one order, and the grid's shape."""
+    """Return the points of both layers of a grid two points thick, in the same order, and the grid's shape."""
     assert block.shape is not None
     grid = np.arange(len(low)).reshape(block.shape[::-1])
     for along in range(3):
@@ -105,7 +105,7 @@ def _structured_layers(block: Block, low: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _layers(block: Block, low: np.ndarray, rest: Sequence[int], size: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Numbers of the points of both layers, in one order."""
+    """Return the points of both layers, in the same order."""
     found = []
     for layer in (np.flatnonzero(low), np.flatnonzero(~low)):
         place = np.round(block.points[layer][:, rest] / (10.0 * NEAR * size))
@@ -114,7 +114,7 @@ def _layers(block: Block, low: np.ndarray, rest: Sequence[int], size: float) -> 
 
 
 def _faces(cells: Cells, low: np.ndarray) -> Cells | None:
-    """The face of each cell in the lower layer; None where one has none."""
+    """Return the face of each cell in the lower layer; None if a cell has none."""
     width, corners = np.zeros(len(cells), np.int64), np.zeros((len(cells), 4), np.int64)
     for kind, faces in FACES.items():
         own = np.flatnonzero(cells.types == kind)
@@ -137,7 +137,7 @@ def _faces(cells: Cells, low: np.ndarray) -> Cells | None:
 
 
 def _edges(patch: Patch, axis: int, least: float, size: float) -> Patch:
-    """The edges of a patch's faces in the lower layer."""
+    """Return a patch with the edges of its faces in the lower layer."""
     if patch.polygons is None or not len(patch.polygons.points):
         return patch
     points, start = patch.polygons.points, patch.polygons.start

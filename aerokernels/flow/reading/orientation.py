@@ -1,8 +1,8 @@
-"""Which way round the corners of polygons are listed, put right; folded meshes, which no order of corners mends.
+"""Give all polygons the same orientation, and reject folded meshes, which no order of corners can repair.
 
-Two cells on either side of an edge that they share run along it in opposite directions, once both are listed the same
-way round. A cell that was listed the other way and, turned round, runs along an edge like the cell next to it lies on
-that cell's own side of the edge: the mesh is folded there, and its cells cover the same place twice.
+Two cells that share an edge run along it in opposite directions once both have the same orientation. If a cell that was
+reversed runs along an edge in the same direction as its neighbour, both cells are on the same side of the edge: the
+mesh is folded there, and its cells overlap.
 """
 
 from dataclasses import replace
@@ -13,10 +13,10 @@ from .polygon_cells import Polygons
 
 
 def oriented(polygons: Polygons) -> tuple[Polygons, str]:
-    """The same with every polygon the way round that most are, and a remark: empty where all were.
+    """Return the polygons, all with the orientation of the majority, and a remark: empty if none was reversed.
 
     Raises:
-        ValueError: Cells that are folded over their neighbours: how many, and which is the first.
+        ValueError: Cells that are folded over their neighbours: how many, and the first of them.
     """
     clockwise = signed_area(polygons) < 0.0
     fewer = clockwise if clockwise.mean() <= 0.5 else ~clockwise
@@ -31,7 +31,7 @@ def oriented(polygons: Polygons) -> tuple[Polygons, str]:
 
 
 def turned(polygons: Polygons, which: np.ndarray) -> Polygons:
-    """The same with the corners of some polygons in reverse."""
+    """Return the polygons with the corners of some of them in reverse order."""
     first = np.repeat(polygons.start[:-1], polygons.width)
     last = np.repeat(polygons.start[1:], polygons.width) - 1
     place = np.arange(len(polygons.corners))
@@ -40,7 +40,7 @@ def turned(polygons: Polygons, which: np.ndarray) -> Polygons:
 
 
 def signed_area(polygons: Polygons) -> np.ndarray:
-    """Area of each polygon [m2], shape (cell_count,), negative where its corners are listed clockwise."""
+    """Return the area of each polygon [m2], shape (cell_count,), negative where its corners are listed clockwise."""
     point = polygons.points[polygons.corners]
     point = point - np.repeat(point[polygons.start[:-1]], polygons.width, axis=0)
     after = point[polygons.following()]
@@ -48,7 +48,7 @@ def signed_area(polygons: Polygons) -> np.ndarray:
 
 
 def _refuse_folded(polygons: Polygons, turned: np.ndarray) -> None:
-    """Refuse turned cells that run along an edge like a cell that was not turned."""
+    """Raise ValueError if a reversed cell runs along an edge in the same direction as a cell that was not reversed."""
     begin, end = polygons.corners, polygons.corners[polygons.following()]
     cell = np.repeat(np.arange(len(turned)), polygons.width)
     key = begin.astype(np.int64) * len(polygons.points) + end

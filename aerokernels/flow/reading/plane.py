@@ -10,12 +10,12 @@ from .frame import Frame
 from .polygon_cells import Polygons
 from .polygons import merged, quad_mesh
 
-ON_AXIS = 1e-12  # of the greatest radius: what a file that was rounded leaves of points on the axis
+ON_AXIS = 1e-12  # of the greatest radius: rounding of points on the axis
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """How a two-dimensional file lies in the optical frame.
+    """Position of a two-dimensional file in the optical frame.
 
     Attributes:
         geometry: "planar" or "axisymmetric".
@@ -33,10 +33,10 @@ class Plane:
     def of(
         cls, path, dataset: Dataset, geometry: str, frame: Frame, scale: float, normal: np.ndarray | None
     ) -> "Plane":
-        """The plane of a file.
+        """Return the plane of a file.
 
         Raises:
-            ReadError: A frame that the geometry cannot have.
+            ReadError: A frame that does not fit the geometry.
         """
         origin = np.array(frame.origin)
         if geometry == "planar":
@@ -58,7 +58,7 @@ class Plane:
         return cls(geometry, Frame(optical=tuple(look), up=frame.up).axes(), origin, scale)
 
     def local(self, points: np.ndarray) -> np.ndarray:
-        """Points in the file's frame, shape (..., 3), as (y, z) or (r, z) [m], shape (..., 2)."""
+        """Return points in the file's frame, shape (..., 3), as (y, z) or (r, z) [m], shape (..., 2)."""
         moved = self.scale * ((points - self.origin) @ self.axes.T)
         if self.geometry == "planar":
             return np.asarray(moved[..., 1:] + 0.0)
@@ -68,7 +68,7 @@ class Plane:
 
 
 def block_polygons(path, block: Block, plane: Plane, values: np.ndarray, where: str) -> Polygons:
-    """The cells of a block as polygons in the plane, without those that are blanked.
+    """Return the cells of a block as polygons in the plane, without blanked cells.
 
     Raises:
         ReadError: Points without cells, or cells that are not flat.
@@ -85,7 +85,7 @@ def block_polygons(path, block: Block, plane: Plane, values: np.ndarray, where: 
                 path, f"block {block.name!r} has no triangles, quadrilaterals or polygons", "give a flow's mesh"
             )
         start, corners = block.cells.start, block.cells.points
-        if not keep.all():  # lines of the boundary, say
+        if not keep.all():  # such as lines of the boundary
             width = np.diff(start)
             corners = corners[np.repeat(keep, width)]
             start = np.concatenate([[0], np.cumsum(width[keep])])
@@ -99,12 +99,12 @@ def block_polygons(path, block: Block, plane: Plane, values: np.ndarray, where: 
         blank = block.blank
         if len(blank) == len(block.points):
             blank = np.maximum.reduceat(blank[polygons.corners], polygons.start[:-1])
-        polygons = polygons.kept(~blank)
-    return polygons
+        return polygons.kept(~blank)
+    return polygons.used()  # without mid-edge nodes of quadratic cells, say
 
 
 def structured_mesh(block: Block, plane: Plane) -> QuadMesh | None:
-    """The mesh of a structured block without holes, in its own order; None where its cells need cutting."""
+    """Return the mesh of a structured block without holes, in its own order; None if its cells need cutting."""
     if block.shape is None or (block.blank is not None and block.blank.any()):
         return None
     counts = [n for n in block.shape if n > 1]
@@ -117,14 +117,14 @@ def structured_mesh(block: Block, plane: Plane) -> QuadMesh | None:
     try:
         return QuadMesh.structured(local[..., 0], local[..., 1], plane.geometry)
     except ValueError:
-        return None  # as polygons such cells are cut, or refused with what is wrong with them
+        return None  # as polygons such cells are cut, or rejected with a specific message
 
 
 def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[QuadMesh, np.ndarray, str, str]:
-    """The mesh of a two-dimensional file, its densities, where they lie, and a remark.
+    """Return the mesh of a two-dimensional file, its densities, their place ("cell" or "point"), and a remark.
 
     Raises:
-        ReadError: What no mesh can be made of.
+        ReadError: Blocks that cannot form a mesh.
     """
     try:
         if len(blocks) == 1 and (mesh := structured_mesh(blocks[0], plane)) is not None:
@@ -132,7 +132,7 @@ def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[Quad
         parts = [block_polygons(path, block, plane, *own) for block, own in zip(blocks, densities, strict=True)]
         polygons = merged(parts, [block.shape is not None for block in blocks])
         if all(block.shape is not None for block in blocks):
-            polygons = polygons.without_repeats()  # the pole of a grid; elsewhere double points are a fault
+            polygons = polygons.without_repeats()  # at the pole of a grid; elsewhere double points are an error
         mesh, values, remark = quad_mesh(polygons, plane.geometry)
     except ReadError:
         raise
@@ -142,12 +142,12 @@ def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[Quad
 
 
 def patch_edges(patches: list[Patch], plane: Plane, names=None) -> list[tuple[str, np.ndarray]]:
-    """Edges of the walls in the plane, by patch: shape (edge_count, 2, 2) [m].
+    """Return the edges of the walls in the plane, by patch: shape (edge_count, 2, 2) [m].
 
     Args:
         patches: The patches.
         plane: The plane.
-        names: Those that are walls; None takes what the file calls walls.
+        names: Names of the walls; None takes the patches that the file marks as walls.
     """
     chosen = [names] if isinstance(names, str) else names
     walls = [patch for patch in patches if (patch.kind == "wall" if chosen is None else patch.name in chosen)]
@@ -155,7 +155,7 @@ def patch_edges(patches: list[Patch], plane: Plane, names=None) -> list[tuple[st
 
 
 def _structured(path, block: Block) -> np.ndarray:
-    """Corners of each cell of a flat structured block, shape (cell_count, 4)."""
+    """Return the corners of each cell of a flat structured block, shape (cell_count, 4)."""
     assert block.shape is not None
     counts = [n for n in block.shape if n > 1]
     if len(counts) != 2:

@@ -1,8 +1,8 @@
-"""Plot3D: a grid and its solution (q) or functions (f), binary of either kind and byte order, or ascii.
+"""Read Plot3D: a grid and its solution (q) or functions (f), binary of either kind and byte order, or ascii.
 
-What a file does not say of itself (records of Fortran or plain bytes, byte order, precision, several grids or one, two
-or three dimensions, iblank) follows from its size: only one reading fits to the last byte. A file that fits none is
-damaged.
+The file does not state its own form (Fortran records or plain bytes, byte order, precision, one grid or several, two or
+three dimensions, iblank). The form follows from the file's size: only one interpretation fits to the last byte. A file
+that fits none is damaged.
 
     grid       [grids]  ni nj [nk] ...   x y [z] [iblank], i fastest
     q          [grids]  ni nj [nk] ...   mach alpha re time   rho rho_u rho_v [rho_w] e
@@ -24,31 +24,31 @@ DAMAGED = "the file is damaged, or no file of Plot3D: write it again"
 GRID_ENDS = (".xyz", ".x", ".g", ".p3d", ".grd", ".p2d")
 SOLUTION_ENDS = (".q", ".f", ".fun", ".p3dq")
 GREATEST_GRID_COUNT = 100_000
-PADDING = 1024  # bytes of a block on a disk or tape
+PADDING = 1024  # [bytes] a disk or tape block
 CONSERVATIVE = ("density", "momentum_x", "momentum_y", "momentum_z", "energy")
 
 
 class _Stream:
-    """The numbers of a file by one meaning of its bytes, or of its text, taken record by record."""
+    """The numbers of a file under one interpretation of its bytes or text, taken record by record."""
 
     def __init__(self, source: bytes | np.ndarray, order: str = "", real: int = 0, records: bool = False):
-        """Bytes of an order and a precision, in Fortran's records or one after the other; or the numbers of a text."""
+        """Interpret bytes by byte order and precision, in Fortran records or contiguous; or the numbers of a text."""
         self.source, self.order, self.real, self.records, self.at = source, order, real, records, 0
 
     def described(self) -> str:
-        """In words."""
+        """Describe the interpretation."""
         if not self.order:
             return "ascii"
         kind = "Fortran records" if self.records else "plain binary"
         return f"{kind}, {'little' if self.order == '<' else 'big'} endian, float{8 * self.real}"
 
     def take(self, *parts: tuple[str, int]) -> list[np.ndarray] | None:
-        """The next record, which must be so many whole ("i") or real ("f") numbers in turn; None where it is not."""
+        """Return the next record of `parts`, counts of whole ("i") or real ("f") numbers; None if it does not match."""
         if not self.order:
             return self._take_text(parts)
         kinds = [np.dtype(f"{self.order}{kind}{4 if kind == 'i' else self.real}") for kind, _ in parts]
         ends = np.cumsum([0, *(kind.itemsize * count for kind, (_, count) in zip(kinds, parts, strict=True))]).tolist()
-        mark = 4 if self.records else 0  # the count of bytes that Fortran writes before a record and behind it
+        mark = 4 if self.records else 0  # Fortran writes the byte count before and after a record
         begin, size = self.at + mark, ends[-1]
         if begin + size + mark > len(self.source):
             return None
@@ -72,13 +72,13 @@ class _Stream:
 
     @property
     def at_end(self) -> bool:
-        """Whether no more follows than zeros, with which some systems fill up their last block."""
+        """Whether only zeros follow, with which some systems pad the last block."""
         rest = self.source[self.at :]
         return not len(rest) if not self.order else len(rest) < PADDING and not any(rest)
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
-    """Read a grid with its solution; either may be named, the other lies beside it or is given as an option.
+    """Read a grid with its solution; either may be named, the other is in the same folder or given as an option.
 
     Raises:
         ReadError: A file that fits no form, or a solution that does not fit the grid.
@@ -109,7 +109,7 @@ def _pair(path: Path, solution) -> tuple[Path, Path]:
 
 
 def _meanings(path: Path, *more: tuple) -> Iterator[tuple]:
-    """Ways in which a file may be meant: its numbers, whether of several grids, dimensions, and what else is asked."""
+    """Yield the interpretations of a file: numbers, whether it has several grids, dimensions, and further choices."""
     data = path.read_bytes()
     for meaning in product("<>", (8, 4), (True, False)):
         for choice in product((True, False), (3, 2), *more):
@@ -129,7 +129,7 @@ def _ascii(path: Path, data: bytes) -> np.ndarray:
 
 
 def _sizes(stream: _Stream, several: bool, width: int) -> np.ndarray | None:
-    """The numbers with which a file begins, a row for each grid; None where they can be none."""
+    """Return the numbers with which a file begins, a row for each grid; None if they cannot be grid sizes."""
     stream.at, most = 0, len(stream.source)
     head = stream.take(("i", 1)) if several else [np.ones(1)]
     if head is None or not 0 < head[0][0] <= GREATEST_GRID_COUNT:
@@ -142,7 +142,7 @@ def _sizes(stream: _Stream, several: bool, width: int) -> np.ndarray | None:
 
 
 def _records(stream: _Stream, *wanted: Sequence[tuple[str, int]]) -> list[list[np.ndarray]] | None:
-    """Records one after the other; None where they are none, or where the file goes on."""
+    """Return consecutive records; None if one does not match, or if the file goes on after them."""
     found = []
     for parts in wanted:
         if (record := stream.take(*parts)) is None:
@@ -174,14 +174,14 @@ def _read_grid(path: Path) -> tuple[list[Block], str]:
 
 def _block(values: np.ndarray, shape, blank) -> Block:
     points = np.zeros((values.shape[1], 3))
-    with np.errstate(invalid="ignore"):  # bytes that were never numbers are refused below
+    with np.errstate(invalid="ignore"):  # wrong interpretations of the bytes are rejected by _plausible
         points[:, : len(values)] = values.T
     hidden = None if blank is None or (blank != 0).all() else np.asarray(blank == 0)
     return Block(points, None, shape, blank=hidden)
 
 
 def _plausible(block: Block) -> bool:
-    """Whether coordinates can be some: bytes of another order or precision read as wild numbers."""
+    """Return whether coordinates are plausible: a wrong byte order or precision gives extreme numbers."""
     size = np.abs(block.points[np.isfinite(block.points)])
     return bool(
         np.isfinite(block.points).all() and size.max(initial=0.0) < 1e12 and not 0 < size.max(initial=0.0) < 1e-20
@@ -190,7 +190,7 @@ def _plausible(block: Block) -> bool:
 
 def _read_solution(path: Path, shapes: list[tuple[int, int, int]]) -> list[dict[str, np.ndarray]]:
     for stream, several, dimension in _meanings(path):
-        for single in (False, True):  # the four numbers before each grid's solution are a record of their own
+        for single in (False, True):  # the four numbers and the solution of a grid are one record or two
             values = _solution(stream, several, dimension, single)
             if values is not None:
                 own, solved = values
@@ -206,7 +206,7 @@ def _read_solution(path: Path, shapes: list[tuple[int, int, int]]) -> list[dict[
 
 
 def _solution(stream: _Stream, several: bool, dimension: int, single: bool):
-    """Shapes of the grids and the variables of each; None where the file is no such solution."""
+    """Return the shapes of the grids and the variables of each; None if the file is not such a solution."""
     sizes = _sizes(stream, several, dimension)
     if sizes is None:
         return None

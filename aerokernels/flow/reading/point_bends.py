@@ -1,10 +1,10 @@
-r"""What linear functions between values at points lack of a curved density, judged by how slopes change across cells.
+r"""Estimate the deficit of linear functions between point values in a curved density, from slope changes between cells.
 
-The slope at a point is the mean of those of the cells about it. From a corner p of a cell with the slope s the density
-at the middle m of its corners is f(p) + (m - p) . (g(p) + s) / 2, to the third order of the cell's size, where the
-function of the cell has f(p) + (m - p) . s. These differ alike from every corner where the density is curved, and in
-sign from one side of a captured shock to the other: their root mean square counts, with the sign of their mean. It is
-told twofold, as `Linear.bend` is where averages are given.
+The slope at a point is the mean of the slopes of the cells around it. From a corner p of a cell with the slope s, the
+density at the mean m of its corners is f(p) + (m - p) . (g(p) + s) / 2, to the third order of the cell's size, where
+the function of the cell has f(p) + (m - p) . s. The difference is alike from every corner where the density is curved,
+and changes sign from one side of a captured shock to the other: its root mean square counts, with the sign of its mean.
+The result is twice the deficit, as `Linear.bend` is where averages are given.
 """
 
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ from .rows import Rows
 
 @dataclass(frozen=True, eq=False)
 class PointBends:
-    """How some cells are judged.
+    """The geometry for estimating the deficit of some cells.
 
     Attributes:
-        around: Points of the cells about the corners of these, shape of rows.
+        around: Points of the cells around the corners of these cells, one row for each such cell.
         weight: Weights of those points in the slope of their cell, shape (entry_count, 3).
-        middle: Of the points of each of those cells [m].
-        own: Which of those each cell is.
-        to_points: The mean over the cells about each corner, a sparse matrix.
-        corners: The corners of each cell, by their rows in `to_points`.
-        step: From each corner to the middle of the corners [m], shape (entry_count, 3).
+        middle: Mean of the points of each cell of `around` [m].
+        own: Row in `around` of each estimated cell.
+        to_points: The mean over the cells around each corner, a sparse matrix.
+        corners: The corners of each estimated cell, as rows of `to_points`.
+        step: From each corner to the mean of the corners [m], shape (entry_count, 3).
     """
 
     around: Rows
@@ -39,14 +39,14 @@ class PointBends:
 
     @classmethod
     def of(cls, rows: Rows, weight: np.ndarray, centre: np.ndarray, points: np.ndarray, cell: np.ndarray):
-        """Those of a block.
+        """Prepare the estimate for some cells of a block.
 
         Args:
             rows: The points of every cell.
             weight: Their weights in the slope of the cell, shape (entry_count, 3).
-            centre: The middle of the points of every cell [m].
+            centre: The mean of the points of every cell [m].
             points: [m], shape (point_count, 3).
-            cell: The numbers of the cells that are asked for.
+            cell: Numbers of the cells to estimate.
         """
         from scipy.sparse import csr_array
 
@@ -67,7 +67,7 @@ class PointBends:
         return cls(around, weight[entry], centre[near], np.searchsorted(near, cell), mean, corners, step)
 
     def bend(self, value: np.ndarray) -> np.ndarray:
-        """Twice what the function of each cell lacks of the density at its middle, from values at all points."""
+        """Return twice the deficit of each cell's function at the mean of its corners, from values at all points."""
         from .mesh_kernels import launch, linear_functions
 
         count = len(self.middle)

@@ -1,21 +1,21 @@
-"""Warp kernels of what a mesh alone decides of values at its points and of slopes in its cells, in float64."""
+"""Warp kernels, in float64, for weights that the mesh alone determines: values at points and slopes in cells."""
 
 import warp as wp
 
 from .mesh_kernels import Indices, Numbers, Starts, Vectors
 
 NEWTON_STEPS = wp.constant(40)
-STEEPEST = wp.constant(wp.float64(1e11))  # ratio of the squares of a thing's widths, above which it is flat
-# Of what the cells about a point differ: so little do they miss a line in a smooth density, and so much at a shock.
+STEEPEST = wp.constant(wp.float64(1e11))  # ratio of the squares of two widths, above which a set of points is flat
+# Deviation of the cells around a point from a linear function, over their range: in a smooth density, and at a shock.
 LINEAR = wp.constant(wp.float64(0.04))
 NOT_LINEAR = wp.constant(wp.float64(0.12))
 AGREED = wp.constant(wp.float64(1e-13))
-CLOSE = wp.constant(wp.float64(1e-11))  # of the width of the cells about a point: so near, their middle is the point
+CLOSE = wp.constant(wp.float64(1e-11))  # of the width of the cells around a point: distance of their weighted mean
 
 
 @wp.func
 def inverse_or_zero(square: wp.mat33d) -> wp.mat33d:
-    """The inverse of a symmetric matrix; zeros for one of lower rank."""
+    """Return the inverse of a symmetric matrix; zeros for a matrix of lower rank."""
     trace = wp.trace(square)
     found = wp.mat33d()
     if trace > wp.float64(0.0):
@@ -31,7 +31,7 @@ def inverse_or_zero(square: wp.mat33d) -> wp.mat33d:
 def slope_weights(
     first: int, start_in: Starts, column_in: Indices, point_in: Vectors, weight_out: Vectors, centre_out: Vectors
 ):
-    """Weights of the values at the points that each row lists in the slope that fits them best, and their middle."""
+    """Compute the weights of each row's values in the least-squares slope, and the mean of the row's points."""
     row = first + wp.tid()
     begin = start_in[row]
     end = start_in[row + 1]
@@ -50,7 +50,7 @@ def slope_weights(
         square += wp.outer(step, step)
         k += wp.int64(1)
     inverse = inverse_or_zero(square)
-    # What rounding left of the slope of a linear function, in flat cells above all, is taken out once.
+    # One correction step removes rounding errors in the slope of a linear function, which matter in flat cells.
     found = wp.mat33d()
     k = begin
     while k < end:
@@ -76,10 +76,11 @@ def convex_weights(
     weight_out: Numbers,
     inside_out: Indices,
 ):
-    r"""Weights >= 0 of the cells about each point that are exact for linear densities, where there are such.
+    r"""Compute weights >= 0 of the cells around each point that are exact for linear densities, where they exist.
 
-    They are nearest to equal ones: 1 / n + lambda . d in the sense of least squares where none of these is negative,
-    else exp(lambda . d) / sum, with d from the point to the cells' middles. Outside the hull of these all are equal.
+    They are closest to equal weights: 1 / n + lambda . d by least squares where none of these is negative, else
+    exp(lambda . d) / sum, with d from the point to the cells' centroids. Outside the convex hull of the centroids all
+    weights are equal.
     """
     row = first + wp.tid()
     begin = start_in[row]
@@ -113,7 +114,7 @@ def convex_weights(
         weight = equal - wp.dot(turn, step - mean)
         missed += weight * step
         k += wp.int64(1)
-    turn += inverse * missed  # what rounding left
+    turn += inverse * missed  # correct for rounding
     k = begin
     missed = wp.vec3d()
     while k < end:
@@ -127,7 +128,7 @@ def convex_weights(
     if rank == 1 and least >= wp.float64(0.0) and wp.length(missed) <= exact:
         inside_out[row] = 1
         return
-    # Newton's steps to the least of log sum exp(lambda . d), which is finite within the hull of the middles alone.
+    # Newton iteration for the minimum of log sum exp(lambda . d), which is finite only inside the centroids' hull.
     agreed = int(0)
     tilt = wp.vec3d()
     steps = int(0)
@@ -195,7 +196,7 @@ def convex_weights(
 def weighted_means(
     first: int, start_in: Starts, column_in: Indices, weight_in: Numbers, value_in: Numbers, mean_out: Numbers
 ):
-    """The weighted mean of the values that each row lists, by differences from its first; 0 for a row without any."""
+    """Compute the weighted mean of each row's values, by differences from its first value; 0 for an empty row."""
     row = first + wp.tid()
     k = start_in[row]
     end = start_in[row + 1]
@@ -211,7 +212,7 @@ def weighted_means(
 
 @wp.func
 def lesser(one: wp.float64, other: wp.float64) -> wp.float64:
-    """The lesser of two changes, none where they differ in sign."""
+    """Return the lesser of two changes, zero where they differ in sign."""
     found = wp.float64(0.0)
     if one * other > wp.float64(0.0):
         found = wp.sign(one) * wp.min(wp.abs(one), wp.abs(other))
@@ -233,10 +234,11 @@ def carry_to_rim(
     average_in: Numbers,
     value: Numbers,
 ):
-    """Add to the mean of its cells what the density changes from their middles to a point on the rim of the mesh.
+    """Add the change of the density from the centroids of its cells to each point on the rim of the mesh.
 
-    By the slope of the cells about it, and by a line through points further in: the lesser of the two, none where they
-    disagree in sign or the cells do not lie on a line, and no more than those cells differ.
+    The change follows from the slope of the surrounding cells and from a line through points further in: the lesser of
+    the
+    two counts, zero if they differ in sign or the cells deviate from a line, limited by the range of those cells.
     """
     rim = first + wp.tid()
     point = point_in[rim]
@@ -260,7 +262,7 @@ def carry_to_rim(
         low = wp.min(low, average)
         high = wp.max(high, average)
         k += wp.int64(1)
-    # The root mean square by which the cells miss the best line through them, over what they differ.
+    # The root mean square deviation of the cells from their best linear fit, over their range.
     left = wp.max(squares - total * total / count - wp.dot(explained, explained), wp.float64(0.0))
     missed = wp.sqrt(left / count) / wp.max(high - low, wp.float64(1e-300))
     share = wp.clamp((NOT_LINEAR - missed) / (NOT_LINEAR - LINEAR), wp.float64(0.0), wp.float64(1.0))
@@ -285,7 +287,7 @@ def carry_on(
     least_share: wp.float64,
     value: Numbers,
 ):
-    """The density of nodes beyond known ones: the mean of what each row of these leads to."""
+    """Extrapolate the density to nodes beyond known ones: the mean over the directions that each row lists."""
     row = first + wp.tid()
     k = start_in[row]
     end = start_in[row + 1]

@@ -1,7 +1,7 @@
-"""CSV: a table of points, by its columns x, y, z (or r, z) and arrays.
+"""Read CSV: a table of points, by its columns x, y, z (or r, z) and arrays.
 
-Points on a grid are put back on it. Points that lie on none are joined by Delaunay's triangles (in a plane) or
-tetrahedra (in space), which fill concave parts: cells much larger than their neighbours are left out.
+Points on a grid are put back on it. Other points are joined by Delaunay triangles (in a plane) or tetrahedra (in
+space), which also fill concave parts and bodies; slivers of nearly no volume are left out.
 """
 
 import re
@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from .array_units import length_of
-from .coordinates import COLUMNS
+from .coordinates import COLUMNS, PLACE, axes_of
 from .dataset import TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError, check_points
 from .text_tables import read_table
 
-SAME = 1e-9  # of the extent: nearer coordinates along an axis are one
+SAME = 1e-9  # of the extent: coordinates along an axis that are closer count as equal
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
@@ -27,34 +27,30 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     table = read_table(path)
     plain = {re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", name.lower())): name for name in reversed(table)}
     plain |= {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(table)}
-    axes = {axis: next((plain[name] for name in names if name in plain), None) for axis, names in COLUMNS.items()}
-    geometry, axis = None, None
-    if axes["r"] is not None and axes["y"] is None and (axes["z"] is not None or axes["x"] is not None):
-        geometry, along = "axisymmetric", 2 if axes["z"] is not None else 0
-        # A table of r, z is in the optical frame already: z looks against the flow.
-        axis = (0.0, 0.0, -1.0) if along == 2 else (1.0, 0.0, 0.0)
-        columns: list[str | None] = [None, None, None]
-        columns[along] = axes["z"] or axes["x"]
-        columns[1] = axes["r"]
-    else:
-        columns = [axes["x"], axes["y"], axes["z"]]
-    if sum(name is not None for name in columns) < 2:
+    known = {
+        axis: next(plain[name] for name in names if name in plain)
+        for axis, names in COLUMNS.items()
+        if any(name in plain for name in names)
+    }
+    axes, symmetry = axes_of(known)
+    columns = {PLACE[axis]: known[axis] for axis in axes}
+    if len(columns) < 2:
         raise ReadError(
             path, f"no columns are known for coordinates (there are: {', '.join(table)})", "call them x, y, z or r, z"
         )
-    count = len(next(iter(table.values())))
-    length, factors = length_of(path, {name: "" for name in columns if name is not None})
-    scaled = dict(zip([name for name in columns if name is not None], factors, strict=True))
-    places = [np.zeros(count) if name is None else table[name] * scaled[name] for name in columns]
-    points = np.stack(places, axis=1)
+    length, factors = length_of(path, dict.fromkeys(columns.values(), ""))
+    points = np.zeros((len(next(iter(table.values()))), 3))
+    for (place, name), factor in zip(columns.items(), factors, strict=True):
+        points[:, place] = table[name] * factor
     check_points(path, points)
-    arrays = {name: values for name, values in table.items() if name not in columns}
+    arrays = {name: values for name, values in table.items() if name not in columns.values()}
     block, note = joined(path, points, arrays)
-    return Dataset([block], "table of points", geometry=geometry, axis=axis, length=length, notes=note)
+    geometry = None if symmetry is None else "axisymmetric"
+    return Dataset([block], "table of points", geometry, axis=symmetry, length=length, notes=note)
 
 
 def joined(path, points: np.ndarray, arrays: dict[str, np.ndarray]) -> tuple[Block, list[str]]:
-    """Points as a grid where they lie on one, else as the cells of a Delaunay triangulation."""
+    """Return points as a grid where they form one, else as the cells of a Delaunay triangulation."""
     extent = np.ptp(points, axis=0)
     if (extent > 0.0).sum() < 2:
         raise ReadError(path, "its points lie on a line", "give points of a plane or a volume")

@@ -1,12 +1,13 @@
-r"""From averages over cells to values at the points of a mesh, exact for densities that are linear, up to its rim.
+r"""Convert cell averages to values at the points of a mesh, exact for linear densities up to its rim.
 
-The value at a point is a mean of the averages of the cells about it, with weights >= 0 whose mean place is the point:
-linear densities are kept, and no value leaves the range of these averages. A point on the rim of the mesh lies beyond
-the middles of its cells. Its value is their mean plus what the density changes from there on. Two estimates say so: the
-slope of the cells about it, and a line through the points further in; the lesser counts, and nothing where their signs
-differ. A shock between the first and the second layer of cells is so not carried outward. Nor is anything where the
-cells do not lie on a line: the change fades out where they miss it by 0.04 to 0.12 of what they differ. It is at most
-the difference between the greatest and the least of those cells, and a tenth of the least of them remains.
+The value at a point is a mean of the averages of the surrounding cells, with weights >= 0 for which the mean of the
+centroids is the point: linear densities are kept, and no value leaves the range of these averages. A point on the rim
+of the mesh is outside the centroids of its cells. Its value is their mean plus the change of the density from there to
+the point. Two estimates of this change are made: by the slope of the surrounding cells, and by a line through the
+points
+further in. The lesser counts, and zero where their signs differ, so that a shock between the first and the second layer
+of cells is not carried outward. Where the cells deviate from a line by 0.04 to 0.12 of their range the change fades
+out. It is at most the range of those cells, and the value stays above a tenth of the least of them.
 """
 
 from dataclasses import dataclass
@@ -15,24 +16,24 @@ import numpy as np
 
 from .rows import Rows
 
-LEAST_SHARE = 0.1  # of the least average about a point on the rim, below which its value does not fall
-FLAT = 1e-11  # of the greatest square: directions in which places differ less are without a slope
+LEAST_SHARE = 0.1  # of the least average around a point on the rim: lower bound of its value
+FLAT = 1e-11  # of the greatest eigenvalue: directions with less spread of the places get no slope
 CHUNK = 20_000  # points on the rim at a time
 
 
 @dataclass(frozen=True, eq=False)
 class PointValues:
-    """The map from averages over cells to values at points.
+    """The map from cell averages to values at points.
 
     Attributes:
-        cells: Cells with flow about each point.
+        cells: Cells with flow around each point.
         weight: Their weights, shape (entry_count,).
-        rim: Numbers of the points that lie beyond the middles of their cells, shape (m,).
-        near: Cells about each of those, two deep.
-        near_weight: Their weights in what is added to the mean of the first.
-        near_basis: Directions of unit length in which these cells lie, shape (entry_count, 3): what their averages have
-            along them is what a line explains of their squares.
-        far: Points further in, whose values follow from their cells alone; none where they tell of no slope.
+        rim: Numbers of the points outside the centroids of their cells, shape (m,).
+        near: Two layers of cells around each rim point.
+        near_weight: Their weights in the change that is added to the mean of the first layer.
+        near_basis: Orthonormal basis of the places of these cells, shape (entry_count, 3): the squared components of
+            their averages in it are the part of the variance that a linear function explains.
+        far: Points further in, whose values follow from their cells alone; none where they determine no slope.
         far_weight: Their weights, which add up to 1.
     """
 
@@ -47,11 +48,11 @@ class PointValues:
 
     @classmethod
     def of(cls, corners: Rows, middle: np.ndarray, points: np.ndarray, blank: np.ndarray | None) -> "PointValues":
-        """Work it out.
+        """Compute the map from the mesh.
 
         Args:
             corners: Points of each cell.
-            middle: Places of the averages [m], shape (cell_count, 3).
+            middle: Centroids to which the averages belong [m], shape (cell_count, 3).
             points: [m], shape (point_count, 3).
             blank: Which cells have no flow, shape (cell_count,); None where all have.
         """
@@ -73,7 +74,7 @@ class PointValues:
         return cls(cells, weight, rim, near, near_weight, near_basis, far, far_weight)
 
     def values(self, average: np.ndarray) -> np.ndarray:
-        """Values at the points, shape (point_count,); 0 where no cell has flow."""
+        """Return values at the points, shape (point_count,); 0 where no cell has flow."""
         from .mesh_kernels import launch
         from .point_kernels import carry_to_rim, weighted_means
 
@@ -88,7 +89,7 @@ class PointValues:
 
 
 def _turned(corners: Rows, point_count: int, blank: np.ndarray | None) -> Rows:
-    """The cells at each point, those without flow left out."""
+    """Return the cells at each point, without those that have no flow."""
     from scipy.sparse import csr_array
 
     start, column = corners.start, corners.column
@@ -96,22 +97,22 @@ def _turned(corners: Rows, point_count: int, blank: np.ndarray | None) -> Rows:
         width = np.where(blank, 0, np.diff(start))
         keep = np.repeat(~blank, np.diff(start))
         start, column = np.concatenate([[0], np.cumsum(width)]), column[keep]
-    # Transposing a sparse matrix sorts in one pass, which no sort of the numbers does.
+    # Transposing a sparse matrix sorts in one pass, faster than a sort of the numbers.
     true = np.ones(len(column), bool)
     turned = csr_array((true, column, start), shape=(len(start) - 1, point_count)).tocsc()
     return Rows(turned.indptr.astype(np.int64), turned.indices.astype(np.int32, copy=False))
 
 
 def _beyond(at_cells, at_points, middle, points, inside, rim):
-    """Cells about some points on the rim and points further in, each with its weights.
+    """Return the cells around some rim points and the points further in, each with its weights.
 
     Args:
         at_cells: Which cells are at each point, a sparse matrix.
         at_points: Which points each cell has.
-        middle: Of the cells [m].
+        middle: Centroids of the cells [m].
         points: [m].
-        inside: Which points lie between the middles of their cells.
-        rim: The points that are asked for.
+        inside: Which points are within the hull of the centroids of their cells.
+        rim: The rim points.
     """
     own = at_cells[rim]
     around = own @ at_points @ at_cells
@@ -120,7 +121,7 @@ def _beyond(at_cells, at_points, middle, points, inside, rim):
     near = Rows.of_matrix(around)
     weight, rank, basis = _slope_along(near, middle, points[rim] - first)
     kept, far, far_weight = np.arange(len(rim)), [], []
-    for _ in range(2):  # where the points of these cells lie in a plane, those of the cells about them
+    for _ in range(2):  # if the points of these cells are in a plane, add those of the next layer of cells
         inner = around @ at_points
         inner.data = inside[inner.indices]
         inner.eliminate_zeros()
@@ -146,14 +147,15 @@ def _beyond(at_cells, at_points, middle, points, inside, rim):
 
 
 def _slope_along(rows: Rows, place: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Weights of what rows list in the change along a vector (n, 3) by the best slope, of one row after the other.
+    """Return each row's weights in the change along a vector (n, 3) by the least-squares slope, row after row.
 
-    And the number of directions that the slope has, and the places by directions of unit length, (entry_count, 3).
+    Also the number of directions in which the slope is determined, and the places in an orthonormal basis,
+    (entry_count, 3).
     """
     width, begin = np.diff(rows.start), rows.start[:-1]
     if not len(rows.column):
         return np.empty(0), np.zeros(len(width), int), np.empty((0, 3))
-    some = width > 0  # sums over rows without entries would take their neighbours'
+    some = width > 0  # reduceat over an empty row would return its neighbour's entry
 
     def total(each: np.ndarray) -> np.ndarray:
         found = np.zeros((len(width), *each.shape[1:]))
@@ -173,12 +175,12 @@ def _slope_along(rows: Rows, place: np.ndarray, along: np.ndarray) -> tuple[np.n
         return np.asarray(np.einsum("ni,ni->n", basis, np.repeat(own, width, axis=0)))
 
     found = weights(along)
-    found += weights(along - total(found[:, None] * step))  # what rounding left
+    found += weights(along - total(found[:, None] * step))  # correct for rounding
     return found, good.sum(axis=1), basis
 
 
 def _values_at(rows: Rows, place: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weights of what rows list in the value at a place (n, 3) on the best line; and the line's directions."""
+    """Return each row's weights in the value of the least-squares line at a place (n, 3), and the line's rank."""
     width = np.diff(rows.start)
     mean = np.repeat(1.0 / np.maximum(width, 1), width)
     some, centre = width > 0, at.copy()
@@ -189,7 +191,7 @@ def _values_at(rows: Rows, place: np.ndarray, at: np.ndarray) -> tuple[np.ndarra
 
 
 def _together(parts: list[tuple]) -> tuple:
-    """Rows and arrays of their entries, one part after the other."""
+    """Concatenate rows and the arrays of their entries."""
     if not parts:
         return Rows(np.zeros(1, np.int64), np.empty(0, np.int32)), np.empty(0), np.empty((0, 3))
     start = np.concatenate([[0], *(np.diff(rows.start) for rows, *_ in parts)]).cumsum()

@@ -1,4 +1,4 @@
-"""Polygons in a plane with values: what the cells of every two-dimensional file are first."""
+"""Polygons in a plane with values: the first form of the cells of every two-dimensional file."""
 
 from dataclasses import dataclass, replace
 
@@ -11,7 +11,7 @@ class Polygons:
 
     Attributes:
         points: Coordinates [m], shape (point_count, 2).
-        start: Where each polygon begins, shape (cell_count + 1,).
+        start: First corner of each polygon, shape (cell_count + 1,).
         corners: Points around each polygon, concatenated.
         values: Shape (cell_count,) or (point_count,), or with a second axis: several values for each.
         where: "cell" or "point".
@@ -29,20 +29,20 @@ class Polygons:
         return np.diff(self.start)
 
     def used(self) -> "Polygons":
-        """The same without points that belong to no polygon."""
+        """Return the polygons without points that belong to no polygon."""
         kept, corners = np.unique(self.corners, return_inverse=True)
         values = self.values[kept] if self.where == "point" else self.values
         return replace(self, points=self.points[kept], corners=corners.ravel(), values=values)
 
     def kept(self, keep: np.ndarray) -> "Polygons":
-        """Some of the polygons."""
+        """Return some of the polygons."""
         corners = self.corners[np.repeat(keep, self.width)]
         start = np.concatenate([[0], np.cumsum(self.width[keep])])
         values = self.values[keep] if self.where == "cell" else self.values
         return replace(self, start=start, corners=corners, values=values).used()
 
     def without_repeats(self) -> "Polygons":
-        """The same with corners left out that lie in the same place as the one before, as at the pole of a grid."""
+        """Return the polygons without corners that coincide with the previous one, as at the pole of a grid."""
         following = self.following()
         keep = (self.points[self.corners] != self.points[self.corners[following]]).any(axis=1)
         width = np.add.reduceat(keep, self.start[:-1])
@@ -50,7 +50,7 @@ class Polygons:
         return replace(self, start=start, corners=self.corners[keep]).kept(width > 2)
 
     def following(self) -> np.ndarray:
-        """Where the next corner of the same polygon stands, for each corner, shape (corner_count,)."""
+        """Return the index of the next corner of the same polygon, for each corner, shape (corner_count,)."""
         following = np.arange(1, len(self.corners) + 1)
         following[self.start[1:] - 1] = self.start[:-1]
         return following

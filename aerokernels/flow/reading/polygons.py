@@ -1,8 +1,8 @@
-"""Polygons to the quadrilaterals of `QuadMesh`: as they are where all are, otherwise cut so that they still join.
+"""Convert polygons to the quadrilaterals of `QuadMesh`: quadrilaterals as they are, others cut conformingly.
 
-Where a mesh holds triangles or polygons, every cell is cut from its middle to the middles of its edges: a polygon of n
-corners becomes n quadrilaterals, and neighbours agree on the middle of the edge that they share. Each part keeps the
-average of its cell. Linear functions of point data are kept exactly.
+Where a mesh has triangles or polygons, every cell is cut from its middle to the midpoints of its edges: a polygon of n
+corners becomes n quadrilaterals, and neighbours share the midpoint of their common edge. Each part keeps the average of
+its cell. Linear functions of point data are kept exactly.
 """
 
 from collections.abc import Sequence
@@ -14,16 +14,16 @@ from .logical import logical_rectangle
 from .orientation import oriented, signed_area, turned
 from .polygon_cells import Polygons
 
-STRAIGHT = 1e-7  # sine of the turn at a corner below which it is none: a neighbour's hanging node
+STRAIGHT = 1e-7  # sine of the turn at a corner; a smaller turn is a hanging node of a neighbour
 
 
 def merged(parts: list[Polygons], closing: Sequence[bool] = ()) -> Polygons:
-    """The polygons of several blocks as one mesh: points of different blocks in the same place become one.
+    """Merge the polygons of several blocks into one mesh: coincident points of different blocks become one.
 
     Args:
         parts: The polygons of each block.
-        closing: Which blocks may close on themselves, as a grid about an aerofoil does along its wake: their points
-            in the same place become one too, where values lie in cells. None may by default.
+        closing: Which blocks may close on themselves, as a grid around an aerofoil does along its wake: their own
+            coincident points become one too, where values belong to cells. By default no block may.
 
     Raises:
         ValueError: Values of the cells in one block and of the points in another.
@@ -38,7 +38,7 @@ def merged(parts: list[Polygons], closing: Sequence[bool] = ()) -> Polygons:
     block = np.repeat(np.arange(len(parts)), np.diff(first_point))
     step = 1e-9 * max(float(np.ptp(points, axis=0).max()), 1e-300)
     place = np.round((points - points.min(axis=0)) / step).astype(np.int64)
-    # Twice in one block stays twice, but in those that close: that block is damaged, and the mesh will say so.
+    # Coincident points of a block that does not close stay separate: it is damaged, and the mesh will reject it.
     _, repeat = np.unique(np.column_stack([block, place]), axis=0, return_inverse=True)
     order = np.argsort(repeat.ravel(), kind="stable")
     sorted_repeat = repeat.ravel()[order]
@@ -56,10 +56,10 @@ def merged(parts: list[Polygons], closing: Sequence[bool] = ()) -> Polygons:
 
 
 def quad_mesh(polygons: Polygons, geometry: str) -> tuple[QuadMesh, np.ndarray, str]:
-    """The mesh, its values, and a remark of what was done, empty for nothing.
+    """Return the mesh, its values, and a remark on what was changed, empty for nothing.
 
     Raises:
-        ValueError: Folded cells, and what `QuadMesh` refuses: degenerate or double cells, duplicate points.
+        ValueError: Folded cells, and what `QuadMesh` rejects: degenerate or double cells, duplicate points.
     """
     polygons, remark = oriented(polygons)
     turns = _turns(polygons)
@@ -81,7 +81,7 @@ def quad_mesh(polygons: Polygons, geometry: str) -> tuple[QuadMesh, np.ndarray, 
 
 
 def _turns(polygons: Polygons) -> np.ndarray:
-    """Sine of the turn at each corner."""
+    """Return the sine of the turn at each corner."""
     following = polygons.following()
     point = polygons.points[polygons.corners]
     step = point[following] - point
@@ -94,17 +94,16 @@ def _turns(polygons: Polygons) -> np.ndarray:
 
 
 def _means(polygons: Polygons, values: np.ndarray) -> np.ndarray:
-    """Mean of point values over the corners of each polygon."""
+    """Return the mean of point values over the corners of each polygon."""
     width = polygons.width if values.ndim == 1 else polygons.width[:, None]
     return np.asarray(np.add.reduceat(values[polygons.corners], polygons.start[:-1], axis=0) / width)
 
 
 def _fans(polygons: Polygons) -> tuple[Polygons, np.ndarray]:
-    """Polygons with a corner that does not turn, or turns the wrong way, as triangles about their middles.
+    """Divide polygons with a straight or reflex corner into triangles around their middles.
 
-    With them comes the number of the polygon that each of the result is, or is a part of.
-
-    Where the middle does not see the whole polygon the triangles are those about one of its corners.
+    Returns the polygons and the number of the original polygon of each. If a middle does not see the whole polygon, the
+    triangles are formed from one of its corners.
 
     Raises:
         ValueError: Polygons that are folded over themselves.
@@ -134,10 +133,10 @@ def _fans(polygons: Polygons) -> tuple[Polygons, np.ndarray]:
 
 
 def _seeing_corner(polygons: Polygons, number: int) -> int:
-    """The point of a polygon's corner from which the whole polygon is seen.
+    """Return the point of a polygon's corner from which the whole polygon is visible.
 
     Raises:
-        ValueError: There is none: the polygon crosses itself, or is bent beyond what cells are.
+        ValueError: There is none: the polygon crosses itself, or is too strongly bent.
     """
     corners = polygons.corners[polygons.start[number] : polygons.start[number + 1]]
     place = polygons.points[corners]
@@ -152,12 +151,12 @@ def _seeing_corner(polygons: Polygons, number: int) -> int:
 
 
 def _twice_area(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Twice the area of triangles [m2], negative where they are listed clockwise."""
+    """Return twice the area of triangles [m2], negative where they are listed clockwise."""
     return np.asarray((b - a)[..., 0] * (c - a)[..., 1] - (b - a)[..., 1] * (c - a)[..., 0])
 
 
 def _cut_from_the_middle(polygons: Polygons) -> Polygons:
-    """Every polygon of n corners as n quadrilaterals: corner, middle of an edge, middle, middle of the edge before."""
+    """Cut every polygon of n corners into n quadrilaterals: corner, edge midpoint, middle, previous edge midpoint."""
     following, count = polygons.following(), len(polygons.points)
     ends = np.sort(np.stack([polygons.corners, polygons.corners[following]], axis=1), axis=1)
     edge, at = np.unique(ends, axis=0, return_inverse=True)

@@ -1,4 +1,4 @@
-"""Which cell holds each node of a uniform grid: cells are drawn into the grid, on all cores, in bounded memory."""
+"""Find the cell that contains each node of a uniform grid: cells are rasterised on all cores, in bounded memory."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -12,13 +12,13 @@ from ...process.machine import core_count
 from .dataset import Block
 from .solids import Solids, solid_chunks
 
-PAIRS = 400_000  # nodes in the boxes of cells that are tested together
-ON_FACE = 1e-9  # of a cell's size: so near, a node lies on the face
+PAIRS = 400_000  # pairs of a cell and a node in its box that are tested together
+ON_FACE = 1e-9  # of a cell's size: a node this close is on the face
 
 
 @dataclass(frozen=True, eq=False)
 class NodeGrid:
-    """A uniform grid of nodes, and the cell that holds each.
+    """A uniform grid of nodes, and the cell that contains each.
 
     Attributes:
         low: The first node [m], shape (3,).
@@ -35,19 +35,19 @@ class NodeGrid:
     lock: Any = field(default_factory=Lock)
 
     def __post_init__(self):
-        """No node has a cell yet."""
+        """Start with no cell for any node."""
         if not len(self.cell):
             object.__setattr__(self, "cell", np.full(int(np.prod(self.shape)), -1, dtype=np.int32))
 
     def positions(self, node: np.ndarray) -> np.ndarray:
-        """Coordinates [m] of nodes by their number, shape (n, 3)."""
+        """Return coordinates [m] of nodes by their number, shape (n, 3)."""
         index = np.stack(np.unravel_index(node, self.shape), axis=1)
         return self.low + index * self.spacing
 
 
 @dataclass(eq=False)
 class CellFacts:
-    """What is kept of all cells of a block.
+    """Volumes and centroids of all cells of a block.
 
     Attributes:
         volume: [m3], shape (cell_count,).
@@ -59,7 +59,7 @@ class CellFacts:
 
 
 def draw(block: Block, points: np.ndarray, grids: list[NodeGrid], first_cell: int, progress=None) -> CellFacts:
-    """Draw the solid cells of a block into grids; numbers of cells there begin with `first_cell`."""
+    """Rasterise the solid cells of a block into grids, where their numbers begin with `first_cell`."""
     count = block.cell_count
     facts = CellFacts(np.zeros(count), np.zeros((count, 3)))
     blank = block.blank if block.blank is not None and len(block.blank) == count else None
@@ -80,7 +80,7 @@ def draw(block: Block, points: np.ndarray, grids: list[NodeGrid], first_cell: in
         waiting = []
         for made in solid_chunks(block, across):
             waiting.append(pool.submit(work, made))
-            if len(waiting) >= 2 * threads:  # no more in memory than are worked on
+            if len(waiting) >= 2 * threads:  # bound the memory of chunks in progress
                 done += waiting.pop(0).result()
                 if progress is not None:
                     progress(done / max(count, 1))
@@ -136,6 +136,6 @@ def _test(grid, cell, begin, span, pairs, middle, normal, bound) -> None:
         if len(inside) < len(own):
             own, node = own[inside], node[inside]
             place = [axis[inside] for axis in place]
-    # Of the cells that share a node on their faces the last one has it, whichever thread comes first.
+    # A node on a face shared by cells goes to the one with the greatest number, whichever thread comes first.
     with grid.lock:
         grid.cell[node] = np.maximum(grid.cell[node], cell[own])

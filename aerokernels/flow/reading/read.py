@@ -1,4 +1,4 @@
-"""`flow.read`: a CFD file or case as a density field."""
+"""`flow.read`: read a CFD file or case as a density field."""
 
 import math
 import os
@@ -32,21 +32,21 @@ GEOMETRIES = ("planar", "axisymmetric", "volume")
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A file that was read, and how its density and its frame are to be taken.
+    """A file that was read, with the choice of its density, its geometry and its frame.
 
     Attributes:
         path: The file or case.
-        dataset: What it holds.
-        densities: Density [kg/m3] of each block, and whether it is of its "cell"s or "point"s.
+        dataset: Its contents.
+        densities: Density [kg/m3] of each block, and whether its values belong to "cell"s or "point"s.
         geometry: "planar", "axisymmetric" or "volume".
-        frame: The frame.
-        normal: Normal of the plane of a planar file in its own axes.
+        frame: The optical frame in the file's axes.
+        normal: Normal of the plane of a planar file, in the file's axes.
         scale: The file's unit of length [m].
-        ambient: The density around the field that was asked for [kg/m3], or None.
-        said: What was taken, in words.
-        choice: Where its density comes from.
-        reference: What 1 is in it.
-        fractions: Mass fractions of the species, or None for one gas.
+        ambient: The density around the field that the caller requested [kg/m3], or None.
+        said: Description of the choices made, for the provenance.
+        choice: The arrays that the density comes from.
+        reference: Reference values of non-dimensional data.
+        fractions: Mass fractions of the species, or None for a single gas.
     """
 
     path: Path
@@ -63,14 +63,14 @@ class Reading:
     fractions: Fractions | None = None
 
     def moved(self, points: np.ndarray) -> np.ndarray:
-        """Points of the file (n, 3) in the optical frame [m]."""
+        """Return points of the file, shape (n, 3), in the optical frame [m]."""
         axes, origin = self.frame.axes(), np.array(self.frame.origin)
-        if not (origin.any() or (axes - np.eye(3)).any()):  # as it is: points of large files are not copied
+        if not (origin.any() or (axes - np.eye(3)).any()):  # do not copy the points of large files
             return points if self.scale == 1.0 else self.scale * points
         return self.scale * ((points - origin) @ axes.T)
 
     def described(self) -> list[str]:
-        """What was taken for what, in words: of a volume."""
+        """Describe the choices made for a volume, one item a choice."""
         dataset = self.dataset
         time = [f"t = {dataset.time:g}"] if dataset.time is not None else []
         return [dataset.format, *time, self.said, self.frame.described(self.frame.axes()), *dataset.notes]
@@ -78,7 +78,7 @@ class Reading:
 
 @dataclass(eq=False)
 class Kept:
-    """What is kept from one file to the next on the same mesh.
+    """Data that successive files on the same mesh share.
 
     Attributes:
         found: The map from the mesh of a volume to its grid.
@@ -106,31 +106,32 @@ def read(
 ) -> DensityField:
     """Read a CFD file or case as a density field in the optical frame.
 
-    Two-dimensional files keep their mesh; volumes are resampled to a uniform grid, and the error of that is measured.
+    Two-dimensional files keep their mesh; volumes are resampled to a uniform grid, with a measured error.
 
     Args:
         path: An OpenFOAM case, or a file: VTK's family, CGNS, Plot3D, Tecplot, SU2, NPZ, NetCDF, HDF5, CSV.
-        density: Name of the density's array; or {"pressure": NAME, "temperature": NAME, "gas_constant": R}; None looks
+        density: Name of the density array; or {"pressure": NAME, "temperature": NAME, "gas_constant": R}; None searches
             for the usual names.
         frame: A `Frame`, a mapping of its attributes, or the optical axis alone, such as "-x".
-        length_unit: Unit of the file's coordinates: "mm", or metres as a number. None takes what the file states beside
+        length_unit: Unit of the file's coordinates: "mm", or metres as a number. None takes the unit stated in the file
             or in the names of its coordinates, else metres.
-        reference: What 1 is in a non-dimensional file: {"density": 1.225, "length": "50 mm", ...}, or a density alone.
+        reference: Reference values of a non-dimensional file: {"density": 1.225, "length": "50 mm", ...}, or the
+            reference density alone.
         time: "latest" (None), "first" or a time of the file.
         gas_constant: [J/(kg K)], for pressure and temperature; None takes the file's, or air's.
-        geometry: "axisymmetric" for a plane file whose x is the axis and whose y is the radius; "volume" for one cell
-            thick that is no plane; None tells by the file.
-        ambient_density: Density around the field [kg/m3]; None takes what prevails where the flow comes from.
-        spacing: Greatest node spacing of a volume's grid [m]; None follows from the cells.
-        region: Lowest and highest corner of a volume's grid [m], in the optical frame; None takes all.
-        walls: Names of the boundary patches that bound the body; None takes those that the file calls walls.
-        species: Mass fractions by which the field is a mixture of gases, from arrays of the file: True for those called
-            by formulas (N2, Y_O2, MassFractionCO2, ...), formulas alone, or {"N2": "Y_N2", ...}, beside which
-            "basis": "mole" stands for mole fractions. None takes one gas. See `SPECIES_NAMES`.
+        geometry: "axisymmetric" for a plane file whose x is the axis and whose y is the radius; "volume" to keep a mesh
+            that is one cell thick as a volume; None decides by the file.
+        ambient_density: Density around the field [kg/m3]; None takes the median density at the upstream end.
+        spacing: Greatest node spacing of a volume's grid [m]; None follows from the size of the cells.
+        region: Lowest and highest corner of a volume's grid [m], in the optical frame; None takes the whole volume.
+        walls: Names of the boundary patches that bound the body; None takes those that the file marks as walls.
+        species: Mass fractions that make the field a mixture, from arrays of the file: True for those named
+            by formulas (N2, Y_O2, MassFractionCO2, ...), formulas alone, or {"N2": "Y_N2", ...}, where an entry
+            "basis": "mole" declares mole fractions. None assumes a single gas. See `SPECIES_NAMES`.
         options: For single formats: `mesh` (a restart of SU2), `solution` (Plot3D), `variables` (NPZ, HDF5).
 
     Returns:
-        A density field: its `provenance` says what was taken for what.
+        A density field; its `provenance` describes the choices made.
 
     Raises:
         TypeError: An argument of the wrong kind.
@@ -144,12 +145,12 @@ def read(
 
 
 def read_onto(kept: Kept | None, path, *, spacing=None, region=None, walls=None, **asked: Any) -> DensityField:
-    """`read`, with what the mesh decides taken from the last reading and kept for the next."""
+    """Read as `read` does, and share with other files what depends on the mesh alone, through `kept`."""
     try:
-        flat = spacing is None and region is None  # one cell thick it is planar, unless a grid is asked for
+        flat = spacing is None and region is None  # a mesh one cell thick is planar unless a grid is requested
         return field_of(prepare(path, flat=flat, **asked), spacing, region, walls, kept)
     except (ArithmeticError, LookupError) as fault:
-        # Counts and indices that do not fit are refused where they are read; what passes that is damaged all the same.
+        # Readers check counts and indices; an error that still occurs here means that the file is damaged.
         what = f"no field can be made of it ({type(fault).__name__}: {fault})"
         raise ReadError(path, what, "the file is damaged: write it again") from fault
     except MemoryError:
@@ -160,7 +161,7 @@ def read_onto(kept: Kept | None, path, *, spacing=None, region=None, walls=None,
 
 def prepare(path, *, density=None, frame=None, length_unit=None, reference=None, time=None, gas_constant=None,
             geometry=None, ambient_density=None, species=None, flat=True, **options: Any) -> Reading:  # fmt: skip
-    """Read a file and find out what is what in it; arguments and errors as in `read`."""
+    """Read a file and decide what its arrays and axes mean; arguments and errors as in `read`."""
     if not isinstance(path, (str, os.PathLike)):
         raise TypeError(
             f"path must be the path of a flow file or case, got {type(path).__name__}: for arrays there are "
@@ -184,9 +185,10 @@ def prepare(path, *, density=None, frame=None, length_unit=None, reference=None,
 def reading_of(
     path, dataset: Dataset, density, frame, unit, reference, gas_constant, geometry, ambient, species=None, flat=True
 ) -> Reading:
-    """What is what in a dataset; `unit` of length [m] or None for the file's own, the rest as in `read`.
+    """Decide what the arrays and axes of a dataset mean.
 
-    What is one cell thick is taken as planar if it may be `flat`.
+    `unit` is the unit of length [m], or None for the file's own; the other arguments are as in `read`. If `flat`, a
+    mesh that is one cell thick is taken as planar.
     """
     scale = (dataset.length or 1.0) if unit is None else unit
     check_blocks(path, dataset)
@@ -216,7 +218,7 @@ def reading_of(
 
 
 def field_of(reading: Reading, spacing=None, region=None, walls=None, kept: Kept | None = None) -> DensityField:
-    """The density field of what was read."""
+    """Return the density field of a file that was read."""
     if reading.geometry == "volume":
         from .volume import volume_field
 
@@ -230,7 +232,7 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
     path, dataset = reading.path, reading.dataset
     plane = Plane.of(path, dataset, reading.geometry, reading.frame, reading.scale, reading.normal)
     given, fractions = reading.densities, reading.fractions
-    if fractions is not None:  # the density and the partial ones go the same way
+    if fractions is not None:  # partial densities are carried to the mesh in the same way as the density
         parts = zip(given, fractions.blocks, strict=True)
         given = [(np.vstack([rho, rho * shares]).T, where) for (rho, where), shares in parts]
     mesh, density, where, remark = plane_mesh(path, list(dataset.blocks), plane, given)
@@ -275,12 +277,12 @@ def _body(path, dataset: Dataset, plane: Plane, mesh, names) -> Body | None:
 
 
 def _front(at: np.ndarray) -> np.ndarray:
-    """Which places are the foremost twentieth of the field, where the flow comes from."""
+    """Return which points are in the most upstream twentieth of the field."""
     return np.asarray(at[:, -1] >= float(np.quantile(at[:, -1], 0.95)))
 
 
 def plane_in_words(plane: Plane, frame: Frame) -> str:
-    """The frame in words."""
+    """Describe the frame of a two-dimensional file."""
     words = frame.described(plane.axes)
     return (
         f"axisymmetric, {words.split(',')[0]} of the file" if plane.geometry == "axisymmetric" else f"planar, {words}"
@@ -288,10 +290,10 @@ def plane_in_words(plane: Plane, frame: Frame) -> str:
 
 
 def unit_of_length(unit: str | float | None) -> float:
-    """A unit of length [m] from its name, a quantity such as "2.5 mm", or metres.
+    """Return a unit of length [m] given as its name, as a quantity such as "2.5 mm", or in metres.
 
     Raises:
-        ValueError: No length, or one that is not positive.
+        ValueError: Not a length, or a length that is not positive.
     """
     if unit is None:
         return 1.0
@@ -303,17 +305,17 @@ def unit_of_length(unit: str | float | None) -> float:
 
 
 def length_unit_given(unit: str | float | None, reference: Reference) -> float | None:
-    """The unit of length [m] that a caller states by `length_unit`, by a reference length or by both; None for none."""
+    """Return the unit of length [m] that a caller gives by `length_unit`, a reference length or both, or None."""
     if unit is None and "length" not in reference.given:
         return None
     return unit_of_length(unit) * reference.length
 
 
 def check_blocks(path, dataset: Dataset) -> None:
-    """Refuse blocks whose points have no place, or whose cells do not hang together.
+    """Check that points have finite coordinates and that cells refer to existing points.
 
     Raises:
-        ReadError: Which, and what to do.
+        ReadError: The block, the fault and the remedy.
     """
     if not dataset.blocks or not any(len(block.points) for block in dataset.blocks):
         raise ReadError(path, "it holds no points", "give a file with a mesh and its arrays")

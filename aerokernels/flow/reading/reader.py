@@ -1,4 +1,4 @@
-"""Reading snapshots on one mesh: what the mesh decides is worked out for the first, and kept for those that follow."""
+"""Read snapshots on one mesh: what depends on the mesh alone is computed once and reused for all snapshots."""
 
 from typing import Any
 
@@ -10,8 +10,9 @@ from .resampling import Resampling
 class Reader:
     """`flow.read` with its options given once, for files or times that share a mesh.
 
-    A volume is drawn into its grid once; each further snapshot on the same mesh costs the reading of its file and a
-    pass over cells and nodes. A file with another mesh is drawn anew, and its map kept from then on.
+    The map from the mesh of a volume to its grid is computed once; each further snapshot on the same mesh costs the
+    reading of its file and one pass over cells and nodes. A file with another mesh gets a new map, which replaces the
+    previous one.
 
         reader = flow.Reader(spacing=1e-3)
         fields = [reader("case", time=t) for t in (0.1, 0.2, 0.3)]
@@ -19,14 +20,14 @@ class Reader:
     """
 
     def __init__(self, **options: Any):
-        """Keep the options, which are those of `flow.read`."""
+        """Store the options, which are those of `flow.read`."""
         self.options, self._kept = options, Kept()
 
     def __call__(self, path, **more: Any) -> DensityField:
-        """Read a file or case; `more` goes before the options. Errors as in `flow.read`."""
+        """Read a file or case; `more` overrides the stored options. Errors as in `flow.read`."""
         return read_onto(self._kept, path, **{**self.options, **more})
 
     @property
     def resampling(self) -> Resampling | None:
-        """The map from the mesh of the last volume to its grid; None before the first, and for other flows."""
+        """The map from the mesh of the last volume to its grid; None before the first and for other geometries."""
         return self._kept.found

@@ -1,8 +1,8 @@
-"""Linear reconstruction of the density in solid cells, from averages over cells or from values at points.
+"""Reconstruct a linear density in each solid cell, from cell averages or from values at points.
 
-In every cell the density is its value at a middle plus a slope, kept within what the cell and its corners have. The
-average over a cell stays what the file says; linear functions of point data are kept exactly. What of this the mesh
-alone decides is worked out once; each set of densities then costs a pass over the cells.
+In every cell the density is its value at the cell's middle plus a slope, clamped to the range of the cell and its
+corners. The average over a cell remains that of the file; linear functions of point data are kept exactly. Weights that
+depend on the mesh alone are computed once; each set of densities then costs one pass over the cells.
 """
 
 from dataclasses import dataclass
@@ -24,9 +24,9 @@ class Linear:
     Attributes:
         value: Its average over the cell, shape (n,).
         function: Value at the origin, slope, least and greatest value allowed, shape (n, 6).
-        bend: What it differs from the values at the corners of the cell, root mean square with the sign of the mean:
-            what it lacks of a curved density. For values at points twice what it lacks at their middle.
-        origin: The point that places are counted from [m].
+        bend: Its deviation from the values at the corners of the cell, root mean square with the sign of the mean: its
+            deficit in a curved density. For values at points it is twice the deficit at the mean of the corners.
+        origin: The point from which places are measured [m].
     """
 
     value: np.ndarray
@@ -35,14 +35,14 @@ class Linear:
     origin: tuple[float, float, float]
 
     def at(self, cell: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Values at points (n, 3) that lie in cells (n,)."""
+        """Return values at points (n, 3) inside cells (n,)."""
         own = self.function[cell]
         rise = np.einsum("nk,nk->n", points - np.array(self.origin), own[:, 1:4])
         return np.clip(own[:, 0] + rise, own[:, 4], own[:, 5])
 
     @classmethod
     def joined(cls, parts: list["Linear"]) -> "Linear":
-        """The cells of several blocks, one after the other."""
+        """Concatenate the cells of several blocks."""
         if len(parts) == 1:
             return parts[0]
         names = ("value", "function", "bend")
@@ -51,16 +51,16 @@ class Linear:
 
 
 class Reconstruction:
-    """What the mesh of a block decides of the linear functions in its cells."""
+    """The weights of the linear functions in the cells of a block, which depend on its mesh alone."""
 
     def __init__(self, block: Block, points: np.ndarray, where: str, facts: CellFacts):
-        """Work it out.
+        """Compute the weights.
 
         Args:
             block: The block.
             points: Its points in the optical frame [m], shape (point_count, 3).
-            where: Whether densities are of a "cell" or a "point".
-            facts: Of its cells.
+            where: Whether densities belong to a "cell" or a "point".
+            facts: Volumes and centroids of its cells.
         """
         self.where = where
         self.count = block.cell_count if where == "cell" else len(points)
@@ -76,12 +76,12 @@ class Reconstruction:
             self._of_points = PointValues.of(self.rows, self.middle, points, blank)
 
     def forget_slopes(self) -> None:
-        """Let go of what makes slopes: `values` does without."""
+        """Free the weights of the slopes: `values` does not need them."""
         self.rows = Rows(np.zeros(1, np.int64), np.empty(0, np.int32))
         self.weight, self.middle, self.centre, self.points = (np.empty((0, 3)) for _ in range(4))
 
     def values(self, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The average of each cell and the values at the points, for densities of the cells or the points."""
+        """Return the average of each cell and the values at the points, for densities of the cells or the points."""
         given = np.ascontiguousarray(density, dtype=np.float64)
         if self._of_points is None:
             return self._corners.means(given), given
@@ -90,7 +90,7 @@ class Reconstruction:
 
 @dataclass(frozen=True, eq=False)
 class SomeCells:
-    """Cells of a block whose linear functions are asked for at places of their own."""
+    """Cells of a block whose linear functions are evaluated at given places."""
 
     cell: np.ndarray
     rows: Rows
@@ -101,7 +101,7 @@ class SomeCells:
 
     @classmethod
     def of(cls, part: Reconstruction, cell: np.ndarray) -> "SomeCells":
-        """Those of a block by their numbers."""
+        """Return the cells of a block with the given numbers."""
         rows, entry = part.rows.taken(cell)
         at_points = part.where == "point" and len(cell) > 0
         bends = PointBends.of(part.rows, part.weight, part.centre, part.points, cell) if at_points else None
@@ -109,7 +109,7 @@ class SomeCells:
         return cls(cell, rows, part.weight[entry], part.middle[cell], to_corner, bends)
 
     def linear(self, value: np.ndarray, near: np.ndarray, origin) -> Linear:
-        """Their linear functions from what `Reconstruction.values` gives; places are counted from `origin` [m]."""
+        """Return their linear functions from the result of `Reconstruction.values`, relative to `origin` [m]."""
         from .mesh_kernels import launch, linear_functions
 
         own, function, origin = value[self.cell], np.empty((len(self.cell), 6)), tuple(float(x) for x in origin)
@@ -127,7 +127,7 @@ class SomeCells:
 
 
 def cell_corners(block: Block) -> Rows:
-    """The points of each solid cell, each once; none of other cells."""
+    """Return the points of each solid cell, each listed once; none for other cells."""
     count = corner_counts(block)
     cells, of = block.cells, None
     if cells is not None and cells.faces is not None:
@@ -148,7 +148,7 @@ def cell_corners(block: Block) -> Rows:
 
 
 def _points_of_faces(faces: Faces, cell_count: int, point_count: int) -> Rows:
-    """The points of all faces of each cell, each once."""
+    """Return the points of all faces of each cell, each listed once."""
     from scipy.sparse import csr_array
 
     inner, face_count = len(faces.neighbour), len(faces.owner)
@@ -161,7 +161,7 @@ def _points_of_faces(faces: Faces, cell_count: int, point_count: int) -> Rows:
 
 
 def _fitted(rows: Rows, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weights of the corners in the slope that fits them best, shape (entry_count, 3), and the means of the corners."""
+    """Return corner weights in the least-squares slope, shape (entry_count, 3), and the means of the corners."""
     from .mesh_kernels import launch
     from .point_kernels import slope_weights
 

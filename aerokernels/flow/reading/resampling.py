@@ -1,8 +1,8 @@
-"""From the cells of a mesh to the nodes of a uniform grid: what the mesh alone decides is worked out once and kept.
+"""The map from the cells of a mesh to the nodes of a uniform grid; its mesh-dependent part is computed once and reused.
 
-Which cell holds a node, how a slope follows from what lies about a cell, which nodes take an average, which lie in no
-cell and whence their density is carried on: all that belongs to the mesh. A set of densities then costs a pass over the
-cells and one over the nodes.
+The mesh alone determines which cell contains a node, how slopes follow from the surrounding cells, which nodes take an
+average, which nodes are in no cell, and from where their density is extrapolated. A set of densities then costs one
+pass over the cells and one over the nodes.
 """
 
 import math
@@ -23,31 +23,31 @@ from .solid_walls import solid_body
 
 
 class Resampling:
-    """The map from the cells of a mesh to the nodes of a uniform grid, worked out once for any number of snapshots.
+    """The map from the cells of a mesh to the nodes of a uniform grid, computed once for any number of snapshots.
 
-    `flow.Reader` keeps one from file to file; `apply` takes densities from anywhere else.
+    `flow.Reader` reuses one from file to file; `apply` takes densities from any other source.
 
     Attributes:
         origin: The first node [m], shape (3,).
         spacing: Node spacing [m], shape (3,).
         shape: Number of nodes along x, y and z.
-        outside_share: Share of the nodes that no cell holds.
+        outside_share: Share of the nodes that are in no cell.
         body: The solid body in the flow, or None.
     """
 
     def __init__(self, reading, moved: Sequence[np.ndarray], spacing=None, region=None, walls=None):
-        """Draw the cells of what was read into a grid.
+        """Rasterise the cells of a file that was read into a grid.
 
         Args:
-            reading: What was read.
+            reading: The file that was read.
             moved: The points of its blocks in the optical frame [m], each (n, 3).
             spacing: Greatest node spacing [m]; None follows from the cells.
-            region: Lowest and highest corner of the grid [m]; None takes all.
+            region: Lowest and highest corner of the grid [m]; None takes the whole volume.
             walls: Names of the patches that bound the body; None takes the file's walls, else holes of the mesh.
 
         Raises:
-            ReadError: Cells inside out, points twice, no node in a cell.
-            ValueError: A spacing or a region that makes no grid.
+            ReadError: Cells inside out, duplicate points, no node in a cell.
+            ValueError: A spacing or a region that does not give a grid.
         """
         path, blocks = reading.path, list(reading.dataset.blocks)
         low, step, shape = choose_grid(path, blocks, moved, spacing, region)
@@ -80,10 +80,10 @@ class Resampling:
         self._lines, self._held = lines, []
         for part, first, count in zip(self._parts, firsts, counts, strict=True):
             self._held.append(HeldNodes.of(part, grid.cell, first, count))
-            part.forget_slopes()  # which stay with the cells that hold a node alone
+            part.forget_slopes()  # HeldNodes keeps those of cells that contain a node
 
     def fits(self, reading, spacing=None, region=None, walls=None) -> bool:
-        """Whether another reading lies on this very mesh, in the same frame, and asks for the same grid."""
+        """Return whether another file has this mesh, in the same frame, and is to be read onto the same grid."""
         if self._asked != (_plain(spacing), _plain(region), walls) or self._frame != (reading.frame, reading.scale):
             return False
         blocks = reading.dataset.blocks
@@ -97,17 +97,17 @@ class Resampling:
     def apply(
         self, densities, *, ambient_density: float | None = None, conditions=None, provenance: str = ""
     ) -> GridDensity:
-        """Densities of the cells (or the points) on the grid.
+        """Resample densities of the cells (or the points) to the grid.
 
         Args:
             densities: [kg/m3], one per cell or per point as in the first file, in its order; one array, or a list of
                 one for each block.
-            ambient_density: [kg/m3]; None takes what prevails in the foremost layers.
+            ambient_density: [kg/m3]; None takes the median of the most upstream layers.
             conditions: The free stream, or None.
-            provenance: Where they come from, in words.
+            provenance: Origin of the densities, for the field's provenance.
 
         Raises:
-            ValueError: Arrays that do not fit the mesh, or densities that are no gas's.
+            ValueError: Arrays that do not fit the mesh, or densities that no gas has.
         """
         given = [densities] if isinstance(densities, np.ndarray) else list(densities)
         if given and np.ndim(given[0]) == 0:
@@ -141,7 +141,7 @@ class Resampling:
         )
 
     def _drawn(self, given) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
-        """What makes the functions in each block's cells, and values at the nodes that lie in a cell."""
+        """Return the inputs of the functions in each block's cells, and the values at the nodes inside cells."""
         values = [part.values(own) for part, own in zip(self._parts, given, strict=True)]
         density = np.empty(math.prod(self.shape))
         for held, (value, near) in zip(self._held, values, strict=True):
@@ -152,7 +152,7 @@ class Resampling:
         return values, density
 
     def _composition(self, reading, ambient: float) -> Composition | None:
-        """The mixture at the nodes, by partial densities that go the way of the density."""
+        """Return the mixture at the nodes, from partial densities that are resampled like the density."""
         fractions = reading.fractions
         if fractions is None:
             return None
@@ -166,7 +166,7 @@ class Resampling:
         return found
 
     def field(self, reading) -> GridDensity:
-        """The density field of a reading on this mesh, its provenance with what the resampling changed."""
+        """Return the density field of a file on this mesh; its provenance states the changes due to resampling."""
         found = self.apply(
             [own for own, _ in reading.densities], ambient_density=reading.ambient or reading.dataset.ambient
         )
@@ -192,7 +192,7 @@ class Resampling:
 
 
 def _walls_in_words(reading) -> list[str]:
-    """That walls are known by their cells alone, where the file may hold more of them than that."""
+    """Return a note that wall values of the file, if any, are not used for volumes."""
     averages = all(where == "cell" for _, where in reading.densities)
     walls = sorted({patch.name for patch in reading.dataset.patches if patch.kind == "wall"})
     if not (averages and walls):
@@ -202,7 +202,10 @@ def _walls_in_words(reading) -> list[str]:
 
 
 def _first_numbers(blocks: Sequence[Block], moved: Sequence[np.ndarray]) -> list[int]:
-    """The number of each block's first cell: of blocks that overlap the one with finer cells comes last, and wins."""
+    """Return the number of each block's first cell, in descending order of cell size.
+
+    Where blocks overlap, the cell with the greatest number wins, which is then the finer one.
+    """
 
     def coarseness(k: int) -> int:
         extent = np.ptp(moved[k], axis=0).prod() if len(moved[k]) else 0.0

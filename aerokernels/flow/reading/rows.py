@@ -1,4 +1,4 @@
-"""Lists of numbers, one for each row: which cells a point has, which points a cell."""
+"""Lists of numbers, one for each row: the cells at each point, or the points of each cell."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """For each row the numbers that it lists: `column[start[row]:start[row + 1]]`.
+    """For each row a list of numbers: `column[start[row]:start[row + 1]]`.
 
     Attributes:
         start: int64, shape (row_count + 1,).
@@ -19,7 +19,7 @@ class Rows:
 
     @classmethod
     def sorted(cls, row: np.ndarray, column: np.ndarray, count: int) -> tuple["Rows", np.ndarray]:
-        """Pairs put in the order of their rows, and that order."""
+        """Return pairs sorted by their rows, and the order that sorts them."""
         order = np.argsort(row, kind="stable")
         start = np.zeros(count + 1, np.int64)
         np.cumsum(np.bincount(row, minlength=count), out=start[1:])
@@ -27,19 +27,19 @@ class Rows:
 
     @classmethod
     def of_matrix(cls, matrix) -> "Rows":
-        """The columns of a sparse matrix that have an entry in each row, in rising order."""
+        """Return the columns of the entries in each row of a sparse matrix, ascending."""
         matrix.sort_indices()
         return cls(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32, copy=False))
 
     def matrix(self, width: int):
-        """A sparse matrix of truths with these entries, `width` columns wide."""
+        """Return a sparse boolean matrix with these entries and `width` columns."""
         from scipy.sparse import csr_array
 
         true = np.ones(len(self.column), bool)
         return csr_array((true, self.column, self.start), shape=(len(self.start) - 1, width))
 
     def taken(self, row: np.ndarray) -> tuple["Rows", np.ndarray]:
-        """Some of the rows in another order, and where their entries stood."""
+        """Return some of the rows in a given order, and the positions of their entries in `column`."""
         begin, width = self.start[row], np.diff(self.start)[row]
         start = np.zeros(len(row) + 1, np.int64)
         np.cumsum(width, out=start[1:])
@@ -47,7 +47,7 @@ class Rows:
         return Rows(start, self.column[entry]), entry
 
     def means(self, values: np.ndarray) -> np.ndarray:
-        """The mean of the values that each row lists, 0 where it lists none."""
+        """Return the mean of the values that each row lists, 0 for an empty row."""
         from .mesh_kernels import launch, mean_of_listed
 
         result = np.empty(len(self.start) - 1)
@@ -55,7 +55,7 @@ class Rows:
         return result
 
     def signed_rms(self, each: np.ndarray) -> np.ndarray:
-        """Root mean square of what belongs to each entry, with the sign of its mean, of rows that are not empty."""
+        """Return the root mean square of each row's entries, with the sign of their mean; no row may be empty."""
         if not len(each):
             return np.empty(0)
         begin = self.start[:-1]

@@ -1,8 +1,8 @@
-"""The body in a volume: from the faces of wall patches, or from holes in the mesh, to closed surfaces of triangles.
+"""The body in a volume: a closed surface of triangles, from the faces of wall patches or from holes in the mesh.
 
-Faces are joined where their corners lie in the same place, turned the same way round, and openings are closed: a body
-that is cut off where the field ends goes on flat there. A surface has the flow on its outside; one that has it on its
-inside, a tunnel's walls or the far edge of a mesh, bounds no body.
+Faces are joined where their corners coincide, given a common orientation, and openings are closed: a body that is cut
+off at the end of the field is closed flat there. A surface bounds a body if the flow is outside it; a surface with the
+flow inside, such as a tunnel's walls or the outer edge of a mesh, bounds none.
 """
 
 import numpy as np
@@ -12,24 +12,24 @@ from .dataset import Block, Dataset, Polygons, ReadError
 from .raster import NodeGrid
 from .solids import FACES, corner_chunks
 
-CLOSE = 1e-9  # of the field's size: points nearer than this are one
-LEAST_VOLUME = 1e-9  # of the field's size cubed, below which a surface encloses nothing
+CLOSE = 1e-9  # of the field's size: closer points are the same
+LEAST_VOLUME = 1e-9  # of the field's size cubed: a smaller volume bounds no body
 
 
 def solid_body(path, dataset: Dataset, blocks: list[Block], moved, move, grid: NodeGrid, names=None):
-    """The body of a volume, or None where it has none.
+    """Return the body of a volume, or None if it has none.
 
     Args:
         path: The file, for messages.
-        dataset: What it holds.
+        dataset: Its contents.
         blocks: Its blocks.
         moved: Their points in the optical frame [m], each (n, 3).
-        move: Moves points of the file into the optical frame.
-        grid: The grid that the cells were drawn into.
+        move: Function that moves points of the file into the optical frame.
+        grid: The grid that the cells were rasterised into.
         names: Patches that bound the body; None takes the file's walls, and without such the holes of the mesh.
 
     Raises:
-        ReadError: No such patch, or one whose faces make no surface.
+        ReadError: No such patch, or one whose faces do not form a surface.
     """
     known = [(patch, patch.polygons) for patch in dataset.patches if patch.polygons is not None]
     chosen = [names] if isinstance(names, str) else names
@@ -48,13 +48,13 @@ def solid_body(path, dataset: Dataset, blocks: list[Block], moved, move, grid: N
         vertices, triangles = _triangles(parts, CLOSE * size)
         return _body(vertices, triangles, grid, size)
     except ValueError as fault:
-        if not walls:  # what holes are, nobody can tell there
+        if not walls:  # without wall patches, faces that form no surface leave it open what is a hole
             return None
         raise ReadError(path, f"its walls make no body: {fault}", "repair the boundary's patches") from None
 
 
 def boundary_polygons(block: Block, points: np.ndarray) -> Polygons:
-    """The faces of a block that one cell with flow has alone."""
+    """Return the faces of a block that belong to only one cell with flow."""
     faces = None if block.cells is None else block.cells.faces
     if faces is not None:
         first, start = len(faces.neighbour), faces.start
@@ -85,7 +85,7 @@ def boundary_polygons(block: Block, points: np.ndarray) -> Polygons:
 
 
 def _triangles(parts: list[Polygons], near: float) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices [m] and triangles of polygons, joined where they meet; faces that are there twice are left out."""
+    """Return vertices [m] and triangles of polygons, joined where they meet; faces listed twice are left out."""
     points = np.concatenate([part.points for part in parts])
     width = np.concatenate([np.diff(part.start) for part in parts])
     _, first, vertex = np.unique(
@@ -93,7 +93,7 @@ def _triangles(parts: list[Polygons], near: float) -> tuple[np.ndarray, np.ndarr
     )
     vertices, vertex = points[first], vertex.ravel()
     face = np.repeat(np.arange(len(width)), width)
-    # A face is told by its corners, in whatever order; of one that is there twice both sides are in the flow.
+    # A face is identified by its corners in any order; a face that occurs twice has the flow on both sides.
     label = np.random.default_rng(8).integers(1, 2**63, len(vertices), dtype=np.uint64)
     distinct = np.unique(np.stack([face, vertex], axis=1), axis=0)
     key = np.zeros(len(width), np.uint64)
@@ -119,7 +119,7 @@ def _triangles(parts: list[Polygons], near: float) -> tuple[np.ndarray, np.ndarr
 
 
 def _body(vertices: np.ndarray, triangles: np.ndarray, grid: NodeGrid, size: float) -> SolidBody | None:
-    """The closed surfaces that have the flow outside, as one body."""
+    """Return the closed surfaces with the flow outside, as one body."""
     if not len(triangles):
         return None
     triangles, part = _turned_alike(triangles)
@@ -149,7 +149,7 @@ def _edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _turned_alike(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles turned so that neighbours go round the same way, and the number of the surface that each belongs to."""
+    """Return triangles with a common orientation of neighbours, and the number of each one's surface."""
     count = len(triangles)
     a, b = _edges(triangles)
     low, high = np.minimum(a, b), np.maximum(a, b)
@@ -160,7 +160,7 @@ def _turned_alike(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     one, other = order[:-1][same], order[1:][same]
     alike = a[one] != a[other]  # each goes along the edge the other way
     first, second = one // 3, other // 3
-    # Every triangle as it is, and turned: what goes together is connected.
+    # The graph has a node for every triangle as listed, and one for it reversed; consistent orientations are joined.
     row = np.concatenate([first, first + count])
     column = np.concatenate([np.where(alike, second, second + count), np.where(alike, second + count, second)])
     label = _components(row, column, 2 * count)
@@ -172,7 +172,7 @@ def _turned_alike(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _components(row: np.ndarray, column: np.ndarray, count: int) -> np.ndarray:
-    """The connected part that each of `count` things belongs to, from pairs that are joined."""
+    """Return the connected component of each of `count` nodes, from pairs that are joined."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
@@ -181,13 +181,13 @@ def _components(row: np.ndarray, column: np.ndarray, count: int) -> np.ndarray:
 
 
 def _closed(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A surface with its openings closed, each by a fan about the middle of its rim."""
+    """Return a surface with each of its openings closed by a fan of triangles around the mean of its rim."""
     a, b = _edges(triangles)
     count = len(vertices)
     open_edges = np.flatnonzero(~np.isin(a * count + b, b * count + a))
     if not len(open_edges):
         return vertices, triangles
-    begin, end = b[open_edges], a[open_edges]  # as the closing triangles go round
+    begin, end = b[open_edges], a[open_edges]  # in the direction of the closing triangles
     if len(np.unique(begin)) < len(begin):
         raise ValueError("the rim of a wall touches itself")
     number = np.unique(np.concatenate([begin, end]), return_inverse=True)[1].reshape(2, -1)
@@ -200,12 +200,12 @@ def _closed(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _flow_outside(corner: np.ndarray, outward: float, grid: NodeGrid) -> bool:
-    """Whether the flow lies on the outside of a surface: by which nodes near its triangles lie in cells.
+    """Return whether the flow is outside a surface, from which nodes near its triangles are in cells.
 
     Args:
         corner: Corners of the triangles [m], shape (n, 3, 3).
-        outward: 1 where they go round counter-clockwise seen from outside, -1 otherwise.
-        grid: The grid that the cells were drawn into.
+        outward: 1 where the corners are counter-clockwise seen from outside, -1 otherwise.
+        grid: The grid that the cells were rasterised into.
     """
     normal = outward * np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     area = np.linalg.norm(normal, axis=1)

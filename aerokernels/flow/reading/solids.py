@@ -1,7 +1,7 @@
-"""Solid cells in chunks: faces, volumes and middles, of every type alike.
+"""Solid cells in chunks: faces, volumes and centroids, for all cell types alike.
 
-A face is the plane through its middle at right angles to its area; where the four corners of a face do not lie in a
-plane, both cells that share it take the same one, so that nothing is between them.
+A face is treated as the plane through its centroid perpendicular to its area vector. Where the four corners of a face
+are not in a plane, both cells that share it use the same plane, so that there is no gap between them.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,7 +12,7 @@ import numpy as np
 
 from .dataset import HEXAHEDRON, POLYHEDRON, PRISM, PYRAMID, TETRAHEDRON, Block
 
-# Faces by their corners, looking from outside counter-clockwise; a triangle names its last corner twice.
+# Faces by their corners, counter-clockwise seen from outside; a triangle repeats its last corner.
 FACES = {
     TETRAHEDRON: [(0, 2, 1, 1), (0, 1, 3, 3), (1, 2, 3, 3), (2, 0, 3, 3)],
     HEXAHEDRON: [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)],
@@ -20,17 +20,17 @@ FACES = {
     PYRAMID: [(0, 3, 2, 1), (0, 1, 4, 4), (1, 2, 4, 4), (2, 3, 4, 4), (3, 0, 4, 4)],
 }
 CORNER_COUNT = {TETRAHEDRON: 4, HEXAHEDRON: 8, PRISM: 6, PYRAMID: 5}
-CHUNK = 16_384  # cells that are looked at together: what fits a core's cache
+CHUNK = 16_384  # cells processed together: fits in a core's cache
 
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """Some cells of a block; the components of vectors come first, and cells last.
+    """Some cells of a block; the first axis of vectors is the component, and the last axis is the cell.
 
     Attributes:
         cell: Their numbers in the block, shape (n,).
-        area: Area vectors of their faces [m2], pointing out, shape (3, f, n).
-        centre: Middles of their faces [m], shape (3, f, n).
+        area: Outward area vectors of their faces [m2], shape (3, f, n).
+        centre: Centroids of their faces [m], shape (3, f, n).
         low: Lowest corner of the box around each [m], shape (3, n).
         high: Highest corner [m], shape (3, n).
         volume: [m3], negative for cells that are inside out, shape (n,).
@@ -48,7 +48,7 @@ class Solids:
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Some cells of one type, by their corners, before anything is worked out.
+    """Some cells of one type, by their corners, before their geometry is computed.
 
     Attributes:
         kind: VTK's number of the type.
@@ -61,7 +61,7 @@ class Chunk:
     corners: np.ndarray
 
     def solids(self, across: np.ndarray) -> Solids:
-        """Faces, volumes and middles, from the coordinates of all points [m], shape (3, point_count)."""
+        """Compute faces, volumes and centroids from the coordinates of all points [m], shape (3, point_count)."""
         at = across[:, self.corners]
         table = FACES[self.kind]
         a, b, c, d = (at[:, [face[k] for face in table]] for k in range(4))
@@ -78,21 +78,21 @@ class Chunk:
         found = _finished(self.cell, area, centre, at.min(axis=1), at.max(axis=1), at.mean(axis=1))
         if self.kind != PRISM:
             return found
-        # VTK counts the corners of a prism one way round in its interpolation, most programs the other: both are right.
+        # VTK and most other programs list a prism's corners in opposite orientations: accept both.
         turn = np.where(found.volume < 0.0, -1.0, 1.0)
         return replace(found, area=turn * found.area, volume=turn * found.volume)
 
 
 @dataclass(frozen=True, eq=False)
 class _Polyhedra:
-    """Polyhedra sorted by their number of faces.
+    """Polyhedra with the geometry of their faces, and the faces of each cell.
 
     Attributes:
         face_area: Area vectors, out of the owner, shape (face_count, 3).
         face_centre: Shape (face_count, 3).
         face_box: Lowest and highest corner of each face, shape (face_count, 2, 3).
-        incident: Faces of the cells, sorted by cell, with the bits inverted for those that look inward.
-        start: Where each cell's faces begin, shape (cell_count + 1,).
+        incident: Faces of the cells, sorted by cell; bits are inverted for faces that point inward.
+        start: First entry of each cell in `incident`, shape (cell_count + 1,).
     """
 
     face_area: np.ndarray
@@ -103,7 +103,7 @@ class _Polyhedra:
 
 
 def corner_chunks(block: Block) -> Iterator[Chunk]:
-    """The solid cells of a block that are no polyhedra, some at a time."""
+    """Yield the solid cells of a block that are not polyhedra, in chunks."""
     if block.shape is not None:
         yield from _structured(block.shape)
         return
@@ -118,7 +118,7 @@ def corner_chunks(block: Block) -> Iterator[Chunk]:
 
 
 def corner_counts(block: Block) -> np.ndarray:
-    """The number of corners of each solid cell of a block; 0 for polyhedra and for what is no solid."""
+    """Return the number of corners of each cell of a block; 0 for polyhedra and for cells that are not solid."""
     if block.shape is not None:
         solid = min(block.shape) > 1
         return np.full(block.cell_count, CORNER_COUNT[HEXAHEDRON] if solid else 0, np.int64)
@@ -128,7 +128,7 @@ def corner_counts(block: Block) -> np.ndarray:
 
 
 def solid_chunks(block: Block, across: np.ndarray) -> Iterator[Callable[[], Solids]]:
-    """The solid cells of a block, some at a time, each as work still to be done.
+    """Yield functions that compute the solid cells of a block, one for each chunk.
 
     Args:
         block: The block.
@@ -170,7 +170,10 @@ def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _from_mean(ring: list[np.ndarray], mean: np.ndarray) -> np.ndarray:
-    """The centroids of quadrilaterals less the means of their corners, (3, n) each: of the triangles about the mean."""
+    """Return the centroids of quadrilaterals minus the means of their corners, shape (3, n).
+
+    The centroid is that of the four triangles around the mean.
+    """
     spoke = [corner - mean for corner in ring]
     triangle = [_cross(spoke[k], spoke[(k + 1) % 4]) for k in range(4)]
     area = sum(triangle)
@@ -181,7 +184,7 @@ def _from_mean(ring: list[np.ndarray], mean: np.ndarray) -> np.ndarray:
 
 
 def _finished(cell, area, centre, low, high, inner) -> Solids:
-    """Volumes and centroids, as sums over the pyramids from a point inside to each face."""
+    """Compute volumes and centroids as sums over the pyramids from an inner point to each face."""
     height = centre - inner[:, None]
     part = (height * area).sum(axis=0) / 3.0
     volume = part.sum(axis=0)
@@ -202,7 +205,7 @@ def _polyhedra(block: Block, points: np.ndarray) -> _Polyhedra:
     spoke = at - np.repeat(mean, width, axis=0)
     triangle = 0.5 * np.cross(spoke, spoke[following])
     area = np.add.reduceat(triangle, begin, axis=0)
-    # The centroid of the face: of the triangles about its mean, weighted by their share of the area.
+    # The centroid of the face: of the triangles around its mean, weighted by area.
     unit = area / np.maximum(np.linalg.norm(area, axis=1), 1e-300)[:, None]
     share = np.einsum("nk,nk->n", triangle, np.repeat(unit, width, axis=0))
     third = (spoke + spoke[following]) / 3.0

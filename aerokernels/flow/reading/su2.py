@@ -1,7 +1,7 @@
-"""SU2: a mesh (.su2) with a restart beside it, binary (.dat) or text (.csv, .dat); values are at the mesh's points.
+"""Read SU2: a mesh (.su2) and a restart, binary (.dat) or text (.csv, .dat), with values at the mesh's points.
 
 The binary restart: five int32 (535532, variable count, point count, 0, 0), names of 33 characters, float64 values point
-by point, then numbers of the run. Byte order by the first number.
+by point, then metadata of the run. The first number tells the byte order.
 """
 
 from dataclasses import dataclass, field
@@ -19,12 +19,12 @@ NAME_LENGTH = 33
 DAMAGED = "the file is damaged or was not written to its end: write it again"
 CORNERS = {3: 2, 5: 3, 9: 4, 10: 4, 12: 8, 13: 6, 14: 5}
 GREATEST_VARIABLE_COUNT = 10_000
-HIGH_ORDER = 100  # numbers of elements with points inside are greater
+HIGH_ORDER = 100  # type numbers of elements with interior points are greater
 COORDINATES = ("x", "y", "z", "pointid", "point_id")
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
-    """Read a mesh and its restart; either may be named, the other lies beside it or is given as `mesh`.
+    """Read a mesh and its restart; either may be named, the other is in the same folder or given as an option.
 
     Raises:
         ReadError: A damaged file, a missing mesh or restart, or two that do not belong together.
@@ -60,7 +60,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
 
 
 def _check_places(restart: Path, arrays, points: np.ndarray, dimension: int) -> None:
-    """Refuse a restart whose own coordinates are not the mesh's."""
+    """Reject a restart whose own coordinates differ from the mesh's."""
     plain = {name.lower(): values for name, values in arrays.items()}
     size = float(np.ptp(points, axis=0).max())
     for axis, name in enumerate("xyz"[:dimension]):
@@ -115,7 +115,7 @@ class Zone:
         return Cells(types, start, np.concatenate(self.corners))
 
     def check(self, path: Path) -> None:
-        """Refuse a zone without points or elements, and corners that are none of its points."""
+        """Reject a zone without points or elements, and corners that refer to missing points."""
         count = len(self.points)
         if not count or not self.kinds:
             raise ReadError(path, "it has no points or no elements", DAMAGED)
@@ -127,7 +127,7 @@ class Zone:
 
 
 def read_mesh(path: Path) -> list[Zone]:
-    """The zones of a mesh.
+    """Return the zones of a mesh.
 
     Raises:
         ReadError: A damaged mesh.
@@ -136,7 +136,7 @@ def read_mesh(path: Path) -> list[Zone]:
         text = path.read_text("ascii").splitlines()
     except UnicodeDecodeError:
         raise ReadError(path, "it is no text", DAMAGED) from None
-    # Comments and empty lines may stand anywhere, in lists too.
+    # Comments and empty lines may occur anywhere, also within lists.
     lines = [(number, line) for number, line in enumerate((own.split("%")[0] for own in text), start=1) if line.strip()]
     at, marker = 0, ""
     zones: list[Zone] = [Zone()]
@@ -160,7 +160,7 @@ def read_mesh(path: Path) -> list[Zone]:
                     raise ReadError(path, f"line {number}: {count} dimensions", DAMAGED)
                 continue
             if at < len(lines) and key == "MARKER_ELEMS" and "=" in lines[at][1]:
-                at += 1  # SEND_TO of points that processes share
+                at += 1  # the SEND_TO line of points shared between processes
             left = len(lines) - at
             if count > left:
                 raise ReadError(path, f"line {number}: {key}= {count}, but only {left} lines follow", DAMAGED)
@@ -172,7 +172,7 @@ def read_mesh(path: Path) -> list[Zone]:
             else:
                 pieces = _elements(path, rows, {1: 1, **CORNERS})[1]
                 pieces = [own for own in pieces if zone.dimension <= len(own) <= 4]
-                # A triangle names its last corner twice.
+                # A triangle repeats its last corner.
                 wide = 2 if zone.dimension == 2 else 4
                 whole = [np.append(own, own[-1:].repeat(wide - len(own))) for own in pieces if len(own) <= wide]
                 zone.markers[marker] = np.array(whole, dtype=np.int64).reshape(-1, wide)
@@ -225,7 +225,7 @@ def _whole(path: Path, line: int, word: str) -> int:
 
 
 def _walls(points: np.ndarray, markers: dict[str, np.ndarray]) -> list[Patch]:
-    """Markers as patches; SU2 keeps what they are in its configuration, so that only names can tell a wall."""
+    """Return markers as patches. Only their names tell walls: SU2 states boundary types in its configuration file."""
     words = ("wall", "airfoil", "body", "cylinder", "wedge", "cone", "sphere")
     return [
         Patch.of(name, "wall" if any(word in name.lower() for word in words) else "marker", points[edges])
@@ -234,15 +234,30 @@ def _walls(points: np.ndarray, markers: dict[str, np.ndarray]) -> list[Patch]:
     ]
 
 
+def _in_order_of_points(path: Path, table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the columns of a restart in the order of its column PointID, if it has one: rows may be in any order.
+
+    Raises:
+        ReadError: Numbers of points that are not 0 to the count less one, each once.
+    """
+    number = next((own for name, own in table.items() if name.lower().replace("_", "") == "pointid"), None)
+    if number is None:
+        return table
+    order = np.argsort(number, kind="stable")
+    if (number[order] != np.arange(len(order))).any():
+        raise ReadError(path, f"its column PointID does not number the {len(order)} points from 0 on", DAMAGED)
+    return {name: own[order] for name, own in table.items()}
+
+
 def read_restart(path: Path) -> dict[str, np.ndarray]:
-    """Values at the points by name, of a binary or a text restart.
+    """Return the values at the points by name, from a binary or a text restart.
 
     Raises:
         ReadError: A damaged restart.
     """
     data = path.read_bytes()
     if len(data) < 20 or MAGIC not in (int.from_bytes(data[:4], "little"), int.from_bytes(data[:4], "big")):
-        return read_table(path, data)
+        return _in_order_of_points(path, read_table(path, data))
     order = "<" if int.from_bytes(data[:4], "little") == MAGIC else ">"
     _, variables, count = (int(v) for v in np.frombuffer(data, f"{order}i4", 3))
     begin = 20 + NAME_LENGTH * variables

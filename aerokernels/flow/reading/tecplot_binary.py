@@ -1,8 +1,8 @@
-"""Tecplot's binary data (.plt) of versions 107 to 112: ordered and finite-element zones, shared and passive variables.
+"""Read Tecplot binary files (.plt), versions 107 to 112: ordered and finite-element zones, shared, passive variables.
 
-The layout is that of the "Binary Data File Format" in Tecplot's data format guide: a header with the variables and all
-zones, then the data of each zone, variable after variable. Values in cells of an ordered zone are padded along all
-axes but the last.
+The layout follows "Binary Data File Format" in Tecplot's data format guide: a header with the variables and all zones,
+then the data of each zone, variable after variable. Values in cells of an ordered zone are padded along all axes but
+the last.
 """
 
 import math
@@ -36,7 +36,7 @@ class _Zone:
 
 
 class _Bytes:
-    """A cursor in the file."""
+    """The bytes of a file and a cursor in them."""
 
     def __init__(self, path: Path, data: bytes, at: int):
         self.path, self.data, self.at, self.order = path, data, at, "<"
@@ -45,7 +45,7 @@ class _Bytes:
         return ReadError(self.path, f"{what} (byte {self.at} of {len(self.data)})", DAMAGED)
 
     def take(self, kind: str, count: int = 1) -> np.ndarray:
-        """The next numbers."""
+        """Return the next numbers and move past them."""
         dtype = np.dtype(self.order + kind)
         if count < 0 or self.at + count * dtype.itemsize > len(self.data):
             raise self.fault(f"{count} numbers of {dtype.itemsize} bytes are announced, the file ends before")
@@ -60,7 +60,7 @@ class _Bytes:
         return float(self.take("f4")[0])
 
     def text(self) -> str:
-        """A text: one int32 for each character, ended by 0."""
+        """Return a text: one int32 for each character, ended by 0."""
         letters: list[str] = []
         while (letter := self.whole()) != 0:
             if not 0 < letter < 0x110000 or len(letters) > LONGEST_NAME:
@@ -73,7 +73,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     """Read a Tecplot binary file.
 
     Raises:
-        ReadError: Another version, or a file that does not hold what it announces.
+        ReadError: Another version, or a file that does not contain what it announces.
     """
     data = path.read_bytes()
     if not data.startswith(b"#!TDV") or not data[5:8].isdigit():
@@ -84,7 +84,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
             path, f"version {version} of the format is not read", "write it as version 107 to 112, or as ASCII"
         )
     fault: ReadError | None = None
-    for packing in (False,) if version == 112 else (True, False):  # a number that version 112 left out
+    for packing in (False,) if version == 112 else (True, False):  # version 112 dropped this header field
         try:
             return _read(path, data, version, packing, time)
         except ReadError as found:
@@ -202,7 +202,7 @@ def _data(stream: _Bytes, zone: _Zone, before: list[_Zone], count: int) -> None:
 
 
 def _check_range(stream: _Bytes, zone: _Zone, k: int, values: np.ndarray, announced: np.ndarray) -> None:
-    """The file tells the range of each variable; writers that do not know it tell an empty one."""
+    """Check values against the range that the file states; some writers state an empty range."""
     low, high = (float(v) for v in announced)
     if low >= high or not np.isfinite([low, high]).all() or not len(values):
         return

@@ -1,6 +1,6 @@
-"""Tecplot's ASCII data (.dat): ordered and finite-element zones, POINT and BLOCK packing, values at nodes or in cells.
+"""Read Tecplot ASCII files (.dat): ordered and finite-element zones, POINT and BLOCK packing, nodal and cell values.
 
-VTK's reader keeps single precision; this one keeps what is written.
+VTK's reader returns single precision; this one keeps all digits.
 """
 
 import math
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from .array_units import length_of
-from .coordinates import COLUMNS
+from .coordinates import COLUMNS, PLACE, axes_of
 from .dataset import (
     HEXAHEDRON,
     LINE,
@@ -42,8 +42,8 @@ ELEMENTS = {
 }
 _PAIR = re.compile(r'([A-Za-z][\w ]*?)\s*=\s*("[^"]*"|\((?:[^()]|\([^()]*\))*\)|[^\s,=]+)')
 _NUMBER = re.compile(r"^\s*[-+.\d]")
-LONGEST_HEAD = 10_000  # letters before the numbers of a zone
-MOST_REPEATED = 1000  # numbers of a zone for each that is written: a coordinate changes along the first index
+LONGEST_HEAD = 10_000  # characters of a zone's header
+MOST_REPEATED = 1000  # greatest ratio of a zone's numbers to written ones: a coordinate changes along the first index
 _REPEAT = re.compile(r"(\d+)\*(\S+)")
 
 
@@ -51,7 +51,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     """Read a Tecplot ASCII file.
 
     Raises:
-        ReadError: No Tecplot file, or zones that do not hold what they announce.
+        ReadError: Not a Tecplot file, or zones that do not contain what they announce.
     """
     data = path.read_bytes()
     if b"\0" in data:
@@ -66,7 +66,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
 
 
 def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, name: str, asked) -> Dataset:
-    """The zones of one solution time; zones without a time belong to all."""
+    """Return the zones of one solution time; zones without a time belong to every time."""
     flows = [k for k, block in enumerate(blocks) if block.cells is None or (block.cells.types != LINE).any()]
     notes = []
     if 0 < len(flows) < len(blocks):
@@ -74,7 +74,7 @@ def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, 
             f"zones of lines are left out: {', '.join(blocks[k].name for k in set(range(len(blocks))) - set(flows))}"
         ]
         blocks, times = [blocks[k] for k in flows], [times[k] for k in flows]
-    place = coordinate_columns(variables)
+    place, symmetry = coordinate_columns(variables)
     length, factors = length_of(path, {variables[k]: "" for k in place.values()})
     for index, factor in zip(place, factors, strict=True):
         for block in blocks if factor != 1.0 else []:
@@ -82,11 +82,14 @@ def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, 
     values = sorted({float(t) for t in times if t is not None})
     chosen = chosen_time(path, values, asked)
     kept = [block for block, t in zip(blocks, times, strict=True) if t is None or float(t) == chosen]
-    return Dataset(kept, name, times=values, time=chosen, length=length, notes=notes)
+    geometry = None if symmetry is None else "axisymmetric"
+    return Dataset(
+        kept, name, geometry, times=values, time=chosen, axis=symmetry, length=length, notes=notes
+    )  # fmt: skip
 
 
 def _parts(path: Path, text: str):
-    """The variables' names, and the head and numbers of each zone."""
+    """Return the variables' names, and the header and numbers of each zone."""
     variables: list[str] = []
     zones: list[tuple[dict[str, str], str]] = []
     head: list[str] | None = None
@@ -140,13 +143,13 @@ def _pairs(text: str) -> dict[str, str]:
 def zone_block(
     path: Path, variables: list[str], head: dict[str, str], text: str, number: int, before: list[Block]
 ) -> Block:
-    """The block of a zone."""
+    """Return the block of a zone."""
     name = f"zone {number}" + (f" ({head['T']})" if head.get("T") else "")
     kind = (head.get("ZONETYPE") or head.get("ET") or "ORDERED").upper()
-    packing = (head.get("DATAPACKING") or head.get("F", "POINT")).upper().removeprefix("FE")
     if any(key in head for key in ("VARSHARELIST", "CONNECTIVITYSHAREZONE", "PASSIVEVARLIST")):
         raise ReadError(path, f"{name} shares data with other zones", "write the file with all data in every zone")
     in_cells = _cell_variables(path, head.get("VARLOCATION", ""), len(variables))
+    packing = _packing(path, name, head, text, len(variables), bool(in_cells))
     if in_cells and packing != "BLOCK":
         raise ReadError(path, f"{name} has values in cells without BLOCK packing", DAMAGED)
     ordered = kind == "ORDERED"
@@ -176,8 +179,25 @@ def zone_block(
     return assembled(path, variables, arrays, in_cells, shape, whole, name)
 
 
+def _packing(path: Path, name: str, head: dict[str, str], text: str, variable_count: int, in_cells: bool) -> str:
+    """Return "POINT" or "BLOCK", as stated in the zone's header; programs differ in what they mean by neither.
+
+    Raises:
+        ReadError: Neither is stated, and the first line of numbers is not that of a point.
+    """
+    if stated := head.get("DATAPACKING") or head.get("F"):
+        return stated.upper().removeprefix("FE")
+    if in_cells:
+        return "BLOCK"
+    line = text.split("\n", 1)[0].replace(",", " ").split()
+    if len(line) != variable_count:
+        what = f"{name} does not state DATAPACKING, and its first line has {len(line)} of {variable_count} variables"
+        raise ReadError(path, what, "write DATAPACKING=POINT or DATAPACKING=BLOCK in the zone's header")
+    return "POINT"
+
+
 def element_cells(kind: int, corners: np.ndarray) -> Cells:
-    """Cells of an element type; quadrilaterals that name a corner twice are triangles."""
+    """Return cells of an element type; quadrilaterals that repeat their last corner are triangles."""
     if kind == QUAD and (twice := corners[:, 3] == corners[:, 2]).any():
         width = np.where(twice, 3, 4)
         flat = corners[np.arange(4) < width[:, None]]
@@ -186,8 +206,8 @@ def element_cells(kind: int, corners: np.ndarray) -> Cells:
 
 
 def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
-    """A block from its arrays: coordinates by their names, the rest as data."""
-    place = coordinate_columns(variables)
+    """Return a block from its arrays: coordinates by their names, the rest as data."""
+    place, _ = coordinate_columns(variables)
     if len(place) < 2 or any(k in in_cells for k in place.values()):
         raise ReadError(path, f"no coordinates are known (there are: {', '.join(variables)})", "call them X, Y, Z")
     points = np.zeros((len(arrays[next(iter(place.values()))]), 3))
@@ -201,15 +221,12 @@ def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
     return Block(points, cells, shape, point, cell, hidden, name)
 
 
-def coordinate_columns(variables: list[str]) -> dict[int, int]:
-    """Which variables are the coordinates: their number by that of the axis."""
+def coordinate_columns(variables: list[str]) -> tuple[dict[int, int], tuple[float, float, float] | None]:
+    """Return the variable of the coordinate along each axis, {axis number: variable number}, and the symmetry axis."""
     plain = [re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", v.lower())) for v in variables]
-    place: dict[int, int] = {}
-    for axis, index in (("x", 0), ("y", 1), ("z", 2), ("r", 1)):
-        found = next((k for k, v in enumerate(plain) if v in COLUMNS[axis]), None)
-        if found is not None and index not in place:
-            place[index] = found
-    return place
+    known = {axis: k for axis, names in COLUMNS.items() for k in reversed(range(len(plain))) if plain[k] in names}
+    axes, symmetry = axes_of(known)
+    return {PLACE[axis]: known[axis] for axis in axes}, symmetry
 
 
 def _cell_variables(path: Path, text: str, count: int) -> set[int]:
@@ -222,7 +239,7 @@ def _cell_variables(path: Path, text: str, count: int) -> set[int]:
             first, last = whole_number(low.strip()), whole_number((high or low).strip())
             if first is None or last is None:
                 raise ReadError(path, f"VARLOCATION names variables by {part.strip()[:20]!r}", DAMAGED)
-            if last > count:  # before a set of as many is made
+            if last > count:  # before allocating a set of this size
                 raise ReadError(path, f"VARLOCATION names variable {last} of {count}", DAMAGED)
             found |= set(range(first - 1, last))
     listed = re.fullmatch(r"\(((?:\s*(?:NODAL|CELLCENTERED)\s*,?)+)\)", text.strip(), re.IGNORECASE)
@@ -241,13 +258,13 @@ def _count(path: Path, name: str, word: str) -> int:
 
 
 def _numbers(path: Path, name: str, text: str, expected: int) -> np.ndarray:
-    """The numbers of a zone, as many as expected; 3*0.5 stands for three."""
+    """Return the numbers of a zone, of which there must be `expected`; 3*0.5 means three times 0.5."""
     text = text.replace(",", " ")
     counts = None
     if "*" in text:
         words = [_REPEAT.fullmatch(word) or word for word in text.split()]
         repeats = [1 if isinstance(word, str) else int(word[1]) for word in words]
-        _check_count(path, name, sum(repeats), expected)  # before they are written out: a damaged one may be any
+        _check_count(path, name, sum(repeats), expected)  # before expanding: a damaged count may be huge
         if expected > MOST_REPEATED * len(words):
             raise ReadError(path, f"{name} repeats {len(words)} numbers until they are {expected}", DAMAGED)
         counts, text = np.array(repeats), " ".join(word if isinstance(word, str) else word[2] for word in words)

@@ -1,4 +1,4 @@
-"""Tables in text: a line of names, then lines of numbers, parted by commas, tabs or blanks."""
+"""Read tables in text: a line of names, then lines of numbers, separated by commas, semicolons, tabs or blanks."""
 
 import csv
 import re
@@ -12,10 +12,10 @@ DAMAGED = "write it again with a line of names and as many numbers in every line
 
 
 def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
-    """The columns of a table by name.
+    """Return the columns of a table by name.
 
     Raises:
-        ReadError: No text, no names, lines of unequal length, or entries that are no numbers.
+        ReadError: Not a text, no names, lines of unequal length, or entries that are not numbers.
     """
     data = path.read_bytes() if data is None else data
     try:
@@ -26,7 +26,7 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
         raise ReadError(path, "it is no text: it holds zero bytes", DAMAGED)
     written = [(k + 1, line) for k, line in enumerate(text.splitlines()) if line.strip()]
     lines = [(number, line) for number, line in written if not line.lstrip().startswith("#")]
-    if lines and _all_numbers(lines[0][1]):  # the names stand in a comment above, as NumPy's savetxt writes them
+    if lines and _all_numbers(lines[0][1]):  # the names are in a comment above, as numpy.savetxt writes them
         above = [(number, line.lstrip().lstrip("#")) for number, line in written if number < lines[0][0]]
         lines = above[-1:] + lines
     if len(lines) < 2:
@@ -37,19 +37,19 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
         word.strip().strip('"').strip() for word in (next(csv.reader([head], delimiter=mark)) if mark else _words(head))
     ]
     if names[0] == "" and len(names) > 1:
-        names[0] = "index"  # of the rows, as pandas writes it
+        names[0] = "index"  # pandas writes the index of rows without a name
     if len(set(names)) < len(names) or not all(names) or all(_is_number(name) for name in names):
         raise ReadError(path, f"its first line has no names that are all different: {head[:80]!r}", DAMAGED)
     rows = np.empty((len(lines) - 1, len(names)))
-    mark = next((mark for mark in (";", ",", "\t") if mark in lines[1][1]), None)  # not always that of the names
+    mark = next((mark for mark in (";", ",", "\t") if mark in lines[1][1]), None)  # may differ from that of the names
     for k, (number, line) in enumerate(lines[1:]):
         words = line.split(mark) if mark else line.split()
-        if mark == ";":  # where a comma is the decimal mark
+        if mark == ";":  # then a comma is the decimal mark
             words = [word.replace(",", ".") for word in words]
         if len(words) == len(names) + 1 and not words[-1].strip():
             words.pop()  # some programs end every line with a comma
         try:
-            if len(words) != len(names):  # a single number would be taken for all of them
+            if len(words) != len(names):  # NumPy would broadcast a single number to the whole row
                 raise ValueError
             rows[k] = [float(word) for word in words]
         except ValueError:

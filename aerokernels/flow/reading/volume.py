@@ -1,4 +1,4 @@
-"""Volumes: a uniform grid as it is, everything else resampled to one."""
+"""Density fields of volumes: a uniform grid is kept, every other mesh is resampled to one."""
 
 from dataclasses import replace
 
@@ -13,18 +13,18 @@ from .solids import corner_chunks
 
 
 def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> GridDensity:
-    """The density of a volume on a uniform grid.
+    """Return the density of a volume on a uniform grid.
 
     Args:
-        reading: What was read.
+        reading: The file that was read.
         spacing: Greatest node spacing [m], or None.
         region: Lowest and highest corner [m], or None.
         walls: Names of the patches that bound the body; None takes the file's walls, else holes of the mesh.
-        kept: Where the map from the mesh to the grid is kept for the next reading, and taken from; or None.
+        kept: Shares the map from the mesh to the grid between files; or None.
 
     Raises:
-        ReadError: A mesh without solid cells, with cells inside out or points twice.
-        ValueError: A spacing or a region that makes no grid.
+        ReadError: A mesh without solid cells, with cells inside out or duplicate points.
+        ValueError: A spacing or a region that does not give a grid.
     """
     dataset, path = reading.dataset, reading.path
     moved = [reading.moved(block.points) for block in dataset.blocks]
@@ -70,7 +70,7 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
 
 
 def cells_blanked(block: Block) -> Block:
-    """The block with its blanked points as blanked cells, those that have one among their corners."""
+    """Return the block with blanked points converted to blanked cells: cells with a blanked corner."""
     blank = block.blank
     if blank is None or not blank.any() or len(blank) == block.cell_count:
         return block
@@ -81,10 +81,12 @@ def cells_blanked(block: Block) -> Block:
 
 
 def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: str):
-    """Density [x, y, z], first node and spacing of a uniform grid, and its error; None for another.
+    """Return density [x, y, z], first node and spacing of a uniform grid, and its error; None for any other block.
 
-    Averages over cells become nodes at the corners of the cells: the grid covers what the cells cover, and what this
-    leaves of the flow is told. Of values at nodes nothing but their interpolant says so, which budgets judge: None.
+    Cell averages become values at the corners of the cells: the grid covers what the cells cover, and the error states
+    the
+    deficit of this conversion. For values at nodes the error is None: the error budget estimates their interpolation
+    error.
     """
     if block.shape is None or min(block.shape) < 2 or (block.blank is not None and block.blank.any()):
         return None
@@ -115,7 +117,7 @@ def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: s
 
 
 def _is_even(at: np.ndarray, steps, along: list[int], size: np.ndarray) -> bool:
-    """Whether points [k, j, i] lie a step of their own apart along every axis, layer by layer."""
+    """Return whether points [k, j, i] have constant steps along every axis, layer by layer."""
     line = [np.arange(n)[:, None] * (step[axis] * np.eye(3)[axis]) for n, step, axis in
             zip(at.shape[2::-1], steps, along, strict=True)]  # fmt: skip
     plane = at[0, 0, 0] + (line[0][None] + line[1][:, None])

@@ -1,8 +1,8 @@
-"""Lists of files and their times: ParaView's collections (.pvd) and file series (.vtu.series, .vtm.series and so on).
+"""Read lists of files and their times: ParaView's collections (.pvd) and file series (.vtu.series and so on).
 
-A collection is XML, `<DataSet timestep="0.5" part="0" file="a_0.vtu"/>` for each file; those of one time are its parts.
-A file series is JSON, `{"file-series-version": "1.0", "files": [{"name": "a_0.vtu", "time": 0.5}]}`. Either is text
-from elsewhere, and files are opened by what it says: those outside of its own folder are refused.
+A collection is XML, with `<DataSet timestep="0.5" part="0" file="a_0.vtu"/>` for each file; the files of one time are
+its parts. A file series is JSON, `{"file-series-version": "1.0", "files": [{"name": "a_0.vtu", "time": 0.5}]}`. Lists
+may come from untrusted sources: entries outside of the list's own folder are rejected.
 """
 
 import json
@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 from .dataset import ReadError
 
 SUFFIXES = (".pvd", ".series")
-# What a collection may list; another list is none of it.
+# Formats that a list may name; a list cannot contain another list.
 LISTED = (
     ".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvti", ".pvtr", ".pvts", ".pvtu", ".vtm", ".vtmb",
 )  # fmt: skip
@@ -27,7 +27,7 @@ class Entry(NamedTuple):
 
     Attributes:
         time: Its time [s].
-        file: Where it lies.
+        file: Its path.
     """
 
     time: float
@@ -35,11 +35,11 @@ class Entry(NamedTuple):
 
 
 def collection(path: Path) -> list[Entry]:
-    """The files of a list, in the order of their times; of one time in the list's.
+    """Return the files of a list in the order of their times; files of one time in the order of the list.
 
     Raises:
-        ReadError: It is no such list, lists nothing, a file that is not there, no file of VTK or outside of its folder,
-            a time that is no number, or a file or a part twice at one time.
+        ReadError: Not a list, an empty list, a file that is missing, not a VTK file or outside of the list's folder, a
+            time that is not a number, or a file or a part twice at one time.
     """
     found = _of_series(path) if path.suffix.lower() == ".series" else _of_collection(path)
     if not found:
@@ -66,12 +66,12 @@ def collection(path: Path) -> list[Entry]:
 def _is_there(file: Path) -> bool:
     try:
         return file.is_file()
-    except OSError:  # a name that is too long for one
+    except OSError:  # a name that is too long for the file system
         return False
 
 
 def _within(path: Path, name: str) -> Path:
-    """Where a file of a list lies."""
+    """Return the path of a file of a list, after checking that it is within the list's folder."""
     plain = os.path.normpath(name)
     if "\0" in name or os.path.isabs(plain) or plain.split(os.sep)[0] == os.pardir:
         told = f"it lists {name!r}, which lies outside of its own folder"
@@ -83,7 +83,7 @@ def _within(path: Path, name: str) -> Path:
 
 
 def _of_collection(path: Path) -> list[tuple[float, str, Any]]:
-    """Time, name and part of what a .pvd lists; parts that are not numbered are None."""
+    """Return time, name and part of the entries of a .pvd file; None for parts without a number."""
     try:
         root = ElementTree.parse(path).getroot()
         sets = [entry.attrib for entry in root.iter("DataSet")]
@@ -102,7 +102,7 @@ def _of_collection(path: Path) -> list[tuple[float, str, Any]]:
 
 
 def _of_series(path: Path) -> list[tuple[float, str, Any]]:
-    """The same of a file series, which has no parts; where no file has a time they are counted from 0 on."""
+    """Return the same for a file series, which has no parts; without times its files are numbered from 0."""
     try:
         listed = json.loads(path.read_text(encoding="utf-8"))["files"]
         names = [entry["name"] for entry in listed]

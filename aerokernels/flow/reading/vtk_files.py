@@ -1,7 +1,7 @@
-"""VTK's family of files, by VTK itself: .vti .vtr .vts .vtu .vtk, their parallel and multi-block forms, and lists.
+"""Read VTK's family of files with VTK: .vti .vtr .vts .vtu .vtk, their parallel and multi-block forms, and lists.
 
-VTK prints an error and hands on what it has; here every error that it prints is one, and counts are compared with what
-the file announces. Runs in the child of fragile.py.
+VTK prints an error and returns what it has read so far. Here every printed error raises ReadError, and counts are
+compared with those that the file announces. Runs in the child process of fragile.py.
 """
 
 import re
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import CORNERS, LINE, SOLID, Block, Cells, Dataset, Faces, Patch, Polygons, ReadError, chosen_time
+from .dataset import CORNERS, FLAT, LINE, SOLID, Block, Cells, Dataset, Faces, Patch, Polygons, ReadError, chosen_time
 from .high_order import joined, linear_cells
 from .solids import FACES
 from .vtk_collections import SUFFIXES, collection
@@ -30,19 +30,22 @@ READERS = {
     ".vtm": "vtkXMLMultiBlockDataReader",
     ".vtmb": "vtkXMLMultiBlockDataReader",
 }
-HIDDEN = 2 | 8  # vtkDataSetAttributes: cells duplicated in or refined away from this piece; hidden cells are 32
+HIDDEN = 2 | 8  # flags of vtkDataSetAttributes for ghost cells; hidden cells have the flag 32
 BLANK = 32
-STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners, in the order of their kin
+STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners in hexahedron, quad order
 SURFACE = (5, 7, 9)  # triangles, polygons, quadrilaterals
 LINEAR = {11: 12, 8: 9}
-QUADRATIC = {21: 3, 22: 5, 23: 9, 28: 9, 24: 10, 25: 12, 29: 12, 26: 13, 27: 14}  # and the linear cell of each
+# Quadratic cells, which list their corners first, and the linear cell of each.
+QUADRATIC = {21: 3, 35: 3, 22: 5, 34: 5, 23: 9, 28: 9, 30: 9, 24: 10, 25: 12, 29: 12, 33: 12, 26: 13, 31: 13, 32: 13,
+             27: 14, 37: 14}  # fmt: skip
+NO_FLOW = (0, 1, 2, 3, 4, 51, 60, 68, 75)  # empty cells, points, lines and curves
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     """Read a file of VTK's family.
 
     Raises:
-        ReadError: Whatever VTK reports, or a file that is not what it announces.
+        ReadError: An error that VTK reports, or a file that does not contain what it announces.
     """
     suffix = path.suffix.lower()
     if suffix in SUFFIXES:
@@ -56,7 +59,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
 
 
 def _boundaries(blocks: list[Block]) -> tuple[list[Block], list[Patch]]:
-    """Blocks of surfaces beside blocks of solid cells are the boundary of these: the others, and those as patches."""
+    """Separate blocks of surfaces, which become patches, from the other blocks, if some blocks have solid cells."""
     if not any(min(block.shape) > 1 if block.shape else _has(block, SOLID) for block in blocks):
         return blocks, []
     kept: list[Block] = []
@@ -75,7 +78,7 @@ def _has(block: Block, kinds) -> bool:
 
 
 def vtk_output(path: Path, suffix: str):
-    """What VTK's reader of a suffix makes of a file."""
+    """Return the output of VTK's reader for a suffix."""
     from vtkmodules import vtkIOLegacy, vtkIOXML
 
     reader: Any
@@ -91,7 +94,7 @@ def vtk_output(path: Path, suffix: str):
 
 
 def run(path: Path, reader):
-    """Run a VTK reader on a file: its output, or what it reports as an error."""
+    """Run a VTK reader on a file and return its output; raise ReadError for an error that it reports."""
     from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
     window = vtkStringOutputWindow()
@@ -109,12 +112,12 @@ def run(path: Path, reader):
 
 
 def _text(said: str | bytes | None) -> str:
-    """What VTK says, which it hands over as bytes where they are no UTF-8."""
+    """Return a text of VTK as str; VTK returns bytes for texts that are not UTF-8."""
     return said.decode("utf-8", "replace") if isinstance(said, bytes) else said or ""
 
 
 def _series(path: Path, time) -> Dataset:
-    """The files of a list that have one time."""
+    """Read the files of a list that have the chosen time."""
     entries = collection(path)
     times = sorted({entry.time for entry in entries})
     chosen = chosen_time(path, times, time)
@@ -126,7 +129,7 @@ def _series(path: Path, time) -> Dataset:
 
 
 def blocks_of(path: Path | str, data) -> list[Block]:
-    """The blocks of a data object, parts of parts included."""
+    """Return the blocks of a data object, including nested ones."""
     from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkDataSet
 
     if isinstance(data, vtkCompositeDataSet):
@@ -200,7 +203,7 @@ def _arrays(path: Path | str, attributes, count: int) -> dict[str, np.ndarray]:
     found = {}
     for k in range(attributes.GetNumberOfArrays()):
         array = attributes.GetArray(k)
-        if array is None:  # texts
+        if array is None:  # an array of texts
             continue
         values, name = vtk_to_numpy(array), _text(array.GetName()) or f"array {k}"
         if len(values) != count:
@@ -210,7 +213,7 @@ def _arrays(path: Path | str, attributes, count: int) -> dict[str, np.ndarray]:
 
 
 def _cells(path: Path | str, data) -> tuple[Cells | None, np.ndarray | None]:
-    """The cells, and the cell of the file that each is a part of where some are cut; None where none is."""
+    """Return the cells, and the file's cell that each came from if high-order cells were divided, else None."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
@@ -225,6 +228,11 @@ def _cells(path: Path | str, data) -> tuple[Cells | None, np.ndarray | None]:
     kinds = kinds.astype(np.uint8)
     start, points, kinds = _linear(start, points, kinds)
     start, points, kinds, parent = linear_cells(path, start, points, kinds)
+    if len(unknown := np.setdiff1d(kinds, [*NO_FLOW, *FLAT, *SOLID])):
+        raise ReadError(
+            path, f"it has cells of VTK's type {unknown[0]}, which are not read", "write triangles, quadrilaterals, "
+            "polygons, tetrahedra, hexahedra, prisms, pyramids or polyhedra"
+        )  # fmt: skip
     faces = None
     if (kinds == 42).any():
         if parent is not None:
@@ -236,7 +244,7 @@ def _cells(path: Path | str, data) -> tuple[Cells | None, np.ndarray | None]:
 def _types(data):
     from vtkmodules.vtkCommonCore import vtkVersion
 
-    # VTK 9.6 gave the array another name.
+    # VTK 9.6 renamed the method.
     named_anew = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) >= (9, 6)
     return data.GetCellTypes() if named_anew else data.GetCellTypesArray()
 
@@ -255,7 +263,7 @@ def _polygons(path: Path | str, data) -> Cells | None:
 
 
 def _linear(start, points, kinds):
-    """Voxels and pixels as hexahedra and quadrilaterals; quadratic cells by their corners."""
+    """Convert voxels and pixels to hexahedra and quadrilaterals, and quadratic cells to their corners."""
     for kind, order in STRUCTURED_ORDER.items():
         own = np.flatnonzero(kinds == kind)
         if len(own):
@@ -276,7 +284,7 @@ def _linear(start, points, kinds):
 
 
 def _polyhedra(path, data, start: np.ndarray, points: np.ndarray, kinds: np.ndarray) -> Faces:
-    """Faces of all cells, each of a face of its own: two cells that share one are not told so."""
+    """Return the faces of all cells; a face between two cells is listed twice, once for each."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     faces, of_cells = data.GetPolyhedronFaces(), data.GetPolyhedronFaceLocations()

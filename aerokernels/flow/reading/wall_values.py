@@ -1,8 +1,8 @@
-"""What a solver holds at the walls of a two-dimensional flow, as densities at points of the walls.
+"""The solver's densities at points of the walls of a two-dimensional flow.
 
-A wall counts where its values are told and are not those of its cells: a wall of a given temperature. One of zero
-gradient says nothing beside the averages. An edge's value is that of its middle; at a corner between two edges it is
-what changes linearly between their middles, at the ends of a wall what goes on as from the middle to the other end.
+A wall counts if its values are known and differ from those of its cells: a wall of a given temperature. A wall of zero
+gradient adds nothing to the averages. An edge's value belongs to its middle. At a corner between two edges the value is
+interpolated linearly between their middles; at the end of a wall it is extrapolated from the last edge.
 """
 
 import numpy as np
@@ -12,21 +12,21 @@ from .dataset import Dataset
 from .density import DensityChoice, Reference, density_of, in_si
 from .plane import Plane
 
-SAME = 1e-5  # of a cell's density: a file of six digits says no more
+SAME = 1e-5  # of a cell's density: the resolution of a file with six digits
 
 
 def wall_density(
     path, dataset: Dataset, plane: Plane, choice: DensityChoice, reference: Reference, names=None
 ) -> WallDensity | None:
-    """Densities on the walls; None where no wall tells of others than its cells.
+    """Return densities on the walls; None if no wall has densities other than those of its cells.
 
     Args:
         path: The file, for messages.
-        dataset: What it holds.
-        plane: How it lies.
-        choice: Where its density comes from.
-        reference: What 1 is in it.
-        names: Patches that are walls; None takes what the file calls walls.
+        dataset: Its contents.
+        plane: The plane of the file.
+        choice: The arrays that its density comes from.
+        reference: Reference values of non-dimensional data.
+        names: Patches that are walls; None takes those that the file marks as walls.
     """
     chosen = [names] if isinstance(names, str) else names
     found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
@@ -40,7 +40,7 @@ def wall_density(
             pair = [_density(path, {n: own[k] for n, own in known.items()}, choice, reference, dataset) for k in (0, 1)]
             found.setdefault(patch.name, []).append((plane.local(patch.edges), np.stack(pair)))
     points, values = [], []
-    for parts in found.values():  # of each processor
+    for parts in found.values():  # a part for each processor
         edges = np.concatenate([own for own, _ in parts])
         wall, cell = np.concatenate([pair for _, pair in parts], axis=1)
         if not (np.isfinite(wall) & (wall > 0.0)).all() or (np.abs(wall - cell) <= SAME * cell).all():
@@ -52,13 +52,13 @@ def wall_density(
 
 
 def _density(path, values, choice: DensityChoice, reference: Reference, dataset: Dataset) -> np.ndarray:
-    """Densities [kg/m3] from values of the arrays that they come from, by name."""
+    """Return densities [kg/m3] from values, by name, of the arrays that they come from."""
     found = {name: in_si(path, name, own, choice, reference, dataset.units) for name, own in values.items()}
     return density_of(found, choice)
 
 
 def _at_corners(edges: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The points where edges (n, 2, 2) end, and the values there, from those of the edges' middles."""
+    """Return the points where edges (n, 2, 2) end, and the values there, from those of the edges' middles."""
     ends = edges.reshape(-1, 2)
     near = 1e-9 * max(float(np.ptp(ends, axis=0).max()), 1e-300)
     _, first, point = np.unique(np.round(ends / near).astype(np.int64), axis=0, return_index=True, return_inverse=True)

@@ -1,24 +1,24 @@
-"""The body of a two-dimensional flow: from the edges of its walls, or from a hole in its mesh, to a closed profile."""
+"""The body of a two-dimensional flow: a closed profile, from the edges of its walls or from a hole in its mesh."""
 
 import numpy as np
 
 from ...medium import Body, QuadMesh
 
-CLOSE = 1e-9  # of the field's size: points nearer than this are one
+CLOSE = 1e-9  # of the field's size: closer points are the same
 
 
 def wall_body(edges: np.ndarray, mesh: QuadMesh) -> Body | None:
-    """The body that the walls bound, or None where they bound nothing.
+    """Return the body that the walls bound, or None if they bound nothing.
 
-    A closed wall is the body's outline. One that ends on the edge of the field is closed behind it: on the axis of
-    symmetry, or along the side of the field that lies behind the wall.
+    A closed wall is the body's outline. A wall that ends on the edge of the field is closed behind it: on the axis of
+    symmetry, or along the side of the field behind the wall.
 
     Args:
         edges: Both ends of each edge of the walls [m], shape (edge_count, 2, 2).
         mesh: The mesh of the flow.
 
     Raises:
-        ValueError: Walls that branch, and outlines that `Body` refuses.
+        ValueError: Walls that branch, and outlines that `Body` rejects.
     """
     size = float(max(np.ptp(mesh.vertices, axis=0).max(), 1e-300))
     outlines = []
@@ -31,7 +31,7 @@ def wall_body(edges: np.ndarray, mesh: QuadMesh) -> Body | None:
 
 
 def hole_body(mesh: QuadMesh) -> Body | None:
-    """The body in the holes of a mesh, or None where it has none."""
+    """Return the body in the holes of a mesh, or None if it has none."""
     behind = mesh.neighbors
     cell, side = np.nonzero(behind < 0)
     ends = np.stack([mesh.cells[cell, side], mesh.cells[cell, (side + 1) % 4]], axis=1)
@@ -39,7 +39,7 @@ def hole_body(mesh: QuadMesh) -> Body | None:
     edges = _without_seams(mesh.vertices[ends], CLOSE * size)
     try:
         found = chains(edges, CLOSE * size)
-    except ValueError:  # cells that touch in a corner only: what is a hole there, nobody can tell
+    except ValueError:  # cells that touch in a corner only: holes are ambiguous there
         return None
     loops = [chain[:-1] for chain in found if len(chain) > 3 and np.linalg.norm(chain[0] - chain[-1]) <= CLOSE * size]
     if len(loops) < 2:
@@ -49,7 +49,7 @@ def hole_body(mesh: QuadMesh) -> Body | None:
 
 
 def _without_seams(edges: np.ndarray, near: float) -> np.ndarray:
-    """Edges without those that are there twice, where a grid closes on itself with points of its own on either side."""
+    """Return edges without those that occur twice, as along the seam of a grid that closes on itself."""
     place = np.round(edges / near).astype(np.int64).reshape(len(edges), 2, 2)
     swap = (place[:, 0, 0] > place[:, 1, 0]) | ((place[:, 0, 0] == place[:, 1, 0]) & (place[:, 0, 1] > place[:, 1, 1]))
     place[swap] = place[swap][:, ::-1]
@@ -58,10 +58,10 @@ def _without_seams(edges: np.ndarray, near: float) -> np.ndarray:
 
 
 def chains(edges: np.ndarray, near: float) -> list[np.ndarray]:
-    """Edges joined end to end: the points of each chain, shape (k, 2); a closed one ends where it begins.
+    """Join edges end to end: return the points of each chain, shape (k, 2); a closed chain ends where it begins.
 
     Raises:
-        ValueError: More than two edges that end in one place.
+        ValueError: More than two edges that end at one point.
     """
     ends = edges.reshape(-1, 2)
     _, first, point = np.unique(np.round(ends / near).astype(np.int64), axis=0, return_index=True, return_inverse=True)
@@ -88,10 +88,10 @@ def chains(edges: np.ndarray, near: float) -> list[np.ndarray]:
 
 
 def _closed_behind(chain: np.ndarray, mesh: QuadMesh) -> np.ndarray:
-    """An open wall closed on the side where the solid is."""
+    """Return an open wall closed on the side of the solid."""
     low, high = mesh.box
     if mesh.geometry == "axisymmetric":
-        # A wall that looks inward, such as a nozzle's, has its solid outside, which no profile on the axis can be.
+        # A wall that faces inward, such as a nozzle's, has its solid outside.
         if _fluid_is_beyond(chain, mesh, np.array([1.0, 0.0])):
             ends = [[0.0, point[1]] for point in (chain[-1], chain[0]) if point[0] > 0.0]
             return np.vstack([chain, np.array(ends).reshape(-1, 2)])
@@ -102,7 +102,7 @@ def _closed_behind(chain: np.ndarray, mesh: QuadMesh) -> np.ndarray:
     side = np.eye(2)[across]
     beyond = _fluid_is_beyond(chain, mesh, side)
     edge = float(low[across] if beyond else high[across])
-    if extent[across] < 1e-9 * float(np.ptp(mesh.vertices, axis=0).max()):  # a straight wall: give its solid some depth
+    if extent[across] < 1e-9 * float(np.ptp(mesh.vertices, axis=0).max()):  # a straight wall: give it depth
         edge += (-0.1 if beyond else 0.1) * float(high[across] - low[across])
     feet = []
     for point in (chain[-1], chain[0]):
@@ -114,7 +114,7 @@ def _closed_behind(chain: np.ndarray, mesh: QuadMesh) -> np.ndarray:
 
 
 def _fluid_is_beyond(chain: np.ndarray, mesh: QuadMesh, side: np.ndarray) -> bool:
-    """Whether the flow lies on the side of a wall to which a direction points."""
+    """Return whether the flow is on the side of a wall to which a direction points."""
     step = np.diff(chain, axis=0)
     middle, length = 0.5 * (chain[1:] + chain[:-1]), np.linalg.norm(step, axis=1)
     reach = 0.05 * float(np.median(length))
@@ -125,7 +125,7 @@ def _fluid_is_beyond(chain: np.ndarray, mesh: QuadMesh, side: np.ndarray) -> boo
 
 
 def _joined(outlines: list[np.ndarray], geometry: str) -> Body | None:
-    """One profile of all outlines: each further one is reached over a bridge of no width, there and back."""
+    """Return one profile of all outlines; each further one is connected by a bridge of no width, there and back."""
     if not outlines:
         return None
     profile = outlines[0]

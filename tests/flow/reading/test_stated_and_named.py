@@ -1,0 +1,145 @@
+"""What files state in unusual but legal ways: units, names, groups, coordinates, packing, order of rows.
+
+Expected: what is read is what the file says, or an error that names what is ambiguous; never other numbers.
+"""
+
+import h5py
+import numpy as np
+import pytest
+import writers
+import xarray
+
+from aerokernels import flow
+
+X, Y = np.linspace(0.0, 0.1, 9), np.linspace(0.0, 0.05, 6)
+RHO = 1.2 + 0.3 * X[:, None] + 0.2 * Y
+
+
+def hdf5(path, arrays, attributes=()):
+    with h5py.File(path, "w") as file:
+        for name, values in arrays.items():
+            file[name] = values
+        for name, key, value in attributes:
+            file[name].attrs[key] = value
+    return path
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        ("units", np.array([b"mm"]), np.array([b"g/cm3"])),
+        ("units", np.array(["mm"], h5py.string_dtype()), np.array(["g/cm3"], h5py.string_dtype())),
+        ("unit", "mm", "g/cm3"),
+        ("Units", b"mm", b"g/cm3"),
+    ],
+    ids=["bytes", "texts", "unit", "Units"],
+)
+def test_units_of_hdf5_arrays_are_heeded_however_they_are_stated(tmp_path, stated):
+    key, length, density = stated
+    arrays = {"x": 1e3 * X, "y": 1e3 * Y, "rho": 1e-3 * RHO}
+    file = hdf5(tmp_path / "a.h5", arrays, [("x", key, length), ("y", key, length), ("rho", key, density)])
+    field = flow.read(file)
+    assert np.ptp(field.mesh.vertices, axis=0) == pytest.approx([0.05, 0.1])
+    assert np.sort(field.density) == pytest.approx(np.sort(RHO.ravel()))
+
+
+def test_the_unit_of_a_netcdf_series_may_be_called_unit(tmp_path):
+    z = np.linspace(0.0, 50.0, 6)
+    values = np.full((2, 6, 6), 1.2e-3)
+    data = xarray.DataArray(
+        values, dims=("time", "y", "z"), coords={"time": [0.0, 1.0], "y": z, "z": z}, name="rho",
+        attrs={"Unit": "g/cm3", "ambient_density": 1.2},
+    )  # fmt: skip
+    for axis in "yz":
+        data[axis].attrs["unit"] = "mm"
+    data.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    series = flow.open_series(tmp_path / "a.nc")
+    assert series.mesh.spacing == pytest.approx(0.01)
+    assert series[1].density == pytest.approx(1.2)
+
+
+def test_arrays_of_one_name_in_several_groups_are_not_chosen_silently(tmp_path):
+    file = hdf5(tmp_path / "a.h5", {"x": X, "y": Y, "t1/rho": RHO, "t2/rho": 2.0 * RHO})
+    with pytest.raises(ValueError, match="several groups have such an array: t1/rho, t2/rho: name one"):
+        flow.read(file)
+    assert flow.read(file, density="t2/rho").density.min() == pytest.approx(2.0 * RHO.min())
+
+
+def test_an_array_at_the_root_counts_before_one_in_a_group(tmp_path):
+    file = hdf5(tmp_path / "a.h5", {"x": X, "y": Y, "rho": RHO, "mean/rho": 2.0 * RHO, "mean/x": 2.0 * X})
+    assert flow.read(file).density.min() == RHO.min()
+    assert np.ptp(flow.read(file).mesh.vertices[:, 1]) == pytest.approx(0.1)
+
+
+def test_a_quotient_is_no_density(tmp_path):
+    x, y = (axis.ravel() for axis in np.meshgrid(X, Y))
+    np.savetxt(tmp_path / "a.csv", np.stack([x, y, 2.0 + x], 1), delimiter=",", header="x,y,p/rho", comments="")
+    with pytest.raises(ValueError, match="no array is known for the density"):
+        flow.read(tmp_path / "a.csv")
+
+
+def test_an_absolute_pressure_counts_before_one_relative_to_an_operating_pressure(tmp_path):
+    """Set-up: a table as Fluent writes it, with the gauge pressure and the absolute one. Expected: p / (R T)."""
+    x, y = (axis.ravel() for axis in np.meshgrid(X, Y))
+    gauge, temperature = 5e4 + 1e4 * x, 300.0 + y
+    columns = np.stack([x, y, gauge, gauge + 101325.0, temperature], 1)
+    names = "x-coordinate,y-coordinate,pressure,absolute-pressure,temperature"
+    np.savetxt(tmp_path / "a.csv", columns, delimiter=",", header=names, comments="")
+    field = flow.read(tmp_path / "a.csv", gas_constant=287.0)
+    at = field.mesh.vertices
+    expected = (5e4 - 1e4 * at[:, 1] + 101325.0) / (287.0 * (300.0 + at[:, 0]))
+    assert field.density == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_radius_of_one_axis_beside_x_y_z_leaves_the_axis_of_time(tmp_path):
+    z = np.linspace(0.0, 0.03, 5)
+    values = 1.0 + np.arange(3)[:, None, None, None] + 0.1 * RHO[None, :, :, None] + 0.0 * z
+    np.savez(tmp_path / "a.npz", x=X, y=Y, z=z, r=Y, time=np.arange(3.0), rho=values)
+    assert flow.read(tmp_path / "a.npz", time=1.0).density == pytest.approx(values[1])
+
+
+def tecplot(path, names, head, columns, block=False):
+    rows = columns if block else np.transpose(columns)
+    lines = [f"VARIABLES = {' '.join(names)}", head, *(" ".join(map(repr, map(float, row))) for row in rows)]
+    path.write_text("\n".join(lines))
+    return path
+
+
+@pytest.mark.parametrize(("names", "axis"), [(("x", "r"), "-x"), (("z", "r"), "+z")])
+def test_tecplot_of_a_radius_is_axisymmetric(tmp_path, names, axis):
+    x, y = np.meshgrid(X, Y)
+    file = tecplot(tmp_path / "a.dat", [*names, "rho"], "ZONE I=9, J=6, F=POINT", [x.ravel(), y.ravel(), RHO.T.ravel()])
+    field = flow.read(file)
+    assert field.mesh.geometry == "axisymmetric"
+    assert f"axisymmetric, z along {axis} of the file" in field.provenance
+
+
+def test_tecplot_that_does_not_state_its_packing(tmp_path):
+    """Expected: with one point a line it is POINT; with other lines it could be either, and the error says so."""
+    x, y = np.meshgrid(X, Y)
+    columns = [x.ravel(), y.ravel(), RHO.T.ravel()]
+    names, head = ["x", "y", "rho"], "ZONE I=9, J=6"
+    field = flow.read(tecplot(tmp_path / "point.dat", names, head, columns))
+    assert np.sort(field.density) == pytest.approx(np.sort(RHO.ravel()), rel=1e-15)
+    with pytest.raises(ValueError, match=r"does not state DATAPACKING, and its first line has 54 of 3 variables"):
+        flow.read(tecplot(tmp_path / "block.dat", names, head, columns, block=True))
+    stated = tecplot(tmp_path / "stated.dat", names, f"{head}, DATAPACKING=BLOCK", columns, block=True)
+    assert (flow.read(stated).density == field.density).all()
+
+
+def test_rows_of_a_text_restart_of_su2_are_put_in_the_order_of_its_points(tmp_path):
+    """Set-up: a restart with PointID and no coordinates, its rows shuffled. Expected: as before the shuffle."""
+    expected = flow.read(writers.su2(tmp_path, binary=True))
+    (su2,) = tmp_path.glob("*.su2")
+    for other in tmp_path.iterdir():
+        if other != su2:
+            other.unlink()
+    x, y = writers.grid()
+    order = np.random.default_rng(3).permutation(x.size)
+    rows = np.stack([order, writers.rho(x, y).ravel()[order]], 1)
+    np.savetxt(tmp_path / "restart.csv", rows, delimiter=",", header='"PointID","Density"', comments="", fmt="%.17g")
+    assert (flow.read(tmp_path / "restart.csv").density == expected.density).all()
+    rows[0, 0] = rows[1, 0]
+    np.savetxt(tmp_path / "restart.csv", rows, delimiter=",", header='"PointID","Density"', comments="", fmt="%.17g")
+    with pytest.raises(ValueError, match="PointID does not number the 651 points from 0 on"):
+        flow.read(tmp_path / "restart.csv")
