@@ -1,8 +1,8 @@
-"""`aerokernels backends`: what this machine can compute on."""
+"""`aerokernels backends`: list this machine's backends and devices."""
 
 
 def backends() -> None:
-    """Show the backends and devices of this machine, work-arounds in force, and which one `auto` takes and why."""
+    """List this machine's backends and devices, active work-arounds, and what `auto` chooses and why."""
     from dataclasses import asdict
 
     from aerokernels.commands._output import asked, note, say

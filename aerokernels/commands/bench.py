@@ -1,4 +1,4 @@
-"""`aerokernels bench`: how fast this machine traces, and how exactly."""
+"""`aerokernels bench`: measure how fast and how accurately this machine traces."""
 
 import json
 from pathlib import Path
@@ -25,7 +25,7 @@ def bench(
     out: Annotated[Path | None, typer.Option(help="Write everything measured to this JSON file.")] = None,
     peers: Annotated[bool, typer.Option("--peers", help="Also SciPy, diffrax and Dr.Jit on the cone scene.")] = False,
 ) -> None:
-    """Measure speed with the error beside it: rays per second, CPU seconds, share of what the hardware could do."""
+    """Measure speed and error: rays per second, CPU seconds, share of the hardware's peak performance."""
     from aerokernels.benchmark import Settings, run_bench
     from aerokernels.benchmark.table import COLUMNS, table_rows
     from aerokernels.commands._output import note

@@ -34,7 +34,7 @@ def board(
     pause: Annotated[float, typer.Option(min=0.0, help="Seconds that a stall or an unplugged port lasts.")] = 1.0,
     seed: Annotated[int, typer.Option(min=0, help="Of the noise and the faults.")] = 0,
 ) -> None:
-    """Simulate a digitiser board or an oscilloscope: try `record` without hardware."""
+    """Simulate a digitiser board or an oscilloscope, to try `record` without hardware."""
     from aerokernels.commands._output import asked, result, say
     from aerokernels.hardware.board import run_board
     from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource

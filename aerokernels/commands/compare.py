@@ -1,4 +1,4 @@
-"""`aerokernels compare`: recorded echoes against simulated runs."""
+"""`aerokernels compare`: compare recorded echoes with simulated runs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -33,7 +33,7 @@ def compare(
     threshold: Annotated[str | None, typer.Option(help="Level of the leading edge [default: the run's].")] = None,
     ranged: Annotated[int, typer.Option(help="Echoes of each label that are ranged one by one, at most.")] = 300,
 ) -> None:
-    """Compare recorded echoes with simulated ones, by label: peaks, relative errors, correlation, ranges."""
+    """Compare recorded echoes with simulated ones, label by label: peaks, relative errors, correlation, ranges."""
     from aerokernels.commands._output import asked, note, say, warn
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table

@@ -1,4 +1,4 @@
-"""`aerokernels fields`: the flow fields that ship with the library, or what a flow file of one's own holds."""
+"""`aerokernels fields`: list the shipped flow fields, or the contents of a user's flow file."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +13,7 @@ Picture = Annotated[
     Path | None, typer.Option("--picture", "--out", help="Write a picture of the density here (.png, .pdf, .svg).")
 ]
 
-MOST_MEASURED = 100_000  # cells whose averages are kept, for a second's sake
+MOST_MEASURED = 100_000  # cells up to which conserving cell averages takes about a second
 PRICE = "a field takes some ten times the time to make, a run up to twice"
 
 
@@ -28,7 +28,7 @@ def fields(
     walls: Annotated[list[str] | None, typer.Option(help="A patch that bounds the body; repeatable.")] = None,
     geometry: Annotated[str | None, typer.Option(help="axisymmetric: x is the axis and y the radius.")] = None,
 ) -> None:
-    """Show the shipped flow fields; or of a file: format, cells, extents, arrays with their ranges, times, patches."""
+    """List the shipped flow fields; or, of a file, its format, extents, arrays with ranges, times and patches."""
     if path is None:
         _shipped()
         return
@@ -107,12 +107,12 @@ def _field_rows(flow: "DensityField") -> list[tuple[str, str]]:
 
 
 def _lacking_rows(flow: "DensityField") -> list[tuple[str, str]]:
-    """What lines across the cells of a plane mesh will lack of what these hold, where the file has averages."""
+    """Rows on the deficit of line integrals across a plane mesh's cells, where the file holds cell averages."""
     from aerokernels.flow import CellDensity
 
     if not isinstance(flow, CellDensity):
         return []
-    slow = flow.mesh.parents is not None or flow.wall is not None  # averages are kept there, which takes longer
+    slow = flow.mesh.parents is not None or flow.wall is not None  # these meshes conserve averages, which takes longer
     if slow and len(flow.mesh.cells) > MOST_MEASURED:
         return [("averages", f"not measured here, of {len(flow.mesh.cells)} cells: IndexField.averages_lacking does")]
     try:

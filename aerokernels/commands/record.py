@@ -35,7 +35,7 @@ def record(
     ] = 30.0,
     commit_interval: Annotated[float, typer.Option(min=0.0, help="Seconds of echoes that a kill can lose.")] = 0.25,
 ) -> None:
-    """Record echoes from hardware until --count or Ctrl-C; a port that goes away is waited for."""
+    """Record echoes from hardware until --count or Ctrl-C; reconnect when the port comes back after a loss."""
     from dataclasses import asdict
 
     from aerokernels.commands._output import asked, result, say
@@ -53,11 +53,11 @@ def record(
     labels = parse_labels(label or [])
     with interrupt_flag() as interrupted:
         connect = connector(port, protocol, baud, flow, dialect, timeout, interrupted.is_set)
-        # The port comes first: where there is none, no store is left behind.
+        # Open the port first, so that a missing port leaves no empty store behind.
         try:
             stream = connect()
         except PortError:
-            if interrupted.is_set():  # while an instrument was looked for
+            if interrupted.is_set():  # interrupted during the search for an instrument
                 raise KeyboardInterrupt from None
             raise
         try:
@@ -83,7 +83,7 @@ def record(
 def connector(
     port: str, protocol: str, baud: int, flow: str, dialect: str, timeout: float, stopped: Callable[[], bool]
 ) -> "Callable[[], EchoStream]":
-    """What opens the port and finds the instrument on it, the first time and again."""
+    """Return a function that opens the port and finds the instrument on it, for the first time or again."""
     from aerokernels.hardware.port import open_port
     from aerokernels.hardware.sources import CurveStream, FrameStream
 

@@ -1,4 +1,4 @@
-"""`aerokernels scenes`: the scenes that ship with the library, to run or to copy."""
+"""`aerokernels scenes`: list or copy the scenes that ship with the library."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +10,7 @@ scenes = typer.Typer(name="scenes", help="List the shipped scenes, or copy one t
 
 @scenes.callback(invoke_without_command=True)
 def show(context: typer.Context) -> None:
-    """List the shipped scenes, or copy one to begin from."""
+    """List the shipped scenes, or copy one as a starting point."""
     if context.invoked_subcommand is not None:
         return
     from aerokernels.commands._table import print_table
@@ -30,7 +30,7 @@ def copy(
     to: Annotated[Path | None, typer.Argument(help="File or folder to copy it to. [default: NAME.toml here]")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
 ) -> None:
-    """Copy a shipped scene to a file, comments and all."""
+    """Copy a shipped scene to a file, with its comments."""
     from aerokernels.commands._output import note
     from aerokernels.scene.loading import shipped_scene_text
 

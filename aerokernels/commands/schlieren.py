@@ -1,4 +1,4 @@
-"""`aerokernels schlieren`: what optical benches would show of a flow."""
+"""`aerokernels schlieren`: simulate schlieren pictures, shadowgraphs and interferograms of a flow."""
 
 import math
 from pathlib import Path

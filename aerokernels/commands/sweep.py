@@ -1,4 +1,4 @@
-"""`aerokernels sweep`: a scene over many values of its keys."""
+"""`aerokernels sweep`: run a scene for many values of its keys."""
 
 from pathlib import Path
 from typing import Annotated
@@ -30,10 +30,10 @@ def sweep(
     rays: Rays = None,
     settings: Settings = None,
 ) -> None:
-    """Run a scene for every combination of values of its keys, into one labelled dataset.
+    """Run a scene for every combination of values of its keys, and write one labelled dataset.
 
-    A sweep that was broken off goes on where it stopped, a finished one does nothing. A case that fails is recorded
-    with its error, and the others go on; exit status 1 where all of them failed.
+    An interrupted sweep resumes where it stopped; a finished one does nothing. A case that fails is recorded with its
+    error and does not stop the others. Exit status 1: all cases failed.
     """
     from aerokernels.commands._output import note
     from aerokernels.commands._vary import varied
@@ -55,7 +55,7 @@ def sweep(
 
 
 def _finish(total: int, out: Path) -> None:
-    """Say what came of it.
+    """Print how many cases succeeded, and the first failure.
 
     Raises:
         typer.Exit: Every case failed.

@@ -1,6 +1,6 @@
-"""The detector's table of a scene: light to volts, noise, digitiser, range. Defaults as in tables.py.
+"""The [detector] table of a scene: light to volts, noise, digitiser, range. Defaults as in tables.py.
 
-Noise and digitiser are off by default: the scene then gives the voltage that many recordings average to.
+Noise and digitiser are off by default: the simulated voltage is then the average of many recordings.
 """
 
 from typing import Annotated, Any, Literal
@@ -28,9 +28,9 @@ from .values import (
     key,
 )
 
-# Volts that the detector shows for a watt at the pupil. Chosen once, so that the echo simulated for the static scene
-# peaks near 1.994 V, the peak that the paper's Tables 3 and 4 imply for its simulation without flow. It is never tuned
-# to a flow: 1.994 V over the static scene's simulated peak of 3.58715e-4 W.
+# Detector voltage per watt at the pupil [V/W]. Chosen once, so that the simulated echo of the static scene peaks near
+# 1.994 V, the peak that the paper's Tables 3 and 4 imply for its simulation without flow: 1.994 V divided by the static
+# scene's simulated peak of 3.58715e-4 W. It is never tuned to a flow.
 STATIC_CALIBRATION = 5558.7
 
 

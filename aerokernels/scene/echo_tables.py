@@ -1,4 +1,4 @@
-"""The tables of a scene that describe the laser's way: beam, target, receiver, the air between. See tables.py."""
+"""The tables of a scene that describe the laser's path: beam, target, receiver, the air between. See tables.py."""
 
 import math
 from typing import Annotated, Any, Literal
@@ -143,7 +143,7 @@ class TargetTable(Table):
 
     @property
     def corners(self) -> np.ndarray:
-        """The reflector's corners, in turn, from its centre [m], shape (4, 3)."""
+        """The reflector's corners in cyclic order, relative to its centre [m], shape (4, 3)."""
         side = 0.5 * np.array([[-self.width, -self.height, 0.0], [self.width, -self.height, 0.0]])
         return np.concatenate([side, -side]) @ self.orientation.T
 
@@ -200,7 +200,7 @@ class ReceiverTable(Table):
 
     @property
     def pupil(self) -> Pupil:
-        """The pupil in its place, looking forward."""
+        """The pupil at `aperture_z`, facing forward (+z)."""
         center = np.array([0.0, 0.0, self.aperture_z])
         if self.shape == "annulus":
             assert self.inner_diameter is not None
@@ -211,7 +211,7 @@ class ReceiverTable(Table):
 
     @property
     def equal_diameter(self) -> float:
-        """Diameter of the disc of the pupil's area [m]: what the pupil collects, that disc does."""
+        """Diameter of the disc that has the pupil's area and so collects the same light [m]."""
         return self.diameter if self.shape == "disc" else math.sqrt(4.0 * self.pupil.area / math.pi)
 
 

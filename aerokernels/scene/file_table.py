@@ -1,4 +1,4 @@
-"""[flow.file]: how a flow file of one's own is read, where it does not say so itself. See `aerokernels.flow.read`."""
+"""[flow.file]: how to read a user's flow file where the file does not tell. See `aerokernels.flow.read`."""
 
 from typing import Annotated, Any, Literal
 
@@ -42,7 +42,7 @@ Axis = Annotated[str, AfterValidator(_axis)]
 
 
 class FileTable(Table):
-    """[flow.file]: what is what in a flow file of one's own; all of it may be left out where the file tells."""
+    """[flow.file]: the meaning of a user's flow file; every key may be left out where the file itself tells."""
 
     density: str | None = key(None, "Name of the density's array; found by its usual names if absent.")
     pressure: str | None = key(None, "Name of the pressure's array; with flow.file.temperature it gives the density.")
@@ -85,7 +85,7 @@ class FileTable(Table):
         return self
 
     def read_options(self) -> dict[str, Any]:
-        """The arguments of `flow.read`."""
+        """Return the keyword arguments for `flow.read`."""
         density: Any = self.density
         if self.pressure is not None:
             density = {"pressure": self.pressure, "temperature": self.temperature}

@@ -1,4 +1,4 @@
-"""The table of a scene that describes snapshots of a flow in time. Defaults as in tables.py."""
+"""The [series] table of a scene: snapshots of a flow in time. Defaults as in tables.py."""
 
 from typing import Annotated, Literal
 
@@ -11,7 +11,7 @@ Density = Annotated[float, measured("density"), Field(gt=0.0)]
 
 
 class SeriesTable(Table):
-    """[series]: snapshots of a flow in time, for `aerokernels series`; a run of the scene takes no notice of it."""
+    """[series]: snapshots of a flow in time, for `aerokernels series`; `aerokernels run` ignores this table."""
 
     source: str | None = key(
         None,

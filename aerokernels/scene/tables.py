@@ -1,8 +1,8 @@
 """The tables of a scene file: every key with its unit, its default and the reason for it.
 
 Defaults are written as a user would write them and pass the same checks. The source paper states the wavelength, the
-pulse's peak power, the target's size, reflectivity and distance, and the wind tunnel's conditions; the rest it leaves
-out, and the choice made here is explained where it stands. Beam, target and receiver are in echo_tables.py, the
+pulse's peak power, the target's size, reflectivity and distance, and the wind tunnel's conditions. The other defaults
+are choices made here; each key's description explains its own. Beam, target and receiver are in echo_tables.py, the
 detector in detector_table.py.
 """
 
@@ -44,7 +44,7 @@ def _density(value: Any) -> float | str:
     return check_density(number, "a density")
 
 
-_density.dimension = "density"  # type: ignore[attr-defined]  # what changes.py tells of the key
+_density.dimension = "density"  # type: ignore[attr-defined]  # read by `key_units.dimension_of`
 
 
 def _wavelength(value: float) -> float:
@@ -103,7 +103,7 @@ class FlowTable(Table):
 
     @property
     def is_mixture(self) -> bool:
-        """Whether the gas is a mixture by what its file says."""
+        """Whether the gas is a mixture of the species in the flow's file."""
         return self.species not in (None, False)
 
     @model_validator(mode="before")
@@ -129,7 +129,7 @@ class FlowTable(Table):
 
 
 class GridTable(Table):
-    """[grid]: how the index between the CFD cells is represented for the rays."""
+    """[grid]: how the index is interpolated between the CFD cells for the rays."""
 
     route: Literal["uniform", "mesh"] = key(
         "uniform",
@@ -165,7 +165,7 @@ class GridTable(Table):
 
 
 class StrehlTable(Table):
-    """[strehl]: the Strehl ratio of a plane wave that looks forward through the pupil."""
+    """[strehl]: the Strehl ratio of a plane wave through the pupil of [pupil] or [receiver]."""
 
     ray_count: Count = key(1_000_000, "Rays over the receiver's pupil.")
     remove: tuple[Literal["piston", "tilt", "focus"], ...] = key(
