@@ -57,7 +57,7 @@ class EchoSource:
         sample_period_ps: int = 250,
         noise: float = 0.02,
     ) -> "EchoSource":
-        """Make a Gaussian echo of a target at `distance` [m]: `peak` [V], full width at half maximum `pulse_width` [s]."""
+        """Make a Gaussian echo of a target at `distance` [m]: `peak` [V], `pulse_width` [s] wide at half maximum."""
         time_ = _sample_times(sample_count, sample_period_ps)
         delay = 2.0 * distance / speed_of_light
         voltage = peak * np.exp(-4.0 * np.log(2.0) * ((time_ - delay) / pulse_width) ** 2)

@@ -1,4 +1,4 @@
-"""The mean waveform and spread of many recorded echoes, in one pass and bounded memory."""
+"""Compute the mean waveform and the spread of many recorded echoes, in one pass and bounded memory."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 
 from aerokernels.jobs.recorded import LEAST_SAMPLES, RecordedEcho
 
-# Times of an echo may differ from the first one's by this share of a sample before it is resampled.
+# An echo is resampled if its times differ from the first echo's by more than this share of a sample period.
 SAME_TIME = 1e-6
 
 
@@ -37,11 +37,11 @@ class AverageEcho:
 def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
     """Average echoes on the time axis of the first.
 
-    An echo on other times is drawn on that axis by the cubic spline through its samples, and only where it has some.
-    The spline follows a pulse of six samples a rise to 1e-3 of its height, and leaves the noise nearly as it is.
+    An echo with other times is interpolated on that axis by the cubic spline through its samples, within its own times
+    only. The spline follows a pulse with six samples on its rise to 1e-3 of its height, and hardly changes the noise.
 
     Raises:
-        ValueError: no echoes, or an echo that is not sampled at the same times as the first [s].
+        ValueError: no echoes, or an echo whose times do not overlap those of the first.
     """
     time: np.ndarray | None = None
     peaks = []
@@ -62,7 +62,7 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
                 f"an echo runs from {1e9 * echo.time[0]:.3f} to {1e9 * echo.time[-1]:.3f} ns, the first one from "
                 f"{1e9 * time[0]:.3f} to {1e9 * time[-1]:.3f} ns: record settings that differ under labels that differ"
             )
-        number += there  # Welford's recurrence, for each sample by itself
+        number += there  # Welford's recurrence, for each sample separately
         step = np.where(there, volts - mean, 0.0)
         mean += step / np.maximum(number, 1.0)
         square += step * np.where(there, volts - mean, 0.0)
@@ -80,7 +80,7 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
 
 
 def _on(time: np.ndarray, echo: RecordedEcho) -> np.ndarray:
-    """The echo's voltage at other times, NaN outside its own."""
+    """Return the echo's voltage at other times; NaN outside its own times."""
     from scipy.interpolate import make_interp_spline
 
     inside = (time >= echo.time[0]) & (time <= echo.time[-1])

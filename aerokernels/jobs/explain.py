@@ -1,4 +1,4 @@
-"""What a run of a scene would do, in words: region, grid, method, ray counts, and the error of the grid."""
+"""Explain in words what a run of a scene would do: region, grid, method, ray counts, and the error of the grid."""
 
 import math
 
@@ -21,10 +21,10 @@ from aerokernels.waves import validity
 
 
 def explanation(scene: Scene) -> list[tuple[str, str]]:
-    """Pairs of what and how. The flow is read and resampled, since that takes a second and gives measured errors.
+    """Return rows of (topic, explanation). The flow is read and resampled: that takes a second and measures the error.
 
     Raises:
-        ValueError: A backend or device that is not there, or a region or spacing that cannot be had.
+        ValueError: A backend or device that is not available, or a region or spacing that cannot be used.
     """
     flow = scene.density_field()
     prepared = prepare_field(scene, flow)
@@ -107,7 +107,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
 
 
 def _predicted_ratio(plan: TracePlan, left_by_grid: float, wavelength: float) -> list[tuple[str, str]]:
-    """The error that the Strehl ratio will have at most: whatever it is, under the phase errors known before."""
+    """Rows on the Strehl ratio's predicted error: the bound for any ratio, given the phase errors known in advance."""
     if plan.predicted_error is None:
         return []
     phase = 2.0 * math.pi * root_sum_square([plan.predicted_error, left_by_grid / wavelength])
@@ -122,7 +122,7 @@ def _predicted_ratio(plan: TracePlan, left_by_grid: float, wavelength: float) ->
 
 
 def _predicted_echo(scene: Scene, field: IndexField) -> list[tuple[str, str]]:
-    """The echo that comes back where the flow takes nothing off it, and whether it can be ranged."""
+    """Rows on the echo without flow, and on whether its range can be read."""
     found, own = predict_echo(scene, field), scene.detector.ranging
     rows = [
         ("predicted, echo", f"{found.peak_voltage:.4g} V without flow, {found.peak_power * 1e6:.4g} µW; less with it")
@@ -142,7 +142,7 @@ def _predicted_echo(scene: Scene, field: IndexField) -> list[tuple[str, str]]:
 
 
 def _prediction(plan: TracePlan, ray_count: int) -> str:
-    """Cost and error of the Strehl ratio's rays, in words."""
+    """Describe the predicted cost and error of the Strehl ratio's rays."""
     each, error = plan.predicted_evaluations, plan.predicted_error
     cost = (
         "cost not known before"
@@ -155,7 +155,7 @@ def _prediction(plan: TracePlan, ray_count: int) -> str:
 
 
 def _return_path(scene: Scene, field: IndexField) -> str:
-    """How the light's way back is traced, in words."""
+    """Describe how the return path of the echo is traced."""
     receiver = scene.receiver
     if receiver.return_factor == "none":
         return "none traced back (return factor none)"
@@ -170,12 +170,12 @@ def _return_path(scene: Scene, field: IndexField) -> str:
 
 
 def _lacking(lacking: AveragesLacking | None) -> list[tuple[str, str]]:
-    """What lines across cells lack of the averages over these, where the flow has such."""
+    """A row on the deficit of line integrals against the cell averages, if the flow has cell averages."""
     return [] if lacking is None else [("averages", f"the interpolant between cells lacks {lacking.in_words()}")]
 
 
 def _mesh_in_words(flow: DensityField) -> str:
-    """How many cells or nodes a flow has, and its geometry."""
+    """Describe a flow's number of cells or nodes, and its geometry."""
     mesh = getattr(flow, "mesh", None)
     if mesh is not None:
         return f"{len(mesh.cells)} cells, {flow.geometry}"

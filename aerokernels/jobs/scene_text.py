@@ -1,4 +1,4 @@
-"""A scene as it was run, written out as TOML in SI units: what is kept beside every result."""
+"""Write a scene as it was run as TOML in SI units, which is stored with every result."""
 
 import json
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ from aerokernels.scene import Scene
 
 
 def scene_toml(scene: Scene) -> str:
-    """All keys of a scene, defaults included, as a TOML text that loads to an equal scene."""
+    """Return all keys of a scene, defaults included, as a TOML text that loads to an equal scene."""
     tables = {key: value for key, value in scene.as_dict().items() if isinstance(value, Mapping)}
     single = {key: value for key, value in scene.as_dict().items() if not isinstance(value, Mapping)}
     parts = [_lines(single), *(f"[{name}]\n{_lines(table)}" for name, table in tables.items())]
@@ -16,7 +16,7 @@ def scene_toml(scene: Scene) -> str:
 
 
 def _lines(values: Mapping[str, Any]) -> str:
-    # JSON's texts, numbers and lists are TOML's too; TOML has no null, and a key that is absent means the same.
+    # JSON texts, numbers and lists are valid TOML too; TOML has no null, and an absent key means the same.
     return "\n".join(f"{key} = {_value(value)}" for key, value in values.items() if value is not None)
 
 

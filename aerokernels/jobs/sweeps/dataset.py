@@ -1,4 +1,4 @@
-"""The cases of a sweep as one labelled dataset: numbers as in summary.json, a dimension for each key."""
+"""Collect the cases of a sweep in one labelled dataset: numbers as in summary.json, one dimension per key."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ from aerokernels.scene import Scene
 if TYPE_CHECKING:
     import xarray
 
-# What is stored of a summary: unit and meaning. Numbers, NaN where a case has none.
+# Numbers of a summary that are stored, with unit and meaning; NaN if a case has no such number.
 NUMBERS = {
     "strehl": ("1", "Strehl ratio"),
     "strehl_standard_error": ("1", "standard error of the Strehl ratio's sampling"),
@@ -58,14 +58,14 @@ def sweep_dataset(
     records: Mapping[int, Mapping[str, Any]],
     provenance: Mapping[str, str],
 ) -> "xarray.Dataset":
-    """Put cases together.
+    """Make the dataset of a sweep.
 
     Args:
         definition: The sweep.
-        described: What it was made from, for provenance.
-        scenes: The scene of each case, None where it has none.
-        records: What each case gave, by its number.
-        provenance: Attributes besides.
+        described: The sweep's description (`Definition.described`), stored as provenance.
+        scenes: The scene of each case, None if it has none.
+        records: The outcome of each case by its number.
+        provenance: Further attributes.
     """
     import xarray
 
@@ -131,7 +131,7 @@ def _number(value: Any) -> float:
 
 
 def _failure(record: Mapping[str, Any]) -> str:
-    """Why a case gave nothing, or some stage of it: "stage: reason", one after another."""
+    """Return why a case failed, or the failures of its stages as "stage: reason; ..."."""
     if "summary" not in record:
         return str(record.get("error", "not computed"))
     return "; ".join(f"{stage}: {why}" for stage, why in (record["summary"].get("failures") or {}).items())
