@@ -29,7 +29,7 @@ class PupilMap:
     """Optical path difference on a square grid over the pupil.
 
     Attributes:
-        coordinate: Coordinates of the samples along either axis of the pupil (x or y if it faces ahead) [m], shape (n,).
+        coordinate: Coordinates of the samples along either axis of the pupil (x, y if it faces ahead) [m], shape (n,).
         opd: Optical path difference, piston removed [m], shape (n, n), axes [y, x]; NaN outside the pupil and where a
             ray failed.
         without_tilt: OPD with piston and tilt removed [m], shape (n, n).
