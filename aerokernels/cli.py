@@ -35,8 +35,8 @@ COLLECT_AFTER = (50_000, 20, 50)
 app = typer.Typer(
     name="aerokernels",
     help="Aero-optics of supersonic flow: from a density field to wavefront, Strehl ratio, laser echo and range.",
-    epilog="Exit status: 0 done; 1 failed; 2 bad input; 3 the answer is worth nothing: its error is greater than the "
-    "number itself; 130 interrupted (143 by SIGTERM, 129 by a terminal that closed).",
+    epilog="Exit status: 0 done; 1 failed; 2 bad input; 3 the answer is not meaningful: its error is greater than the "
+    "number; 130 interrupted (143 by SIGTERM, 129 by a terminal that closed).",
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,  # rich would take "[ps]" and "[default: ...]" in a help text for markup and drop them
     pretty_exceptions_enable=False,
@@ -52,7 +52,7 @@ def _print_version(asked: bool) -> None:
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and leave.")
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of a failure.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print results as JSON.")] = False,
@@ -89,7 +89,7 @@ def one_line(error: BaseException) -> str:
     if format_message:
         return text + _way_out(error, text)
     if isinstance(error, OSError) and error.errno in NO_FILES and error.filename:
-        return f"{error.filename}: {error.strerror}; give another path, or see to its permissions"
+        return f"{error.filename}: {error.strerror}; give another path, or check its permissions"
     if isinstance(error, (ValueError, RuntimeError, OSError)) and text:
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
@@ -123,7 +123,7 @@ def check_values(line: list[str]) -> None:
     for before, argument in zip(["", *line], line, strict=False):
         option, equals, value = argument.partition("=")
         if (before.startswith("--") and not argument) or (option in ("--out", "--store") and equals and not value):
-            raise ValueError(f"{before if not argument else option} is given nothing: write its value after it")
+            raise ValueError(f"{before if not argument else option} has an empty value: write a value after it")
 
 
 def taken_out(line: list[str]) -> tuple[list[str], set[str]]:

@@ -98,7 +98,7 @@ def ray_region(scene: Scene, mesh_field: IndexField) -> Region:
     aperture = scene.receiver.aperture_z
     if aperture >= high[1]:
         raise ValueError(
-            f"receiver.aperture_z = {aperture:g} m lies ahead of the whole flow, which ends at {high[1]:g} m: "
+            f"receiver.aperture_z = {aperture:g} m is ahead of the whole flow, which ends at {high[1]:g} m: "
             "give a place behind it, such as '-8 mm'"
         )
     margin = max(MARGIN, MARGIN_NODES * scene.grid.spacing)
@@ -185,7 +185,7 @@ def _index_of(scene: Scene, density: DensityField | None) -> IndexField:
             interpolation = flow.interpolation
         return density.index_field(flow.wavelength, flow.relation, constant=constant, interpolation=interpolation)
     if grid.route == "mesh":
-        raise ValueError("grid.route = 'mesh' needs a flow on a mesh, and this one has none: take 'uniform'")
+        raise ValueError("grid.route = 'mesh' needs a flow on a mesh, and this flow has no mesh: use 'uniform'")
     if isinstance(density, GridDensity):
         return density.index_field(flow.wavelength, flow.relation, constant=constant, interpolation=grid.interpolation)
     assert isinstance(density, ConicalFlow)  # there is no other kind

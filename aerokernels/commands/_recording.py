@@ -29,7 +29,7 @@ def parse_labels(pairs: list[str]) -> dict[str, str]:
         if not key or not equals:
             raise ValueError(f"--label {pair!r}: give key=value, for example mach=3")
         if re.search(r"[\ud800-\udfff]", pair):  # bytes of the command line that are no UTF-8
-            raise ValueError(f"--label {pair!r}: holds bytes that are no UTF-8 text; type it anew")
+            raise ValueError(f"--label {pair!r}: contains bytes that are not UTF-8; type the label again")
         if key in labels:
             raise ValueError(f"--label {pair!r}: {key!r} is given twice; give each key once")
         labels[key] = value

@@ -14,7 +14,7 @@ SceneName = Annotated[
 ]
 Backend = Annotated[str | None, typer.Option(help="auto, warp, opencl or reference.")]
 Device = Annotated[str | None, typer.Option(help="cpu, cuda:0, or an OpenCL device's name; see `backends`.")]
-Precision = Annotated[str | None, typer.Option(help="float32 or float64, inside the kernels.")]
+Precision = Annotated[str | None, typer.Option(help="Precision of the kernels: float32 or float64.")]
 Rays = Annotated[str | None, typer.Option(metavar="COUNT", help="Rays over the pupil for the Strehl ratio.")]
 Settings = Annotated[
     list[str] | None,

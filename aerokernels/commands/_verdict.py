@@ -15,6 +15,6 @@ def leave_with(verdict: Verdict) -> None:
         typer.Exit: The answer's error is greater than the number, so the answer is not meaningful.
     """
     if verdict:
-        warn(f"{'worth nothing' if verdict.worthless else 'warning'}: {verdict.reason}")
+        warn(f"{'not meaningful' if verdict.worthless else 'warning'}: {verdict.reason}")
     if verdict.worthless:
         raise typer.Exit(WORTHLESS_ANSWER)

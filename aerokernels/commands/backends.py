@@ -37,4 +37,4 @@ def backends() -> None:
             (note if asked.as_json else say)(f"work-around on {info.device}: {info.workaround}")
     reason = reason.removeprefix(f"backend {backend} on {device}: ")
     if not asked.as_json:
-        say(plain(f"auto takes {backend} on {device}: {reason}"))
+        say(plain(f"auto chooses {backend} on {device}: {reason}"))

@@ -50,7 +50,7 @@ def run(
 def _cost_rows(summary: dict) -> list[tuple[str, str]]:
     where = f"{summary['backend']} on {summary['device']}, {summary['precision']}"
     return [
-        ("Rays for the Strehl ratio", f"{summary['ray_count']:,}, traced {summary['traced_ray_count']:,}"),
+        ("Rays for the Strehl ratio", f"{summary['ray_count']:,} requested, {summary['traced_ray_count']:,} traced"),
         ("Computed by", where),
-        ("Time", f"{summary['total_seconds']:.2f} s, of it {summary['compile_seconds']:.2f} s compiling kernels"),
+        ("Time", f"{summary['total_seconds']:.2f} s, of which {summary['compile_seconds']:.2f} s compiling kernels"),
     ]

@@ -47,7 +47,7 @@ def overlap(
             + (
                 f" in steps of {1e9 * (time[1] - time[0]):.3f} ns, too wide for its pulse: record with more samples"
                 if met
-                else ": give the trigger offset, or align"
+                else ": give --trigger-offset, or have it measured with --align"
             )
         )
     return time[there], recorded.mean[there], recorded.spread[there], simulated[there]

@@ -60,7 +60,7 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
         if not there.any():
             raise ValueError(
                 f"an echo runs from {1e9 * echo.time[0]:.3f} to {1e9 * echo.time[-1]:.3f} ns, the first one from "
-                f"{1e9 * time[0]:.3f} to {1e9 * time[-1]:.3f} ns: record settings that differ under labels that differ"
+                f"{1e9 * time[0]:.3f} to {1e9 * time[-1]:.3f} ns: give echoes of different settings different labels"
             )
         number += there  # Welford's recurrence, for each sample separately
         step = np.where(there, volts - mean, 0.0)

@@ -111,16 +111,17 @@ class LabelComparison:
         )
         if wave.same_pulse is None:
             return [
-                f"{name}: the record holds too little of the pulse, or too much noise, to compare its width with the "
-                "simulated one's: record more echoes, from before the pulse to after it"
+                f"{name}: the record shows too little of the pulse, or too much noise, to compare the pulse's width "
+                "with the simulated one: record more echoes, from before the pulse to after it"
             ]
         if wave.same_pulse:
             return []
-        moved = f", {1e3 * abs(wave.width_range):.0f} mm by the width alone" if math.isfinite(wave.width_range) else ""
+        moved = f" ({1e3 * abs(wave.width_range):.0f} mm by the width alone)" if math.isfinite(wave.width_range) else ""
         return [
-            f"{name}: the recorded pulse is not the simulated one ({widths}): differences of leading edge and constant "
-            f"fraction are the pulses' shapes, no ranges{moved}, and a high correlation says little; put the recorded "
-            'pulse into the scene (beam.pulse_tau, or beam.pulse = "sampled") or compare with the run of its own scene'
+            f"{name}: the recorded pulse is not the simulated one ({widths}): the differences of leading edge and "
+            f"constant fraction come from the pulses' shapes{moved} and are no range differences, and a high "
+            "correlation is not meaningful; put the recorded pulse into the scene (beam.pulse_tau, or beam.pulse = "
+            '"sampled"), or compare with the run of a scene that has this pulse'
         ]
 
     def row(self) -> dict[str, Any]:

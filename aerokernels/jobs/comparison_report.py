@@ -121,7 +121,7 @@ def range_table(found: BenchComparison) -> Table:
 
 def _caveat(one: LabelComparison) -> str:
     """Return the remark for a number that is distorted because the recorded pulse differs from the simulated one."""
-    return ", but another pulse" if one.waveform.same_pulse is False else ""
+    return " (different pulse)" if one.waveform.same_pulse is False else ""
 
 
 def _number(value: float, digits: str) -> str:
@@ -145,33 +145,33 @@ def notes(found: BenchComparison) -> list[str]:
         for (bound, name), upper in zip(DEGREES, [1.0, *bounds], strict=False)
     )
     alignment = {
-        NO_ALIGNMENT: "The recorded times were taken as they are, but for the trigger offset given.",
-        EACH: "Each label was shifted to its greatest correlation: shapes are compared, and systematic "
-        "range errors and edge shifts say nothing about the range.",
+        NO_ALIGNMENT: "The recorded times were used unchanged, apart from the given trigger offset.",
+        EACH: "Each label was shifted to its greatest correlation: only shapes are compared, and systematic range "
+        "errors and edge shifts are not meaningful.",
     }.get(
         found.options.align,
-        f"The trigger offset was measured on {found.options.align} and taken off every label: what differs "
-        "between labels is real, the systematic error of that label is not.",
+        f"The trigger offset was measured on {found.options.align} and subtracted for every label: differences "
+        "between labels are real, the systematic error of that label is not.",
     )
     lines = [
         *(f"Warning: {text}." for text in found.warnings),
         alignment,
         "Trigger offsets: "
         + ", ".join(f"{label_text(one.label)} {1e9 * one.trigger_offset:.4f} ns" for one in found.labels),
-        "The simulation is drawn on the recorded times by a spline, because it is smooth and finely sampled; "
-        "recorded samples are left as they are.",
-        "Both peak errors are recorded less simulated peak; the paper's Table 4 divides by the simulated one.",
+        "The simulation is interpolated at the recorded times by a spline, because it is smooth and finely sampled; "
+        "recorded samples are unchanged.",
+        "Both peak errors are recorded minus simulated peak; the paper's Table 4 divides by the simulated one.",
         f"Degrees of correlation: {degrees}.",
-        f"At most {found.options.ranged_count} echoes of a label, drawn at random, were ranged one by one.",
+        f"At most {found.options.ranged_count} echoes of a label, chosen at random, were ranged one by one.",
     ]
     resampled = sum(one.recorded.resampled_count for one in found.labels)
     if resampled:
         lines.append(
-            f"{resampled} echoes had other times than their label's first and were drawn on those by a spline."
+            f"{resampled} echoes had other sample times than the first of their label: interpolated by a spline."
         )
     unfit = sum(one.unfit_count for one in found.labels)
     if unfit:
-        lines.append(f"{unfit} echoes had fewer than {LEAST_SAMPLES} samples, or no sample period: passed over.")
+        lines.append(f"{unfit} echoes had fewer than {LEAST_SAMPLES} samples or no sample period and were skipped.")
     if found.left_out:
         lines.append(f"Labels without a run: {', '.join(map(label_text, found.left_out))}.")
     return lines
@@ -225,7 +225,7 @@ def _page(found: BenchComparison, pictures: dict[str, tuple[str, bytes]]) -> str
         remarks(("Warning", text) for text in found.warnings),
         *(section(title, table(columns, rows)) for title, columns, rows in (make(found) for make in TABLES)),
         section("Pictures", "".join(picture(name, caption, data) for name, (caption, data) in pictures.items())),
-        section("How it was done", bullets(notes(found))),
+        section("How the comparison was made", bullets(notes(found))),
         section("Runs", table(("label", "scene", "folder"), runs)),
     ]
     lead = f"{found.source}, {len(found.labels)} labels, aerokernels {__version__}"

@@ -33,7 +33,7 @@ def flow_figure(flow: DensityField, title: str = "") -> "Figure":
         axes.set_xlabel("z [mm], the optical axis")
         axes.set_ylabel(f"{'r' if flow.geometry == 'axisymmetric' else 'y'} [mm]")
         axes.annotate(
-            "looks this way", (0.62, 1.04), (0.38, 1.04), xycoords="axes fraction", textcoords="axes fraction",
+            "direction of view", (0.62, 1.04), (0.38, 1.04), xycoords="axes fraction", textcoords="axes fraction",
             arrowprops={"arrowstyle": "->", "color": "#4a5460"}, color="#4a5460", va="center", fontsize=8.0,
         )  # fmt: skip
         if title:
@@ -50,6 +50,6 @@ def save_flow_figure(flow: DensityField, place: Path, title: str = "") -> None:
     figure = flow_figure(flow, title)
     known = figure.canvas.get_supported_filetypes()
     if place.suffix[1:].lower() not in known:
-        raise ValueError(f"{place}: no picture ends in {place.suffix!r}: take .png, .pdf or .svg")
+        raise ValueError(f"{place}: {place.suffix!r} is not a picture format: use .png, .pdf or .svg")
     place.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(place)

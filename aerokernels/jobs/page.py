@@ -82,7 +82,7 @@ def pictures(shown: Iterable[Picture]) -> str:
     """Return HTML figures with their captions; a figure that cannot be drawn is replaced by the reason."""
     made = ((name, caption, png_or_fault(draw)) for name, caption, draw in shown)
     return "".join(
-        paragraph(f"No picture of this: {caption} ({data})") if isinstance(data, str) else picture(name, caption, data)
+        paragraph(f"No picture: {caption} ({data})") if isinstance(data, str) else picture(name, caption, data)
         for name, caption, data in made
     )
 

@@ -112,7 +112,7 @@ class PictureOptions:
         check_screen(self.screen_distance, self.source_angle, 1.0)
         check_fringes(self.fringe_spacing, self.fringe_angle, 0.0, 1.0, 1.0)
         if self.shock_window is not None and "schlieren" not in self.kinds:
-            raise ValueError("the shock's angle is read off the schlieren picture: ask for that kind too")
+            raise ValueError("the shock's angle is measured on the schlieren picture: request that kind too")
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +243,7 @@ def make_pictures(
         ValueError: options that do not go together, or no shock is found in the window.
     """
     if measured is not None and "schlieren" not in options.kinds:
-        raise ValueError("a measured picture is compared with the schlieren picture: ask for that kind too")
+        raise ValueError("a measured picture is compared with the schlieren picture: request that kind too")
     progress("reading and resampling the flow", 0.0)
     density = scene.density_field()
     field = picture_field(density, scene, options)

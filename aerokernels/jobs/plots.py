@@ -244,11 +244,11 @@ def _around_pulse(power: np.ndarray, voltage: np.ndarray) -> slice:
 
 
 FIGURES: dict[str, tuple[str, "Callable[[xarray.Dataset], Figure]"]] = {
-    "density": ("The air density around the body, with the rays that leave the pupil.", density_figure),
-    "rays": ("The fan of rays near the pupil, and how far refraction moves each of them aside.", rays_figure),
-    "opd": ("The wavefront that a distant point, straight ahead of the pupil, leaves on it.", opd_figure),
-    "point-spread": ("What the wavefront makes of the focus.", point_spread_figure),
-    "echo": ("The pulse that comes back from the reflector.", echo_figure),
+    "density": ("The air density around the body, with a fan of rays from the pupil.", density_figure),
+    "rays": ("The fan of rays near the pupil, and the displacement of each ray by refraction.", rays_figure),
+    "opd": ("The wavefront of a distant point in the pupil's direction of view.", opd_figure),
+    "point-spread": ("The focus of this wavefront, tilt included.", point_spread_figure),
+    "echo": ("The pulse that returns from the reflector.", echo_figure),
 }
 
 # Variables of a run's dataset that each figure needs. Some are absent if a stage failed or the flow is an index field.

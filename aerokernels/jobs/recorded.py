@@ -181,7 +181,7 @@ def _in_si(path: Path, variable: "xarray.DataArray", dimension: str, usual: str)
     except ValueError as error:
         raise ValueError(f"{path}: the units of `{variable.name}`: {error}") from None
     if variable.dtype.kind not in "iuf":
-        raise ValueError(f"{path}: `{variable.name}` holds {variable.dtype} and no real numbers: write it again")
+        raise ValueError(f"{path}: `{variable.name}` holds {variable.dtype}, not real numbers: write the file again")
     return np.asarray(variable.values, dtype=np.float64) * factor
 
 
@@ -231,7 +231,7 @@ def _from_csv(path: Path) -> Iterator[RecordedEcho]:
 def _echo_rows(path: Path, head: list[str], rows: Iterable[list[str]]) -> Iterator[RecordedEcho]:
     volts = [k for k, name in enumerate(head) if name.startswith("voltage_")]
     if "sample_period_s" not in head:
-        raise ValueError(f"{path}: has no column sample_period_s: the times of its samples are not known")
+        raise ValueError(f"{path}: has no column sample_period_s, which sets the times of the samples: add it")
     for number, row in enumerate(rows, start=2):
         place = f"{path}: line {number}"
         values = dict(itertools.zip_longest(head, row[: len(head)], fillvalue=""))

@@ -37,19 +37,20 @@ HEADLINES = (
 # Heading of the remark on a stage without a result.
 STAGE_WORDS = {
     "wavefront": "No wavefront",
-    "rays": "No rays to look at",
+    "rays": "No rays in the pictures",
     "echo": "No echo",
     "range": "No range",
 }
 CAUSES = {
-    "step": "steps of the rays",
-    "interpolation": "samples of the field, as the flow came",
-    "resampling": "uniform grid that the flow was resampled to",
+    "step": "step size of the rays",
+    "interpolation": "interpolation between the flow's own samples",
+    "resampling": "resampling of the flow to a uniform grid",
     "precision": "precision of the kernels",
     "sampling": "number of rays, three standard errors",
-    "truncation": "rays that leave the known air while it is disturbed",
-    "refractivity": "model that makes the index from a density; not part of the total",
-    "total": "root sum of squares of the others",
+    "bundle": "interpolation between traced rays of a bundle",
+    "truncation": "rays that leave the known air where it is still disturbed",
+    "refractivity": "relation between density and index; not part of the total",
+    "total": "root sum of squares of the entries above, without refractivity",
 }
 
 # Groups of numbers in summary.json.
@@ -58,7 +59,7 @@ GROUPS = {
     "range_uncertainty_m": "uncertainty of the range by {} [m]",
     "range_statistics_m": "statistics of the range by {} [m]",
     "stage_seconds": "time, {} [s]",
-    "averages_lacking": "lacking of the averages over cells, {}",
+    "averages_lacking": "deficit against cell averages, {}",
 }
 
 
@@ -86,7 +87,7 @@ def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 def remark_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return rows of remarks: the verdict on the Strehl ratio, and the reason for each stage without a result."""
     worthless = summary.get("verdict") == WORTHLESS
-    rows = [("Worth nothing" if worthless else "Warning", str(reason)) for reason in summary.get("warnings") or ()]
+    rows = [("Not meaningful" if worthless else "Warning", str(reason)) for reason in summary.get("warnings") or ()]
     for stage, reason in (summary.get("failures") or {}).items():
         rows.append((STAGE_WORDS.get(stage, f"No {stage}"), str(reason)))
     return rows
@@ -197,7 +198,7 @@ def render_report(pictures: Mapping[str, bytes], summary: Mapping[str, Any], sce
     shown = [
         picture(name, caption, pictures[name])
         if name in pictures
-        else paragraph(f"No picture of this: {caption} The reason stands at the top.")
+        else paragraph(f"No picture: {caption} The reason is given at the top of the page.")
         for name, (caption, _) in plots.FIGURES.items()
     ]
     cite = f"The method follows the paper below; please cite it together with aerokernels {version}."

@@ -144,7 +144,7 @@ def simulate(
         if with_echo:
             found = tried("echo", lambda: echo_with_errors(vacuum, index, strehl))
         else:
-            found, failed["echo"] = None, "left out, as asked for"
+            found, failed["echo"] = None, "left out, as requested"
     seconds["total"] = stages["total"]
     return RunResult(scene, prepared, strehl, pupil, fan, found, seconds, stages, failed)
 

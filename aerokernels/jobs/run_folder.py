@@ -109,12 +109,12 @@ def run_of(path: Path, summary: Any, result: "xarray.Dataset", label: Label = _N
     detector, distance = scene.get("detector", {}), summary.get("true_range_m")
     for name, found in (("errors", summary.get("errors")), ("ranges_m", summary.get("ranges_m"))):
         if not _holds_numbers(found, 2 if name == "errors" else 1):
-            raise _unreadable(path, f"{name} in {SUMMARY_FILE} holds something else than numbers")
+            raise _unreadable(path, f"{name} in {SUMMARY_FILE} holds something other than numbers")
     if not (_is_number(distance) and distance > 0.0):
         raise _unreadable(path, f"true_range_m in {SUMMARY_FILE} is {str(distance)[:40]}")
     keys = ("threshold", "fraction")
     if not isinstance(detector, dict) or not all(_is_number(detector.get(key, 0.0)) for key in keys):
-        raise _unreadable(path, f"the scene in {RESULT_FILE} has another [detector]")
+        raise _unreadable(path, f"the [detector] of the scene in {RESULT_FILE} is not valid")
     return RunFolder(path, summary, time, voltage, float(distance), detector, label)
 
 
@@ -126,7 +126,7 @@ def _check_echo(path: Path, summary: Any) -> None:
     """Reject anything but the summary of a run with an echo."""
     lost = summary.get("failures") or {} if isinstance(summary, dict) else None
     if not isinstance(lost, dict):
-        raise _unreadable(path, f"{SUMMARY_FILE} is none of a run")
+        raise _unreadable(path, f"{SUMMARY_FILE} is not that of a run")
     if lost.get("echo"):
         raise RunWithoutEcho(f"run {path}: it has no echo to compare with: {lost['echo']}")
 

@@ -60,7 +60,7 @@ def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset",
     lead += f"{summary['provenance']}; aerokernels {summary['version']}"
     told = [(words, summary[key]) for key, words in (("drifting", "Drifts"), ("skipped", "Skipped")) if summary[key]]
     if summary["known_share"] < 1.0 - GREATEST_SHARE:
-        lost = f"{100.0 * (1.0 - summary['known_share']):.3g} % of the pupil has no optical path: not in any number"
+        lost = f"{100.0 * (1.0 - summary['known_share']):.3g} % of the pupil has no optical path; no number includes it"
         told.append(("Known air", lost))
     numbers = [
         (name, Quantity(float(found[name]), float(found[f"{name}_error"])).text(), str(found[name].attrs["units"]))
@@ -72,7 +72,7 @@ def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset",
         section("Film of the optical path difference", film(maps)),
         section("Pictures", pictures(_pictures(maps, found))),
         section("Numbers (SI), each with its standard error", table(("quantity", "value", "unit"), numbers)),
-        section("How", paragraph(str(summary["plan"]))),
+        section("How the maps were computed", paragraph(str(summary["plan"]))),
         section("Scene as it was run", text_block(scene_toml(scene))),
     ]
     return page(scene.title or scene.name, lead, parts)

@@ -176,7 +176,7 @@ def test_echoes_on_other_times_are_drawn_on_the_first(tmp_path: Path):
     found = average([RecordedEcho((), TIME, pulse(TIME)), RecordedEcho((), other, pulse(other))])
     assert found.resampled_count == 1 and found.count == 2
     np.testing.assert_allclose(found.mean, pulse(TIME), atol=1e-4)
-    with pytest.raises(ValueError, match="labels that differ"):
+    with pytest.raises(ValueError, match="different labels"):
         average([RecordedEcho((), TIME, pulse(TIME)), RecordedEcho((), TIME + 1e-3, pulse(TIME))])
 
 
@@ -188,7 +188,7 @@ def test_one_run_and_no_folder(tmp_path: Path, runs, command_line):
     assert done.returncode == 0, done.stderr
     rows = [line.split("\t") for line in done.stdout.splitlines() if line.startswith("mach=3")]
     assert len(rows) == 3 + 4 and float(rows[2][1]) > 0.999
-    assert "no run for: mach=0" in done.stdout
+    assert "labels without a run: mach=0" in done.stdout
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -306,7 +306,7 @@ def test_another_pulse_is_said_loudly(tmp_path: Path, runs, command_line):
     assert one.row()["same_pulse"] is False
     done = command_line("compare", store, tmp_path / "run0", "--out", "found")
     assert done.returncode == 0 and text in done.stderr
-    assert "highly correlated, but another pulse" in done.stdout
+    assert "highly correlated (different pulse)" in done.stdout
     assert json.loads((tmp_path / "found" / "summary.json").read_text())["warnings"] == [text]
     assert "is not the simulated one" in (tmp_path / "found" / "report.html").read_text(encoding="utf-8")
     same = [RecordedEcho(LABELS[0], TIME, pulse(TIME, 2.0, 0.0)) for _ in range(3)]

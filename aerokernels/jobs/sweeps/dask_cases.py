@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 LOOK_EVERY = 1.0  # [s] between checks of the client while no case is finished
 LONELY = 10.0  # [s] without a finished case until the number of workers is checked
 GONE = (
-    "the Dask scheduler is gone, or its client was closed or restarted: what was kept in --out stays, and the same "
-    "sweep goes on from there"
+    "the Dask scheduler is gone, or its client was closed or restarted: the finished cases in --out are safe, and "
+    "the same sweep resumes from there"
 )
 _one_at_a_time = threading.Lock()
 
@@ -86,7 +86,7 @@ def _next(done: "queue.SimpleQueue[Future]", client: "Client", given_up: Callabl
             if client.nthreads():
                 told = False
             elif given_up():
-                raise RuntimeError("all Dask workers of this machine have died, again and again: see to their memory")
+                raise RuntimeError("all Dask workers of this machine have died several times: check the free memory")
             elif not told:
                 told = True
                 warnings.warn("the Dask scheduler has no workers: the sweep waits until there are some", stacklevel=2)

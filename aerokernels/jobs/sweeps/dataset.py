@@ -21,31 +21,31 @@ NUMBERS = {
     "boresight_rad": ("rad", "boresight error"),
     "boresight_x_rad": ("rad", "boresight error toward x"),
     "boresight_y_rad": ("rad", "boresight error toward y"),
-    "echo_strehl": ("1", "Strehl ratio of the light on its way back"),
+    "echo_strehl": ("1", "Strehl ratio of the return path"),
     "echo_peak_w": ("W", "peak power of the echo"),
     "echo_peak_v": ("V", "peak voltage of the echo"),
     "range_m": ("m", "reported range"),
-    "range_error_m": ("m", "reported less true range"),
+    "range_error_m": ("m", "reported minus true range"),
     "true_range_m": ("m", "true range"),
     "noise_rms_v": ("V", "noise of the recorded voltage, rms"),
     "mach": ("1", "Mach number of the flow"),
     "ambient_density_kg_m3": ("kg m-3", "free-stream density"),
     "wavelength_m": ("m", "vacuum wavelength"),
-    "ray_count": ("1", "rays over the pupil asked for"),
+    "ray_count": ("1", "requested rays over the pupil"),
     "traced_ray_count": ("1", "rays traced for the Strehl ratio"),
     "evaluation_count": ("1", "evaluations of the field for the Strehl ratio"),
-    "trace_seconds": ("s", "time in kernels, for this case alone"),
-    "compile_seconds": ("s", "time building kernels"),
-    "total_seconds": ("s", "wall time, stages taken over from other cases not counted"),
+    "trace_seconds": ("s", "time in kernels"),
+    "compile_seconds": ("s", "time for compiling kernels"),
+    "total_seconds": ("s", "wall time, without stages reused from other cases of a sweep"),
     "processor_seconds": ("s", "processor time of the case, all threads of its worker"),
-    "tracing_processor_seconds": ("s", "processor time of that in tracing, plans and error budgets included"),
+    "tracing_processor_seconds": ("s", "processor time of tracing, plans and error budgets included"),
 }
 TEXTS = {
-    "verdict": "what the Strehl ratio's error makes of it",
-    "backend": "what ran the kernels",
-    "device": "the device",
-    "precision": "numbers in the kernels",
-    "provenance": "where the flow comes from",
+    "verdict": "whether the Strehl ratio is meaningful given its error",
+    "backend": "backend that ran the kernels",
+    "device": "device that ran the kernels",
+    "precision": "precision of the kernels",
+    "provenance": "origin of the flow",
     "version": "version of aerokernels",
 }
 METHODS, CAUSES = "ranging_method", "cause"
@@ -86,7 +86,7 @@ def sweep_dataset(
         variables[name] = (dims, values, {"units": units, "long_name": words})
         if any(name in one for one in errors):
             found = shaped([_number(one.get(name)) for one in errors])
-            attributes = {"units": units, "long_name": f"{words}: what it may be off by"}
+            attributes = {"units": units, "long_name": f"{words}: error"}
             variables[f"{name}_error"] = (dims, found, attributes)
     tables = {
         "ranges_m": (METHODS, "m", "range by each method that read the echo"),
@@ -105,7 +105,7 @@ def sweep_dataset(
     plans = shaped([json.dumps(summary["plan"]) if summary.get("plan") else "" for summary in summaries], object)
     variables["plan"] = (dims, plans, {"units": "1", "long_name": "how the Strehl ratio's rays were traced, JSON"})
     reasons = shaped([_failure(records.get(k, {})) for k in range(definition.case_count)], object)
-    variables["failures"] = (dims, reasons, {"units": "1", "long_name": "why a case, or a stage of it, gave nothing"})
+    variables["failures"] = (dims, reasons, {"units": "1", "long_name": "why the case, or a stage of it, failed"})
     failed = shaped([not summary for summary in summaries], bool)
     variables["failed"] = (dims, failed, {"units": "1", "long_name": "whether the whole case failed"})
 

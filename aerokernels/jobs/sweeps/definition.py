@@ -168,7 +168,7 @@ def define(
         if key in settings:
             raise ValueError(f"{key} is both set and varied: drop it from --set or from --vary")
     if together and sample is not None:
-        raise ValueError("zip and sample exclude each other: a Latin hypercube draws its own values; give one of them")
+        raise ValueError("zip and sample exclude each other: a Latin hypercube chooses its values itself; give one")
     if sample is not None:
         definition = Definition(scene, settings, axes, "lhs", _sample_count(sample), int(seed))
         for key, values in axes.items():
@@ -179,12 +179,14 @@ def define(
         counts = {key: len(values) for key, values in axes.items()}
         if together and len(set(counts.values())) > 1:
             described = ", ".join(f"{key} has {count}" for key, count in counts.items())
-            raise ValueError(f"--zip takes as many values of each key: {described}; make them equal, or drop --zip")
+            raise ValueError(
+                f"--zip needs equally many values of each key: {described}; make them equal, or drop --zip"
+            )
         definition = Definition(scene, settings, axes, "zip" if together else "grid")
     if definition.case_count > MOST_CASES:
         raise ValueError(
             f"--vary {', '.join(axes)}: {definition.case_count:,} cases are more than {MOST_CASES:,}; vary fewer "
-            "values, or draw a sample with --sample lhs:N"
+            "values, or use a random sample with --sample lhs:N"
         )
     return definition
 
@@ -234,7 +236,7 @@ def _values(key: str, values: Any) -> tuple[Any, ...]:
         value = value.tolist() if isinstance(value, (np.generic, np.ndarray)) else value
         value = str(value) if isinstance(value, Path) else list(value) if isinstance(value, tuple) else value
         if not isinstance(value, (str, bool, int, float, list)):
-            raise TypeError(f"vary[{key!r}]: {value!r} is no number, text or list")
+            raise TypeError(f"vary[{key!r}]: {value!r} is not a number, text or list")
         if value == "":
             raise ValueError(f"--vary {key}: an empty value; write KEY=V1,V2,... without gaps")
         plainly.append(key_value(key, value))
@@ -258,7 +260,7 @@ def _check_range(key: str, values: Sequence[Any]) -> None:
         return
     if len(numbers) != len(values) or len(numbers) != 2 or not numbers[0] < numbers[1]:
         described = ",".join(map(_written, values))
-        raise ValueError(f"--vary {key}={described}: --sample draws between two numbers; write {key}=LOW,HIGH")
+        raise ValueError(f"--vary {key}={described}: --sample needs the two ends of a range; write {key}=LOW,HIGH")
 
 
 def _between(key: str, *arguments: Any) -> list[Any]:
@@ -276,7 +278,7 @@ def _sample_count(sample: str | int) -> int:
     text = str(sample)
     count = text.removeprefix("lhs:")
     if isinstance(sample, bool) or not (count.isdecimal() and len(count) < 18) or int(count) < 1:
-        raise ValueError(f"--sample {text}: write lhs:N, with N cases to draw, such as lhs:64")
+        raise ValueError(f"--sample {text}: write lhs:N for N cases, such as lhs:64")
     return int(count)
 
 

@@ -34,7 +34,7 @@ def read_definition(folder: Path) -> dict[str, Any] | None:
     except (OSError, ValueError, RecursionError) as fault:
         raise ValueError(f"--out {folder}: {path.name} cannot be read ({fault}); {_REMEDY}") from None
     if not isinstance(found, dict) or "vary" not in found:
-        raise ValueError(f"--out {folder}: {path.name} is no sweep's; {_REMEDY}")
+        raise ValueError(f"--out {folder}: {path.name} is not that of a sweep; {_REMEDY}")
     return found
 
 
@@ -62,7 +62,7 @@ def check_same(folder: Path, found: Mapping[str, Any], asked: Mapping[str, Any])
             f"--out {folder}: its sweep was made by aerokernels {old}, this is {new}, whose numbers may differ; "
             f"{_REMEDY}"
         )
-    raise ValueError(f"--out {folder}: it holds another sweep, {key} was {old} and is {new}{more}; {_REMEDY}")
+    raise ValueError(f"--out {folder}: it holds another sweep: {key} was {old} and is {new}{more}; {_REMEDY}")
 
 
 def _differences(old: Any, new: Any, key: str = "") -> Iterator[tuple[str, str, str]]:

@@ -231,7 +231,7 @@ def check_options(executor: str, workers: int | None, scheduler: Any) -> None:
     if executor not in EXECUTORS:
         raise ValueError(f"executor {executor!r}: choose one of {', '.join(EXECUTORS)}")
     if scheduler is not None and executor != "dask":
-        raise ValueError(f"--scheduler {scheduler} goes with --executor dask: add it, or drop --scheduler")
+        raise ValueError(f"--scheduler {scheduler} needs --executor dask: add it, or drop --scheduler")
     if scheduler is not None and workers is not None:
         raise ValueError("--workers are started on this machine, and --scheduler has its own: give one of them")
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
