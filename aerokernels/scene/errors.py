@@ -116,7 +116,7 @@ def _nearest_key(key: str, known: Sequence[str], model: type[BaseModel]) -> str:
     if dotted and not beside:
         return f"did you mean {dotted[0]}?"
     names = [name.rpartition(".")[2] for name in beside] if table else list(model.model_fields)
-    return f"known here are {', '.join(names)}"
+    return f"known keys here are {', '.join(names)}"
 
 
 def _look_up(raw: Any, key: str) -> Any:

@@ -36,7 +36,7 @@ def shipped_scene_text(name: str) -> str:
     if name not in shipped_scenes():
         close = get_close_matches(name, shipped_scenes(), 1)
         hint = f"did you mean {close[0]}? " if close else ""
-        raise SceneError(f"{name}: there is no such shipped scene; {hint}there are {', '.join(shipped_scenes())}")
+        raise SceneError(f"{name}: there is no such shipped scene; {hint}choose one of {', '.join(shipped_scenes())}")
     return "\n".join(part.read_text(encoding="utf-8") for part in (_SHIPPED / f"{name}.toml", _COMMON))
 
 
@@ -59,7 +59,7 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     else:
         close = get_close_matches(name, shipped_scenes(), 1) or [one for one in shipped_scenes() if name in one]
         hint = f"did you mean {' or '.join(close)}? " if close and name else ""
-        hint = f"it is the name of a flow, {hint}" if name in shipped_names() and hint else hint
+        hint = f"it is the name of a flow, not of a scene; {hint}" if name in shipped_names() and hint else hint
         what = "is a folder" if os.path.isdir(path) else "there is no such scene file"
         raise SceneError(f"{name}: {what}; {hint}give a TOML file or a shipped scene: {', '.join(shipped_scenes())}")
     try:
@@ -69,7 +69,7 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     except UnicodeDecodeError as fault:
         raise SceneError(f"{label}: byte {fault.start} is not UTF-8: save the scene as UTF-8 text") from None
     except RecursionError:
-        raise SceneError(f"{label}: tables and lists within one another, deeper than a scene has them") from None
+        raise SceneError(f"{label}: tables and lists are nested too deeply, more than {DEEPEST} times") from None
     except ValueError as fault:  # not TOML, or a number of thousands of digits
         raise SceneError(
             f'{label}: not valid TOML, {fault}: write key = value, and texts such as "1.5 m" in quotes'
@@ -140,7 +140,7 @@ def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -
                 f"{label} (with --set): {key!r} is not a key: write table.key=value, as in target.distance=1.2"
             )
         if len(path) > DEEPEST:
-            raise SceneError(f"{label} (with --set): a key of {len(path) + 1} parts: a scene has none so deep")
+            raise SceneError(f"{label} (with --set): a key of {len(path) + 1} parts: no key of a scene has so many")
         table = tables
         for depth, part in enumerate(path):
             table = table.setdefault(part, {})

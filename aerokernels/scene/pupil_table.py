@@ -60,7 +60,7 @@ class PupilTable(Table):
         None,
         'Shape of the pupil: "disc", of pupil.diameter; "annulus", with a central obstruction of pupil.inner_diameter; '
         '"rectangle", of pupil.width and pupil.height; "polygon", of pupil.vertices. Absent: a disc where a diameter '
-        "is given, else shape and size of receiver.",
+        "is given, else shape and size of [receiver].",
     )
     diameter: Length | None = key(None, 'Diameter, for shape "disc" and "annulus"; receiver.diameter if absent.')
     inner_diameter: Length | None = key(None, 'Diameter of the central obstruction, for shape "annulus".')
@@ -70,23 +70,23 @@ class PupilTable(Table):
         "receiver.diameter if absent.",
     )
     height: Length | None = key(
-        None, 'Extent along its second axis, y where it looks ahead, for shape "rectangle"; as high as wide if absent.'
+        None, 'Extent along its second axis, y where it looks ahead, for shape "rectangle"; a square if absent.'
     )
     vertices: Annotated[tuple[tuple[float, float], ...] | None, _lengths(_vertices)] = key(
         None,
-        'Corners in turn, for shape "polygon": pairs of lengths along the pupil\'s two axes from its centre, '
-        "[['-4 mm', '-3 mm'], ['4 mm', '-3 mm'], ['0 mm', '5 mm']] say.",
+        'Corners in cyclic order, for shape "polygon": pairs of lengths along the pupil\'s two axes from its centre, '
+        "such as [['-4 mm', '-3 mm'], ['4 mm', '-3 mm'], ['0 mm', '5 mm']].",
     )
     center: Annotated[tuple[float, float, float] | None, _lengths(_center)] = key(
         None,
-        "The pupil's centre (x, y, z), ['0 mm', '2 mm', '-8 mm'] say; on the axis at receiver.aperture_z if absent.",
+        "The pupil's centre (x, y, z), as ['0 mm', '2 mm', '-8 mm']; on the axis at receiver.aperture_z if absent.",
     )
     azimuth: Angle = key(
-        "0 deg", "Where the pupil looks: the angle by which it is turned from straight ahead, +z, toward +x."
+        "0 deg", "Direction of view: the angle by which the pupil is turned from straight ahead, +z, toward +x."
     )
     elevation: Annotated[Angle, Field(ge=-1.570797, le=1.570797)] = key(
         "0 deg",
-        "The angle by which it is turned toward +y, from -90 to 90 deg: it looks along "
+        "The angle by which the pupil is turned toward +y, from -90 to 90 deg. The direction of view is "
         "(sin azimuth cos elevation, sin elevation, cos azimuth cos elevation).",
     )
 
@@ -119,7 +119,7 @@ class PupilTable(Table):
             return Rectangle(width, width if self.height is None else self.height, **place)
         if self.kind == "polygon":
             if self.vertices is None:
-                raise ValueError('pupil.shape = "polygon" needs pupil.vertices, its corners in turn')
+                raise ValueError('pupil.shape = "polygon" needs pupil.vertices, its corners in cyclic order')
             try:
                 return Polygon(np.array(self.vertices), **place)
             except ValueError as fault:

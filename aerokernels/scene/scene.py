@@ -58,7 +58,7 @@ class Scene(Table):
     @model_validator(mode="after")
     def _species_have_a_file(self) -> "Scene":
         if self.flow.is_mixture and self.series.source is None and self.flow.source in (*shipped_names(), STATIC):
-            raise ValueError(f"flow.species are of a flow's own file, and {self.flow.source!r} is air: leave them out")
+            raise ValueError(f"flow.species needs a flow file, and {self.flow.source!r} is air: leave the key out")
         return self
 
     @property

@@ -17,7 +17,7 @@ class Table(BaseModel):
     def _without_zeros(cls, value: Any) -> Any:
         """Reject texts with a zero character, which files and file names cannot hold."""
         if isinstance(value, str) and "\0" in value:
-            raise ValueError("a text cannot hold a zero character")
+            raise ValueError("a text cannot contain a zero character")
         return value
 
 

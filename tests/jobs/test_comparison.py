@@ -302,7 +302,7 @@ def test_another_pulse_is_said_loudly(tmp_path: Path, runs, command_line):
     fwhm = 2.0 * math.sqrt(math.log(2.0)) * TAU
     assert one.waveform.width_range == pytest.approx(-0.25 * C * 0.4 * fwhm, rel=1e-3)
     (text,) = one.warnings
-    assert f"{0.6e9 * fwhm:.3f} ns wide" in text and "no ranges" in text and "beam.pulse_tau" in text
+    assert f"{0.6e9 * fwhm:.3f} ns wide" in text and "no range differences" in text and "beam.pulse_tau" in text
     assert one.row()["same_pulse"] is False
     done = command_line("compare", store, tmp_path / "run0", "--out", "found")
     assert done.returncode == 0 and text in done.stderr
