@@ -99,7 +99,7 @@ def _is_named(file: object, line: Sequence[str]) -> bool:
     """Whether the command line names a file or one of its folders: a fault of any other file is not bad input."""
     place = os.path.abspath(os.fsdecode(file)) if isinstance(file, (str, bytes, os.PathLike)) else ""
     values = (argument.rpartition("=")[2] for argument in line if "=" in argument or not argument.startswith("-"))
-    named = map(os.path.abspath, values)
+    named = map(os.path.abspath, filter(None, values))
     return bool(place) and any(place.startswith(one) or one.startswith(place) for one in named)
 
 

@@ -154,7 +154,7 @@ def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) 
     seconds["flow"] = time.perf_counter() - start
 
     start = time.perf_counter()
-    whole = field if isinstance(field, IndexField) else _index_of(scene, density)
+    whole = field if isinstance(field, IndexField) else flow_index(scene, density)
     whole.wavelength_for(scene.flow.wavelength)
     lacking = whole.averages_lacking  # computed on first access: here, so that the stage's time includes it
     seconds["index"] = time.perf_counter() - start
@@ -175,7 +175,7 @@ def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) 
     return Prepared(density, whole, traced, region, seconds, lacking)
 
 
-def _index_of(scene: Scene, density: DensityField | None) -> IndexField:
+def flow_index(scene: Scene, density: DensityField | None) -> IndexField:
     """Return a flow's index by the scene's [flow] and [grid]: on the flow's mesh, or on a grid if it has no mesh."""
     flow, grid = scene.flow, scene.grid
     constant = flow.gladstone_dale

@@ -78,6 +78,8 @@ class Recorder:
         """Check the arguments; `run` records."""
         if count is not None and count < 1:
             raise ValueError(f"count = {count}: give 1 or more, or leave it out to record until interrupted")
+        if not commit_interval >= 0.0:
+            raise ValueError(f"commit interval = {commit_interval} s: give 0 or more")
         if not stall_time >= 0.0:
             raise ValueError(f"stall time = {stall_time} s: give 0 or more")
         self._stream, self._store, self._reconnect, self._count = stream, store, reconnect, count

@@ -31,10 +31,12 @@ def simulated_on(run: RunFolder, time: np.ndarray) -> np.ndarray:
     return volts
 
 
-def overlap(
-    recorded: AverageEcho, run: RunFolder, offset: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return times [s], recorded mean, spread and simulation [V] where recording and simulation overlap."""
+def overlap(recorded: AverageEcho, run: RunFolder, offset: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Compare a recording with a simulation where they overlap.
+
+    Returns:
+        Which of the recorded samples overlap; their times less the offset [s]; the simulation at these times [V].
+    """
     time = recorded.time - offset
     simulated = simulated_on(run, time)
     there, peak_time = np.isfinite(simulated), float(run.time[np.argmax(run.voltage)])
@@ -50,7 +52,7 @@ def overlap(
                 else ": give --trigger-offset, or have it measured with --align"
             )
         )
-    return time[there], recorded.mean[there], recorded.spread[there], simulated[there]
+    return there, time[there], simulated[there]
 
 
 def measured_offset(recorded: AverageEcho, run: RunFolder) -> float:
@@ -59,8 +61,7 @@ def measured_offset(recorded: AverageEcho, run: RunFolder) -> float:
     The peaks are aligned first, so that the records need not overlap; then the lag is found to a fraction of a sample.
     """
     offset = float(recorded.time[np.argmax(recorded.mean)] - run.time[np.argmax(run.voltage)])
-    time, mean, _, simulated = overlap(recorded, run, offset)
-    lag = compare_waveforms(time, mean, simulated).lag
-    # Repeat at the offset found: the parabola through three lags is most accurate where the lag is small.
-    time, mean, _, simulated = overlap(recorded, run, offset + lag)
-    return offset + lag + compare_waveforms(time, mean, simulated).lag
+    for _ in range(2):  # the second time near lag 0, where the parabola through three lags is most accurate
+        there, time, simulated = overlap(recorded, run, offset)
+        offset += compare_waveforms(time, recorded.mean[there], simulated).lag
+    return offset

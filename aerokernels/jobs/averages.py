@@ -1,5 +1,6 @@
 """Compute the mean waveform and the spread of many recorded echoes, in one pass and bounded memory."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -18,16 +19,18 @@ class AverageEcho:
     Attributes:
         time: sample times of the group's first echo [s], shape (n,).
         mean: mean voltage [V], shape (n,).
-        spread: standard deviation of one echo in each sample [V], shape (n,); 0 for a single echo.
+        spread: standard deviation of one echo in each sample [V], shape (n,); NaN where only one echo has a sample.
+        standard_error: standard error of the mean in each sample [V], shape (n,); NaN where the spread is.
         count: echoes in the mean.
         peak_mean: mean of the echoes' own greatest samples [V]; noise makes it higher than the mean's peak.
-        peak_spread: standard deviation of those [V].
+        peak_spread: standard deviation of those [V]; NaN for a single echo.
         resampled_count: echoes whose times differed from the first one's.
     """
 
     time: np.ndarray
     mean: np.ndarray
     spread: np.ndarray
+    standard_error: np.ndarray
     count: int
     peak_mean: float
     peak_spread: float
@@ -68,13 +71,15 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
         square += step * np.where(there, volts - mean, 0.0)
     if time is None:
         raise ValueError(f"there are no echoes to average: each needs {LEAST_SAMPLES} samples and a sample period")
+    spread = np.sqrt(np.divide(square, number - 1.0, where=number > 1.0, out=np.full(time.size, np.nan)))
     return AverageEcho(
         time=time,
         mean=mean,
-        spread=np.sqrt(square / np.maximum(number - 1.0, 1.0)),
+        spread=spread,
+        standard_error=spread / np.sqrt(number),
         count=len(peaks),
         peak_mean=float(np.mean(peaks)),
-        peak_spread=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else 0.0,
+        peak_spread=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else math.nan,
         resampled_count=resampled,
     )
 

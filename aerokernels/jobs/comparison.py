@@ -76,7 +76,8 @@ class LabelComparison:
         unfit_count: echoes with too few samples, which were skipped.
         time: recorded sample times minus the trigger offset, where both waveforms are known [s], shape (n,).
         mean: recorded mean at `time` [V], shape (n,).
-        spread: spread of one echo at `time` [V], shape (n,).
+        spread: spread of one echo at `time` [V], shape (n,); NaN where only one echo was recorded.
+        standard_error: standard error of `mean` [V], shape (n,); NaN where the spread is.
         simulated: simulated voltage at `time` [V], shape (n,).
         waveform: comparison of the mean with the simulation.
         echo_correlation: mean r at zero lag of the single echoes that were ranged.
@@ -91,6 +92,7 @@ class LabelComparison:
     time: np.ndarray
     mean: np.ndarray
     spread: np.ndarray
+    standard_error: np.ndarray
     simulated: np.ndarray
     waveform: WaveformComparison
     echo_correlation: float
@@ -99,29 +101,36 @@ class LabelComparison:
 
     @property
     def peak_standard_error(self) -> float:
-        """Standard error of the mean waveform's peak [V]."""
-        return float(self.spread[int(np.argmax(self.mean))] / np.sqrt(self.recorded.count))
+        """Standard error of the mean waveform's peak [V]; NaN for a single echo."""
+        return float(self.standard_error[int(np.argmax(self.mean))])
 
     @property
     def warnings(self) -> list[str]:
         """Reasons why the comparison's numbers may mislead, in words."""
         wave, name = self.waveform, label_text(self.label)
+        found = []
+        if self.run.detector.get("noise"):
+            found.append(
+                f"{name}: the simulated echo of run {self.run.path} has noise, which adds to every difference: compare "
+                "with a run whose detector.noise is false"
+            )
         widths = (
             f"{1e9 * wave.recorded_width:.3f} ns wide at half height, the simulated {1e9 * wave.simulated_width:.3f} ns"
         )
         if wave.same_pulse is None:
-            return [
+            found.append(
                 f"{name}: the record shows too little of the pulse, or too much noise, to compare the pulse's width "
                 "with the simulated one: record more echoes, from before the pulse to after it"
-            ]
-        if wave.same_pulse:
-            return []
+            )
+        if wave.same_pulse is not False:
+            return found
         moved = f" ({1e3 * abs(wave.width_range):.0f} mm by the width alone)" if math.isfinite(wave.width_range) else ""
         return [
+            *found,
             f"{name}: the recorded pulse is not the simulated one ({widths}): the differences of leading edge and "
             f"constant fraction come from the pulses' shapes{moved} and are no range differences, and a high "
             "correlation is not meaningful; put the recorded pulse into the scene (beam.pulse_tau, or beam.pulse = "
-            '"sampled"), or compare with the run of a scene that has this pulse'
+            '"sampled"), or compare with the run of a scene that has this pulse',
         ]
 
     def row(self) -> dict[str, Any]:
@@ -267,8 +276,8 @@ def _compare_label(
     options: CompareOptions,
 ) -> LabelComparison:
     threshold = options.threshold or float(run.detector.get("threshold", 0.0)) or None
-    time, mean, spread, simulated = overlap(recorded, run, offset)
-    waveform = compare_waveforms(time, mean, simulated, threshold=threshold)
+    there, time, simulated = overlap(recorded, run, offset)
+    waveform = compare_waveforms(time, recorded.mean[there], simulated, threshold=threshold)
     echoes = thinned(recorded_echoes(source, label), options.ranged_count, options.seed)
     correlations = [_correlation(echo.voltage, simulated_on(run, echo.time - offset)) for echo in echoes]
     ranges = range_errors(
@@ -280,8 +289,9 @@ def _compare_label(
         recorded=recorded,
         unfit_count=unfit_count,
         time=time,
-        mean=mean,
-        spread=spread,
+        mean=recorded.mean[there],
+        spread=recorded.spread[there],
+        standard_error=recorded.standard_error[there],
         simulated=simulated,
         waveform=waveform,
         echo_correlation=float(np.nanmean(correlations)) if np.isfinite(correlations).any() else float("nan"),

@@ -58,7 +58,7 @@ def _draw_waveforms(axes: "Axes", one: LabelComparison) -> None:
 
 def _draw_residual(axes: "Axes", one: LabelComparison) -> None:
     time, rest = 1e9 * one.time, 1e3 * (one.mean - one.simulated)
-    spread, error = 1e3 * one.spread, 1e3 * one.spread / np.sqrt(one.recorded.count)
+    spread, error = 1e3 * one.spread, 1e3 * one.standard_error
     axes.fill_between(time, rest - spread, rest + spread, color=RAY_COLOUR, alpha=0.15, linewidth=0.0)
     axes.fill_between(time, rest - error, rest + error, color=RAY_COLOUR, alpha=0.5, linewidth=0.0)
     axes.plot(time, rest, color=RAY_COLOUR, linewidth=0.8)

@@ -16,6 +16,7 @@ from aerokernels.jobs.figure_layout import png
 from aerokernels.jobs.picture_figure import comparison_figure, pictures_figure
 from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.medium import IndexField
+from aerokernels.prepare import flow_index
 from aerokernels.scene import Scene
 from aerokernels.scene.errors import SceneError, scene_error
 from aerokernels.scene.loading import override, shipped_scenes
@@ -212,9 +213,9 @@ def picture_scene(place: str, settings: Mapping[str, Any]) -> Scene:
 
 def picture_field(density: DensityField, scene: Scene, options: PictureOptions) -> IndexField:
     """Return the refractive index of a scene's whole flow on a uniform grid."""
-    mesh_field = density.index_field(
-        scene.flow.wavelength, scene.flow.relation, gladstone_dale=scene.flow.gladstone_dale
-    )
+    if scene.grid.route != "uniform":
+        raise ValueError("grid.route = 'mesh' is not for pictures, which resample the flow: use 'uniform'")
+    mesh_field = flow_index(scene, density)
     spacing = options.spacing
     if spacing is None:
         low, high = mesh_field.box

@@ -74,7 +74,7 @@ def range_errors(
             own = read(time, simulated)
         except ValueError:
             continue
-        distance = reported.get(method, run.distance)
+        distance = reported.get(method)
         # If the run has no range by this method, for example below its own threshold, only the spread is known.
         simulated_error = math.nan if distance is None else float(distance) - run.distance
         errors = []

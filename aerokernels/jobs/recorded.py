@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.files.netcdf_reading import open_netcdf
+from aerokernels.hardware.csv_cells import text_of_cell
 from aerokernels.hardware.store import EchoStore
 from aerokernels.inputs.units import quantity
 
@@ -241,7 +242,7 @@ def _echo_rows(path: Path, head: list[str], rows: Iterable[list[str]]) -> Iterat
         voltage = np.array([_number(text, place) for text in samples])
         time = first + period * np.arange(voltage.size)
         label = _as_label(
-            {key.removeprefix("label_"): value for key, value in values.items() if key.startswith("label_")}
+            {key.removeprefix("label_"): text_of_cell(text) for key, text in values.items() if key.startswith("label_")}
         )
         yield checked(RecordedEcho(label, time, voltage), place)
 

@@ -1,6 +1,7 @@
 """Write a scene as it was run as TOML in SI units, which is stored with every result."""
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,11 +17,20 @@ def scene_toml(scene: Scene) -> str:
 
 
 def _lines(values: Mapping[str, Any]) -> str:
-    # JSON texts, numbers and lists are valid TOML too; TOML has no null, and an absent key means the same.
-    return "\n".join(f"{key} = {_value(value)}" for key, value in values.items() if value is not None)
+    return "\n".join(_assignments(values))
+
+
+def _assignments(values: Mapping[str, Any]) -> list[str]:
+    # TOML has no null, and an absent key means the same.
+    return [
+        f"{key if re.fullmatch('[A-Za-z0-9_-]+', key) else _value(key)} = {_value(value)}"
+        for key, value in values.items()
+        if value is not None
+    ]
 
 
 def _value(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key} = {_value(own)}" for key, own in value.items() if own is not None) + "}"
-    return json.dumps(value, ensure_ascii=False)
+        return f"{{{', '.join(_assignments(value))}}}"
+    # JSON texts, numbers and lists are valid TOML too, but for the delete character, which TOML wants escaped.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

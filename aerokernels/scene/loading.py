@@ -6,9 +6,10 @@ import sys
 import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
+from functools import lru_cache, partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from ..flow.shipped import shipped_names
 from .errors import SceneError
@@ -40,6 +41,12 @@ def shipped_scene_text(name: str) -> str:
     return "\n".join(part.read_text(encoding="utf-8") for part in (_SHIPPED / f"{name}.toml", _COMMON))
 
 
+@lru_cache(maxsize=1)
+def _standard_input(stream: TextIO) -> bytes:
+    """Read standard input once: a sweep loads its scene for every case."""
+    return stream.buffer.read()
+
+
 def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     """Read a scene file, a shipped scene by its name, or, for "-", the scene on standard input.
 
@@ -51,7 +58,7 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     """
     path, name = Path(place), str(place)
     if name == "-":
-        read, label, stem = sys.stdin.buffer.read, "standard input", "scene"
+        read, label, stem = partial(_standard_input, sys.stdin), "standard input", "scene"
     elif os.path.isfile(path):
         read, label, stem = path.read_bytes, str(path), path.stem
     elif name in shipped_scenes():

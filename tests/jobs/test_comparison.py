@@ -14,7 +14,7 @@ from aerokernels.hardware.store import EchoStore
 from aerokernels.jobs.alignment import measured_offset
 from aerokernels.jobs.averages import average
 from aerokernels.jobs.comparison import CompareOptions, compare_recording
-from aerokernels.jobs.comparison_report import range_table, write_comparison
+from aerokernels.jobs.comparison_report import error_table, peak_table, range_table, write_comparison
 from aerokernels.jobs.recorded import RecordedEcho, thinned
 from aerokernels.jobs.run_folder import match_runs, read_run
 
@@ -26,7 +26,10 @@ def make_run(folder: Path, mach: float, peak: float) -> Path:
     folder.mkdir()
     time = ARRIVAL + np.arange(-150, 151) * 100e-12
     walk = 0.5 * C * TAU * (math.sqrt(math.log(2.0)) - math.sqrt(math.log(peak)))
-    ranges = {"leading-edge": DISTANCE + walk, "constant-fraction": DISTANCE, "centroid": DISTANCE}
+    ranges = {
+        "leading-edge": DISTANCE + walk,
+        **dict.fromkeys(("constant-fraction", "centroid", "matched-filter"), DISTANCE),
+    }
     summary = {"scene": f"bench-{mach:g}", "mach": mach, "true_range_m": DISTANCE, "ranges_m": ranges}
     (folder / "summary.json").write_text(json.dumps(summary))
     scene = '[flow]\nsource = "static"\n\n[detector]\nthreshold = 1.0\nfraction = 0.5\n'
@@ -104,6 +107,36 @@ def test_noise_free_echoes_are_exact(tmp_path: Path, runs):
     leading = moving.ranges["leading-edge"]
     assert leading.simulated_error_m == pytest.approx(walk, abs=1e-9)
     assert leading.systematic_error_m == pytest.approx(walk + 0.5 * C * edge, abs=3e-4)
+
+
+def test_the_error_of_a_single_echo_is_not_known(tmp_path: Path, runs):
+    """Set-up: one echo per label. Expected: no error is claimed for its peak: null in the files, words in the table."""
+    echoes = [RecordedEcho(LABELS[mach], TIME, pulse(TIME, peak)) for mach, peak in PEAKS.items()]
+    found = compare_recording(write_store(tmp_path / "e.sqlite", echoes), runs)
+    assert all(math.isnan(one.peak_standard_error) and np.isnan(one.spread).all() for one in found.labels)
+    assert all(row[column].endswith("error not known") for row in peak_table(found)[2] for column in (2, 3))
+    assert all("error not known" in row[1] for row in error_table(found)[2])
+    write_comparison(found, tmp_path / "out")
+    row = json.loads((tmp_path / "out" / "summary.json").read_text())["labels"][0]
+    assert row["recorded_peak_standard_error_v"] is None and row["single_peak_spread_v"] is None
+
+
+def test_a_sample_that_one_echo_alone_has_gets_no_error(tmp_path: Path):
+    """Two echoes of 1 V and 1.1 V, the second 1 ns late: their mean is known better than one where both are."""
+    late = TIME + 10 * (TIME[1] - TIME[0])
+    found = average([RecordedEcho((), TIME, pulse(TIME, 1.0)), RecordedEcho((), late, pulse(late, 1.1))])
+    assert np.isnan(found.spread[:10]).all() and np.isnan(found.standard_error[:10]).all()
+    np.testing.assert_allclose(found.standard_error[10:], found.spread[10:] / math.sqrt(2.0))
+
+
+def test_a_run_with_noise_is_warned_of(tmp_path: Path):
+    folder = make_run(tmp_path / "run", 3, PEAKS[3])
+    result = xarray.load_dataset(folder / "result.nc", engine="h5netcdf")
+    result.attrs["scene"] += "noise = true\n"
+    result.to_netcdf(folder / "result.nc", engine="h5netcdf")
+    echoes = [RecordedEcho(LABELS[3], TIME, pulse(TIME, PEAKS[3]))] * 2
+    found = compare_recording(write_store(tmp_path / "e.sqlite", echoes), [read_run(str(folder))])
+    assert len(found.warnings) == 1 and "detector.noise is false" in found.warnings[0]
 
 
 def test_mean_spread_and_random_error_follow_the_noise(tmp_path: Path, runs):

@@ -100,6 +100,9 @@ class Definition:
             SceneError: No case has a valid scene.
         """
         scene = self._first_scene()
+        files = [scene.flow.source, scene.flow.file.mesh, scene.flow.file.solution]
+        for key in ("flow.source", "flow.file.mesh", "flow.file.solution"):
+            files += self.vary.get(key, ())
         base = {name: dict(part) if isinstance(part, dict) else part for name, part in scene.as_dict().items()}
         for key in self.keys:
             *tables, leaf = key.split(".")
@@ -112,7 +115,7 @@ class Definition:
                 "format": FORMAT,
                 "version": __version__,
                 "scene": base,
-                "content": file_marks([scene.flow.source, *self.vary.get("flow.source", ())]),
+                "content": file_marks(files),
                 "vary": self.vary,
                 "mode": self.mode,
                 "sample_count": self.sample_count,
