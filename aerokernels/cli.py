@@ -1,9 +1,9 @@
-"""The command line: finds the commands, and turns what goes wrong into one line and an exit status.
+"""The command line: load the commands, run one, and turn a failure into one line of text and an exit status.
 
-Exit status: 0 done; 1 failed; 2 bad input (the line names the file, the key and the remedy); 3 an answer that is worth
-nothing, because its error is greater than the number; 130 interrupted (143 by SIGTERM, 129 by a terminal that closed).
-`--debug`, anywhere on the line, shows where it failed as well; `--json` gives results as JSON, and `--quiet` silences
-notes and progress. Results go to stdout, all else to stderr.
+Exit status: 0 done; 1 failed; 2 bad input (the line names the file, the key and the remedy); 3 the answer is not
+meaningful, because its error is greater than the number; 130 interrupted (143 by SIGTERM, 129 by a terminal that
+closed). `--debug`, anywhere on the line, also shows the traceback; `--json` prints results as JSON, and `--quiet`
+silences notes and progress. Results go to stdout, everything else to stderr.
 """
 
 import atexit
@@ -28,17 +28,17 @@ from aerokernels.process.interrupt import raise_interrupts
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 SWITCHES = ("--debug", "--json", "--quiet")
-# New objects between two searches for cycles. What the libraries make when they are imported is there to stay: looked
-# through at Python's own pace, it takes a tenth of a whole run.
+# Thresholds of the cyclic garbage collector. The objects that libraries create on import live until the end; with
+# Python's default thresholds, scanning them again and again takes a tenth of a whole run.
 COLLECT_AFTER = (50_000, 20, 50)
 
 app = typer.Typer(
     name="aerokernels",
     help="Aero-optics of supersonic flow: from a density field to wavefront, Strehl ratio, laser echo and range.",
-    epilog="Exit status: 0 done; 1 failed; 2 bad input; 3 the answer is worth nothing: its error is greater than the "
-    "number itself; 130 interrupted (143 by SIGTERM, 129 by a terminal that closed).",
+    epilog="Exit status: 0 done; 1 failed; 2 bad input; 3 the answer is not meaningful: its error is greater than the "
+    "number; 130 interrupted (143 by SIGTERM, 129 by a terminal that closed).",
     context_settings={"help_option_names": ["-h", "--help"]},
-    rich_markup_mode=None,  # which takes "[ps]" and "[default: ...]" in a help text for markup, and drops it
+    rich_markup_mode=None,  # rich would take "[ps]" and "[default: ...]" in a help text for markup and drop them
     pretty_exceptions_enable=False,
 )
 
@@ -52,13 +52,13 @@ def _print_version(asked: bool) -> None:
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and leave.")
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of a failure.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print results as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no notes and no progress.")] = False,
 ) -> None:
-    """Name the options of every command for --help; `main` takes these anywhere, before the parser sees them."""
+    """Declare the global options for --help; `main` accepts them anywhere and removes them before parsing."""
 
 
 for _module in pkgutil.iter_modules(commands.__path__):
@@ -71,7 +71,7 @@ for _module in pkgutil.iter_modules(commands.__path__):
 
 
 def exit_status(error: BaseException, line: Sequence[str] = ()) -> int:
-    """The exit status for a failure: 2 for what the caller of a `line` can mend, 130 for an interrupt, else 1."""
+    """Return a failure's exit status: 2 where the user can correct the command `line`, 130 for an interrupt, else 1."""
     if isinstance(error, (KeyboardInterrupt, typer.Abort)):
         return INTERRUPTED
     mended = isinstance(error, (ValueError, TypeError)) or hasattr(error, "format_message")
@@ -81,7 +81,7 @@ def exit_status(error: BaseException, line: Sequence[str] = ()) -> int:
 
 
 def one_line(error: BaseException) -> str:
-    """What went wrong, on one line."""
+    """Describe a failure on one line."""
     if isinstance(error, (KeyboardInterrupt, typer.Abort)):
         return "interrupted"
     format_message = getattr(error, "format_message", None)  # the command line parser's own errors
@@ -89,22 +89,22 @@ def one_line(error: BaseException) -> str:
     if format_message:
         return text + _way_out(error, text)
     if isinstance(error, OSError) and error.errno in NO_FILES and error.filename:
-        return f"{error.filename}: {error.strerror}; give another path, or see to its permissions"
+        return f"{error.filename}: {error.strerror}; give another path, or check its permissions"
     if isinstance(error, (ValueError, RuntimeError, OSError)) and text:
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def _is_named(file: object, line: Sequence[str]) -> bool:
-    """Whether a file, or what it lies in, is named on a command line: others are no fault of whoever wrote that."""
+    """Whether the command line names a file or one of its folders: a fault of any other file is not bad input."""
     place = os.path.abspath(os.fsdecode(file)) if isinstance(file, (str, bytes, os.PathLike)) else ""
     values = (argument.rpartition("=")[2] for argument in line if "=" in argument or not argument.startswith("-"))
-    named = map(os.path.abspath, values)
+    named = map(os.path.abspath, filter(None, values))
     return bool(place) and any(place.startswith(one) or one.startswith(place) for one in named)
 
 
 def _way_out(error: BaseException, text: str) -> str:
-    """What to do about a mistake on the command line."""
+    """Return the remedy for a mistake on the command line, to append to its message."""
     context = getattr(error, "ctx", None)
     if context is None or text.endswith("?"):
         return ""
@@ -115,19 +115,19 @@ def _way_out(error: BaseException, text: str) -> str:
 
 
 def check_values(line: list[str]) -> None:
-    """Refuse an option whose value is empty, as that of an unset variable of the shell is.
+    """Refuse an option with an empty value, which most often comes from an unset shell variable.
 
     Raises:
-        ValueError: There is one.
+        ValueError: An option has an empty value.
     """
     for before, argument in zip(["", *line], line, strict=False):
         option, equals, value = argument.partition("=")
         if (before.startswith("--") and not argument) or (option in ("--out", "--store") and equals and not value):
-            raise ValueError(f"{before if not argument else option} is given nothing: write its value after it")
+            raise ValueError(f"{before if not argument else option} has an empty value: write a value after it")
 
 
 def taken_out(line: list[str]) -> tuple[list[str], set[str]]:
-    """The arguments without the switches that may stand anywhere, up to a bare "--"; and those switches."""
+    """Split the arguments into those without the global switches and the set of switches; stop at a bare "--"."""
     end = line.index("--") if "--" in line else len(line)
     switches = {argument for argument in line[:end] if argument in SWITCHES}
     return [argument for argument in line[:end] if argument not in SWITCHES] + line[end:], switches
@@ -138,13 +138,13 @@ def _show_warning(message: Warning | str, category: type[Warning], *where: Any, 
 
 
 def main() -> NoReturn:
-    """Run the command line and leave the process."""
+    """Run the command line and end the process."""
     gc.set_threshold(*COLLECT_AFTER)
-    atexit.register(gc.freeze)  # and when all is done, what is left need not be looked through once more
-    # A polite kill and a terminal that closes end like Ctrl-C does: what was half-written is cleared away.
+    atexit.register(gc.freeze)  # at exit the remaining objects need no further scan
+    # SIGTERM and a closed terminal are handled like Ctrl-C, so that half-written files are removed.
     stopped = raise_interrupts()
     interrupted: list[int] = []
-    atexit.register(_leave_at_once, interrupted)  # what is registered first is called last
+    atexit.register(_leave_at_once, interrupted)  # registered first, so it is called last
     arguments, switches = taken_out(sys.argv[1:])
     asked.as_json, asked.quiet = "--json" in switches, "--quiet" in switches
     warnings.showwarning = _show_warning
@@ -161,7 +161,7 @@ def main() -> NoReturn:
             say(plain(f"error: {one_line(error)}"), err=True)
         status = exit_status(error, arguments)
     else:
-        if status == INTERRUPTED:  # the parser turns an interrupt of its own accord into this status
+        if status == INTERRUPTED:  # typer itself turns an interrupt into this status
             warn("interrupted")
     if status == INTERRUPTED:
         status = 128 + stopped[0] if stopped else status
@@ -170,9 +170,9 @@ def main() -> NoReturn:
 
 
 def _leave_at_once(interrupted: list[int]) -> None:
-    """End an interrupted process here, when Python has put away all that is its own.
+    """End an interrupted process after Python's own clean-up and before that of the libraries.
 
-    Libraries would put away theirs next: LLVM, within PoCL, aborts where it could not write to a closed terminal.
+    LLVM, within PoCL, aborts in its clean-up where it could not write to a closed terminal.
     """
     if interrupted:
         for stream in (sys.stdout, sys.stderr):

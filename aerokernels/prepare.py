@@ -1,7 +1,7 @@
-"""From a scene to the index field that its rays are traced through: density, index on the mesh, uniform grid.
+"""Prepare the index field that a scene's rays are traced through: density, index on the mesh, uniform grid.
 
-Only the part of the flow that a ray of the scene can meet is resampled: around the view from the receiver's pupil to
-the target, from the pupil's plane to the front of the computed flow. The rest of the way is the free stream.
+Only the part of the flow that the scene's rays can cross is resampled: around the lines from the receiver's pupil to
+the target, from the pupil's plane to the front of the computed flow. Ahead of that front is the free stream.
 """
 
 import time
@@ -16,24 +16,24 @@ from aerokernels.scene import Scene
 
 Region = tuple[tuple[float, float], tuple[float, float]]
 
-# Distance kept around the rays: what refraction can move them by many times over, and the reach of a spline's ends.
+# Margin around the rays: many times their displacement by refraction, and the range of the spline's boundary effects.
 MARGIN = 1e-3  # [m]
 MARGIN_NODES = 8
-# Beyond three 1/e^2 radii no ray of the beam is aimed.
+# Rays of the beam are aimed within this many 1/e^2 radii.
 BEAM_SUPPORT = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """What a scene's rays are traced through, and how it was made.
+    """The index field that a scene's rays are traced through, and how it was made.
 
     Attributes:
-        density: The flow; None where an index field was given.
+        density: The flow; None where the caller gave an index field.
         mesh_field: The refractive index of the whole flow, on the flow's own mesh where it has one.
         field: The refractive index that is traced: `mesh_field` itself (route "mesh") or its resampled part.
         region: Lowest and highest (r, z) or (y, z) of `field` [m].
-        seconds: Time for each stage.
-        lacking: What the interpolant on the flow's mesh lacks of the averages over its cells; None without such.
+        seconds: Time of each stage [s].
+        lacking: Deficit of the interpolant against the cell averages of the flow's mesh; None without cell averages.
     """
 
     density: DensityField | None
@@ -45,27 +45,27 @@ class Prepared:
 
     @property
     def resampling(self) -> ResamplingError | None:
-        """What resampling changed, as measured; None on route "mesh"."""
+        """The measured error of resampling; None on route "mesh"."""
         return self.field.resampling if isinstance(self.field.resampling, ResamplingError) else None
 
     @property
     def provenance(self) -> str:
-        """Where the flow comes from, in words."""
+        """The origin of the flow, in words."""
         if self.density is not None:
             return self.density.provenance
         return f"index field given by the caller, {self.mesh_field.geometry}, {self.mesh_field.interpolation}"
 
     @property
     def front(self) -> float:
-        """Foremost z of the computed flow [m]; ahead of it is the free stream."""
+        """Highest z of the computed flow [m]; ahead of it is the free stream."""
         return float(self.mesh_field.box[1][2])
 
 
 def view_radius(scene: Scene, z: float) -> float:
-    """Greatest distance from the axis [m] at which a ray between the pupil or the beam's exit and the target passes z.
+    """Return the greatest distance from the axis [m] at which a ray between pupil or beam exit and target crosses z.
 
-    A point of the pupil, at most `a` off the axis, and a point of the target, at most `t` off it, are joined by a line
-    that is at most (1 - f) a + f t off the axis at the fraction f of the way.
+    A line from a point of the pupil, at most `a` off the axis, to a point of the target, at most `t` off the axis, is
+    at most (1 - f) a + f t off the axis at the fraction f of its length.
     """
     pupil, edge, nearest = view_extent(scene)
     fraction = float(np.clip((z - scene.receiver.aperture_z) / max(nearest, 1e-9), 0.0, 1.0))
@@ -73,32 +73,32 @@ def view_radius(scene: Scene, z: float) -> float:
 
 
 def view_extent(scene: Scene) -> tuple[float, float, float]:
-    """How far off the axis rays begin, how far off it they meet the target, and how near its nearest part is [m].
+    """Return the rays' greatest off-axis distance at the pupil and at the target, and the target's least distance [m].
 
-    A scene whose first two are at least, and whose third is at most, those of another has the wider view.
+    Of two scenes, one has the wider view if its first two numbers are no smaller and its third is no greater.
     """
     target = scene.target
     corner, depth = float(np.hypot(0.5 * target.width, 0.5 * target.height)), float(target.corners[:, 2].max())
-    if target.limits == "paper":  # the beam is summed over whatever the reflector's size
+    if target.limits == "paper":  # eq 11 limits the sum by the beam, not by the reflector
         edge = scene.beam.radius * np.array([BEAM_SUPPORT, 1.0])
         corner, normal = float(np.hypot(*edge)), np.abs(target.orientation[:, 2])
         depth = float(edge @ normal[:2] / normal[2])
-    # Target points are lit from points of the exit pupil that lie off the axis in the same ratio as the beam's radii.
+    # A target point is lit from a point of the exit pupil whose off-axis distance scales as the beam's radius.
     pupil = max(scene.receiver.pupil.reach, scene.beam.exit_radius * corner / scene.beam.radius)
     return pupil, corner, target.distance - depth
 
 
 def ray_region(scene: Scene, mesh_field: IndexField) -> Region:
-    """The part of the flow that rays of the scene can meet, as lowest and highest (r, z) or (y, z) [m].
+    """Return the part of the flow that the scene's rays can cross, as lowest and highest (r, z) or (y, z) [m].
 
     Raises:
-        ValueError: The receiver's pupil lies ahead of the whole flow.
+        ValueError: The receiver's pupil is ahead of the whole flow.
     """
     low, high = (corner[1:] for corner in mesh_field.box)
     aperture = scene.receiver.aperture_z
     if aperture >= high[1]:
         raise ValueError(
-            f"receiver.aperture_z = {aperture:g} m lies ahead of the whole flow, which ends at {high[1]:g} m: "
+            f"receiver.aperture_z = {aperture:g} m is ahead of the whole flow, which ends at {high[1]:g} m: "
             "give a place behind it, such as '-8 mm'"
         )
     margin = max(MARGIN, MARGIN_NODES * scene.grid.spacing)
@@ -115,7 +115,7 @@ def ray_region(scene: Scene, mesh_field: IndexField) -> Region:
 
 
 def _reach_of_view(pupil: Pupil, low: float, high: float) -> tuple[float, float]:
-    """Greatest distance from the axis and lowest z [m] of a pupil's rays between two places of the axis."""
+    """Return the greatest off-axis distance and the lowest z [m] of a pupil's rays for z between `low` and `high`."""
     ahead = float(pupil.normal[2])
     end = high if ahead > 0.0 else low
     way = (end - float(pupil.center[2])) / ahead if abs(ahead) > 1e-6 else np.inf
@@ -123,7 +123,7 @@ def _reach_of_view(pupil: Pupil, low: float, high: float) -> tuple[float, float]
     lowest = float(pupil.center[2]) - rim if ahead > 1e-6 else -np.inf
     if not np.any(pupil.normal[:2]):
         return float(np.hypot(*pupil.center[:2])) + pupil.reach, lowest
-    # The rays of the hinder rim leave last; a way that leads off the flow to the side ends at the region's own edge.
+    # Rays from the rear rim travel farthest. A path that leaves the flow sideways ends at the edge of the region.
     way = max(way, 0.0) + (rim / abs(ahead) if abs(ahead) > 1e-6 else 0.0)
     ends = (pupil.center[:2], pupil.center[:2] + (way * pupil.normal[:2] if np.isfinite(way) else np.inf))
     return max(float(np.hypot(*place)) for place in ends) + pupil.reach, lowest
@@ -134,18 +134,17 @@ def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) 
 
     Args:
         scene: The scene.
-        field: A flow to take in place of the scene's, as it is: the scene's flow.source and flow.density count for
-            nothing then. The index of a density field is made at the scene's wavelength, by its relation.
+        field: A flow to use unchanged in place of the scene's: flow.source and flow.density of the scene are then
+            ignored. The index of a density field is computed by the scene's relation at the scene's wavelength.
 
     Returns:
         The density field, the index on its mesh, and the index that is traced, resampled to `grid.spacing` unless
-        `grid.route` is "mesh"; the error of resampling is measured. A field that lies on a uniform grid is traced as
-        it is.
+        `grid.route` is "mesh"; the error of resampling is measured. A field on a uniform grid is traced unchanged.
 
     Raises:
-        TypeError: `field` is no field.
-        ValueError: A pupil ahead of the flow, a spacing that the region or the memory cannot take, an index field of
-            another wavelength than the scene's.
+        TypeError: `field` is neither an IndexField nor a DensityField.
+        ValueError: A pupil ahead of the flow, a spacing that is too fine for the memory or too coarse for the region,
+            or an index field of another wavelength than the scene's.
     """
     if field is not None and not isinstance(field, (IndexField, DensityField)):
         raise TypeError(f"field must be an IndexField or a DensityField, got {type(field).__name__}")
@@ -155,9 +154,9 @@ def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) 
     seconds["flow"] = time.perf_counter() - start
 
     start = time.perf_counter()
-    whole = field if isinstance(field, IndexField) else _index_of(scene, density)
+    whole = field if isinstance(field, IndexField) else flow_index(scene, density)
     whole.wavelength_for(scene.flow.wavelength)
-    lacking = whole.averages_lacking  # measured here, while the run's clock goes
+    lacking = whole.averages_lacking  # computed on first access: here, so that the stage's time includes it
     seconds["index"] = time.perf_counter() - start
 
     start = time.perf_counter()
@@ -176,8 +175,8 @@ def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) 
     return Prepared(density, whole, traced, region, seconds, lacking)
 
 
-def _index_of(scene: Scene, density: DensityField | None) -> IndexField:
-    """The index of a flow by the scene's [flow] and [grid]: on the flow's mesh, or, where it has none, on a grid."""
+def flow_index(scene: Scene, density: DensityField | None) -> IndexField:
+    """Return a flow's index by the scene's [flow] and [grid]: on the flow's mesh, or on a grid if it has no mesh."""
     flow, grid = scene.flow, scene.grid
     constant = flow.gladstone_dale
     if isinstance(density, (CellDensity, VertexDensity)):
@@ -186,7 +185,7 @@ def _index_of(scene: Scene, density: DensityField | None) -> IndexField:
             interpolation = flow.interpolation
         return density.index_field(flow.wavelength, flow.relation, constant=constant, interpolation=interpolation)
     if grid.route == "mesh":
-        raise ValueError("grid.route = 'mesh' needs a flow on a mesh, and this one has none: take 'uniform'")
+        raise ValueError("grid.route = 'mesh' needs a flow on a mesh, and this flow has no mesh: use 'uniform'")
     if isinstance(density, GridDensity):
         return density.index_field(flow.wavelength, flow.relation, constant=constant, interpolation=grid.interpolation)
     assert isinstance(density, ConicalFlow)  # there is no other kind

@@ -241,9 +241,9 @@ def test_an_answer_worth_nothing_ends_with_status_3_and_its_reason(command_line,
     coarse = ("--set", "grid.spacing=5 mm")
     done = command_line("strehl", "wind-tunnel-mach3", "--rays", "4096", *coarse)
     assert done.returncode == 3 and re.fullmatch(r"[\d.]+ \+- [\d.]+\n", done.stdout), done.stdout
-    assert "worth nothing: " in done.stderr and "answers nothing" in done.stderr
+    assert "not meaningful: " in done.stderr and "answers nothing" in done.stderr
     done = command_line("run", "wind-tunnel-mach3", "--out", "out", *SMALL, *coarse)
-    assert done.returncode == 3 and "worth nothing: " in done.stderr and "Worth nothing\t" in done.stdout
+    assert done.returncode == 3 and "not meaningful: " in done.stderr and "Not meaningful\t" in done.stdout
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["report.html", "result.nc", "summary.json"]
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["verdict"] == "worthless"
 
@@ -268,7 +268,7 @@ def test_fields_lists_what_ships(command_line):
 def test_backends_says_what_auto_takes(command_line):
     done = command_line("backends")
     assert done.returncode == 0
-    assert "reference" in done.stdout and re.search(r"^auto takes \w+ on .+: \w", done.stdout, flags=re.MULTILINE)
+    assert "reference" in done.stdout and re.search(r"^auto chooses \w+ on .+: \w", done.stdout, flags=re.MULTILINE)
 
 
 def test_explain_tells_without_tracing(command_line, tmp_path: Path):

@@ -37,7 +37,7 @@ def test_scenes_are_listed_and_copied(line, tmp_path):
     assert Scene.load(tmp_path / "wind-tunnel-mach3.toml") == Scene.load("wind-tunnel-mach3")
     assert "#" in (tmp_path / "wind-tunnel-mach3.toml").read_text()  # comments and all
     status, out, err = line("scenes", "copy", "wind-tunnel-mach3")
-    assert status == 2 and err.startswith("error: wind-tunnel-mach3.toml is there already") and err.count("\n") == 1
+    assert status == 2 and err.startswith("error: wind-tunnel-mach3.toml already exists") and err.count("\n") == 1
     assert line("scenes", "copy", "wind-tunnel-mach3", ".", "--force")[0] == 0
     assert "did you mean wind-tunnel-mach3" in line("scenes", "copy", "wind-tunel-mach3")[2]
 
@@ -140,9 +140,9 @@ def test_the_command_line_has_pythons_names_and_defaults(line):
         (["run"], "Missing argument 'SCENE'. See: aerokernels run --help"),
         (["run", "wind-tunnel-mach3", "-o", "o"], "No such option: -o. See: aerokernels run --help"),
         (["scenes", "list"], "No such command 'list'. There are: copy."),
-        (["run", "wind-tunnel-mach3", "--out", ""], "--out is given nothing: write its value after it"),
-        (["run", "wind-tunnel-mach3", "--out="], "--out is given nothing: write its value after it"),
-        (["strehl", "mach3"], "it is the name of a flow, did you mean sea-level-mach3 or wind-tunnel-mach3?"),
+        (["run", "wind-tunnel-mach3", "--out", ""], "--out has an empty value: write a value after it"),
+        (["run", "wind-tunnel-mach3", "--out="], "--out has an empty value: write a value after it"),
+        (["strehl", "mach3"], "it is the name of a flow, not of a scene; did you mean sea-level-mach3 or "),
         (["schlieren", "mach3", "--out", "o", "--view", "up"], "--view 'up': give x, y or z, or a direction"),
         (["series", "wind-tunnel-mach3", "--out", "o"], "error: wind-tunnel-mach3: series.source is missing"),
         (["export", ".", "--out", "x.nc"], "store .: a folder or a device, not a file; give the file that `record`"),
@@ -168,5 +168,5 @@ def test_what_others_wrote_is_shown_without_control_characters(tmp_path: Path):
     assert json.loads(written) == {"title": title} and written.isprintable()
     shown = page(title, title, [paragraph(title), table(("a",), [(title,)])])
     assert "\x1b" not in shown and "\x9b" not in shown and "\u202e" not in shown and "&lt;i&gt;" in shown
-    with pytest.raises(SceneError, match=r"title = .*: a text cannot hold a zero character"):
+    with pytest.raises(SceneError, match=r"title = .*: a text cannot contain a zero character"):
         Scene.load("wind-tunnel-mach3", {"title": "a\0b"})

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
+from aerokernels.jobs.scene_text import scene_toml
 from aerokernels.scene import STATIC_CALIBRATION, Scene, SceneError, shipped_scenes
 from aerokernels.scene.changes import key_dimension
 from aerokernels.scene.errors import known_keys
@@ -107,6 +108,15 @@ def test_as_dict_is_json_and_gives_the_scene_back(write):
     assert values["target"]["distance"] == 1.5 and values["flow"]["wavelength"] == 905e-9
     assert values["strehl"]["remove"] == ["piston", "tilt"]
     assert Scene.model_validate(values) == scene
+
+
+def test_a_scene_in_a_result_is_toml_whatever_its_texts(tmp_path: Path):
+    """Species that are no bare keys of TOML, and a title with characters that TOML wants escaped."""
+    (tmp_path / "flow.vtu").touch()
+    species = {"N2": "Y N2", "NO+": 'Y"NO+"', "basis": "mole"}
+    given = {"flow.source": str(tmp_path / "flow.vtu"), "flow.species": species, "title": 'a\x7f\t"b" \\ c'}
+    scene = Scene.load("wind-tunnel-static", {**given, "flow.relation": "gladstone-dale"})
+    assert Scene.model_validate(tomllib.loads(scene_toml(scene))) == scene
 
 
 @pytest.mark.parametrize(

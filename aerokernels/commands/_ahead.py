@@ -1,20 +1,20 @@
-"""Libraries that a job needs at its end, imported while its kernels are built: a build leaves Python free."""
+"""Import the libraries that write a job's results in a thread, while its kernels are compiled."""
 
 import importlib
 import threading
 from collections.abc import Iterable
 from contextlib import suppress
 
-# What a run's results are written and drawn with. None of them imports what rays are traced with, so that no two
-# threads wait for each other's modules.
+# Libraries that write and draw a run's results. None of them imports a module that the tracer imports: two threads
+# that import each other's modules would wait for each other.
 REPORT = ("matplotlib.figure", "matplotlib.backends.backend_agg", "xarray", "h5netcdf")
 
 
 def import_ahead(names: Iterable[str]) -> threading.Thread:
-    """Begin to import these modules; one that cannot be imported is told where it is used.
+    """Start a thread that imports modules; the error of one that cannot be imported shows where it is used.
 
-    The process waits for the module at hand when it leaves, and takes no further one: a thread that Python ends within
-    a library's own code ends the process by SIGABRT.
+    At exit the process waits for the current module and imports no further one: a thread that Python ends inside a
+    library's code ends the process by SIGABRT.
     """
     alive = threading.main_thread().is_alive
 

@@ -1,6 +1,6 @@
-"""Where the command line writes: results to stdout, as text or JSON; notes and progress to stderr, or nowhere.
+"""Output of the command line: results to stdout, as text or JSON; notes and progress to stderr, unless --quiet.
 
-`cli.main` takes --json and --quiet anywhere on the line and sets them here before a command begins.
+`cli.main` reads --json and --quiet anywhere on the line and stores them here before a command begins.
 """
 
 import json
@@ -17,11 +17,11 @@ from aerokernels.display.plain_text import plain, plain_json
 
 @dataclass
 class Asked:
-    """What the command line asked of all output.
+    """The output options of the command line.
 
     Attributes:
-        as_json: Results as one JSON object on stdout.
-        quiet: No notes and no progress; what goes wrong is still said.
+        as_json: Print results as one JSON object on stdout.
+        quiet: Print no notes and no progress; warnings and errors are still printed.
     """
 
     as_json: bool = False
@@ -32,23 +32,23 @@ asked = Asked()
 
 
 def note(text: str) -> None:
-    """Say on stderr what is no result: which files were written, say."""
+    """Print a note to stderr that is not a result, such as which files were written; --quiet silences it."""
     if not asked.quiet:
         say(plain(text), err=True)
 
 
 def warn(text: str) -> None:
-    """Say on stderr what is to be known about a result; --quiet does not silence it."""
+    """Print a warning about a result to stderr; --quiet does not silence it."""
     say(plain(text), err=True)
 
 
 def result(text: str, data: Any) -> None:
-    """Give a result to stdout: the text, or its data with --json."""
+    """Print a result to stdout: its text, or its data with --json."""
     say(json_text(data) if asked.as_json else plain(text))
 
 
 def say(text: str, err: bool = False) -> None:
-    """Write a line; where its reader has gone away, nothing more is written there, and the work goes on."""
+    """Write a line; if its reader has gone away, discard all further output to that stream and go on."""
     try:
         typer.echo(text, err=err)
     except OSError:  # `aerokernels run ... | head`, or the log's disk is full
@@ -56,7 +56,7 @@ def say(text: str, err: bool = False) -> None:
 
 
 def silence(stream: Any) -> None:
-    """Send what is still to be written to a stream nowhere, so that leaving the process does not fail either."""
+    """Redirect a stream to the null device, so that flushing it when the process ends does not fail either."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -64,18 +64,18 @@ def silence(stream: Any) -> None:
 
 
 class Screen:
-    """A terminal for what is drawn on it all the while: one that has closed does not end the work."""
+    """A terminal stream for live displays that goes on silently when the terminal has closed."""
 
     def __init__(self, stream: Any):
-        """Draw on `stream`."""
+        """Wrap `stream`."""
         self._stream = stream
 
     def __getattr__(self, name: str) -> Any:
-        """Whatever else the stream has."""
+        """Return any other attribute of the stream."""
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write a text, if there is still a terminal."""
+        """Write a text, if the terminal is still open."""
         try:
             return int(self._stream.write(text))
         except OSError:
@@ -83,7 +83,7 @@ class Screen:
             return len(text)
 
     def flush(self) -> None:
-        """Send what was written, if there is still a terminal."""
+        """Flush the stream, if the terminal is still open."""
         try:
             self._stream.flush()
         except OSError:
@@ -91,7 +91,7 @@ class Screen:
 
 
 def json_text(data: Any) -> str:
-    """JSON that every reader takes: NaN and infinity are null."""
+    """Return data as strict JSON text: NaN and infinity become null."""
     from aerokernels.jobs.store import to_json
 
     return plain_json(json.dumps(to_json(data), indent=2, allow_nan=False, ensure_ascii=False))

@@ -13,7 +13,7 @@ Progress = Callable[[str, float], None]
 
 @contextlib.contextmanager
 def shown_progress(title: str) -> Iterator[Progress]:
-    """Give a function that takes the name of the stage that begins and the fraction of the job done before it."""
+    """Yield a function to call with the name of each stage as it begins and the fraction of the job done before it."""
     if asked.quiet or not sys.stderr.isatty():
         yield lambda stage, fraction: note(f"{title}: {stage}")
         return

@@ -1,4 +1,4 @@
-"""What `record` takes as labels and shows while it runs."""
+"""Labels and live status of `aerokernels record`."""
 
 import re
 import sys
@@ -14,14 +14,14 @@ from aerokernels.display.plain_text import plain
 if TYPE_CHECKING:
     from aerokernels.hardware.recorder import RecordingStatus
 
-_RATE_TIME = 5.0  # [s] over which the shown rate is taken
+_RATE_TIME = 5.0  # [s] over which the displayed rate is averaged
 
 
 def parse_labels(pairs: list[str]) -> dict[str, str]:
-    """Labels from "key=value" texts.
+    """Parse "key=value" texts into labels.
 
     Raises:
-        ValueError: a text without a key or without "=", one that is no Unicode, or a key given twice.
+        ValueError: a text without a key or without "=", a text that is not Unicode, or a key given twice.
     """
     labels: dict[str, str] = {}
     for pair in pairs:
@@ -29,7 +29,7 @@ def parse_labels(pairs: list[str]) -> dict[str, str]:
         if not key or not equals:
             raise ValueError(f"--label {pair!r}: give key=value, for example mach=3")
         if re.search(r"[\ud800-\udfff]", pair):  # bytes of the command line that are no UTF-8
-            raise ValueError(f"--label {pair!r}: holds bytes that are no UTF-8 text; type it anew")
+            raise ValueError(f"--label {pair!r}: contains bytes that are not UTF-8; type the label again")
         if key in labels:
             raise ValueError(f"--label {pair!r}: {key!r} is given twice; give each key once")
         labels[key] = value
@@ -37,7 +37,7 @@ def parse_labels(pairs: list[str]) -> dict[str, str]:
 
 
 def describe(status: "RecordingStatus", rate: float | None = None) -> str:
-    """One line about what is on the disk; with `rate`, the echoes per second of late."""
+    """Describe on one line what is stored on the disk; with `rate`, also the recent echoes per second."""
     parts = [f"stored {status.stored_count}"]
     if status.last_sequence is not None:
         parts.append(f"last sequence {status.last_sequence}")
@@ -60,11 +60,11 @@ class RateMeter:
     """Echoes per second over the last seconds."""
 
     def __init__(self) -> None:
-        """Start at nothing."""
+        """Start without counts."""
         self._seen: deque[tuple[float, int]] = deque()
 
     def rate(self, stored_count: int) -> float:
-        """Take note of a count; return the rate [1/s]."""
+        """Record a count and return the rate [1/s]."""
         now = time.monotonic()
         self._seen.append((now, stored_count))
         while now - self._seen[0][0] > _RATE_TIME:
@@ -75,9 +75,9 @@ class RateMeter:
 
 @contextmanager
 def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
-    """Live on a terminal; elsewhere a line when something has changed: the port at once, counts once a second.
+    """Yield a function that shows a status: live on a terminal, elsewhere as a line where something has changed.
 
-    Nothing with --quiet, or with --json, whose one object stands alone.
+    A change of the port is printed at once, changed counts once a second. With --quiet or --json nothing is shown.
     """
     if asked.quiet or asked.as_json:
         yield lambda status: None
@@ -107,7 +107,7 @@ def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
             shown_at, shown = now, status
             try:
                 print(plain(describe(status, rate)), flush=True)
-            except OSError:  # its reader has left, or the log's disk is full: no reason to stop recording
+            except OSError:  # the reader has left, or the log's disk is full: no reason to stop recording
                 silence(sys.stdout)
 
     yield tell

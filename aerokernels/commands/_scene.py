@@ -1,4 +1,4 @@
-"""The options that every command on a scene takes, and how they change the scene."""
+"""Options that all commands on a scene share, and how they change the scene."""
 
 import contextlib
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ SceneName = Annotated[
 ]
 Backend = Annotated[str | None, typer.Option(help="auto, warp, opencl or reference.")]
 Device = Annotated[str | None, typer.Option(help="cpu, cuda:0, or an OpenCL device's name; see `backends`.")]
-Precision = Annotated[str | None, typer.Option(help="float32 or float64, inside the kernels.")]
+Precision = Annotated[str | None, typer.Option(help="Precision of the kernels: float32 or float64.")]
 Rays = Annotated[str | None, typer.Option(metavar="COUNT", help="Rays over the pupil for the Strehl ratio.")]
 Settings = Annotated[
     list[str] | None,
@@ -32,10 +32,10 @@ def load_scene(
     rays: str | None = None,
     settings: list[str] | None = None,
 ) -> "Scene":
-    """Load a scene with what the command line changes in it; the named options win over --set.
+    """Load a scene with the changes of the command line; named options such as --device override --set.
 
     Raises:
-        ValueError: A setting without `=`, or whatever is wrong with the scene.
+        ValueError: A setting without `=`, or a scene that is not valid.
     """
     from aerokernels.scene import Scene
 
@@ -49,7 +49,7 @@ def scene_changes(
     rays: str | None = None,
     settings: list[str] | None = None,
 ) -> dict[str, str]:
-    """What the command line changes in a scene, by dotted key.
+    """Return the changes that the command line makes to a scene, by dotted key.
 
     Raises:
         ValueError: A setting without `=`.
@@ -71,7 +71,7 @@ def scene_changes(
 
 @contextlib.contextmanager
 def blamed_on(scene: str) -> Iterator[None]:
-    """Name the scene in what only shows when it is computed: an absent device, a target inside the flow."""
+    """Prefix the scene's name to errors that show only during the computation, such as an absent device."""
     try:
         yield
     except ValueError as error:

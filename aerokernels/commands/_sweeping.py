@@ -1,14 +1,14 @@
-"""Progress of jobs of thousands of steps."""
+"""Progress display of jobs with thousands of steps."""
 
 import sys
 from collections.abc import Callable
 
 Progress = Callable[[str, float], None]
-LINE_EVERY = 0.1  # of the steps, where no terminal shows a bar
+LINE_EVERY = 0.1  # share of the steps between two lines, where no terminal shows a bar
 
 
 def thinned(shown: Progress) -> Progress:
-    """Every step for the bar of a terminal; elsewhere a line for each tenth."""
+    """Return a progress function that shows every step on a terminal's bar, elsewhere one line for each tenth."""
     if sys.stderr.isatty():
         return shown
     last = [-LINE_EVERY]

@@ -1,4 +1,4 @@
-"""Tables on a terminal, plain lines that `grep` and `cut` can take where the output goes elsewhere, or JSON."""
+"""Print tables: drawn on a terminal, as tab-separated lines for `grep` and `cut` elsewhere, or as JSON."""
 
 import io
 import re
@@ -12,7 +12,7 @@ from aerokernels.display.plain_text import plain
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], data: Any = None) -> None:
     """Print rows of texts: a drawn table on a terminal, lines with tabs between the columns otherwise.
 
-    With --json `data` is printed in their place; where there is none, the table as a title and a list of objects.
+    With --json, print `data` instead; without `data`, print the table as a title and a list of objects.
     """
     if asked.as_json:
         listed = {"title": title, "rows": [dict(zip(columns, row, strict=True)) for row in rows]}

@@ -1,4 +1,4 @@
-"""--vary KEY=V1,V2,...: a key and its values out of one text."""
+"""Parse the option --vary KEY=V1,V2,... into a key and its values."""
 
 import re
 from collections.abc import Sequence
@@ -7,13 +7,13 @@ _SPAN = re.compile(r"(.+):(.+):(\d+)")
 
 
 def varied(options: Sequence[str]) -> dict[str, list]:
-    """Keys and values out of the command line's --vary options.
+    """Parse the command line's --vary options into a list of values for each key.
 
-    A value may be written as in a scene file ("10 deg", 0.3, '["piston", "tilt"]'). LOW:HIGH:COUNT stands for COUNT
-    values of a quantity, evenly spaced from LOW to HIGH.
+    A value may be written as in a scene file ("10 deg", 0.3, '["piston", "tilt"]'). LOW:HIGH:COUNT means COUNT values
+    of a quantity, evenly spaced from LOW to HIGH.
 
     Raises:
-        ValueError: An option that is not KEY=V1,V2,..., a key given twice, or a span that is none.
+        ValueError: An option that is not KEY=V1,V2,..., a key given twice, or an invalid LOW:HIGH:COUNT.
     """
     from aerokernels.scene.changes import key_dimension
 
@@ -36,7 +36,7 @@ def varied(options: Sequence[str]) -> dict[str, list]:
 
 
 def split_at_commas(text: str) -> list[str]:
-    """Parts between commas that are in no brackets and no quotes."""
+    """Split a text at the commas that are outside brackets and quotes."""
     parts, depth, quote = [""], 0, ""
     for letter in text:
         if quote:

@@ -1,4 +1,4 @@
-"""The exit status of an answer that is worth nothing, and the line that says why."""
+"""The exit status of an answer that is not meaningful, and the line that explains it."""
 
 import typer
 
@@ -9,12 +9,12 @@ WORTHLESS_ANSWER = 3  # beside 1, failed, and 2, bad input (cli.py)
 
 
 def leave_with(verdict: Verdict) -> None:
-    """Say on standard error what the verdict is, if there is something to say; leave with status 3 if it is worthless.
+    """Print a warning or worthless verdict to stderr; leave with exit status 3 if it is worthless.
 
     Raises:
-        typer.Exit: The answer is worth nothing.
+        typer.Exit: The answer's error is greater than the number, so the answer is not meaningful.
     """
     if verdict:
-        warn(f"{'worth nothing' if verdict.worthless else 'warning'}: {verdict.reason}")
+        warn(f"{'not meaningful' if verdict.worthless else 'warning'}: {verdict.reason}")
     if verdict.worthless:
         raise typer.Exit(WORTHLESS_ANSWER)

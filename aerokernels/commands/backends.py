@@ -1,8 +1,8 @@
-"""`aerokernels backends`: what this machine can compute on."""
+"""`aerokernels backends`: list this machine's backends and devices."""
 
 
 def backends() -> None:
-    """Show the backends and devices of this machine, work-arounds in force, and which one `auto` takes and why."""
+    """List this machine's backends and devices, active work-arounds, and what `auto` chooses and why."""
     from dataclasses import asdict
 
     from aerokernels.commands._output import asked, note, say
@@ -37,4 +37,4 @@ def backends() -> None:
             (note if asked.as_json else say)(f"work-around on {info.device}: {info.workaround}")
     reason = reason.removeprefix(f"backend {backend} on {device}: ")
     if not asked.as_json:
-        say(plain(f"auto takes {backend} on {device}: {reason}"))
+        say(plain(f"auto chooses {backend} on {device}: {reason}"))

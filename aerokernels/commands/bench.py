@@ -1,4 +1,4 @@
-"""`aerokernels bench`: how fast this machine traces, and how exactly."""
+"""`aerokernels bench`: measure how fast and how accurately this machine traces."""
 
 import json
 from pathlib import Path
@@ -12,20 +12,22 @@ def bench(
         list[str] | None, typer.Argument(metavar="[SUITE]...", help="cone, strehl, sweep, bundles [all].")
     ] = None,
     backend: Annotated[
-        list[str] | None, typer.Option(help="warp, opencl or reference; repeatable [default: what is here].")
+        list[str] | None, typer.Option(help="warp, opencl or reference; repeatable [default: all available].")
     ] = None,
     device: Annotated[str | None, typer.Option(help="cpu, cuda:0, or an OpenCL device's name; see `backends`.")] = None,
     precision: Annotated[
         list[str] | None, typer.Option(help="float32 or float64; repeatable [default: float32].")
     ] = None,
     method: Annotated[list[str] | None, typer.Option(help="Repeatable [default: auto, adaptive and straight].")] = None,
-    tolerance: Annotated[float, typer.Option(help="OPD error asked for [waves].")] = 1e-3,
-    rays: Annotated[int, typer.Option(help="Rays of a trace, and of a Strehl ratio.")] = 1_000_000,
-    repeats: Annotated[int, typer.Option(help="Timed calls of each run.")] = 5,
+    tolerance: Annotated[float, typer.Option(help="Requested OPD error [waves].")] = 1e-3,
+    rays: Annotated[int, typer.Option(help="Rays per trace and per Strehl ratio.")] = 1_000_000,
+    repeats: Annotated[int, typer.Option(help="Number of timed calls of each run.")] = 5,
     out: Annotated[Path | None, typer.Option(help="Write everything measured to this JSON file.")] = None,
-    peers: Annotated[bool, typer.Option("--peers", help="Also SciPy, diffrax and Dr.Jit on the cone scene.")] = False,
+    peers: Annotated[
+        bool, typer.Option("--peers", help="Also measure SciPy, diffrax and Dr.Jit on the cone scene.")
+    ] = False,
 ) -> None:
-    """Measure speed with the error beside it: rays per second, CPU seconds, share of what the hardware could do."""
+    """Measure speed and error: rays per second, CPU seconds, share of the hardware's peak performance."""
     from aerokernels.benchmark import Settings, run_bench
     from aerokernels.benchmark.table import COLUMNS, table_rows
     from aerokernels.commands._output import note
@@ -43,7 +45,7 @@ def bench(
         peers=peers,
     )
     if out is not None and (out.is_dir() or not out.parent.is_dir()):
-        raise ValueError(f"--out {out}: give a file's name in a folder that is there")
+        raise ValueError(f"--out {out}: give a file name in an existing folder")
     measured = run_bench(settings, report=lambda line: typer.echo(line, err=True))
     if out is not None:
         out.write_text(json.dumps(measured, indent=1, allow_nan=False) + "\n", encoding="utf-8")

@@ -7,34 +7,32 @@ import typer
 
 
 def board(
-    link: Annotated[Path, typer.Option(help="Where to put the port: a symbolic link, removed at the end.")],
-    protocol: Annotated[
-        str, typer.Option(help="What it speaks: frames (digitiser board) or scpi (oscilloscope).")
-    ] = "frames",
-    dialect: Annotated[str, typer.Option(help="Of --protocol scpi: tektronix or rigol.")] = "tektronix",
+    link: Annotated[Path, typer.Option(help="Path of the simulated port: a symbolic link, removed at the end.")],
+    protocol: Annotated[str, typer.Option(help="frames (digitiser board) or scpi (oscilloscope).")] = "frames",
+    dialect: Annotated[str, typer.Option(help="For --protocol scpi: tektronix or rigol.")] = "tektronix",
     echo: Annotated[
         Path | None,
-        typer.Option(help="Folder of a run, or its result.nc, whose echo is sent, flow and all [default: --scene]."),
+        typer.Option(help="Folder or result.nc of a run whose echo through the flow is sent [default: --scene]."),
     ] = None,
     scene: Annotated[
         str | None,
         typer.Option(help="TOML file or shipped scene whose echo in vacuum is sent [default: wind-tunnel-static]."),
     ] = None,
     rate: Annotated[float, typer.Option(help="Echoes per second.")] = 50.0,
-    count: Annotated[int | None, typer.Option(min=1, help="Echoes before it ends [default: until Ctrl-C].")] = None,
+    count: Annotated[int | None, typer.Option(min=1, help="Echoes to send [default: until Ctrl-C].")] = None,
     noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the noise [V].")] = 0.02,
-    samples: Annotated[int, typer.Option(min=1, max=65535, help="Samples of an echo.")] = 128,
+    samples: Annotated[int, typer.Option(min=1, max=65535, help="Samples per echo.")] = 128,
     sample_period: Annotated[int, typer.Option(min=1, max=2**32 - 1, help="Time between samples [ps].")] = 250,
     fault: Annotated[
         list[str] | None,
         typer.Option(
-            help="KIND=PROBABILITY per echo, repeatable: torn, flipped, glued, garbage, gap, repeat, stall or unplug."
+            help="KIND=PROBABILITY per echo: torn, flipped, glued, garbage, gap, repeat, stall or unplug. Repeatable."
         ),
     ] = None,
-    pause: Annotated[float, typer.Option(min=0.0, help="Seconds that a stall or an unplugged port lasts.")] = 1.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the noise and the faults.")] = 0,
+    pause: Annotated[float, typer.Option(min=0.0, help="Duration of a stall or of an unplugged port [s].")] = 1.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise and the faults.")] = 0,
 ) -> None:
-    """Simulate a digitiser board or an oscilloscope: try `record` without hardware."""
+    """Simulate a digitiser board or an oscilloscope, to try `record` without hardware."""
     from aerokernels.commands._output import asked, result, say
     from aerokernels.hardware.board import run_board
     from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource

@@ -1,4 +1,4 @@
-"""`aerokernels compare`: recorded echoes against simulated runs."""
+"""`aerokernels compare`: compare recorded echoes with simulated runs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,7 +15,7 @@ def compare(
         list[str],
         typer.Argument(
             metavar="RUN...",
-            help="Folders of finished runs. A label mach=3 takes the run of that Mach number; mach=3=DIR says it.",
+            help="Folders of finished runs. A label mach=3 uses the run at Mach 3, or DIR if given as mach=3=DIR.",
         ),
     ],
     out: Annotated[
@@ -24,16 +24,17 @@ def compare(
     align: Annotated[
         str,
         typer.Option(
-            help="Trigger offset: none (times as recorded), each, or a label such as mach=0, measured there for all."
+            help="Trigger offset: none (times as recorded), each (measured on each label), or a label such as mach=0 "
+            "(measured on that label, applied to all)."
         ),
     ] = "none",
     trigger_offset: Annotated[
-        str, typer.Option(help="Time by which the recorded times are late, such as 2.5 ns.")
+        str, typer.Option(help="Known trigger offset: time by which the recorded times are late, such as 2.5 ns.")
     ] = "0 s",
     threshold: Annotated[str | None, typer.Option(help="Level of the leading edge [default: the run's].")] = None,
-    ranged: Annotated[int, typer.Option(help="Echoes of each label that are ranged one by one, at most.")] = 300,
+    ranged: Annotated[int, typer.Option(help="Greatest number of echoes per label that are ranged one by one.")] = 300,
 ) -> None:
-    """Compare recorded echoes with simulated ones, by label: peaks, relative errors, correlation, ranges."""
+    """Compare recorded echoes with simulated ones, label by label: peaks, relative errors, correlation, ranges."""
     from aerokernels.commands._output import asked, note, say, warn
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
@@ -63,8 +64,8 @@ def compare(
         warn(f"warning: {text}")
     unfit = sum(one.unfit_count for one in found.labels)
     if unfit:
-        note(f"passed over: {unfit} echoes with too few samples, or without a sample period")
+        note(f"skipped {unfit} echoes with too few samples or without a sample period")
     if found.left_out:
-        (note if asked.as_json else say)(f"no run for: {', '.join(map(label_text, found.left_out))}")
+        (note if asked.as_json else say)(f"labels without a run: {', '.join(map(label_text, found.left_out))}")
     if files:
         note(f"wrote {', '.join(files)} to {out}")

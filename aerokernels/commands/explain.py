@@ -1,4 +1,4 @@
-"""`aerokernels explain`: what a run would do, before it does it."""
+"""`aerokernels explain`: show what a run would do, without running it."""
 
 from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, blamed_on, load_scene
 
@@ -11,7 +11,7 @@ def explain(
     rays: Rays = None,
     settings: Settings = None,
 ) -> None:
-    """Show what would be done and why: flow, region, grid, method, ray counts, and the error of the grid."""
+    """Show what a run would do and why: flow, region, grid, method, ray counts, predicted cost and errors."""
     from aerokernels.commands._table import print_table
     from aerokernels.jobs.explain import explanation
 

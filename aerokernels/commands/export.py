@@ -1,4 +1,4 @@
-"""`aerokernels export`: the echoes of a store as NetCDF or CSV."""
+"""`aerokernels export`: write the echoes of a store as NetCDF or CSV."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,13 +7,13 @@ import typer
 
 
 def export(
-    store: Annotated[Path, typer.Argument(help="SQLite file that `record` wrote, or is writing.")],
-    out: Annotated[Path, typer.Option(help="FILE.nc or FILE.csv; replaced when it is there.")],
+    store: Annotated[Path, typer.Argument(help="SQLite file that `record` wrote or is writing.")],
+    out: Annotated[Path, typer.Option(help="FILE.nc or FILE.csv; an existing file is replaced.")],
     label: Annotated[
-        list[str] | None, typer.Option(help="key=value: only the echoes labelled so; may be repeated.")
+        list[str] | None, typer.Option(help="key=value: export only echoes with this label. Repeatable.")
     ] = None,
 ) -> None:
-    """Write the echoes of a store to a NetCDF or CSV file; a recording into it may go on."""
+    """Write the echoes of a store to a NetCDF or CSV file, even while a recording into the store is running."""
     from aerokernels.commands._output import note
     from aerokernels.commands._recording import parse_labels
     from aerokernels.hardware.export import export as write_echoes

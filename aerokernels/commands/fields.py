@@ -1,4 +1,4 @@
-"""`aerokernels fields`: the flow fields that ship with the library, or what a flow file of one's own holds."""
+"""`aerokernels fields`: list the shipped flow fields, or the contents of a user's flow file."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,25 +10,26 @@ if TYPE_CHECKING:
     from aerokernels.medium import Body, SolidBody
 
 Picture = Annotated[
-    Path | None, typer.Option("--picture", "--out", help="Write a picture of the density here (.png, .pdf, .svg).")
+    Path | None,
+    typer.Option("--picture", "--out", help="Write a picture of the density to this file (.png, .pdf, .svg)."),
 ]
 
-MOST_MEASURED = 100_000  # cells whose averages are kept, for a second's sake
-PRICE = "a field takes some ten times the time to make, a run up to twice"
+MOST_MEASURED = 100_000  # cells up to which conserving cell averages takes about a second
+PRICE = "preparing the field then takes about ten times as long, a whole run up to twice as long"
 
 
 def fields(
     path: Annotated[Path | None, typer.Argument(help="A CFD file or case [default: the shipped fields].")] = None,
     picture: Picture = None,
     density: Annotated[str | None, typer.Option(help="Name of the density's array.")] = None,
-    optical: Annotated[str | None, typer.Option(help='Optical axis in the file\'s axes, "-x" say.')] = None,
-    up: Annotated[str | None, typer.Option(help="The axis y in the file's axes.")] = None,
-    length_unit: Annotated[str | None, typer.Option(help="Unit of the file's coordinates, mm say.")] = None,
+    optical: Annotated[str | None, typer.Option(help='Optical axis in the file\'s axes, such as "-x".')] = None,
+    up: Annotated[str | None, typer.Option(help="Direction of +y in the file's axes.")] = None,
+    length_unit: Annotated[str | None, typer.Option(help="Unit of the file's coordinates, such as mm.")] = None,
     time: Annotated[str | None, typer.Option(help="latest, first, or a time [s].")] = None,
-    walls: Annotated[list[str] | None, typer.Option(help="A patch that bounds the body; repeatable.")] = None,
+    walls: Annotated[list[str] | None, typer.Option(help="Name of a boundary patch of the body. Repeatable.")] = None,
     geometry: Annotated[str | None, typer.Option(help="axisymmetric: x is the axis and y the radius.")] = None,
 ) -> None:
-    """Show the shipped flow fields; or of a file: format, cells, extents, arrays with their ranges, times, patches."""
+    """List the shipped flow fields; or, of a file, its format, extents, arrays with ranges, times and patches."""
     if path is None:
         _shipped()
         return
@@ -37,7 +38,7 @@ def fields(
     from aerokernels.flow import contents, read, shipped_names
 
     if str(path) in shipped_names() and not path.exists():
-        raise ValueError(f"{path} is a field that ships, and no file: `aerokernels fields` alone shows those")
+        raise ValueError(f"{path} is a shipped field, not a file: `aerokernels fields` without a path lists those")
     when = _time(time)
     found = contents(path, time=when)
     rows = _rows(found)
@@ -49,7 +50,7 @@ def fields(
     except ValueError as fault:
         if picture is not None or density is not None:
             raise
-        rows.append(("as a density field", f"not yet: {str(fault).removeprefix(f'{path}: ')}"))
+        rows.append(("as a density field", f"not usable yet: {str(fault).removeprefix(f'{path}: ')}"))
         flow = None
     if flow is not None:
         rows += _field_rows(flow)
@@ -71,7 +72,7 @@ def _time(text: str | None) -> float | str | None:
 
 
 def _rows(found: "Contents") -> list[tuple[str, str]]:
-    rows = [("format", found.format), ("geometry", found.geometry or "told by its points")]
+    rows = [("format", found.format), ("geometry", found.geometry or "determined from its points")]
     rows += [("zone", zone) for zone in found.zones[:20]]
     if len(found.zones) > 20:
         rows.append(("zone", f"and {len(found.zones) - 20} more"))
@@ -107,22 +108,23 @@ def _field_rows(flow: "DensityField") -> list[tuple[str, str]]:
 
 
 def _lacking_rows(flow: "DensityField") -> list[tuple[str, str]]:
-    """What lines across the cells of a plane mesh will lack of what these hold, where the file has averages."""
+    """Rows on the deficit of line integrals across a plane mesh's cells, where the file holds cell averages."""
     from aerokernels.flow import CellDensity
 
     if not isinstance(flow, CellDensity):
         return []
-    slow = flow.mesh.parents is not None or flow.wall is not None  # averages are kept there, which takes longer
+    slow = flow.mesh.parents is not None or flow.wall is not None  # these meshes conserve averages, which takes longer
     if slow and len(flow.mesh.cells) > MOST_MEASURED:
-        return [("averages", f"not measured here, of {len(flow.mesh.cells)} cells: IndexField.averages_lacking does")]
+        text = f"not measured above {MOST_MEASURED} cells (this mesh has {len(flow.mesh.cells)}): use"
+        return [("averages", f"{text} IndexField.averages_lacking")]
     try:
         index = flow.index_field()
     except ValueError as fault:
-        return [("averages", f"not known what lines lack of them: {fault}")]
+        return [("averages", f"deficit not known: {fault}")]
     lacking = index.averages_lacking
     assert lacking is not None
     name = "conserving" if index.mesh.whole is not None else "bilinear"
-    rows = [("averages", f'interpolation "{name}" lacks {lacking.in_words()}')]
+    rows = [("averages", f'deficit of interpolation "{name}": {lacking.in_words()}')]
     if name == "bilinear" and lacking.rows_max is not None and not lacking.keeps_rows:
         rows.append(("", f'interpolation = "conserving" keeps rows and columns; {PRICE}'))
     return rows

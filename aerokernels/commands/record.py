@@ -14,28 +14,31 @@ def record(
     port: Annotated[
         str, typer.Option(help="Serial device, its by-id path, or a pyserial URL (socket://, rfc2217://, ...).")
     ],
-    store: Annotated[Path, typer.Option(help="SQLite file; made when it is not there, continued when it is.")],
-    protocol: Annotated[
-        str, typer.Option(help="What the instrument speaks: frames (digitiser board) or scpi (oscilloscope).")
-    ] = "frames",
+    store: Annotated[Path, typer.Option(help="SQLite file; created if it does not exist, else continued.")],
+    protocol: Annotated[str, typer.Option(help="frames (digitiser board) or scpi (oscilloscope).")] = "frames",
     count: Annotated[
         int | None, typer.Option(min=1, help="Echoes to store before stopping [default: until Ctrl-C].")
     ] = None,
     baud: Annotated[int, typer.Option(min=1, help="Line rate [bit/s].")] = 115200,
     flow: Annotated[str, typer.Option(help="Hardware flow control: none, rtscts or dsrdtr.")] = "none",
-    label: Annotated[list[str] | None, typer.Option(help="key=value kept with every echo; may be repeated.")] = None,
+    label: Annotated[list[str] | None, typer.Option(help="key=value stored with every echo. Repeatable.")] = None,
     dialect: Annotated[
-        str, typer.Option(help="Of --protocol scpi: auto (ask the instrument), tektronix or rigol.")
+        str, typer.Option(help="For --protocol scpi: auto (ask the instrument), tektronix or rigol.")
     ] = "auto",
     timeout: Annotated[
-        float, typer.Option(min=0.1, help="Seconds of silence before and within an oscilloscope's answer.")
+        float, typer.Option(min=0.1, help="Longest silence before and within an oscilloscope's answer [s].")
     ] = 3.0,
     stall: Annotated[
-        float, typer.Option(min=0.0, help="Seconds of silence after which the port is opened anew; 0: never.")
+        float, typer.Option(min=0.0, help="Silence after which the port is closed and opened again [s]; 0: never.")
     ] = 30.0,
-    commit_interval: Annotated[float, typer.Option(min=0.0, help="Seconds of echoes that a kill can lose.")] = 0.25,
+    commit_interval: Annotated[
+        float,
+        typer.Option(
+            min=0.0, help="Longest time between two commits [s]; a kill loses at most the echoes of this time."
+        ),
+    ] = 0.25,
 ) -> None:
-    """Record echoes from hardware until --count or Ctrl-C; a port that goes away is waited for."""
+    """Record echoes from hardware until --count or Ctrl-C; reconnect when the port comes back after a loss."""
     from dataclasses import asdict
 
     from aerokernels.commands._output import asked, result, say
@@ -53,11 +56,11 @@ def record(
     labels = parse_labels(label or [])
     with interrupt_flag() as interrupted:
         connect = connector(port, protocol, baud, flow, dialect, timeout, interrupted.is_set)
-        # The port comes first: where there is none, no store is left behind.
+        # Open the port first, so that a missing port leaves no empty store behind.
         try:
             stream = connect()
         except PortError:
-            if interrupted.is_set():  # while an instrument was looked for
+            if interrupted.is_set():  # interrupted during the search for an instrument
                 raise KeyboardInterrupt from None
             raise
         try:
@@ -83,7 +86,7 @@ def record(
 def connector(
     port: str, protocol: str, baud: int, flow: str, dialect: str, timeout: float, stopped: Callable[[], bool]
 ) -> "Callable[[], EchoStream]":
-    """What opens the port and finds the instrument on it, the first time and again."""
+    """Return a function that opens the port and finds the instrument on it, for the first time or again."""
     from aerokernels.hardware.port import open_port
     from aerokernels.hardware.sources import CurveStream, FrameStream
 

@@ -1,4 +1,4 @@
-"""`aerokernels run`: the whole job."""
+"""`aerokernels run`: run a scene from flow to range, and write the results."""
 
 from pathlib import Path
 from typing import Annotated
@@ -18,10 +18,10 @@ def run(
     settings: Settings = None,
     no_echo: Annotated[bool, typer.Option("--no-echo", help="Leave out the laser echo and its range.")] = False,
 ) -> None:
-    """Do the whole job: flow, rays, wavefront, Strehl ratio, echo and range, with a report; each number with its error.
+    """Run a scene: flow, rays, wavefront, Strehl ratio, echo and range, each number with its error, and a report.
 
-    What can be finished is finished: an echo that cannot be ranged is a result. Exit status 3: all is written, but the
-    Strehl ratio's error is greater than the ratio or than 1, so that it is worth nothing.
+    A stage that finds nothing, such as an echo that cannot be ranged, does not stop the others. Exit status 3: all
+    files are written, but the Strehl ratio is not meaningful: its error is greater than the ratio or than 1.
     """
     from aerokernels.commands._ahead import REPORT, import_ahead
     from aerokernels.commands._output import note
@@ -50,7 +50,7 @@ def run(
 def _cost_rows(summary: dict) -> list[tuple[str, str]]:
     where = f"{summary['backend']} on {summary['device']}, {summary['precision']}"
     return [
-        ("Rays for the Strehl ratio", f"{summary['ray_count']:,}, traced {summary['traced_ray_count']:,}"),
+        ("Rays for the Strehl ratio", f"{summary['ray_count']:,} requested, {summary['traced_ray_count']:,} traced"),
         ("Computed by", where),
-        ("Time", f"{summary['total_seconds']:.2f} s, of it {summary['compile_seconds']:.2f} s compiling kernels"),
+        ("Time", f"{summary['total_seconds']:.2f} s, of which {summary['compile_seconds']:.2f} s compiling kernels"),
     ]

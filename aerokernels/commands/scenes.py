@@ -1,16 +1,18 @@
-"""`aerokernels scenes`: the scenes that ship with the library, to run or to copy."""
+"""`aerokernels scenes`: list or copy the scenes that ship with the library."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-scenes = typer.Typer(name="scenes", help="List the shipped scenes, or copy one to begin from.", add_completion=False)
+scenes = typer.Typer(
+    name="scenes", help="List the shipped scenes, or copy one as a starting point.", add_completion=False
+)
 
 
 @scenes.callback(invoke_without_command=True)
 def show(context: typer.Context) -> None:
-    """List the shipped scenes, or copy one to begin from."""
+    """List the shipped scenes, or copy one as a starting point."""
     if context.invoked_subcommand is not None:
         return
     from aerokernels.commands._table import print_table
@@ -28,17 +30,17 @@ def show(context: typer.Context) -> None:
 def copy(
     name: Annotated[str, typer.Argument(help="Name of a shipped scene.")],
     to: Annotated[Path | None, typer.Argument(help="File or folder to copy it to. [default: NAME.toml here]")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
 ) -> None:
-    """Copy a shipped scene to a file, comments and all."""
+    """Copy a shipped scene to a file, with its comments."""
     from aerokernels.commands._output import note
     from aerokernels.scene.loading import shipped_scene_text
 
     text = shipped_scene_text(name)
     place = Path(f"{name}.toml") if to is None else to / f"{name}.toml" if to.is_dir() else to
     if not place.parent.is_dir():
-        raise ValueError(f"{place}: there is no folder {place.parent}; make it, or choose another one")
+        raise ValueError(f"{place}: the folder {place.parent} does not exist; make it, or choose another one")
     if place.exists() and not force:
-        raise ValueError(f"{place} is there already: choose another name, or give --force to replace it")
+        raise ValueError(f"{place} already exists: choose another name, or give --force to replace it")
     place.write_text(text, encoding="utf-8")
     note(f"wrote {place}; run it with: aerokernels run {place} --out out")

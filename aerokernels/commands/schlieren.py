@@ -1,4 +1,4 @@
-"""`aerokernels schlieren`: what optical benches would show of a flow."""
+"""`aerokernels schlieren`: simulate schlieren pictures, shadowgraphs and interferograms of a flow."""
 
 import math
 from pathlib import Path
@@ -25,41 +25,52 @@ def schlieren(
         typer.Option(metavar="FROM,TO,FROM,TO", help='Right and up: "-60 mm,5 mm,-40 mm,40 mm" [default: all].'),
     ] = None,
     width: Annotated[
-        str | None, typer.Option(help="Length of the light's way through a planar flow, such as 50 mm.")
+        str | None, typer.Option(help="Length of the light's path through a planar flow, such as 50 mm.")
     ] = None,
     pixels: Annotated[int, typer.Option("--pixel-count", "--pixels", help="Pixels along the longer side.")] = 256,
     rays_per_pixel: Annotated[int, typer.Option(help="k: each pixel is the mean over k x k rays.")] = 1,
     spacing: Annotated[
-        str | None, typer.Option(help="Grid that the flow is resampled to, such as 0.1 mm [default: half a pixel].")
+        str | None,
+        typer.Option(help="Node spacing of the flow's uniform grid, such as 0.1 mm [default: half a pixel]."),
     ] = None,
     knife_edge: Annotated[
         str,
         typer.Option(
-            help='vertical, horizontal, or the direction that brightens, such as "30 deg" from right toward up.'
+            help="vertical, horizontal, or the direction of deflection that brightens the picture, such as "
+            '"30 deg" from right toward up.'
         ),
     ] = "vertical",
-    cut_off: Annotated[float, typer.Option(help="Share of the source image that the knife edge holds back.")] = 0.5,
+    cut_off: Annotated[float, typer.Option(help="Share of the source image that the knife edge blocks.")] = 0.5,
     sensitivity: Annotated[
-        float | None, typer.Option(help="Change of light per deflection [1/rad] [default: uses the whole range].")
+        float | None,
+        typer.Option(
+            help="Change of light per deflection [1/rad] [default: such that the picture uses the whole range]."
+        ),
     ] = None,
     exposure: Annotated[
         float, typer.Option(help="Brightness of the schlieren picture's full light; 1 is white.")
     ] = 1.0,
     screen: Annotated[
-        str, typer.Option("--distance", "--screen", help="Shadowgraph: of the screen from the flow's middle.")
+        str,
+        typer.Option("--distance", "--screen", help="Shadowgraph: distance of the screen from the middle of the flow."),
     ] = "0.5 m",
     source_angle: Annotated[str, typer.Option(help="Shadowgraph: angle that the light source subtends.")] = "0 rad",
     fringes: Annotated[
         str | None,
         typer.Option(
-            "--fringe-spacing", "--fringes", help="Interferogram: of undisturbed fringes [default: infinite fringe]."
+            "--fringe-spacing",
+            "--fringes",
+            help="Interferogram: spacing of the undisturbed fringes [default: infinite fringe].",
         ),
     ] = None,
     fringe_angle: Annotated[
-        str, typer.Option(help="Interferogram: direction across them, from right toward up.")
+        str, typer.Option(help="Interferogram: direction across the fringes, from right toward up.")
     ] = "90 deg",
     shock: Annotated[
-        str | None, typer.Option(metavar="FROM,TO", help='Read the shock\'s angle off this stretch: "-60 mm,-30 mm".')
+        str | None,
+        typer.Option(
+            metavar="FROM,TO", help='Measure the shock\'s angle in this horizontal interval: "-60 mm,-30 mm".'
+        ),
     ] = None,
     measured: Annotated[
         Path | None, typer.Option(help="A schlieren photograph (PNG, TIFF, ...) for the lower half of comparison.png.")
@@ -69,10 +80,12 @@ def schlieren(
     ] = None,
     nose: Annotated[
         str | None,
-        typer.Option(metavar="COLUMN,ROW", help="Pixel of the nose's tip in the photograph, from its upper left."),
+        typer.Option(
+            metavar="COLUMN,ROW", help="Pixel of the nose tip in the photograph, counted from its upper left corner."
+        ),
     ] = None,
     upstream: Annotated[
-        str, typer.Option(help="Side of the photograph that the flow comes from: right or left.")
+        str, typer.Option(help="Side of the photograph from which the flow comes: right or left.")
     ] = "right",
     roll: Annotated[str, typer.Option(help="Angle by which the photograph is turned, from right toward up.")] = "0 deg",
     backend: Backend = None,
@@ -115,7 +128,7 @@ def schlieren(
         _refuse_without_photograph(pixel_size=pixel_size, nose=nose, upstream=upstream, roll=roll)
     else:
         if pixel_size is None or nose is None:
-            raise ValueError(f"--measured {measured}: give --pixel-size and --nose too, so that its scale is known")
+            raise ValueError(f"--measured {measured}: give --pixel-size and --nose too, which set its scale and place")
         photograph = read_picture(
             measured,
             pixel_size=_number("--pixel-size", pixel_size, "length"),
@@ -150,7 +163,7 @@ def _refuse_without_photograph(pixel_size: str | None, nose: str | None, upstrea
     }
     if any(given.values()):
         idle = ", ".join(option for option, there in given.items() if there)
-        raise ValueError(f"{idle}: only with a photograph; give it as --measured, or leave this out")
+        raise ValueError(f"{idle}: needs a photograph; give one as --measured, or leave this out")
 
 
 def _direction(text: str) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""`aerokernels series`: snapshots of a flow in time."""
+"""`aerokernels series`: OPD maps and statistics of snapshots of a flow in time."""
 
 from pathlib import Path
 from typing import Annotated
@@ -16,9 +16,9 @@ def series(
     precision: Precision = None,
     settings: Settings = None,
 ) -> None:
-    """Compute the OPD of the snapshots of a scene (its table "series"), and their statistics, with a report.
+    """Compute OPD maps of a scene's flow snapshots (table [series]) and their statistics, with a report.
 
-    A job that was broken off goes on with the snapshot at which it stopped.
+    An interrupted job resumes at the snapshot where it stopped.
     """
     from aerokernels.commands._output import note
     from aerokernels.commands._progress import shown_progress

@@ -1,4 +1,4 @@
-"""`aerokernels strehl`: the Strehl ratio alone."""
+"""`aerokernels strehl`: compute the Strehl ratio alone."""
 
 from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, blamed_on, load_scene
 
@@ -11,9 +11,10 @@ def strehl(
     rays: Rays = None,
     settings: Settings = None,
 ) -> None:
-    """Print the Strehl ratio of the view straight ahead through the receiver's pupil, with its error: 0.978 +- 0.004.
+    """Print the Strehl ratio through the scene's pupil with its error, such as 0.978 +- 0.004.
 
-    The error takes some hundred rays more, below a second. Exit status 3: an error greater than the ratio or than 1.
+    Computing the error takes some hundred more rays, less than a second. Exit status 3: the error is greater than the
+    ratio or than 1.
     """
     from aerokernels.commands._output import result
     from aerokernels.commands._verdict import leave_with

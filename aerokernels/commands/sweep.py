@@ -1,4 +1,4 @@
-"""`aerokernels sweep`: a scene over many values of its keys."""
+"""`aerokernels sweep`: run a scene for many values of its keys."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,28 +12,38 @@ def sweep(
     scene: SceneName,
     vary: Annotated[
         list[str],
-        typer.Option(metavar="KEY=V1,V2,...", help="A key and its values; LOW:HIGH:COUNT spaces them. Repeatable."),
+        typer.Option(
+            metavar="KEY=V1,V2,...",
+            help="A key and its values, or KEY=LOW:HIGH:COUNT for evenly spaced values. Repeatable.",
+        ),
     ],
-    out: Annotated[Path, typer.Option(help="Folder for sweep.nc, report.html and what is done so far.")],
-    zip_: Annotated[bool, typer.Option("--zip", help="Keys go through their values together.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for sweep.nc, report.html and the finished cases.")],
+    zip_: Annotated[
+        bool, typer.Option("--zip", help="Take the keys' values in parallel, not in every combination.")
+    ] = False,
     sample: Annotated[
-        str | None, typer.Option(metavar="lhs:N", help="N cases of a Latin hypercube between each key's two values.")
+        str | None,
+        typer.Option(metavar="lhs:N", help="N random cases, a Latin hypercube between each key's two values."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of its drawing.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of --sample.")] = 0,
     executor: Annotated[str, typer.Option(help="local or dask.")] = "local",
-    workers: Annotated[int | None, typer.Option(help="Processes here; one a GPU or a core if left out.")] = None,
-    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="A running Dask scheduler.")] = None,
-    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Compute again what failed.")] = False,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes on this machine [default: one per GPU, or, without GPUs, per core].")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Address of a running Dask scheduler.")
+    ] = None,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Compute failed cases again.")] = False,
     backend: Backend = None,
     device: Device = None,
     precision: Precision = None,
     rays: Rays = None,
     settings: Settings = None,
 ) -> None:
-    """Run a scene for every combination of values of its keys, into one labelled dataset.
+    """Run a scene for every combination of values of its keys, and write one labelled dataset.
 
-    A sweep that was broken off goes on where it stopped, a finished one does nothing. A case that fails is recorded
-    with its error, and the others go on; exit status 1 where all of them failed.
+    An interrupted sweep resumes where it stopped; a finished one does nothing. A case that fails is recorded with its
+    error and does not stop the others. Exit status 1: all cases failed.
     """
     from aerokernels.commands._output import note
     from aerokernels.commands._vary import varied
@@ -44,7 +54,7 @@ def sweep(
     changes = scene_changes(backend, device, precision, rays, settings)
     definition = define(scene, varied(vary), settings=changes, together=zip_, sample=sample, seed=seed)
     if is_finished(definition, out, retry_failed):
-        note(f"nothing to do: all {definition.case_count} cases of {out} are done")
+        note(f"nothing to do: all {definition.case_count} cases in {out} are finished")
     else:
         from aerokernels.commands._progress import shown_progress
         from aerokernels.commands._sweeping import thinned
@@ -55,7 +65,7 @@ def sweep(
 
 
 def _finish(total: int, out: Path) -> None:
-    """Say what came of it.
+    """Print how many cases succeeded, and the first failure.
 
     Raises:
         typer.Exit: Every case failed.
@@ -65,7 +75,7 @@ def _finish(total: int, out: Path) -> None:
 
     done = Records(out).done
     failed = {number: record["error"] for number, record in sorted(done.items()) if "error" in record}
-    text = f"{total - len(failed)} of {total} cases in {out / DATASET_FILE}, with report.html beside it"
+    text = f"{total - len(failed)} of {total} cases succeeded: {out / DATASET_FILE} and report.html"
     result(text, {"case_count": total, "failed": {str(number): why for number, why in failed.items()}, "out": str(out)})
     if failed:
         number, why = next(iter(failed.items()))

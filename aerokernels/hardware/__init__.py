@@ -1,1 +1,1 @@
-"""Echoes from real hardware: serial frames, the port, the recorder, its store, and a simulated board."""
+"""Echoes from hardware: serial frames and oscilloscope curves, the port, the recorder, its store, simulated boards."""

@@ -1,10 +1,10 @@
-"""An incremental decoder of what an oscilloscope sends over a serial line: lines of text and IEEE 488.2 blocks.
+"""An incremental decoder of an oscilloscope's serial output: lines of text and IEEE 488.2 blocks.
 
 A definite-length block is `#`, one digit d (1 to 9), d digits that give a count, and then that many bytes of any value:
 
     :CURVE #42500<2500 bytes><line feed>
 
-The count alone says where the block ends; a line feed among the data is data. Text ends with a line feed.
+Only the count determines where the block ends: a line feed among the data is data. Text ends with a line feed.
 
 Reference: IEEE Std 488.2-1992, 8.7.9 (definite length arbitrary block response data).
 """
@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 from aerokernels.hardware.decoder import DamagedPiece
 
 GREATEST_BLOCK_LENGTH = 32 * 2**20
-"""Most bytes a block may announce; a damaged count must not make the decoder wait for gigabytes."""
+"""Greatest count of bytes accepted; a damaged count must not make the decoder wait for gigabytes."""
 
 GREATEST_TEXT_LENGTH = 4096
-"""Most bytes of one line of text; a preamble has some 300."""
+"""Greatest length of a line of text [bytes]; a preamble has some 300."""
 
 _SPECIAL = re.compile(rb'[\n#"]')
 _TEXT = re.compile(rb"[\x20-\x7e\t]*")
@@ -48,8 +48,8 @@ class Block:
 class BlockDecoder:
     """Turns a stream of bytes, in chunks of any size, into text lines, blocks and damaged pieces.
 
-    The outcome depends on the bytes alone, not on how they are cut into chunks, and the time on their number. Never
-    more than `greatest_length` + 2 `GREATEST_TEXT_LENGTH` bytes are held.
+    The result does not depend on how the bytes are cut into chunks, and the time is linear in their number. The decoder
+    buffers at most `greatest_length` + 2 `GREATEST_TEXT_LENGTH` bytes.
     """
 
     def __init__(self, greatest_length: int = GREATEST_BLOCK_LENGTH) -> None:
@@ -60,19 +60,19 @@ class BlockDecoder:
 
     def _begin(self) -> None:
         self._pending = bytearray()
-        self._hash = -1  # where `#` lies in what is pending, while its digits come in
-        self._wanted = 0  # bytes of a block that are still to come
+        self._hash = -1  # index of `#` in the pending bytes while its digits arrive, else -1
+        self._wanted = 0  # bytes of the block that have not arrived yet
         self._data_start = 0
         self._quoted = False
         self._overlong = False
 
     @property
     def pending_length(self) -> int:
-        """Bytes held back until what they belong to is complete."""
+        """Number of buffered bytes of an incomplete line or block."""
         return len(self._pending)
 
     def feed(self, chunk: bytes) -> list[TextLine | Block | DamagedPiece]:
-        """Take the next bytes; return what they complete, in order."""
+        """Take the next bytes; return the lines, blocks and damaged pieces that they complete, in order."""
         chunk, position = bytes(chunk), 0
         while position < len(chunk):
             if self._wanted:
@@ -85,7 +85,7 @@ class BlockDecoder:
         return found
 
     def finish(self, reason: str = "cut off: the stream ended before its end") -> list[DamagedPiece]:
-        """The stream broke off here: what was pending comes out as a damaged piece, and the decoder starts afresh."""
+        """End the stream: return the pending bytes as a damaged piece, and reset the decoder."""
         raw = bytes(self._pending)
         self._begin()
         return [DamagedPiece(raw, reason)] if raw.strip() else []
@@ -99,7 +99,7 @@ class BlockDecoder:
         return position + len(piece)
 
     def _take_length(self, chunk: bytes, position: int) -> int:
-        """One byte of `#<digit><digits>`; anything else makes the `#` a character of a text."""
+        """Take one byte of `#<digit><digits>`; any other byte makes the `#` a character of a text."""
         byte = chunk[position : position + 1]
         digits = bytes(self._pending[self._hash + 1 :]) + byte
         if not byte.isdigit() or digits[:1] == b"0":

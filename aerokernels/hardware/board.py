@@ -1,4 +1,4 @@
-"""A simulated digitiser board: it sends frames v1 of a noisy echo at a given rate, to try and test without hardware."""
+"""A simulated digitiser board that sends frames v1 of a noisy echo at a given rate, for trials without hardware."""
 
 import time
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from aerokernels.hardware.faults import FaultPlan
 from aerokernels.hardware.frames import DELIMITER, encode
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 
-_SETTLING_TIME = 0.25  # [s]; opening a serial port throws away what came before its settings were made
+_SETTLING_TIME = 0.25  # [s]; opening a serial port discards bytes that arrive before its settings are made
 
 
 def run_board(
@@ -24,20 +24,20 @@ def run_board(
     faults: FaultPlan | None = None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> int:
-    """Send frames while someone reads; returns how many were measured.
+    """Send frames while a reader has the port open; return the number of frames measured.
 
-    Measuring pauses while nobody has the port open, so that the first frame of a recording is not lost in the void. A
-    frame that a leaving reader cut off is gone, and its number with it, as on a real board.
+    Measuring pauses while no reader has the port open, so that a recording does not miss the first frame. A frame that
+    was interrupted by a leaving reader is lost together with its number, as on a real board.
 
     Args:
-        terminal: where to send.
-        source: what to send.
+        terminal: pseudo-terminal to send on.
+        source: echoes to send.
         rate: echoes per second.
         count: frames to measure before returning; None goes on until `stopped`.
         first_sequence: number of the first frame.
-        seed: of the noise.
-        faults: what goes wrong on the way, counted there.
-        stopped: asked between frames; True ends it.
+        seed: seed of the noise.
+        faults: faults of the line, which also counts them.
+        stopped: called between frames; True ends the board.
     """
     if not rate > 0.0:
         raise ValueError(f"rate = {rate} echoes per second: give a positive one")
@@ -50,13 +50,13 @@ def run_board(
             continue
         if not heard:
             time.sleep(_SETTLING_TIME)
-            terminal.write(DELIMITER, stopped)  # ends what an earlier reader left unread
+            terminal.write(DELIMITER, stopped)  # ends a frame that an earlier reader left unfinished
             heard, due = True, time.monotonic()
         wait = due - time.monotonic()
         if wait > 0.0:
             time.sleep(min(wait, 0.1))
             continue
-        due = max(due, time.monotonic() - 1.0) + 1.0 / rate  # at most a second of delay is made up for
+        due = max(due, time.monotonic() - 1.0) + 1.0 / rate  # catch up at most one second of delay
         frame = source.frame(first_sequence + sent, time.monotonic_ns() // 1000, random)
         sent += 1
         fault = faults.draw(last=sent == count)

@@ -1,4 +1,4 @@
-"""An incremental decoder of frames v1: bytes in chunks of any size in, good frames and damaged pieces out."""
+"""An incremental decoder of frames v1: it turns chunks of bytes into good frames and damaged pieces."""
 
 from dataclasses import dataclass, field
 
@@ -9,7 +9,7 @@ _OVERLONG = "length: no delimiter within the longest possible frame"
 
 @dataclass(frozen=True)
 class DamagedPiece:
-    """Bytes between two delimiters that are not a good frame, as received, and why."""
+    """Received bytes between two delimiters that are not a good frame, and the reason."""
 
     raw: bytes = field(repr=False)
     reason: str
@@ -18,8 +18,8 @@ class DamagedPiece:
 class FrameDecoder:
     """Turns a stream of bytes, in chunks of any size, into good frames and damaged pieces.
 
-    The outcome depends on the bytes alone, not on how they are cut into chunks. Never more than
-    `GREATEST_FRAME_LENGTH` bytes are held: a longer run without a delimiter comes out as damaged pieces of that length.
+    The result does not depend on how the bytes are cut into chunks. The decoder buffers at most `GREATEST_FRAME_LENGTH`
+    bytes: a longer run without a delimiter becomes damaged pieces of that length.
     """
 
     def __init__(self) -> None:
@@ -29,11 +29,11 @@ class FrameDecoder:
 
     @property
     def pending_length(self) -> int:
-        """Bytes held back until their delimiter comes."""
+        """Number of buffered bytes that wait for their delimiter."""
         return len(self._pending)
 
     def feed(self, chunk: bytes) -> list[EchoFrame | DamagedPiece]:
-        """Take the next bytes; return what they complete, in order."""
+        """Take the next bytes; return the frames and damaged pieces that they complete, in order."""
         found: list[EchoFrame | DamagedPiece] = []
         *ended, rest = bytes(chunk).split(DELIMITER)
         for piece in ended:
@@ -48,7 +48,7 @@ class FrameDecoder:
         return found
 
     def finish(self, reason: str = "cut off: the stream ended before its delimiter") -> list[DamagedPiece]:
-        """The stream broke off here: what was pending comes out as a damaged piece, and the decoder starts afresh."""
+        """End the stream: return the pending bytes as a damaged piece, and reset the decoder."""
         found = self._damaged(_OVERLONG if self._overlong else reason)
         self._pending.clear()
         self._overlong = False

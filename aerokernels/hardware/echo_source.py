@@ -1,4 +1,4 @@
-"""The noisy echo that a simulated instrument measures: a Gaussian, or the echo of a scene or of a finished run."""
+"""The noisy echo that a simulated instrument measures: a Gaussian, a scene's echo, or the echo of a finished run."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.hardware.frames import GREATEST_SAMPLE_COUNT, EchoFrame
 from aerokernels.inputs.checks import check_path
 
-# What the simulated instruments play if nothing else is asked for.
+# The scene whose echo the simulated instruments send by default.
 DEFAULT_SCENE = "wind-tunnel-static"
 
 
@@ -19,7 +19,7 @@ DEFAULT_SCENE = "wind-tunnel-static"
 class EchoSource:
     """Makes noisy frames of one echo.
 
-    The first sample lies where the outgoing pulse peaks (t = 0), so that range = c t / 2 holds for its time axis.
+    The first sample is at the peak of the outgoing pulse (t = 0), so that range = c t / 2 holds for its time axis.
 
     Attributes:
         voltage: echo without noise [V], shape (sample_count,).
@@ -35,7 +35,7 @@ class EchoSource:
         """Check.
 
         Raises:
-            ValueError: no finite echo, more samples than a frame holds, or a negative noise.
+            ValueError: an echo that is not finite, more samples than a frame holds, or a negative noise.
         """
         voltage = np.asarray(self.voltage, dtype=np.float64)
         if voltage.ndim != 1 or not 1 <= voltage.size <= GREATEST_SAMPLE_COUNT:
@@ -57,7 +57,7 @@ class EchoSource:
         sample_period_ps: int = 250,
         noise: float = 0.02,
     ) -> "EchoSource":
-        """A Gaussian echo of a target at `distance` [m]: `peak` [V], full width at half maximum `pulse_width` [s]."""
+        """Make a Gaussian echo of a target at `distance` [m]: `peak` [V], `pulse_width` [s] wide at half maximum."""
         time_ = _sample_times(sample_count, sample_period_ps)
         delay = 2.0 * distance / speed_of_light
         voltage = peak * np.exp(-4.0 * np.log(2.0) * ((time_ - delay) / pulse_width) ** 2)
@@ -72,7 +72,7 @@ class EchoSource:
         sample_period_ps: int = 250,
         noise: float = 0.02,
     ) -> "EchoSource":
-        """The echo that a scene has in vacuum: its pulse, target and detector, as a run of it simulates them.
+        """Make the echo that a scene has in vacuum, with the pulse, target and detector that a run simulates.
 
         Args:
             scene: a TOML file or the name of a shipped scene.
@@ -98,16 +98,16 @@ class EchoSource:
         sample_period_ps: int = 250,
         noise: float = 0.02,
     ) -> "EchoSource":
-        """The echo of a finished run, sampled as a board would; 0 V outside its time axis.
+        """Make the echo of a finished run, sampled as a board would; 0 V outside its time axis.
 
         Args:
-            path: result.nc of the run, or the folder that holds it.
+            path: result.nc of the run, or its folder.
             sample_count: samples of a frame.
             sample_period_ps: time between two samples [ps].
             noise: standard deviation of the noise [V].
 
         Raises:
-            ValueError: there is no such file, it cannot be read, or there is no echo in it.
+            ValueError: the file does not exist, cannot be read, or holds no echo.
         """
         path = check_path(path, "path")
         if path.is_dir():
@@ -120,15 +120,15 @@ class EchoSource:
 
     @property
     def full_scale(self) -> float:
-        """Voltage that leaves room for six standard deviations of noise on the echo [V]."""
+        """The echo's greatest voltage plus six standard deviations of the noise [V]."""
         return float(np.abs(self.voltage).max() + 6.0 * self.noise) or 1.0
 
     def noisy(self, random: np.random.Generator) -> np.ndarray:
-        """One measurement of the echo [V], shape (sample_count,)."""
+        """Return one measurement of the echo [V], shape (sample_count,)."""
         return self.voltage + self.noise * random.standard_normal(self.voltage.size)
 
     def frame(self, sequence: int, device_time_us: int, random: np.random.Generator) -> EchoFrame:
-        """The next frame of a digitiser board."""
+        """Return one measurement as a digitiser board's frame."""
         voltage = self.noisy(random)
         scale = float(np.float32(self.full_scale / 32767))
         counts = np.clip(np.rint(voltage / scale), -32768, 32767).astype(np.int16)
@@ -136,12 +136,12 @@ class EchoSource:
 
 
 def _sample_times(sample_count: int, sample_period_ps: int) -> np.ndarray:
-    """Times of a frame's samples [s]."""
+    """Return the times of a frame's samples [s]."""
     return np.arange(sample_count) * (sample_period_ps * 1e-12)
 
 
 def _drawn_on(time: np.ndarray, echo_time: np.ndarray, voltage: np.ndarray) -> np.ndarray:
-    """An echo's voltage at other times [s], by the quintic spline; 0 V outside its record."""
+    """Interpolate an echo's voltage at other times [s] by the quintic spline; 0 V outside its record."""
     from aerokernels.echo.ranging import SampledTemplate
     from aerokernels.inputs.checks import as_waveform
 

@@ -1,4 +1,4 @@
-"""Writes the echoes of a store as NetCDF or CSV, in blocks: a day of recording need not fit into memory."""
+"""Write the echoes of a store as NetCDF or CSV, in blocks, so that a day of recording need not fit in memory."""
 
 import csv
 import itertools
@@ -17,17 +17,17 @@ from aerokernels.hardware.csv_cells import csv_cell
 from aerokernels.hardware.store import EchoStore, StoredEcho
 from aerokernels.hardware.transaction import StoreError
 
-ECHOES_AT_ONCE = 1024  # echoes written at a time, and
-SAMPLES_AT_ONCE = 2**23  # samples at most: one long curve makes rows of its length for all
+ECHOES_AT_ONCE = 1024  # most echoes written at a time
+SAMPLES_AT_ONCE = 2**23  # most samples written at a time: one long curve makes every row as long
 
 
 @dataclass(frozen=True)
 class _Extent:
-    """What the echoes to be written have in common.
+    """The size and common properties of the echoes to be written.
 
     Attributes:
-        count: echoes.
-        sample_count: samples of the longest.
+        count: number of echoes.
+        sample_count: samples of the longest echo.
         time: time of each sample [s], where all echoes agree on it; None otherwise.
         keys: keys of their labels.
     """
@@ -44,20 +44,20 @@ class _Extent:
 
 
 def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = None) -> int:
-    """Write the echoes of `store` to `out`; returns how many.
+    """Write the echoes of `store` to `out`; return their number.
 
-    A recorder may go on writing to the store meanwhile: what is written is the store at one moment. `out` is
-    replaced in one step when it is complete.
+    A recorder may go on writing to the store meanwhile: the export shows the store at one moment. `out` is replaced in
+    one step when the export is complete.
 
     Args:
         store: open for reading.
         out: FILE.nc (dimensions echo and sample) or FILE.csv (a row for each echo).
-        label: only the echoes whose label has these values; other keys of theirs do not matter.
+        label: select the echoes whose label has these values; their labels may have other keys too.
 
     Raises:
-        ValueError: another ending, a folder that is not there or cannot be written, no echoes with this label, or
-            a store that is damaged.
-        StoreError: the file could not be written, or the store not read.
+        ValueError: another file name extension, a folder that does not exist or is not writable, no echoes with this
+            label, or a damaged store.
+        StoreError: the file could not be written, or the store could not be read.
     """
     out = Path(out)
     write = {".nc": _write_netcdf, ".csv": _write_csv}.get(out.suffix.lower())
@@ -197,7 +197,7 @@ def _columns_of(block: list[StoredEcho], label_names: Mapping[str, str]) -> dict
     return {
         "session": np.array([echo.session for echo in block]),
         "sequence": np.array([frame.sequence for frame in frames]),
-        # A clock beyond 2**63 us has run for 292,000 years, or counts down from 0.
+        # A clock beyond 2**63 us has run for 292,000 years, or has been set below 0.
         "device_time_us": np.array([clock if clock < 2**63 else clock - 2**64 for clock in clocks], np.int64),
         "host_time": np.array([echo.host_time_ns for echo in block]),
         "flags": np.array([frame.flags for frame in frames]),
@@ -212,7 +212,7 @@ def _columns_of(block: list[StoredEcho], label_names: Mapping[str, str]) -> dict
 
 
 def _label_names(keys: tuple[str, ...]) -> dict[str, str]:
-    """A NetCDF name for each key of a label; keys that become the same name are numbered."""
+    """Return a NetCDF name for each key of a label; a name that is already used gets underscores appended."""
     names: dict[str, str] = {}
     for key in keys:
         name = "label_" + re.sub(r"\W", "_", key)

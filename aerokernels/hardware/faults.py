@@ -1,4 +1,4 @@
-"""Faults of a simulated line, made on demand and counted, so that a recording can be compared with them."""
+"""Random faults of a simulated line, counted so that a recording can be checked against them."""
 
 import time
 from collections import Counter
@@ -20,8 +20,8 @@ FAULTS = {
     "stall": "nothing is sent for a while",
     "unplug": "the port goes away for a while",
 }
-"""Kinds of faults. Of n frames, n - torn - flipped - 2 glued - gap are good and come, where no stall or unplug cuts in;
-torn + flipped + glued + garbage damaged pieces do."""
+"""Kinds of faults. Of n frames, n - torn - flipped - 2 glued - gap arrive undamaged, if no stall or unplug interrupts;
+torn + flipped + glued + garbage damaged pieces arrive."""
 
 
 @dataclass
@@ -30,8 +30,8 @@ class FaultPlan:
 
     Attributes:
         rates: probability per frame of each kind.
-        pause: how long a stall or an unplugged port lasts [s].
-        seed: of the draws.
+        pause: duration of a stall or of an unplugged port [s].
+        seed: seed of the random choices.
         counts: how often each kind happened.
     """
 
@@ -44,7 +44,7 @@ class FaultPlan:
         """Check.
 
         Raises:
-            ValueError: an unknown kind, or probabilities that are none.
+            ValueError: an unknown kind, or a probability outside 0 to 1.
         """
         for kind, rate in self.rates.items():
             if kind not in FAULTS:
@@ -59,7 +59,7 @@ class FaultPlan:
         self._after_glued = False
 
     def draw(self, last: bool = False) -> str | None:
-        """The fault of the next frame; none for a frame that is glued on, or that has no next one to be glued to."""
+        """Choose the next frame's fault; None after a glued frame, and instead of "glued" for the last frame."""
         chosen = None
         if self.rates:
             place = self.random.random()
@@ -76,13 +76,13 @@ class FaultPlan:
         return chosen
 
     def on_the_line(self, fault: str | None, wire: bytes) -> bytes:
-        """What becomes of a frame, its delimiter included."""
+        """Return the bytes that a fault makes of a frame and its delimiter."""
         if fault == "torn":
             return wire[: self.random.integers(1, len(wire) - 1)] + DELIMITER
         if fault == "flipped":
             while True:
                 place, bit = self.random.integers(len(wire) - 1), 1 << int(self.random.integers(8))
-                if wire[place] != bit:  # a zero would make two pieces of it
+                if wire[place] != bit:  # flipping this bit would make a zero, which splits the frame in two
                     return wire[:place] + bytes([wire[place] ^ bit]) + wire[place + 1 :]
         if fault == "glued":
             return wire[:-1]
@@ -95,7 +95,7 @@ class FaultPlan:
         return wire + wire if fault == "repeat" else wire
 
     def interrupt(self, fault: str | None, terminal: PseudoTerminal, stopped: Callable[[], bool]) -> None:
-        """Stall, or pull the plug and put it back."""
+        """Stall, or unplug the terminal for a while."""
         if fault not in ("stall", "unplug"):
             return
         if fault == "unplug":
@@ -107,12 +107,12 @@ class FaultPlan:
             terminal.open()
 
     def __str__(self) -> str:
-        """What happened: "3 torn, 1 gap"."""
+        """Return the counts of the faults that happened: "3 torn, 1 gap"."""
         return ", ".join(f"{self.counts[kind]} {kind}" for kind in FAULTS if self.counts[kind])
 
 
 def parse_faults(pairs: list[str]) -> dict[str, float]:
-    """Rates from "kind=probability" texts.
+    """Parse rates from "kind=probability" texts.
 
     Raises:
         ValueError: a text that is not of this form, or a kind given twice.

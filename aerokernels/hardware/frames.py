@@ -1,4 +1,4 @@
-"""Frame version 1 of a digitiser board: encoding and decoding of one frame.
+"""Encode and decode frame version 1 of a digitiser board.
 
 On the wire a frame is COBS encoded (no zero byte inside) and ended by one 0x00. Decoded, little-endian:
 
@@ -7,7 +7,7 @@ On the wire a frame is COBS encoded (no zero byte inside) and ended by one 0x00.
 
     volts = offset + scale * sample
 
-A frame counts as good only if the COBS code, the CRC-32, the magic, the version and the length all agree.
+A frame is good only if the COBS code, the CRC-32, the magic, the version and the length are all correct.
 
 References: S. Cheshire, M. Baker, "Consistent overhead byte stuffing", IEEE/ACM Trans. Networking 7 (1999) 159-172;
 CRC-32 as in zlib (ISO-HDLC).
@@ -66,10 +66,10 @@ class EchoFrame(Waveform):
     raw: bytes = field(default=b"", repr=False)
 
     def __post_init__(self) -> None:
-        """Check every field against the room it has in the frame.
+        """Check that every field fits its place in the frame.
 
         Raises:
-            ValueError: a value that does not fit; the message says which.
+            ValueError: a value that does not fit; the message names the field.
         """
         for name, bits in (("sequence", 32), ("device_time_us", 64), ("sample_period_ps", 32), ("flags", 8)):
             value = index(getattr(self, name))
@@ -94,7 +94,7 @@ class EchoFrame(Waveform):
 
     @cached_property
     def crc(self) -> int:
-        """CRC-32 the frame carries; with sequence and device time it identifies the frame in a store."""
+        """The frame's CRC-32; together with sequence and device time it identifies the frame in a store."""
         return zlib.crc32(self._body())
 
     def _body(self) -> bytes:
@@ -106,16 +106,16 @@ class EchoFrame(Waveform):
 
 
 def encode(frame: EchoFrame) -> bytes:
-    """Bytes of `frame` on the wire, its delimiter included."""
+    """Return the bytes of `frame` on the wire, its delimiter included."""
     body = frame._body()
     return cobs.encode(body + _CRC.pack(zlib.crc32(body))) + DELIMITER
 
 
 def decode(raw: bytes) -> EchoFrame:
-    """Decode what was received between two delimiters.
+    """Decode the bytes received between two delimiters.
 
     Raises:
-        FrameError: it is not a good frame; the message is the reason.
+        FrameError: the bytes are not a good frame; the message is the reason.
     """
     try:
         payload = cobs.decode(raw)
@@ -145,7 +145,7 @@ def decode(raw: bytes) -> EchoFrame:
 
 
 def _received(**fields: Any) -> EchoFrame:
-    """A frame whose fields came out of their own places in a frame: they fit, and checking them again takes time."""
+    """Make a frame from decoded fields without checking them: fields unpacked from a frame always fit."""
     frame = object.__new__(EchoFrame)
     frame.__dict__.update(fields)
     return frame

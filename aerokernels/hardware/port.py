@@ -1,4 +1,4 @@
-"""Opening a serial port, or a pyserial URL, for one process alone, and reading what has come in."""
+"""Open a serial port or a pyserial URL exclusively, and read the bytes that have arrived."""
 
 import errno
 import time
@@ -14,7 +14,7 @@ except ImportError:  # Windows has no such module, and no such error
     PORT_ERRORS: tuple[type[Exception], ...] = (OSError,)
 else:
     PORT_ERRORS = (OSError, termios.error)
-"""What a port that went away raises: SerialException is an OSError, termios.error is not."""
+"""Exceptions raised by a port that was lost: SerialException is an OSError, termios.error is not."""
 
 _OPEN_ERRORS: tuple[type[Exception], ...] = (*PORT_ERRORS, ValueError)  # a bad URL is a ValueError
 FLOW_CONTROLS = ("none", "rtscts", "dsrdtr")
@@ -23,26 +23,26 @@ _SOCKET_WAIT = 0.1  # [s]
 
 
 class PortError(ValueError):
-    """A port that cannot be opened; the message names it and the remedy."""
+    """A port cannot be opened; the message names the port and the remedy."""
 
 
 def open_port(port: str, *, baud: int = 115200, timeout: float = 0.1, flow: str = "none") -> "serial.SerialBase":
-    """Open `port` exclusively: a second process asking for it is refused.
+    """Open `port` exclusively: a second process that opens it gets an error.
 
     Args:
         port: device ("/dev/ttyUSB0", "/dev/serial/by-id/...", "COM3") or pyserial URL ("socket://host:port",
             "rfc2217://host:port", "loop://").
         baud: line rate [bit/s].
-        timeout: longest wait of a read for its first byte [s]; a write may take ten times as long.
+        timeout: longest time that a read waits for its first byte [s]; a write may take ten times as long.
         flow: hardware flow control, one of `FLOW_CONTROLS`.
 
     Raises:
-        PortError: no such port, no permission, in use, or not a serial port.
-        ValueError: a setting that no port has.
+        PortError: the port does not exist, is in use, is not a serial port, or permission is missing.
+        ValueError: an invalid line rate or flow control.
     """
     import serial
 
-    if not 0 < baud < 2**31:  # what the drivers' field for it holds
+    if not 0 < baud < 2**31:  # the drivers' field has 31 bits
         raise ValueError(f"baud = {baud}: give a positive line rate such as 115200")
     if flow not in FLOW_CONTROLS:
         why = ", which takes bytes out of binary data" if "xon" in flow.lower() else ""
@@ -60,32 +60,32 @@ def open_port(port: str, *, baud: int = 115200, timeout: float = 0.1, flow: str 
     except _OPEN_ERRORS as error:
         raise PortError(f"port {port!r}: {_remedy(port, error)}") from error
     if _is_socket(opened):
-        opened.timeout = 0  # a read takes what is there, see `_read_socket`
+        opened.timeout = 0  # a read returns the available bytes at once, see `_read_socket`
     return opened
 
 
 def read_available(port: "serial.SerialBase") -> bytes:
-    """The bytes that have come in; waits for the first as long as the port's timeout says, empty when none came.
+    """Return the bytes that have arrived; wait up to the port's timeout for the first one, empty when none came.
 
     Raises:
-        OSError, termios.error: the port went away (`PORT_ERRORS`).
+        OSError, termios.error: the port was lost (`PORT_ERRORS`).
     """
     if _is_socket(port):
         return _read_socket(port)
     first = port.read(max(1, min(port.in_waiting, _LONGEST_READ)))
     if first:
-        try:  # one byte woke us; most often its neighbours are here by now
+        try:  # the read returned after one byte; by now more have usually arrived
             waiting = min(port.in_waiting, _LONGEST_READ)
             return first + port.read(waiting) if waiting else first
         except PORT_ERRORS:
-            pass  # the next call meets it again; what was read is not to be lost
+            pass  # the next call raises the same error; return the byte that was read first
     return first
 
 
 def _read_socket(port: "serial.SerialBase") -> bytes:
-    """As `read_available`: a longer read of pyserial's would drop what came before the other side hung up."""
+    """Read from a socket; a longer read by pyserial would drop the bytes that came before the peer closed."""
     until = time.monotonic() + _SOCKET_WAIT
-    while not port.in_waiting:  # only tells whether there is anything
+    while not port.in_waiting:  # for a socket this is 0 or 1, not a count
         if time.monotonic() > until:
             return b""
         time.sleep(_SOCKET_WAIT / 20.0)
@@ -97,11 +97,11 @@ def _is_socket(port: "serial.SerialBase") -> bool:
 
 
 def close_port(port: "serial.SerialBase") -> None:
-    """Close, whatever state the port is in."""
+    """Close a port in any state, without raising."""
     try:
         port.close()
     except PORT_ERRORS:
-        pass  # a device that is gone may refuse even this
+        pass  # a lost device may fail to close
 
 
 def _remedy(port: str, error: Exception) -> str:

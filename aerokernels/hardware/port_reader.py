@@ -1,6 +1,6 @@
-"""A thread that empties a port while the rest of the recorder decodes, or waits for the disk.
+"""A thread that empties a port while the rest of the recorder decodes or waits for the disk.
 
-A serial driver holds a few kilobytes; at 2 MB/s that is gone in milliseconds, and one flush of a disk takes longer.
+A serial driver buffers a few kilobytes. At 2 MB/s that is full within milliseconds, and flushing a disk takes longer.
 """
 
 import queue
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     import serial
 
 _GREATEST_BACKLOG = 1024
-"""Chunks that may wait; then the port is left to its own flow control, and memory stays bounded."""
+"""Most chunks that wait in memory; beyond that reading pauses, and the port's own flow control takes over."""
 
 
 class PortReader:
     """Reads a port ahead of its user.
 
     Args:
-        port: the open port; the reader is the only one to read it, and its user closes it after `stop`.
+        port: the open port; only this reader reads from it, and the user closes it after `stop`.
     """
 
     def __init__(self, port: "serial.SerialBase") -> None:
@@ -34,10 +34,10 @@ class PortReader:
         self._thread.start()
 
     def next(self, timeout: float = 0.1) -> tuple[bytes, int] | None:
-        """The next bytes and the host time at which they came [ns since 1970]; None when none came in `timeout` [s].
+        """Return the next bytes and their arrival time [ns since 1970]; None when none came within `timeout` [s].
 
         Raises:
-            OSError, termios.error: the port went away, after everything that came before was handed out.
+            OSError, termios.error: the port was lost; raised after all bytes that came before were returned.
         """
         try:
             return self._chunks.get(timeout=timeout)
@@ -47,7 +47,7 @@ class PortReader:
             return None
 
     def stop(self) -> None:
-        """Stop reading; what has been read can still be taken."""
+        """Stop reading; `next` still returns the bytes that were read."""
         self._stopping.set()
         self._thread.join()
 
@@ -57,7 +57,7 @@ class PortReader:
                 chunk = read_available(self._port)
                 if chunk:
                     self._put((chunk, time.time_ns()))
-        except Exception as error:  # handed to the user's thread, who knows which ones to expect
+        except Exception as error:  # raised again in the user's thread by `next`
             self._failure = error
 
     def _put(self, item: tuple[bytes, int]) -> None:

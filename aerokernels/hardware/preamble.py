@@ -1,4 +1,4 @@
-"""Preambles of oscilloscopes: how the bytes of a curve become volts and seconds.
+"""Parse the preambles of oscilloscopes, which scale the bytes of a curve to volts and seconds.
 
 Tektronix (`WFMOUTPRE?`, named fields):   volts = YZERO + YMULT (y - YOFF),   t = XZERO + XINCR (k - PT_OFF)
 Rigol (`:WAVEFORM:PREAMBLE?`, ten numbers): volts = (y - yorigin - yreference) yincrement,
@@ -18,7 +18,7 @@ import numpy as np
 
 from aerokernels.hardware.waveform import Waveform
 
-# Full names of the fields, and how far an instrument may shorten them (VERBOSE OFF).
+# Full names of the fields, and the least length to which an instrument abbreviates them (VERBOSE OFF).
 _TEKTRONIX_FIELDS = {
     "BYT_NR": 5, "BIT_NR": 5, "ENCDG": 3, "BN_FMT": 4, "BYT_OR": 5, "NR_PT": 4, "PT_FMT": 4, "PT_OFF": 4,
     "XINCR": 3, "XZERO": 3, "YMULT": 3, "YOFF": 3, "YZERO": 3,
@@ -32,7 +32,7 @@ MOST_SAMPLES = 2**32  # more than any block holds
 
 
 class PreambleError(ValueError):
-    """A preamble that cannot be used; the message says why."""
+    """A preamble cannot be used; the message is the reason."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class Preamble:
     """The scaling of a curve.
 
     Attributes:
-        text: as the instrument sent it.
+        text: the preamble as the instrument sent it.
         sample_type: NumPy type of a sample in the block.
-        sample_count: samples that the block should hold; None when the preamble does not say.
+        sample_count: number of samples in the block; None when the preamble does not tell.
         sample_period: time between two samples [s].
         first_sample_time: time of the first sample after the trigger [s].
         scale: [V/count].
@@ -61,12 +61,12 @@ class Preamble:
         """Check.
 
         Raises:
-            PreambleError: a number that is not finite, or a scale or period that makes no sense.
+            PreambleError: a number that is not finite, a scale of 0, a period that is not positive, or overflow.
         """
         for name in ("sample_period", "first_sample_time", "scale", "offset"):
             if not math.isfinite(getattr(self, name)):
                 raise PreambleError(f"preamble: {name} = {getattr(self, name)}")
-        # What volts and times are made of: the widest count, and a second for each sample of a block, in picoseconds.
+        # Volts of the widest count and the time of the last possible sample [ps] must not overflow.
         furthest = abs(self.first_sample_time) + 1e12 * self.sample_period * MOST_SAMPLES
         if not math.isfinite(abs(self.offset) + 65536.0 * abs(self.scale)) or not math.isfinite(furthest):
             raise PreambleError(f"preamble: {self.scale} V per count every {self.sample_period} s is out of range")
@@ -76,21 +76,21 @@ class Preamble:
             raise PreambleError(f"preamble: {self.sample_count} samples")
 
     def curve(self, data: bytes, raw: bytes, sequence: int | None) -> "ScopeCurve":
-        """The curve in the block `data`.
+        """Return the curve in the block `data`.
 
         Raises:
-            PreambleError: the block has not the length that the preamble says.
+            PreambleError: the block's length differs from the preamble's.
         """
         width = np.dtype(self.sample_type).itemsize
         if len(data) % width or (self.sample_count is not None and len(data) != width * self.sample_count):
             raise PreambleError(f"length: {len(data)} bytes for {self.sample_count} samples of {width}")
         counts, offset = np.frombuffer(data, self.sample_type), self.offset
-        if counts.dtype.kind == "u" and width == 2:  # the upper half does not fit int16: move zero to the middle
+        if counts.dtype.kind == "u" and width == 2:  # shift to int16, which cannot hold the upper half
             counts, offset = counts.astype(np.int32) - 32768, offset + 32768 * self.scale
         period = 1e12 * self.sample_period
         return ScopeCurve(
             sequence,
-            # A decimal number of nanoseconds is one of picoseconds again, in spite of binary rounding.
+            # A decimal number of nanoseconds gives a whole number of picoseconds, despite binary rounding.
             round(period) if math.isclose(period, round(period), rel_tol=1e-12) else period,
             self.scale,
             offset,
@@ -106,15 +106,15 @@ class ScopeCurve(Waveform):
     """One curve of an oscilloscope.
 
     Attributes:
-        sequence: the instrument's count of acquisitions; None where it has none, and the store numbers the curve.
+        sequence: the instrument's count of acquisitions; None where it has no count, and the store numbers the curve.
         sample_period_ps: time between two samples [ps].
         scale: [V/count].
         offset: [V].
         samples: counts, int16, shape (sample_count,).
         first_sample_time: time of the first sample after the trigger [s].
-        preamble: as the instrument sent it.
+        preamble: the preamble as the instrument sent it.
         raw: the block as received.
-        device_time_us: None, as an oscilloscope sends no clock.
+        device_time_us: always None, since an oscilloscope sends no clock.
         flags: 0.
     """
 
@@ -131,17 +131,17 @@ class ScopeCurve(Waveform):
 
     @cached_property
     def crc(self) -> int:
-        """CRC-32 of the block, computed here: the protocol has none."""
+        """CRC-32 of the block, computed here because the protocol has none."""
         return zlib.crc32(self.raw)
 
 
 def parse_tektronix(text: str) -> Preamble:
-    """The preamble of a Tektronix oscilloscope: `NAME value` pairs between semicolons, in any order.
+    """Parse the preamble of a Tektronix oscilloscope: `NAME value` pairs between semicolons, in any order.
 
-    Fields that older instruments leave out have their usual values: one signed byte a sample, no offsets.
+    Fields that older instruments leave out get their usual values: one signed byte a sample, no offsets.
 
     Raises:
-        PreambleError: a field is missing, or says what cannot be read.
+        PreambleError: a field is missing, or has an unsupported value.
     """
     fields: dict[str, str] = {}
     for part in re.findall(r'(?:[^;"]|"[^"]*"?)+', text):
@@ -178,10 +178,10 @@ def parse_tektronix(text: str) -> Preamble:
 
 
 def parse_rigol(text: str) -> Preamble:
-    """The preamble of a Rigol oscilloscope: ten numbers between commas.
+    """Parse the preamble of a Rigol oscilloscope: ten numbers between commas.
 
     Raises:
-        PreambleError: not ten numbers, or a format that cannot be read.
+        PreambleError: not ten numbers, or an unsupported format.
     """
     values = re.sub(r"^\s*:?[A-Za-z][\w:]*\s+", "", text).split(",")
     if len(values) != len(_RIGOL_FIELDS):

@@ -1,4 +1,4 @@
-"""The protocols that the recorder and the simulated board speak, and the oscilloscope dialects of one of them."""
+"""Names of the protocols of the recorder and the simulated board, and of the oscilloscope dialects of "scpi"."""
 
 PROTOCOLS = ("frames", "scpi")
 DIALECT_NAMES = ("tektronix", "rigol")

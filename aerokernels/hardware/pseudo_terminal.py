@@ -1,4 +1,4 @@
-"""A pseudo-terminal under a name of one's own, standing in for a serial port."""
+"""A pseudo-terminal under a chosen name that simulates a serial port."""
 
 import os
 import re
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def _numberless(name: str) -> str:
-    """A terminal's name but for its number: those of a system are alike."""
+    """Return a terminal's name without its number, which is the same for all pseudo-terminals of a system."""
     return re.sub(r"\d", "", name)
 
 
@@ -17,11 +17,11 @@ class PseudoTerminal:
     """The board's end of a pseudo-terminal whose other end is reached through a symbolic link.
 
     Args:
-        link: path for the link; one that is left over from an earlier terminal is replaced.
+        link: path for the link; a link left over from an earlier terminal is replaced.
 
     Raises:
-        ValueError: `link` is a file, or a link to something else than a terminal, its folder does not exist or takes no
-            links, or this system has no pseudo-terminals.
+        ValueError: `link` is a file or a link to something other than a terminal, its folder does not exist or cannot
+            hold links, or this system has no pseudo-terminals.
     """
 
     def __init__(self, link: str | Path) -> None:
@@ -39,14 +39,14 @@ class PseudoTerminal:
         self.open()
 
     def open(self) -> None:
-        """Plug in: a new terminal under the same link."""
+        """Plug in: make a new terminal under the same link."""
         import tty
 
         self.close()
         self._master, slave = os.openpty()
         tty.setraw(slave)  # bytes pass unchanged, nothing is echoed
         self.name = os.ttyname(slave)
-        # Closed here, so that the hang-up condition tells whether anyone else has it open.
+        # Closed here, so that the hang-up condition shows whether a reader has the other end open.
         os.close(slave)
         os.set_blocking(self._master, False)
         self._poll = select.poll()
@@ -63,7 +63,7 @@ class PseudoTerminal:
             raise
 
     def _put_link(self) -> None:
-        """Make the link, in the place of one to a terminal; nobody else's link is replaced."""
+        """Make the link, replacing at most an old link to a terminal."""
         if self.link.is_symlink() and _numberless(held := os.readlink(self.link)) != _numberless(self.name):
             raise ValueError(f"link {self.link} leads to {held}, which is no terminal: give a path that is free")
         draft = self.link.with_name(f"{self.link.name}.{os.getpid()}")
@@ -79,7 +79,7 @@ class PseudoTerminal:
         return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
 
     def read(self, timeout: float = 0.1) -> bytes:
-        """What the other side has sent; waits `timeout` [s] for it, empty when nothing came or nobody is there."""
+        """Return the bytes that the reader sent; wait up to `timeout` [s], empty when none came."""
         readable, _, _ = select.select([self._master], [], [], timeout)
         if not readable:
             return b""
@@ -87,12 +87,12 @@ class PseudoTerminal:
             return os.read(self._master, 65536)
         except BlockingIOError:
             return b""
-        except OSError:  # nobody has the port open
+        except OSError:  # no reader has the port open
             time.sleep(min(timeout, 0.02))
             return b""
 
     def write(self, data: bytes, stopped: Callable[[], bool] = lambda: False) -> bool:
-        """Write all of `data`, waiting for a slow reader; False when the reader left or `stopped()` came first."""
+        """Write all of `data`, waiting for a slow reader; False when the reader left or `stopped()` was True first."""
         rest = memoryview(data)
         while rest:
             if stopped() or not self.has_reader():
@@ -104,7 +104,7 @@ class PseudoTerminal:
         return True
 
     def drain(self, stopped: Callable[[], bool] = lambda: False) -> None:
-        """Wait until the reader has taken everything or has left: closing the terminal would throw the rest away."""
+        """Wait until the reader has read everything or has left: closing the terminal would discard the rest."""
         import fcntl
         import struct
         import termios
@@ -117,13 +117,13 @@ class PseudoTerminal:
             left, unread = -1, 1
             while unread and unread != left and not stopped():
                 left = unread
-                time.sleep(0.5)  # a reader that takes nothing in this time is not reading any more
+                time.sleep(0.5)  # a reader that reads nothing in this time has stopped reading
                 (unread,) = struct.unpack("i", fcntl.ioctl(slave, termios.FIONREAD, b"\0\0\0\0"))
         finally:
             os.close(slave)
 
     def close(self) -> None:
-        """Unplug: the reader's end fails from now on, and the link is gone."""
+        """Unplug: remove the link; reads at the reader's end fail from then on."""
         if self._master < 0:
             return
         os.close(self._master)
@@ -132,7 +132,7 @@ class PseudoTerminal:
             self.link.unlink()
 
     def __enter__(self) -> "PseudoTerminal":
-        """Use as a context: unplugged at its end."""
+        """Use as a context, at whose end the terminal is unplugged."""
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -1,4 +1,4 @@
-"""The recording loop: echoes from a port into the store, until a count or a stop, whatever the port does meanwhile."""
+"""The recording loop: store echoes from a port until a count or a stop, and reconnect whenever the port is lost."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -12,24 +12,24 @@ from aerokernels.hardware.waveform import Waveform
 
 FIRST_WAIT = 0.1
 GREATEST_WAIT = 5.0
-"""Waits between attempts to reopen a lost port [s]: doubled from the first to the greatest."""
+"""First and greatest wait between attempts to reopen a lost port [s]; the wait doubles each time."""
 
-_REPORT_INTERVAL = 1.0  # [s] between reports while nothing is committed
+_REPORT_INTERVAL = 1.0  # [s] between two status reports while nothing is committed
 
 
 @dataclass(frozen=True)
 class RecordingStatus:
-    """What is on the disk: counts are as of the last commit, and never ahead of it.
+    """State of a recording; the counts are those of the last commit, so that they are on the disk.
 
     Attributes:
         stored_count: echoes stored in this recording.
         duplicate_count: good frames that the store already had.
-        damaged_count: damaged pieces kept.
-        missing_count: echoes that the numbers say were measured and did not arrive.
-        reconnect_count: times the port was lost and opened again.
+        damaged_count: damaged pieces stored.
+        missing_count: echoes that were measured but did not arrive, according to their numbers.
+        reconnect_count: how often the port was lost and opened again.
         last_sequence: number of the last echo stored, None before the first.
         last_peak: greatest voltage of the last echo [V].
-        port_state: "open", "silent" (open, but nothing comes) or why the port is away.
+        port_state: "open", "silent" (open, but no bytes arrive) or the reason why the port is lost.
     """
 
     stored_count: int = 0
@@ -43,7 +43,7 @@ class RecordingStatus:
 
     @property
     def port_open(self) -> bool:
-        """Whether the port is there."""
+        """Whether the port is open."""
         return self.port_state in ("open", "silent")
 
 
@@ -52,14 +52,14 @@ class Recorder:
 
     Args:
         stream: the open port; the recorder closes it.
-        store: where the echoes go; `begin_recording` has been called.
-        reconnect: opens the port again, or raises PortError; called with back-off after the port was lost.
+        store: the store for the echoes; `begin_recording` has been called.
+        reconnect: opens the port again, or raises PortError; called with increasing waits after the port was lost.
         count: echoes to store before stopping; None records until `stopped`.
-        commit_interval: longest time an echo waits for its commit [s]; it bounds what a kill loses.
+        commit_interval: longest time an echo waits for its commit [s]; a kill loses at most this much.
         batch_size: most echoes and pieces between two commits.
-        stall_time: silence after which the port is given up and opened anew [s]; 0 waits for ever.
-        stopped: asked between reads; True ends the recording.
-        report: called with the status after each commit, when the port goes or comes back, and once a second.
+        stall_time: silence after which the port is closed and opened again [s]; 0 waits for ever.
+        stopped: called between reads; True ends the recording.
+        report: called with the status after each commit, when the port is lost or comes back, and once a second.
     """
 
     def __init__(
@@ -78,6 +78,8 @@ class Recorder:
         """Check the arguments; `run` records."""
         if count is not None and count < 1:
             raise ValueError(f"count = {count}: give 1 or more, or leave it out to record until interrupted")
+        if not commit_interval >= 0.0:
+            raise ValueError(f"commit interval = {commit_interval} s: give 0 or more")
         if not stall_time >= 0.0:
             raise ValueError(f"stall time = {stall_time} s: give 0 or more")
         self._stream, self._store, self._reconnect, self._count = stream, store, reconnect, count
@@ -90,10 +92,10 @@ class Recorder:
         self._reported_at = 0.0
 
     def run(self) -> RecordingStatus:
-        """Record; returns what was stored. A port that is lost on the way is waited for.
+        """Record and return the final status; wait for a lost port to come back.
 
         Raises:
-            StoreError: the store cannot be written; the port is closed, and what was committed is safe.
+            StoreError: the store cannot be written; the port is closed, and committed echoes are safe.
         """
         stream: EchoStream | None = self._stream
         self._reported_at = time.monotonic()
@@ -112,7 +114,7 @@ class Recorder:
         return self._status
 
     def _record_from(self, stream: EchoStream) -> str | None:
-        """Record until the count or a stop (None), or until the port is lost (why)."""
+        """Record until the count or a stop; return None, or the reason if the port was lost."""
         while not (self._done() or self._stopped()):
             try:
                 pieces = stream.poll()
@@ -149,7 +151,7 @@ class Recorder:
         stored = store.pending_count
         twice = store.duplicate_count
         store.commit()
-        # What another recorder of the same board stored meanwhile turns out only now.
+        # Only the commit shows which echoes another recorder of the same board has stored meanwhile.
         stored -= store.duplicate_count - twice
         self._batch_count = 0
         self._status = replace(
@@ -172,10 +174,10 @@ class Recorder:
         return self._count is not None and self._status.stored_count + self._store.pending_count >= self._count
 
     def _wait_for_port(self) -> EchoStream | None:
-        """The port again, however long it stays away; None when the recording was stopped meanwhile."""
+        """Wait for the port and return it once it can be opened; None if the recording was stopped meanwhile."""
         wait, lost = FIRST_WAIT, self._status.port_state
         while not self._stopped():
-            # Waiting comes first: a port that opens and fails at once must not be asked without a pause.
+            # Wait before the first attempt: a port that opens and fails at once must not be reopened without a pause.
             until = time.monotonic() + wait
             while time.monotonic() < until and not self._stopped():
                 time.sleep(min(0.1, wait))

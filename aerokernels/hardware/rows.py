@@ -1,4 +1,4 @@
-"""Echoes as rows of the store, and back."""
+"""Convert echoes to rows of the store and back."""
 
 import json
 from operator import index
@@ -22,7 +22,7 @@ READ_ECHOES = (
 def row_of(
     echo: EchoFrame | ScopeCurve, recording: int, session: int, sequence: int, host_time_ns: int, label: str
 ) -> tuple:
-    """What `WRITE_ECHO` takes."""
+    """Return the values for `WRITE_ECHO`."""
     device_time = echo.device_time_us
     return (
         recording, session, sequence, None if device_time is None else signed(device_time), host_time_ns, label,
@@ -44,10 +44,10 @@ def echo_of(
     preamble: str | None,
     raw: bytes,
 ) -> EchoFrame | ScopeCurve:
-    """The echo behind the columns that `READ_ECHOES` selects, from `sequence` on.
+    """Make an echo from the columns that `READ_ECHOES` selects, from `sequence` on.
 
     Raises:
-        TypeError, ValueError, OverflowError: What stands there is no echo.
+        TypeError, ValueError, OverflowError: The columns do not hold an echo.
     """
     if not isinstance(samples, bytes) or not isinstance(raw, bytes) or not isinstance(preamble, (str, type(None))):
         raise TypeError("samples, raw and preamble must be bytes, bytes and a text")
@@ -59,15 +59,15 @@ def echo_of(
         ends = numbers[1] + 1e-12 * numbers[0] * counts.size, abs(numbers[3]) + 65536.0 * abs(numbers[2])
     if not np.isfinite([*numbers, *ends]).all():
         raise ValueError(f"sample period, first sample, scale and offset {numbers.tolist()} are out of range")
-    period, first_sample, scale, offset = numbers.tolist()  # a column may hold the number as a text
+    period, first_sample, scale, offset = numbers.tolist()  # converts a column that holds its number as a text
     return ScopeCurve(index(sequence), period, scale, offset, counts, first_sample, preamble or "", raw)
 
 
 def label_of(text: str) -> dict[str, str]:
-    """A label as the store has it: texts by their keys.
+    """Parse a label as stored: a JSON object of texts.
 
     Raises:
-        TypeError, ValueError: Something else stands there.
+        TypeError, ValueError: The text is anything else.
     """
     label = json.loads(text)
     if not isinstance(label, dict) or not all(isinstance(value, str) for value in label.values()):
@@ -76,5 +76,5 @@ def label_of(text: str) -> dict[str, str]:
 
 
 def signed(value: int) -> int:
-    """An unsigned 64-bit number as SQLite keeps it: the same bits read as signed."""
+    """Return an unsigned 64-bit number as SQLite stores it: the same bits read as a signed number."""
     return value - 2**64 if value >= 2**63 else value

@@ -1,4 +1,4 @@
-"""Schema of the echo store; docs/hardware.md describes every column for readers of the file."""
+"""Schema of the echo store; docs/hardware.md describes every column."""
 
 import sqlite3
 
@@ -6,11 +6,11 @@ APPLICATION_ID = 0x41454348
 """Marks the SQLite file as an echo store ("AECH")."""
 
 SCHEMA_VERSION = 2
-"""Kept in `PRAGMA user_version`."""
+"""Stored in `PRAGMA user_version`."""
 
-# An echo is known by what its board stamped on it: number, clock and check sum. The number alone is not enough: it
-# wraps and starts again with the board. Nor are number and clock: a board whose clock starts at 0 repeats both.
-# An oscilloscope puts no time stamp on its curves (NULL, which equals nothing): they are told apart as they are read.
+# An echo is identified by its board's number, clock and check sum. The number alone is not unique: it wraps, and starts
+# again with the board. Number and clock are not either: a board whose clock starts at 0 repeats both. An oscilloscope's
+# curves have no time stamp (NULL, which equals nothing): the reader of the port recognises repeated ones.
 _ECHOES = """
 CREATE TABLE echoes (
     id INTEGER PRIMARY KEY,
@@ -67,7 +67,7 @@ _COPIED = (
     "id, recording, session, sequence, device_time_us, host_time_ns, label, flags, sample_period_ps, "
     "scale, offset, sample_count, samples, crc32, raw"
 )
-# What turns a store of version n into one of version n + 1.
+# Statements that turn a store of version n into one of version n + 1.
 _UPGRADES = {
     1: (
         "DROP VIEW gaps",
@@ -89,7 +89,7 @@ _UPGRADES = {
 
 
 def create(connection: sqlite3.Connection) -> None:
-    """Make the tables of an empty file; the caller holds the transaction."""
+    """Create the tables of an empty file; the caller holds the transaction."""
     for statement in (_RECORDINGS, _ECHOES, _ECHOES_BY_LABEL, _DAMAGED, _GAPS):
         connection.execute(statement)
     connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")

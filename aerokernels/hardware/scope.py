@@ -1,8 +1,8 @@
-"""An oscilloscope on a serial port: it is asked one question at a time, in the words of its dialect.
+"""Query an oscilloscope on a serial port, one question at a time, in the commands of its dialect.
 
 Curves are read one by one, and none twice. Where the instrument counts its acquisitions (Tektronix), the count is
-asked before and after each curve, and those that came and went in between are known to be missing. Where it does not
-(Rigol), single acquisitions are started from here. An instrument that can do neither is read as fast as it answers.
+queried before and after each curve, which shows how many acquisitions were missed. Where it does not (Rigol), each
+single acquisition is started from here. An instrument that supports neither is read as fast as it answers.
 """
 
 import re
@@ -19,23 +19,23 @@ from aerokernels.hardware.preamble import Preamble, PreambleError, parse_rigol, 
 if TYPE_CHECKING:
     import serial
 
-_IDLE_TIME = 0.25  # [s] without a byte after which a response that went wrong is taken to be over
+_IDLE_TIME = 0.25  # [s] without a byte after which an unexpected response is regarded as complete
 _GREATEST_DRAIN_TIME = 5.0  # [s]
-_PROBE_TIME = 1.0  # [s] for a question that the instrument may not know
+_PROBE_TIME = 1.0  # [s] timeout of a question that the instrument may not know
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """What to say to one family of oscilloscopes.
+    """Commands of one family of oscilloscopes.
 
     Attributes:
-        name: as on the command line.
+        name: the dialect's name on the command line.
         set_up: commands sent once.
         preamble: question for the scaling.
         curve: question for the samples.
         acquisition: question for the count of acquisitions, None where there is none.
         single: command that starts a single acquisition, question for its state, and command that ends this mode.
-        parse: reads the answer to `preamble`.
+        parse: parser of the answer to `preamble`.
     """
 
     name: str
@@ -50,7 +50,7 @@ class Dialect:
 _TEKTRONIX = ("HEADER ON", "DATA:ENCDG RIBINARY")
 DIALECTS = (
     Dialect("tektronix", _TEKTRONIX, "WFMOUTPRE?", "CURVE?", "ACQUIRE:NUMACQ?", None, parse_tektronix),
-    # The TDS200, TDS1000 and TDS2000 families have only this name for it.
+    # The TDS200, TDS1000 and TDS2000 families know only this name of the preamble.
     Dialect("tektronix", _TEKTRONIX, "WFMPRE?", "CURVE?", "ACQUIRE:NUMACQ?", None, parse_tektronix),
     Dialect(
         "rigol",
@@ -69,39 +69,39 @@ class NoAnswerError(Exception):
 
 
 class DamagedAnswerError(Exception):
-    """The answer was not what was asked for; what came is among the damaged pieces."""
+    """The answer did not fit the question; the received bytes are among the damaged pieces."""
 
 
 class Oscilloscope:
-    """Asks and listens.
+    """Sends commands and questions to an instrument, and reads its answers.
 
     Args:
         port: the open port.
         timeout: longest silence before and within an answer [s].
-        stopped: asked while waiting; True gives up at once.
+        stopped: called while waiting; True gives up at once.
     """
 
     def __init__(
         self, port: "serial.SerialBase", *, timeout: float = 3.0, stopped: Callable[[], bool] = lambda: False
     ) -> None:
-        """Take the port; nothing is sent yet."""
+        """Store the port; send nothing yet."""
         self._port, self._timeout, self._stopped = port, timeout, stopped
         self._decoder = BlockDecoder()
         self._damaged: list[DamagedPiece] = []
         self.heard_at = time.monotonic()
-        """When the last byte came [s, monotonic]."""
+        """Time of the last received byte [s, monotonic clock]."""
 
     def send(self, command: str) -> None:
         """Send a command that has no answer."""
         self._port.write(command.encode("ascii") + b"\n")
 
     def ask_text(self, question: str, timeout: float | None = None) -> str:
-        """The line of text that answers `question`.
+        """Send `question` and return the line of text that answers it.
 
         Raises:
-            NoAnswerError: silence.
-            DamagedAnswerError: something else came.
-            OSError, termios.error: the port went away.
+            NoAnswerError: no answer came in time.
+            DamagedAnswerError: the answer is not a line of text.
+            OSError, termios.error: the port was lost.
         """
         answer = self._ask(question, timeout)
         if isinstance(answer, Block):
@@ -109,31 +109,31 @@ class Oscilloscope:
         return answer.text
 
     def ask_block(self, question: str) -> Block:
-        """The block that answers `question`; raises what `ask_text` does."""
+        """Send `question` and return the block that answers it; raises the errors of `ask_text`."""
         answer = self._ask(question)
         if isinstance(answer, TextLine):
             raise self._refused(answer.text.encode("ascii"), f"block: a text in answer to {question}")
         return answer
 
     def refuse(self, block: Block, reason: str) -> None:
-        """Count a block as damaged after all, and listen until the instrument is silent."""
+        """Add a received block to the damaged pieces, and wait until the instrument is silent."""
         self._damaged.append(DamagedPiece(block.raw, reason))
         self._drain()
 
     def take_damaged(self) -> list[DamagedPiece]:
-        """The damaged pieces since the last call."""
+        """Return the damaged pieces since the last call."""
         found, self._damaged = self._damaged, []
         return found
 
     def pending(self, reason: str) -> list[DamagedPiece]:
-        """The answer that was cut off, and damaged pieces not taken yet."""
+        """Return the interrupted answer, and the damaged pieces not taken yet."""
         return self.take_damaged() + self._decoder.finish(reason)
 
     def _ask(self, question: str, timeout: float | None = None) -> TextLine | Block:
         self.send(question)
         wait = self._timeout if timeout is None else timeout
         until = time.monotonic() + wait
-        # Every byte gives it more time, but an instrument that babbles must not hold us for ever.
+        # Every byte extends the wait, but an instrument that sends without end must not block for ever.
         last = until + 10.0 * GREATEST_BLOCK_LENGTH / max(1, self._port.baudrate)
         while time.monotonic() < min(until, last) and not self._stopped():
             chunk = read_available(self._port)
@@ -147,7 +147,7 @@ class Oscilloscope:
             self._damaged += damaged
             if len(answers) == 1:
                 return answers[0]
-            if answers or damaged:  # more than was asked for: who knows which is which
+            if answers or damaged:  # several pieces: it is unknown which one is the answer
                 for answer in answers:
                     raw = answer.raw if isinstance(answer, Block) else answer.text.encode("ascii")
                     self._damaged.append(DamagedPiece(raw, f"text: one of {len(answers)} answers to {question}"))
@@ -163,7 +163,7 @@ class Oscilloscope:
         return DamagedAnswerError()
 
     def _drain(self) -> None:
-        """Listen until nothing comes any more, so that the next answer is to the next question."""
+        """Read until the instrument is silent, so that the next answer belongs to the next question."""
         until, last = time.monotonic() + _IDLE_TIME, time.monotonic() + _GREATEST_DRAIN_TIME
         while time.monotonic() < min(until, last) and not self._stopped():
             chunk = read_available(self._port)
@@ -176,15 +176,15 @@ class Oscilloscope:
 
 
 def find_dialect(scope: Oscilloscope, name: str = "auto") -> tuple[Dialect, Preamble]:
-    """The dialect that the instrument answers in, set up, and its preamble.
+    """Find the dialect that the instrument answers, send its set-up commands, and return it with the preamble.
 
     Args:
         scope: the instrument.
         name: "auto", or the name of one of `DIALECTS`.
 
     Raises:
-        NoAnswerError: it answers in none; the message says what came instead.
-        OSError, termios.error: the port went away.
+        NoAnswerError: the instrument answers no dialect; the message says what came instead.
+        OSError, termios.error: the port was lost.
     """
     why = "no answer"
     for dialect in DIALECTS:
@@ -192,7 +192,7 @@ def find_dialect(scope: Oscilloscope, name: str = "auto") -> tuple[Dialect, Prea
             continue
         for command in dialect.set_up:
             scope.send(command)
-        for _ in range(2):  # the first answer may be mixed with what was on the line before
+        for _ in range(2):  # the first answer may be mixed with earlier bytes on the line
             try:
                 return dialect, dialect.parse(scope.ask_text(dialect.preamble))
             except NoAnswerError:
@@ -205,7 +205,7 @@ def find_dialect(scope: Oscilloscope, name: str = "auto") -> tuple[Dialect, Prea
 
 
 def can_answer(scope: Oscilloscope, question: str, words: str) -> bool:
-    """Whether the instrument knows a question: the last word of its answer matches the expression `words`."""
+    """Whether the instrument knows a question: the last word of its answer matches the regular expression `words`."""
     for _ in range(2):
         try:
             return re.fullmatch(words, scope.ask_text(question, _PROBE_TIME).split()[-1].upper()) is not None

@@ -1,4 +1,4 @@
-"""A simulated oscilloscope: answers as a Tektronix or a Rigol does, and acquires by itself at a rate."""
+"""A simulated oscilloscope that acquires at a given rate and answers as a Tektronix or a Rigol does."""
 
 import time
 from collections.abc import Callable
@@ -11,30 +11,30 @@ from aerokernels.hardware.protocols import DIALECT_NAMES
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.inputs.checks import check_choice
 
-_ZERO = -100  # count of 0 V, so that most of the 8 bits are for the echo
+_ZERO = -100  # count of 0 V, so that the echo uses most of the 8 bits
 _USED_COUNTS = 220
 _GREATEST_COMMAND = 1024
 
 
 class SimulatedScope:
-    """The instrument without its line.
+    """The instrument, without its serial line.
 
     Args:
-        source: what it measures.
+        source: the echo that it measures.
         dialect: "tektronix" or "rigol".
         rate: acquisitions per second.
-        seed: of the noise.
+        seed: seed of the noise.
     """
 
     def __init__(self, source: EchoSource, *, dialect: str = "tektronix", rate: float = 50.0, seed: int = 0) -> None:
-        """Switch on."""
+        """Start acquiring."""
         check_choice(dialect, "dialect", DIALECT_NAMES)
         if not rate > 0.0:
             raise ValueError(f"rate = {rate} acquisitions per second: give a positive one")
         self._source, self._dialect, self._rate, self._seed = source, dialect, rate, seed
         self._started = time.monotonic()
         self._skipped = 0
-        self._held: int | None = None  # the acquisition at which it stops, or has stopped
+        self._held: int | None = None  # the acquisition at which a single acquisition stops
         self._header = self._width = 1
         self._says_curve = False
         self._step = source.full_scale / _USED_COUNTS
@@ -43,15 +43,15 @@ class SimulatedScope:
 
     @property
     def acquisition(self) -> int:
-        """Number of the acquisition that it holds, from 1."""
+        """Number of the current acquisition, from 1."""
         return 1 + self._skipped + int((time.monotonic() - self._started) * self._rate)
 
     def skip(self) -> None:
-        """Acquire once more without showing it."""
+        """Skip an acquisition, as if it had come and gone between two questions."""
         self._skipped += 1
 
     def answer(self, command: str) -> bytes:
-        """What it sends back; nothing for a command, or for what it does not know."""
+        """Return the answer to a question; empty for a command or an unknown question."""
         words = command.strip().lstrip(":").upper().split()
         if not words:
             return b""
@@ -114,7 +114,7 @@ class SimulatedScope:
         return b""
 
     def _counts(self) -> np.ndarray:
-        """The acquisition that it holds: the same as long as there is no new one."""
+        """Return the counts of the current acquisition; they stay the same until the next one."""
         number = self.acquisition if self._held is None else min(self._held, self.acquisition)
         voltage = self._source.noisy(np.random.default_rng((self._seed, number)))
         return np.clip(np.rint(voltage / self._step) + _ZERO, -128, 127)
@@ -128,10 +128,11 @@ def run_scope(
     faults: FaultPlan | None = None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> int:
-    """Answer until `count` curves were sent or `stopped`; returns how many were.
+    """Answer questions until `count` curves were sent or `stopped`; return the number of curves sent.
 
-    Faults hit the answers to questions for a curve: torn, its end is missing; flipped, a bit of the block's length;
-    glued or repeat, it comes twice; garbage, bytes before it; gap, an acquisition is skipped; stall, no answer.
+    Faults affect only the answers that hold a curve: torn, its end is missing; flipped, a bit of the block's length is
+    wrong; glued or repeat, it comes twice; garbage, other bytes come first; gap, an acquisition is skipped; stall, no
+    answer comes.
     """
     faults, pending = faults or FaultPlan(), b""
     while not stopped() and (count is None or scope.curve_count < count):

@@ -1,4 +1,4 @@
-"""Where echoes come from: a port and the protocol that is spoken on it, behind one small interface."""
+"""Streams of echoes: a port and its protocol behind one small interface."""
 
 import time
 from collections.abc import Callable
@@ -23,38 +23,38 @@ if TYPE_CHECKING:
 Piece = EchoFrame | ScopeCurve | DamagedPiece
 
 _TRIGGER_STATES = "STOP|TD|WAIT|RUN|AUTO"
-_NEXT_QUESTION = 0.02  # [s] between two looks whether there is a new acquisition
+_NEXT_QUESTION = 0.02  # [s] between two questions whether there is a new acquisition
 
 
 class EchoStream(Protocol):
-    """An open port that gives echoes.
+    """An open port that delivers echoes.
 
     Attributes:
-        waits_long: a `poll` may wait for seconds, so that what came before it is to be committed first.
+        waits_long: whether a `poll` may wait for seconds, so that the recorder commits earlier echoes first.
     """
 
     waits_long: bool
 
     @property
     def heard_at(self) -> float:
-        """When the last byte came [s, monotonic]."""
+        """Time of the last received byte [s, monotonic clock]."""
 
     def poll(self) -> list[tuple[Piece, int]]:
-        """What came since the last call, with the host time [ns since 1970]; waits a moment where nothing has.
+        """Return the pieces since the last call with their host time [ns since 1970]; wait briefly if there are none.
 
         Raises:
-            OSError, termios.error: the port went away.
+            OSError, termios.error: the port was lost.
         """
 
     def close(self) -> list[tuple[Piece, int]]:
-        """Close the port; returns what had been read from it and was not handed out yet."""
+        """Close the port; return the pieces that were read and not returned yet."""
 
     def cut_off(self, reason: str) -> list[DamagedPiece]:
-        """The piece that is not complete and never will be."""
+        """Return the incomplete piece whose rest will never come."""
 
 
 class FrameStream:
-    """Frames v1: the board sends of its own accord.
+    """Frames v1, which the board sends unprompted.
 
     Args:
         port: the open port; closed by `close`.
@@ -63,14 +63,14 @@ class FrameStream:
     waits_long = False
 
     def __init__(self, port: "serial.SerialBase") -> None:
-        """Start listening."""
+        """Start reading."""
         self._port = port
         self._decoder = FrameDecoder()
         self.heard_at = time.monotonic()
         self._reader = PortReader(port)
 
     def poll(self) -> list[tuple[Piece, int]]:
-        """Frames and damaged pieces since the last call."""
+        """Return the frames and damaged pieces since the last call."""
         item = self._reader.next()
         if item is None:
             return []
@@ -79,7 +79,7 @@ class FrameStream:
         return [(piece, host_time) for piece in self._decoder.feed(chunk)]
 
     def close(self) -> list[tuple[Piece, int]]:
-        """Close the port and hand out the rest of what had come in."""
+        """Close the port and return the frames that had arrived."""
         self._reader.stop()
         close_port(self._port)
         found: list[tuple[Piece, int]] = []
@@ -87,22 +87,22 @@ class FrameStream:
             while (item := self._reader.next(timeout=0.0)) is not None:
                 found += [(piece, item[1]) for piece in self._decoder.feed(item[0])]
         except PORT_ERRORS:
-            pass  # why it is being closed
+            pass  # the recorder closes the port because of this error
         return found
 
     def cut_off(self, reason: str) -> list[DamagedPiece]:
-        """The frame whose end never came."""
+        """Return the frame whose end never came."""
         return list(self._decoder.finish(reason))
 
 
 class CurveStream:
-    """Curves of an oscilloscope, asked for one by one.
+    """Curves of an oscilloscope, queried one by one.
 
     Args:
-        port: the open port; closed by `close`, and here when the instrument does not answer.
+        port: the open port; closed by `close`, and by the constructor if the instrument does not answer.
         dialect: "auto", "tektronix" or "rigol".
         timeout: longest silence before and within an answer [s].
-        stopped: asked while waiting; True gives up at once.
+        stopped: called while waiting; True gives up at once.
 
     Raises:
         PortError: the instrument does not answer as an oscilloscope does.
@@ -118,11 +118,11 @@ class CurveStream:
         timeout: float = 3.0,
         stopped: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Find out what the instrument speaks."""
+        """Find the instrument's dialect."""
         self._port = port
         self._scope = Oscilloscope(port, timeout=timeout, stopped=stopped)
         self._last_count: int | None = None
-        self._started = False  # a single acquisition
+        self._started = False  # whether a single acquisition was started
         try:
             self._dialect, _ = find_dialect(self._scope, dialect)
             count, single = self._dialect.acquisition, self._dialect.single
@@ -140,21 +140,21 @@ class CurveStream:
 
     @property
     def heard_at(self) -> float:
-        """When the last byte came [s, monotonic]."""
+        """Time of the last received byte [s, monotonic clock]."""
         return self._scope.heard_at
 
     def poll(self) -> list[tuple[Piece, int]]:
-        """The next curve, and damaged answers on the way; nothing while there is no new acquisition."""
+        """Return the next curve and damaged answers; nothing while there is no new acquisition."""
         found: list[tuple[Piece, int]] = []
         try:
             found = self._next_curve()
         except (NoAnswerError, DamagedAnswerError):
-            pass  # asked again next time; a silent instrument is the recorder's matter
+            pass  # the next poll asks again; the recorder handles a silent instrument
         damaged = self._scope.take_damaged()
         return [(piece, time.time_ns()) for piece in damaged] + found
 
     def close(self) -> list[tuple[Piece, int]]:
-        """Let the instrument run again and close the port; nothing is kept back."""
+        """Let the instrument run again and close the port; there are never pieces left to return."""
         if self._single and self._port.is_open:
             try:
                 self._scope.send(self._single[2])
@@ -164,7 +164,7 @@ class CurveStream:
         return []
 
     def cut_off(self, reason: str) -> list[DamagedPiece]:
-        """The answer whose end never came."""
+        """Return the answer whose end never came."""
         return self._scope.pending(reason)
 
     def _next_curve(self) -> list[tuple[Piece, int]]:
@@ -172,7 +172,7 @@ class CurveStream:
         if (count is not None and count == self._last_count) or not self._is_complete():
             time.sleep(_NEXT_QUESTION)
             return []
-        # Asked each time: a turned knob changes it, and on some instruments each trigger does.
+        # Queried each time: the operator may change the scale, and on some instruments each trigger changes it.
         text = self._scope.ask_text(self._dialect.preamble)
         block = self._scope.ask_block(self._dialect.curve)
         host_time = time.time_ns()
@@ -182,7 +182,7 @@ class CurveStream:
             self._scope.refuse(block, str(error))
             raise DamagedAnswerError from error
         self._started = False
-        # What was acquired while the curve was read cannot be told from it: the next one is newer.
+        # Acquisitions during the transfer cannot be told apart from this curve: only a higher count is a new one.
         self._last_count = count
         try:
             self._last_count = self._acquisition()
@@ -191,13 +191,13 @@ class CurveStream:
         return [(curve, host_time)]
 
     def _acquisition(self) -> int | None:
-        """How many acquisitions there were; None where the instrument does not count them."""
+        """Return the number of acquisitions so far; None where the instrument does not count them."""
         if self._count_question is None:
             return None
         return _last_number(self._scope.ask_text(self._count_question)) % 2**32
 
     def _is_complete(self) -> bool:
-        """Whether the single acquisition is there; starts one where none was started."""
+        """Whether the single acquisition is complete; starts one if none was started."""
         if self._single is None:
             return True
         start, state, _ = self._single
@@ -208,7 +208,7 @@ class CurveStream:
 
 
 def _last_number(answer: str) -> int:
-    """The number in ":ACQUIRE:NUMACQ 12", or in "12" alone."""
+    """Return the number in ":ACQUIRE:NUMACQ 12", or in "12" alone."""
     try:
         return int(answer.split()[-1])
     except ValueError as error:

@@ -1,6 +1,6 @@
 """The echo store: one SQLite file (WAL, synchronous FULL) that survives a kill and is readable while it grows.
 
-What `commit` has returned for is on the disk; what was added since is lost with the process, and nothing else is.
+Once `commit` has returned, the echoes added before it are on the disk; a kill loses only echoes added since.
 """
 
 import json
@@ -23,8 +23,8 @@ from aerokernels.hardware.transaction import KEEP_IT, DamagedStoreError, StoreEr
 from aerokernels.inputs.checks import check_path
 
 Made = TypeVar("Made")
-_BUSY_TIME = 30.0  # [s] to wait for another recorder that is just committing to the same store
-_CHECKPOINT_PAGES = 4000  # of the write-ahead log, 16 MB, before they are moved into the file
+_BUSY_TIME = 30.0  # [s] wait for another recorder that is committing to the same store
+_CHECKPOINT_PAGES = 4000  # pages of the write-ahead log, 16 MB, before they are moved into the file
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +32,9 @@ class StoredEcho:
     """One echo read back.
 
     Attributes:
-        session: run of the board at its port, counted from 1; a new one where its number or its clock went back.
+        session: run of the board at its port, counted from 1; a new session begins where number or clock went back.
         host_time_ns: host clock when the echo was complete [ns since 1970].
-        label: what the operator said about it, such as {"mach": "3"}.
+        label: the operator's label, such as {"mach": "3"}.
         frame: the frame or the curve; `.time` [s] and `.voltage` [V] are its waveform, `.sequence` its number.
     """
 
@@ -46,13 +46,13 @@ class StoredEcho:
 
 @dataclass(frozen=True)
 class Gap:
-    """Numbers that the board gave and that are not in the store.
+    """Consecutive numbers of echoes that are missing in the store.
 
     Attributes:
         session: run of the board.
         after_sequence: last number before the gap.
         before_sequence: first number after it.
-        missing_count: how many are missing in between.
+        missing_count: numbers missing in between.
     """
 
     session: int
@@ -65,16 +65,16 @@ class EchoStore:
     """Writes and reads an echo store.
 
     Args:
-        path: the file; made when it is not there and `read_only` is false.
-        read_only: open for reading, which is allowed while a recorder writes.
+        path: the file; created if it does not exist and `read_only` is false.
+        read_only: open for reading only, which is allowed while a recorder writes.
 
     Raises:
-        ValueError: no such file or folder, not an echo store, or a schema this version does not know.
+        ValueError: the file or its folder does not exist, is not an echo store, or has an unknown schema.
         StoreError: the disk is full, or fails.
     """
 
     def __init__(self, path: str | Path, *, read_only: bool = False) -> None:
-        """Open the file, or make it."""
+        """Open or create the file."""
         self.path = check_path(path, "path")
         address, is_new = store_address(self.path, read_only=read_only), not self.path.exists()
         try:
@@ -95,7 +95,7 @@ class EchoStore:
             self._connection.close()
             raise
         self._recording, self._label = 0, "{}"
-        self._followed = False  # whether an echo of this recording came before
+        self._followed = False  # whether this recording has an echo already
         self._last: tuple[int, int, int | None, int] | None = None  # session, sequence, device time, check sum
         self._echoes: list[tuple] = []
         self._keys: set[tuple[int, int, int]] = set()
@@ -109,7 +109,7 @@ class EchoStore:
     def _prepare(self, read_only: bool) -> None:
         execute = self._connection.execute
         if not read_only:
-            # The check and the creation are one transaction: two recorders may start on a new file at once.
+            # Check and create in one transaction: two recorders may start on a new file at the same time.
             execute("BEGIN IMMEDIATE")
             if not execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
                 create(self._connection)
@@ -134,10 +134,10 @@ class EchoStore:
             execute(f"PRAGMA wal_autocheckpoint = {_CHECKPOINT_PAGES}")
 
     def begin_recording(self, port: str, protocol: str, label: Mapping[str, str]) -> None:
-        """Say where the echoes that follow come from and what their label is.
+        """Set the origin and the label of the echoes that follow.
 
-        Numbers are followed on from the last echo of the same port and protocol: what the board sent while nobody
-        recorded is a gap, unless it was started again meanwhile.
+        Numbering continues from the last echo of the same port and protocol: echoes that the board sent while nobody
+        recorded are a gap, unless the board was restarted meanwhile.
         """
         self._label = encode_label(label)
         self._followed = False
@@ -151,12 +151,12 @@ class EchoStore:
             self._recording = self._connection.execute("SELECT last_insert_rowid()").fetchone()[0]
 
     def add(self, echo: EchoFrame | ScopeCurve, host_time_ns: int) -> bool:
-        """Add an echo to the open batch; False when the store already has it (a frame sent twice)."""
+        """Add an echo to the open batch; return False if the store already has it (a frame sent twice)."""
         sequence, device_time = echo.sequence, echo.device_time_us
-        if sequence is None:  # an instrument that does not count: numbered here
+        if sequence is None:  # the instrument does not count, so the store numbers its curves
             sequence = 0 if self._last is None else (self._last[1] + 1) % 2**32
             is_new = True
-        elif device_time is None:  # an acquisition that is still on the screen after a reconnection
+        elif device_time is None:  # the last acquisition may be read again after a reconnection
             is_new = self._last is None or (sequence, echo.crc) != (self._last[1], self._last[3])
         else:
             key = (sequence, signed(device_time), echo.crc)
@@ -174,17 +174,17 @@ class EchoStore:
         self._damaged.append((self._recording, host_time_ns, piece.reason, len(piece.raw), piece.raw))
 
     def commit(self) -> None:
-        """Put the open batch on the disk: when this returns, it survives a kill.
+        """Write the open batch to the disk: when this returns, the batch survives a kill.
 
         Raises:
-            StoreError: the disk is full, or something else is wrong with it; what was committed before is safe.
+            StoreError: the disk is full or fails; batches committed before are safe.
         """
         if not (self._echoes or self._damaged or self._gaps):
             return
         with self._transaction():
             many = self._connection.executemany
             added = many(WRITE_ECHO, self._echoes).rowcount if self._echoes else 0
-            # Another recorder of the same board may have been quicker, through a port that lets two in (a socket).
+            # Another recorder of the same board may have stored them first, through a port that allows two (a socket).
             self.duplicate_count += len(self._echoes) - added
             many(
                 "INSERT INTO damaged (recording, host_time_ns, reason, byte_count, raw) VALUES (?, ?, ?, ?, ?)",
@@ -203,11 +203,11 @@ class EchoStore:
             batch.clear()
 
     def close(self) -> None:
-        """Close the file; an open batch that was not committed is dropped."""
+        """Close the file; an uncommitted batch is dropped."""
         self._connection.close()
 
     def __enter__(self) -> "EchoStore":
-        """Use as a context: closed at its end."""
+        """Use as a context, at whose end the file is closed."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -216,7 +216,7 @@ class EchoStore:
 
     @property
     def pending_count(self) -> int:
-        """Echoes in the open batch."""
+        """Number of echoes in the open batch."""
         return len(self._echoes)
 
     @property
@@ -226,32 +226,32 @@ class EchoStore:
 
     @property
     def echo_count(self) -> int:
-        """Echoes in the store."""
+        """Number of echoes in the store."""
         return next(self._rows("SELECT count(*) FROM echoes"))[0]
 
     @property
     def damaged_count(self) -> int:
-        """Damaged pieces in the store."""
+        """Number of damaged pieces in the store."""
         return next(self._rows("SELECT count(*) FROM damaged"))[0]
 
     def labels(self) -> list[dict[str, str]]:
-        """The different labels in the store, in the order they were first recorded."""
+        """Return the different labels in the store, in the order of their first echo."""
         rows = self._rows("SELECT label FROM echoes GROUP BY label ORDER BY min(id)")
         return [self._read(label_of, text) for (text,) in rows]
 
     def echoes(self, label: Mapping[str, str] | None = None) -> Iterator[StoredEcho]:
-        """The echoes in the order they were recorded; with `label`, only those with exactly this label."""
+        """Yield the echoes in the order they were recorded; with `label`, only those with exactly this label."""
         where, values = ("", ()) if label is None else ("WHERE label = ?", (encode_label(label),))
         for session, host_time, text, *columns in self._rows(f"{READ_ECHOES} {where} ORDER BY id", values):
             yield self._read(_stored_echo, session, host_time, text, *columns)
 
     def gaps(self) -> list[Gap]:
-        """What is missing between the numbers, in the order it was noticed."""
+        """Return the gaps in the numbers, in the order they were noticed."""
         rows = self._rows("SELECT session, after_sequence, before_sequence, missing_count FROM gaps ORDER BY id")
         return [self._read(lambda *numbers: Gap(*map(int, numbers)), *row) for row in rows]
 
     def snapshot(self) -> Transaction:
-        """A context in which everything read is of one moment, though a recorder goes on writing."""
+        """Return a context in which all reads show the store at one moment, even while a recorder writes."""
         return Transaction(self._connection, "BEGIN", self.path)
 
     def _transaction(self) -> Transaction:
@@ -259,14 +259,14 @@ class EchoStore:
 
     def _rows(self, query: str, values: tuple = ()) -> Iterator[tuple]:
         with described_errors(self.path):
-            # Not `yield from`: left before its end, that would close the cursor, perhaps after the file.
+            # Not `yield from` the cursor: an abandoned generator would close it, perhaps after the file is closed.
             yield from iter(self._connection.execute(query, values).fetchone, None)
 
     def _read(self, make: Callable[..., Made], *columns: Any) -> Made:
-        """What columns say; a program of somebody else's, or damage that leaves SQLite alone, may put anything there.
+        """Convert columns; another program, or damage that SQLite does not notice, may have put anything there.
 
         Raises:
-            DamagedStoreError: They are no echo's.
+            DamagedStoreError: The columns cannot be converted.
         """
         try:
             return make(*columns)
@@ -276,7 +276,7 @@ class EchoStore:
 
     def _is_stored(self, key: tuple[int, int, int]) -> bool:
         query = "SELECT 1 FROM echoes WHERE sequence = ? AND device_time_us = ? AND crc32 = ?"
-        try:  # asked for each frame: what costs nothing where nothing goes wrong
+        try:  # called for each frame, so the error handling must cost nothing in the usual case
             return self._connection.execute(query, key).fetchone() is not None
         except sqlite3.DatabaseError:
             with described_errors(self.path):
@@ -292,9 +292,9 @@ class EchoStore:
         return row and (row[0], row[1], None if row[2] is None else row[2] % 2**64, row[3])
 
     def _follow(self, sequence: int, device_time: int | None, crc: int, host_time_ns: int) -> int:
-        """The session of an echo, and the gap before it.
+        """Return the session of an echo, and note the gap before it.
 
-        A board counts up (across 2**32 - 1 too) while its clock does not go back; otherwise it started again.
+        A board counts up (wrapping at 2**32) and its clock does not go back; otherwise the board was restarted.
         """
         session = 1
         if self._last is not None:
@@ -316,5 +316,5 @@ def _stored_echo(session: Any, host_time: Any, text: Any, *columns: Any) -> Stor
 
 
 def encode_label(label: Mapping[str, str]) -> str:
-    """A label as it is stored: JSON text with sorted keys, so that equal labels are equal text."""
+    """Return a label as it is stored: JSON text with sorted keys, so that equal labels are equal texts."""
     return json.dumps(dict(label), sort_keys=True, ensure_ascii=False)

@@ -1,21 +1,21 @@
-"""Where the file of a store lies, and how it may be opened."""
+"""The SQLite address of a store's file, after checking how it may be opened."""
 
 import os
 from pathlib import Path
 
 
 def store_address(path: Path, *, read_only: bool) -> str:
-    """The address by which SQLite opens a store.
+    """Return the address by which SQLite opens a store.
 
-    A finished store in a folder that cannot be written (an archive) is read without the log that SQLite otherwise puts
-    beside it: nobody can be writing there.
+    A finished store in a read-only folder (an archive) is opened without the log that SQLite otherwise creates beside
+    it: nobody can be writing there.
 
     Args:
         path: the file.
-        read_only: for reading only; otherwise it is made when it is not there.
+        read_only: open for reading only; otherwise the file is created if it does not exist.
 
     Raises:
-        ValueError: no such file or folder, something else than a file, or no permission to write.
+        ValueError: the file or its folder does not exist, is not a file, or may not be written.
     """
     if not path.parent.is_dir():
         raise ValueError(f"store {path}: folder {path.parent} does not exist; make it first")
@@ -30,7 +30,7 @@ def store_address(path: Path, *, read_only: bool) -> str:
         if path.exists():
             raise ValueError(f"store {path}: a folder or a device, not a file; give the file that `record` wrote")
         raise ValueError(f"store {path}: no such file; record one with `aerokernels record --store`")
-    file = path.resolve()  # SQLite puts the log beside the file itself, not beside a link to it
+    file = path.resolve()  # SQLite creates the log beside the file itself, not beside a link to it
     log_exists = file.with_name(f"{file.name}-wal").exists()
     archived = not log_exists and not os.access(file.parent, os.W_OK)
     return f"{address}?mode=ro{'&immutable=1' if archived else ''}"

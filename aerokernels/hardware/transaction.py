@@ -1,4 +1,4 @@
-"""What goes wrong with the file of an echo store, described in words, and its transactions."""
+"""Transactions on an echo store, and errors of its file in words."""
 
 import sqlite3
 from collections.abc import Iterator
@@ -6,24 +6,24 @@ from contextlib import contextmanager
 from pathlib import Path
 
 KEEP_IT = "keep it, get out what can be had with `sqlite3 FILE .recover`, and record into a new file"
-"""What to do with a damaged store."""
+"""Remedy for a damaged store."""
 
 
 class StoreError(RuntimeError):
-    """The store cannot be written; the message says why, and what to do, in one line."""
+    """The store cannot be read or written; the message is one line with the reason and the remedy."""
 
     def __init__(self, message: str):
-        """Keep the message on one line: SQLite quotes the schema of a damaged file, line breaks and all."""
+        """Put the message on one line: SQLite quotes the schema of a damaged file with its line breaks."""
         super().__init__(" ".join(message.split()))
 
 
 class DamagedStoreError(StoreError, ValueError):
-    """The file holds what SQLite cannot read; the message names it."""
+    """The file's content is damaged; the message names the file."""
 
 
 @contextmanager
 def described_errors(path: Path) -> Iterator[None]:
-    """Name the file, and say what to do, where SQLite gives up on it.
+    """Turn errors of SQLite into errors that name the file and the remedy.
 
     Raises:
         StoreError: the file could not be read or written; `DamagedStoreError` where its content is damaged.
@@ -36,13 +36,13 @@ def described_errors(path: Path) -> Iterator[None]:
             "make room or unlock the file, then record again into the same store"
         ) from error
     except sqlite3.DatabaseError as error:
-        if type(error) is not sqlite3.DatabaseError:  # a fault of the program, not of the file
+        if type(error) is not sqlite3.DatabaseError:  # its other subclasses are bugs of this program, not of the file
             raise
         raise DamagedStoreError(f"store {path}: {error}; {KEEP_IT}") from error
 
 
 class Transaction:
-    """All or nothing; what goes wrong with the file becomes one message for people.
+    """A context that commits all statements or none; errors of the file become a `StoreError`.
 
     Args:
         connection: in autocommit mode.
@@ -54,7 +54,7 @@ class Transaction:
     """
 
     def __init__(self, connection: sqlite3.Connection, begin: str, path: Path) -> None:
-        """Remember; `with` begins."""
+        """Store the arguments; `with` begins the transaction."""
         self._connection, self._begin, self._path = connection, begin, path
 
     def __enter__(self) -> None:
@@ -63,7 +63,7 @@ class Transaction:
             self._connection.execute(self._begin)
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
-        """Commit, or go back where something went wrong."""
+        """Commit, or roll back after an error."""
         try:
             if error is None:
                 with described_errors(self._path):

@@ -1,4 +1,4 @@
-"""What every recorded echo has, whichever protocol brought it: counts, their scale in volts, and their times."""
+"""The base class of recorded echoes of all protocols: counts, their scale in volts, and their times."""
 
 import numpy as np
 

@@ -1,1 +1,1 @@
-"""Whole jobs: one run from scene to range, its stored result, its pictures and its report."""
+"""Whole jobs: runs, series, comparisons and picture jobs, with their stored results, figures and reports."""

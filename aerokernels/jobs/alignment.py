@@ -1,8 +1,8 @@
-"""A simulated echo on the times of a recorded one, and the time by which the recorded one is late.
+"""Interpolate a simulated echo at the times of a recorded one, and measure by how much the recorded one is late.
 
-The simulation is drawn on the recorded time axis, by the quintic spline through its samples: it is smooth, free of
-noise and sampled finely, so that this costs nothing, while recorded samples, which are none of these, stay as they are.
-Before and after the simulated record its voltage is 0, where it ends below a thousandth of its peak.
+The simulation, not the recording, is interpolated, by the quintic spline through its samples: it is smooth and finely
+sampled, so that interpolation adds no visible error, while the recorded samples are noisy and stay unchanged. Before
+and after the simulated record the voltage is 0, provided that the record ends below a thousandth of its peak.
 """
 
 import numpy as np
@@ -11,15 +11,15 @@ from aerokernels.compare import compare_waveforms
 from aerokernels.jobs.averages import AverageEcho
 from aerokernels.jobs.run_folder import RunFolder
 
-DECAYED = 1e-3  # of the simulated peak
-# Of the simulated peak, that must lie within the recorded times where the peak itself does not.
+DECAYED = 1e-3  # share of the simulated peak below which the end of the record counts as 0
+# Least simulated voltage at the recorded times, as a share of the simulated peak, if the peak is outside these times,
 LEAST_PEAK = 0.9
-# And where it does, between samples far apart.
+# and if it is inside them but may fall between samples that are far apart.
 LEAST_BETWEEN = 0.25
 
 
 def simulated_on(run: RunFolder, time: np.ndarray) -> np.ndarray:
-    """The simulated voltage [V] at other times [s]; NaN outside the simulated record where it ends above 0."""
+    """Return the simulated voltage [V] at other times [s]; NaN beyond an end of the record that has not decayed."""
     from scipy.interpolate import make_interp_spline
 
     spline = make_interp_spline(run.time - run.time[0], run.voltage, k=5)
@@ -31,14 +31,16 @@ def simulated_on(run: RunFolder, time: np.ndarray) -> np.ndarray:
     return volts
 
 
-def overlap(
-    recorded: AverageEcho, run: RunFolder, offset: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Times [s], recorded mean, spread and simulation [V] where both are known."""
+def overlap(recorded: AverageEcho, run: RunFolder, offset: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Compare a recording with a simulation where they overlap.
+
+    Returns:
+        Which of the recorded samples overlap; their times less the offset [s]; the simulation at these times [V].
+    """
     time = recorded.time - offset
     simulated = simulated_on(run, time)
     there, peak_time = np.isfinite(simulated), float(run.time[np.argmax(run.voltage)])
-    met = there.any() and time[there][0] <= peak_time <= time[there][-1]  # between coarse samples, it may be
+    met = there.any() and time[there][0] <= peak_time <= time[there][-1]  # the peak may fall between coarse samples
     greatest = simulated[there].max() if there.any() else 0.0
     if greatest < (LEAST_BETWEEN if met else LEAST_PEAK) * run.voltage.max():
         raise ValueError(
@@ -47,20 +49,19 @@ def overlap(
             + (
                 f" in steps of {1e9 * (time[1] - time[0]):.3f} ns, too wide for its pulse: record with more samples"
                 if met
-                else ": give the trigger offset, or align"
+                else ": give --trigger-offset, or have it measured with --align"
             )
         )
-    return time[there], recorded.mean[there], recorded.spread[there], simulated[there]
+    return there, time[there], simulated[there]
 
 
 def measured_offset(recorded: AverageEcho, run: RunFolder) -> float:
-    """The time [s] by which the recorded mean is later than the simulation: the lag of the greatest correlation.
+    """Measure by how much [s] the recorded mean is later than the simulation: the lag of the greatest correlation.
 
-    The peaks are laid on each other first, so that the records need not overlap; then the lag is found between samples.
+    The peaks are aligned first, so that the records need not overlap; then the lag is found to a fraction of a sample.
     """
     offset = float(recorded.time[np.argmax(recorded.mean)] - run.time[np.argmax(run.voltage)])
-    time, mean, _, simulated = overlap(recorded, run, offset)
-    lag = compare_waveforms(time, mean, simulated).lag
-    # Once more about the place found: the parabola through three lags is best where the lag is small.
-    time, mean, _, simulated = overlap(recorded, run, offset + lag)
-    return offset + lag + compare_waveforms(time, mean, simulated).lag
+    for _ in range(2):  # the second time near lag 0, where the parabola through three lags is most accurate
+        there, time, simulated = overlap(recorded, run, offset)
+        offset += compare_waveforms(time, recorded.mean[there], simulated).lag
+    return offset

@@ -1,5 +1,6 @@
-"""The mean waveform and spread of many recorded echoes, in one pass and bounded memory."""
+"""Compute the mean waveform and the spread of many recorded echoes, in one pass and bounded memory."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from aerokernels.jobs.recorded import LEAST_SAMPLES, RecordedEcho
 
-# Times of an echo may differ from the first one's by this share of a sample before it is resampled.
+# An echo is resampled if its times differ from the first echo's by more than this share of a sample period.
 SAME_TIME = 1e-6
 
 
@@ -18,16 +19,18 @@ class AverageEcho:
     Attributes:
         time: sample times of the group's first echo [s], shape (n,).
         mean: mean voltage [V], shape (n,).
-        spread: standard deviation of one echo in each sample [V], shape (n,); 0 for a single echo.
+        spread: standard deviation of one echo in each sample [V], shape (n,); NaN where only one echo has a sample.
+        standard_error: standard error of the mean in each sample [V], shape (n,); NaN where the spread is.
         count: echoes in the mean.
         peak_mean: mean of the echoes' own greatest samples [V]; noise makes it higher than the mean's peak.
-        peak_spread: standard deviation of those [V].
+        peak_spread: standard deviation of those [V]; NaN for a single echo.
         resampled_count: echoes whose times differed from the first one's.
     """
 
     time: np.ndarray
     mean: np.ndarray
     spread: np.ndarray
+    standard_error: np.ndarray
     count: int
     peak_mean: float
     peak_spread: float
@@ -37,11 +40,11 @@ class AverageEcho:
 def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
     """Average echoes on the time axis of the first.
 
-    An echo on other times is drawn on that axis by the cubic spline through its samples, and only where it has some.
-    The spline follows a pulse of six samples a rise to 1e-3 of its height, and leaves the noise nearly as it is.
+    An echo with other times is interpolated on that axis by the cubic spline through its samples, within its own times
+    only. The spline follows a pulse with six samples on its rise to 1e-3 of its height, and hardly changes the noise.
 
     Raises:
-        ValueError: no echoes, or an echo that is not sampled at the same times as the first [s].
+        ValueError: no echoes, or an echo whose times do not overlap those of the first.
     """
     time: np.ndarray | None = None
     peaks = []
@@ -60,27 +63,29 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
         if not there.any():
             raise ValueError(
                 f"an echo runs from {1e9 * echo.time[0]:.3f} to {1e9 * echo.time[-1]:.3f} ns, the first one from "
-                f"{1e9 * time[0]:.3f} to {1e9 * time[-1]:.3f} ns: record settings that differ under labels that differ"
+                f"{1e9 * time[0]:.3f} to {1e9 * time[-1]:.3f} ns: give echoes of different settings different labels"
             )
-        number += there  # Welford's recurrence, for each sample by itself
+        number += there  # Welford's recurrence, for each sample separately
         step = np.where(there, volts - mean, 0.0)
         mean += step / np.maximum(number, 1.0)
         square += step * np.where(there, volts - mean, 0.0)
     if time is None:
         raise ValueError(f"there are no echoes to average: each needs {LEAST_SAMPLES} samples and a sample period")
+    spread = np.sqrt(np.divide(square, number - 1.0, where=number > 1.0, out=np.full(time.size, np.nan)))
     return AverageEcho(
         time=time,
         mean=mean,
-        spread=np.sqrt(square / np.maximum(number - 1.0, 1.0)),
+        spread=spread,
+        standard_error=spread / np.sqrt(number),
         count=len(peaks),
         peak_mean=float(np.mean(peaks)),
-        peak_spread=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else 0.0,
+        peak_spread=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else math.nan,
         resampled_count=resampled,
     )
 
 
 def _on(time: np.ndarray, echo: RecordedEcho) -> np.ndarray:
-    """The echo's voltage at other times, NaN outside its own."""
+    """Return the echo's voltage at other times; NaN outside its own times."""
     from scipy.interpolate import make_interp_spline
 
     inside = (time >= echo.time[0]) & (time <= echo.time[-1])

@@ -1,8 +1,8 @@
-"""Recorded echoes against simulated runs, label by label: peaks, relative errors, correlation, range errors.
+"""Compare recorded echoes with simulated runs, label by label: peaks, relative errors, correlation, range errors.
 
-A trigger offset, the time by which the recorded axis is late, is not guessed: it is 0 unless the caller gives it, or
-asks to measure it, on one label for all of them (what then differs between labels is real) or on each label by itself
-(only shapes are compared then, and systematic range errors say nothing).
+The trigger offset is the time by which the recorded time axis is late. It is 0 unless the caller gives it or requests
+its measurement: on one label, for all labels (differences between labels are then real), or on each label separately
+(only shapes are compared then, and systematic range errors are not meaningful).
 """
 
 import contextlib
@@ -31,14 +31,14 @@ NO_ALIGNMENT, EACH = "none", "each"
 
 @dataclass(frozen=True)
 class CompareOptions:
-    """How to compare.
+    """Options of a comparison.
 
     Attributes:
-        align: "none", "each", or the label on which the trigger offset is measured, as "mach=0".
-        trigger_offset: time by which the recorded axis is late, where it is known [s].
-        threshold: level of the leading edge [V]; None takes the run's own.
-        ranged_count: at most so many echoes of a label are ranged one by one, drawn at random.
-        seed: of that draw.
+        align: "none", "each", or the label on which the trigger offset is measured, such as "mach=0".
+        trigger_offset: time by which the recorded time axis is late, where it is known [s].
+        threshold: level of the leading edge [V]; None takes the run's threshold.
+        ranged_count: greatest number of randomly chosen echoes of a label that are ranged one by one.
+        seed: seed of that random choice.
     """
 
     align: str = NO_ALIGNMENT
@@ -51,7 +51,7 @@ class CompareOptions:
         """Check.
 
         Raises:
-            ValueError: an option that makes no sense.
+            ValueError: an invalid option.
         """
         if self.align not in (NO_ALIGNMENT, EACH) and "=" not in self.align:
             raise ValueError(f"align {self.align!r}: give none, each, or a label such as mach=0")
@@ -67,20 +67,21 @@ class CompareOptions:
 
 @dataclass(frozen=True, eq=False)
 class LabelComparison:
-    """One label against its run.
+    """Comparison of one label with its run.
 
     Attributes:
         label: the label.
         run: the run.
         recorded: mean and spread of the recorded echoes, on their own time axis.
-        unfit_count: echoes with too few samples, which were passed over.
-        time: recorded sample times less the trigger offset, where they are compared [s], shape (n,).
-        mean: recorded mean there [V], shape (n,).
-        spread: spread of one echo there [V], shape (n,).
-        simulated: simulated voltage there [V], shape (n,).
-        waveform: what the mean and the simulation have in common.
-        echo_correlation: mean r at zero lag of single echoes, those that were ranged.
-        trigger_offset: what was taken off the recorded times [s].
+        unfit_count: echoes with too few samples, which were skipped.
+        time: recorded sample times minus the trigger offset, where both waveforms are known [s], shape (n,).
+        mean: recorded mean at `time` [V], shape (n,).
+        spread: spread of one echo at `time` [V], shape (n,); NaN where only one echo was recorded.
+        standard_error: standard error of `mean` [V], shape (n,); NaN where the spread is.
+        simulated: simulated voltage at `time` [V], shape (n,).
+        waveform: comparison of the mean with the simulation.
+        echo_correlation: mean r at zero lag of the single echoes that were ranged.
+        trigger_offset: time subtracted from the recorded times [s].
         ranges: range errors by method.
     """
 
@@ -91,6 +92,7 @@ class LabelComparison:
     time: np.ndarray
     mean: np.ndarray
     spread: np.ndarray
+    standard_error: np.ndarray
     simulated: np.ndarray
     waveform: WaveformComparison
     echo_correlation: float
@@ -99,32 +101,40 @@ class LabelComparison:
 
     @property
     def peak_standard_error(self) -> float:
-        """Standard error of the mean waveform's peak [V]."""
-        return float(self.spread[int(np.argmax(self.mean))] / np.sqrt(self.recorded.count))
+        """Standard error of the mean waveform's peak [V]; NaN for a single echo."""
+        return float(self.standard_error[int(np.argmax(self.mean))])
 
     @property
     def warnings(self) -> list[str]:
-        """What makes the numbers below mean something else than they seem to, in words."""
+        """Reasons why the comparison's numbers may mislead, in words."""
         wave, name = self.waveform, label_text(self.label)
+        found = []
+        if self.run.detector.get("noise"):
+            found.append(
+                f"{name}: the simulated echo of run {self.run.path} has noise, which adds to every difference: compare "
+                "with a run whose detector.noise is false"
+            )
         widths = (
             f"{1e9 * wave.recorded_width:.3f} ns wide at half height, the simulated {1e9 * wave.simulated_width:.3f} ns"
         )
         if wave.same_pulse is None:
-            return [
-                f"{name}: the record holds too little of the pulse, or too much noise, to compare its width with the "
-                "simulated one's: record more echoes, from before the pulse to after it"
-            ]
-        if wave.same_pulse:
-            return []
-        moved = f", {1e3 * abs(wave.width_range):.0f} mm by the width alone" if math.isfinite(wave.width_range) else ""
+            found.append(
+                f"{name}: the record shows too little of the pulse, or too much noise, to compare the pulse's width "
+                "with the simulated one: record more echoes, from before the pulse to after it"
+            )
+        if wave.same_pulse is not False:
+            return found
+        moved = f" ({1e3 * abs(wave.width_range):.0f} mm by the width alone)" if math.isfinite(wave.width_range) else ""
         return [
-            f"{name}: the recorded pulse is not the simulated one ({widths}): differences of leading edge and constant "
-            f"fraction are the pulses' shapes, no ranges{moved}, and a high correlation says little; put the recorded "
-            'pulse into the scene (beam.pulse_tau, or beam.pulse = "sampled") or compare with the run of its own scene'
+            *found,
+            f"{name}: the recorded pulse is not the simulated one ({widths}): the differences of leading edge and "
+            f"constant fraction come from the pulses' shapes{moved} and are no range differences, and a high "
+            "correlation is not meaningful; put the recorded pulse into the scene (beam.pulse_tau, or beam.pulse = "
+            '"sampled"), or compare with the run of a scene that has this pulse',
         ]
 
     def row(self) -> dict[str, Any]:
-        """The comparison in numbers, SI: one line of the table."""
+        """Return the comparison's numbers by name, in SI units: one row of compare.csv."""
         wave = self.waveform
         numbers: dict[str, Any] = {
             "label": label_text(self.label),
@@ -161,13 +171,13 @@ class LabelComparison:
 
 @dataclass(frozen=True, eq=False)
 class BenchComparison:
-    """All labels of a recording against runs.
+    """Comparison of all labels of a recording with runs.
 
     Attributes:
         source: the recording's file.
-        options: how it was compared.
+        options: options of the comparison.
         labels: one comparison for each label that has a run.
-        left_out: labels without one.
+        left_out: labels without a run.
     """
 
     source: Path
@@ -177,11 +187,11 @@ class BenchComparison:
 
     @property
     def warnings(self) -> list[str]:
-        """Those of all labels."""
+        """Warnings of all labels."""
         return [text for one in self.labels for text in one.warnings]
 
     def to_xarray(self) -> "xarray.Dataset":
-        """Waveforms over (label, sample), NaN beyond a label's own samples, and every number over label."""
+        """Return a dataset of waveforms over (label, sample), padded with NaN, and of every number over label."""
         import xarray
 
         size = max(one.time.size for one in self.labels)
@@ -226,12 +236,12 @@ def compare_recording(
 
     Args:
         source: the recorder's store, a CSV or a NetCDF file (see `recorded.py`).
-        runs: finished runs; see `match_runs` for which label goes to which.
-        options: how to compare.
-        progress: called with the name of each stage and the share of the job before it.
+        runs: finished runs; `match_runs` decides which label belongs to which run.
+        options: options of the comparison.
+        progress: called with the name of each stage and the share of the job done before it.
 
     Raises:
-        ValueError: files that cannot be read, no run for any label, or times that do not meet; names the label.
+        ValueError: files that cannot be read, no run for any label, or times that do not overlap; names the label.
     """
     options = options or CompareOptions()
     labels = recorded_labels(source)
@@ -266,8 +276,8 @@ def _compare_label(
     options: CompareOptions,
 ) -> LabelComparison:
     threshold = options.threshold or float(run.detector.get("threshold", 0.0)) or None
-    time, mean, spread, simulated = overlap(recorded, run, offset)
-    waveform = compare_waveforms(time, mean, simulated, threshold=threshold)
+    there, time, simulated = overlap(recorded, run, offset)
+    waveform = compare_waveforms(time, recorded.mean[there], simulated, threshold=threshold)
     echoes = thinned(recorded_echoes(source, label), options.ranged_count, options.seed)
     correlations = [_correlation(echo.voltage, simulated_on(run, echo.time - offset)) for echo in echoes]
     ranges = range_errors(
@@ -279,8 +289,9 @@ def _compare_label(
         recorded=recorded,
         unfit_count=unfit_count,
         time=time,
-        mean=mean,
-        spread=spread,
+        mean=recorded.mean[there],
+        spread=recorded.spread[there],
+        standard_error=recorded.standard_error[there],
         simulated=simulated,
         waveform=waveform,
         echo_correlation=float(np.nanmean(correlations)) if np.isfinite(correlations).any() else float("nan"),
@@ -290,7 +301,7 @@ def _compare_label(
 
 
 def _correlation(recorded: np.ndarray, simulated: np.ndarray) -> float:
-    """Pearson's r where both are known; NaN where one of them is constant."""
+    """Return Pearson's r where both are known; NaN if one of them is constant."""
     there = np.isfinite(simulated)
     try:
         return pearson_correlation(recorded[there], simulated[there])
@@ -309,13 +320,13 @@ def _reference(text: str, matched: dict[Label, RunFolder]) -> Label:
 
 
 def _unit(name: str) -> str:
-    """The SI unit that a number's name ends with."""
+    """Return the SI unit by the ending of a number's name."""
     return {"_v": "V", "_s": "s", "_m": "m"}.get(name[-2:], "1")
 
 
 @contextlib.contextmanager
 def _blamed_on(source: Path, label: Label) -> Iterator[None]:
-    """Name file and label in what goes wrong with them."""
+    """Prefix file and label to the message of a ValueError."""
     try:
         yield
     except ValueError as error:

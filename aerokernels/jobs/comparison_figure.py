@@ -1,4 +1,4 @@
-"""Pictures of recorded against simulated echoes."""
+"""Figures of the comparison of recorded with simulated echoes."""
 
 import math
 from typing import TYPE_CHECKING
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_PANELS = 12
-# Around the pulse, where it stands above this share of its peak, this much of its width is shown too.
+# The figure shows the pulse where it is above SHOWN_ABOVE of its peak, plus SHOWN_MARGIN of that width on each side.
 SHOWN_ABOVE, SHOWN_MARGIN = 0.01, 0.4
-LOWEST_SHOWN = 0.95  # of r: nearly equal correlations are not spread over the whole height
+LOWEST_SHOWN = 0.95  # the axis of r starts at this or lower, so that nearly equal correlations look nearly equal
 
 
 def waveforms_figure(found: BenchComparison) -> "Figure":
-    """Recorded mean and simulation of the first twelve labels, and below each their difference."""
+    """Draw recorded mean and simulation of the first twelve labels, and below each their difference."""
     shown = found.labels[:MOST_PANELS]
     columns = min(2, len(shown))
     rows = math.ceil(len(shown) / columns)
@@ -58,7 +58,7 @@ def _draw_waveforms(axes: "Axes", one: LabelComparison) -> None:
 
 def _draw_residual(axes: "Axes", one: LabelComparison) -> None:
     time, rest = 1e9 * one.time, 1e3 * (one.mean - one.simulated)
-    spread, error = 1e3 * one.spread, 1e3 * one.spread / np.sqrt(one.recorded.count)
+    spread, error = 1e3 * one.spread, 1e3 * one.standard_error
     axes.fill_between(time, rest - spread, rest + spread, color=RAY_COLOUR, alpha=0.15, linewidth=0.0)
     axes.fill_between(time, rest - error, rest + error, color=RAY_COLOUR, alpha=0.5, linewidth=0.0)
     axes.plot(time, rest, color=RAY_COLOUR, linewidth=0.8)
@@ -68,7 +68,7 @@ def _draw_residual(axes: "Axes", one: LabelComparison) -> None:
 
 
 def ranges_figure(found: BenchComparison) -> "Figure":
-    """Peaks, correlation and range errors over the labels."""
+    """Draw peaks, correlation and range errors over the labels."""
     names = [label_text(one.label) for one in found.labels]
     place = np.arange(len(names))
     with styled_figure(10.6, 3.8) as figure:

@@ -1,4 +1,4 @@
-"""A comparison of recorded echoes with runs as files: table, waveforms, pictures and one HTML page that tells it."""
+"""Write a comparison of recorded echoes with runs as files: table, waveforms, figures and an HTML report."""
 
 import csv
 import math
@@ -19,14 +19,14 @@ from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, staged_folder, to_
 
 TABLE_FILE, WAVEFORM_FILE, FIGURE_FILE = "compare.csv", "compare.nc", "compare.png"
 
-# Ranging methods that read a pulse's edge, which is elsewhere on a pulse of another shape.
+# Ranging methods that read the time of a pulse's edge, which depends on the pulse's shape.
 EDGE_METHODS = ("leading-edge", "constant-fraction")
 
 Table = tuple[str, tuple[str, ...], list[tuple[str, ...]]]
 
 
 def peak_table(found: BenchComparison) -> Table:
-    """Table 3 of the paper: peak voltages."""
+    """Make Table 3 of the paper: peak voltages."""
     rows: list[tuple[str, ...]] = [
         (
             label_text(one.label),
@@ -48,9 +48,9 @@ def peak_table(found: BenchComparison) -> Table:
 
 
 def error_table(found: BenchComparison) -> Table:
-    """Table 4: relative peak errors, in both conventions, and the leading edge.
+    """Make Table 4: relative peak errors, in both conventions, and the leading edge.
 
-    A ratio of peaks is off by the root sum of squares of what each of them is off by, relative to itself.
+    The relative error of the ratio of two peaks is the root sum of squares of the peaks' relative errors.
     """
     rows: list[tuple[str, ...]] = []
     for one in found.labels:
@@ -74,7 +74,7 @@ def error_table(found: BenchComparison) -> Table:
 
 
 def correlation_table(found: BenchComparison) -> Table:
-    """Table 6: correlation coefficients, with the degrees of Table 5."""
+    """Make Table 6: correlation coefficients, with the degrees of Table 5."""
     rows: list[tuple[str, ...]] = [
         (
             label_text(one.label),
@@ -100,12 +100,12 @@ def correlation_table(found: BenchComparison) -> Table:
 
 
 def range_table(found: BenchComparison) -> Table:
-    """Systematic and random range errors, by label and method."""
+    """Make the table of systematic and random range errors, by label and method."""
     rows: list[tuple[str, ...]] = [
         (
             label_text(one.label),
             method,
-            # The error of the run's range is in its reading too, and cancels (range_errors.py).
+            # The error of the run's range is also in its reading, so it cancels (range_errors.py).
             _millimetres(errors.systematic_error_m, errors.systematic_standard_error_m)
             + (_caveat(one) if method in EDGE_METHODS else ""),
             Quantity(1e3 * errors.random_error_m, 1e3 * errors.random_standard_error_m).text(),
@@ -120,17 +120,17 @@ def range_table(found: BenchComparison) -> Table:
 
 
 def _caveat(one: LabelComparison) -> str:
-    """The remark on a number that a pulse other than the simulated one has distorted."""
-    return ", but another pulse" if one.waveform.same_pulse is False else ""
+    """Return the remark for a number that is distorted because the recorded pulse differs from the simulated one."""
+    return " (different pulse)" if one.waveform.same_pulse is False else ""
 
 
 def _number(value: float, digits: str) -> str:
-    """A number; "none" where there is none."""
+    """Format a number; "none" for NaN."""
     return f"{value:{digits}}" if math.isfinite(value) else "none"
 
 
 def _millimetres(value: float, error: float) -> str:
-    """A signed length in millimetres with its error, both given in metres."""
+    """Format a signed length [m] with its error [m] in millimetres."""
     return Quantity(1e3 * value, 1e3 * error).text(signed=True)
 
 
@@ -138,40 +138,40 @@ TABLES = (peak_table, error_table, correlation_table, range_table)
 
 
 def notes(found: BenchComparison) -> list[str]:
-    """How the comparison was made, in words."""
+    """Describe in words how the comparison was made."""
     bounds = [bound for bound, _ in DEGREES]
     degrees = "; ".join(
         f"{name} from |r| = {bound:g} to {upper:g}"
         for (bound, name), upper in zip(DEGREES, [1.0, *bounds], strict=False)
     )
     alignment = {
-        NO_ALIGNMENT: "The recorded times were taken as they are, but for the trigger offset given.",
-        EACH: "Each label was shifted to its greatest correlation: shapes are compared, and systematic "
-        "range errors and edge shifts say nothing about the range.",
+        NO_ALIGNMENT: "The recorded times were used unchanged, apart from the given trigger offset.",
+        EACH: "Each label was shifted to its greatest correlation: only shapes are compared, and systematic range "
+        "errors and edge shifts are not meaningful.",
     }.get(
         found.options.align,
-        f"The trigger offset was measured on {found.options.align} and taken off every label: what differs "
-        "between labels is real, the systematic error of that label is not.",
+        f"The trigger offset was measured on {found.options.align} and subtracted for every label: differences "
+        "between labels are real, the systematic error of that label is not.",
     )
     lines = [
         *(f"Warning: {text}." for text in found.warnings),
         alignment,
         "Trigger offsets: "
         + ", ".join(f"{label_text(one.label)} {1e9 * one.trigger_offset:.4f} ns" for one in found.labels),
-        "The simulation is drawn on the recorded times by a spline, because it is smooth and finely sampled; "
-        "recorded samples are left as they are.",
-        "Both peak errors are recorded less simulated peak; the paper's Table 4 divides by the simulated one.",
+        "The simulation is interpolated at the recorded times by a spline, because it is smooth and finely sampled; "
+        "recorded samples are unchanged.",
+        "Both peak errors are recorded minus simulated peak; the paper's Table 4 divides by the simulated one.",
         f"Degrees of correlation: {degrees}.",
-        f"At most {found.options.ranged_count} echoes of a label, drawn at random, were ranged one by one.",
+        f"At most {found.options.ranged_count} echoes of a label, chosen at random, were ranged one by one.",
     ]
     resampled = sum(one.recorded.resampled_count for one in found.labels)
     if resampled:
         lines.append(
-            f"{resampled} echoes had other times than their label's first and were drawn on those by a spline."
+            f"{resampled} echoes had other sample times than the first of their label: interpolated by a spline."
         )
     unfit = sum(one.unfit_count for one in found.labels)
     if unfit:
-        lines.append(f"{unfit} echoes had fewer than {LEAST_SAMPLES} samples, or no sample period: passed over.")
+        lines.append(f"{unfit} echoes had fewer than {LEAST_SAMPLES} samples or no sample period and were skipped.")
     if found.left_out:
         lines.append(f"Labels without a run: {', '.join(map(label_text, found.left_out))}.")
     return lines
@@ -225,7 +225,7 @@ def _page(found: BenchComparison, pictures: dict[str, tuple[str, bytes]]) -> str
         remarks(("Warning", text) for text in found.warnings),
         *(section(title, table(columns, rows)) for title, columns, rows in (make(found) for make in TABLES)),
         section("Pictures", "".join(picture(name, caption, data) for name, (caption, data) in pictures.items())),
-        section("How it was done", bullets(notes(found))),
+        section("How the comparison was made", bullets(notes(found))),
         section("Runs", table(("label", "scene", "folder"), runs)),
     ]
     lead = f"{found.source}, {len(found.labels)} labels, aerokernels {__version__}"

@@ -1,4 +1,4 @@
-"""A run as one labelled dataset with units: what result.nc holds and the pictures are drawn from."""
+"""Make a run's labelled dataset with units, which is written to result.nc and from which the figures are drawn."""
 
 import json
 import os
@@ -18,19 +18,19 @@ from aerokernels.scene.pupil_table import axis_words
 if TYPE_CHECKING:
     import xarray
 
-RASTER_CELLS = 400  # along each side of the density picture of an unstructured mesh
-# These are attributes of their own beside the whole summary, because the pictures show them.
+RASTER_CELLS = 400  # cells along each side of the density figure of an unstructured mesh
+# Numbers of the summary that are attributes of the dataset too, because the figures show them.
 SHOWN = ("strehl", "range_m", "true_range_m")
-WITH_ERROR = ("strehl", "opd_rms_m", "range_m")  # and their errors, as NAME_error
+WITH_ERROR = ("strehl", "opd_rms_m", "range_m")  # numbers whose errors are attributes NAME_error
 
 
 def variable(dims: str | tuple[str, ...], values: Any, units: str, long_name: str) -> tuple[Any, ...]:
-    """A variable with its unit and meaning, as xarray takes it."""
+    """Return a variable with its unit and meaning, as xarray.Dataset takes it."""
     return dims, values, {"units": units, "long_name": long_name}
 
 
 def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Density of cells (i, j) [kg/m3], and y and z of their corners (i + 1, j + 1) [m], in the plane x = 0."""
+    """Return the density of cells (i, j) [kg/m3] in the plane x = 0, and y and z of their corners (i+1, j+1) [m]."""
     if isinstance(field, CellDensity) and field.mesh.shape is not None:
         shape = field.mesh.shape
         corners = field.mesh.vertices.reshape(*shape, 2)
@@ -40,18 +40,18 @@ def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarr
     middle = np.meshgrid(*(0.5 * (axis[1:] + axis[:-1]) for axis in axes), indexing="ij")
     y, z = (axis.ravel() for axis in middle)
     density = field.density_at(np.stack([np.zeros(y.size), y, z], axis=1))
-    density = np.where(np.isnan(density), field.ambient_density, density)  # in the body, which is drawn over it
+    density = np.where(np.isnan(density), field.ambient_density, density)  # inside the body, which is drawn on top
     corner_y, corner_z = np.meshgrid(*axes, indexing="ij")
     return density.reshape(RASTER_CELLS, RASTER_CELLS), corner_y, corner_z
 
 
 def _middle(corner: np.ndarray) -> np.ndarray:
-    """Means of the four corners of each cell."""
+    """Return the mean of the four corners of each cell."""
     return 0.25 * (corner[1:, 1:] + corner[:-1, 1:] + corner[1:, :-1] + corner[:-1, :-1])
 
 
 def written_at() -> datetime:
-    """When a file is written: now, or at SOURCE_DATE_EPOCH where that is set, so that equal runs give equal files."""
+    """Return the time stamp for files: now, or SOURCE_DATE_EPOCH if it is set, so that equal runs give equal files."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     known = epoch.isascii() and epoch.isdigit() and len(epoch) <= 11  # up to the year 5138
     return datetime.fromtimestamp(int(epoch), UTC) if known else datetime.now(UTC)
@@ -62,9 +62,9 @@ def _number(value: float | None) -> float:
 
 
 def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset":
-    """Put a run's arrays and its summary together; arrays of a stage that failed are absent.
+    """Make the dataset of a run's arrays and its summary; arrays of a failed stage are absent.
 
-    How long things took is left to summary.json: equal runs give equal datasets.
+    The times of the stages are only in summary.json, so that equal runs give equal datasets.
     """
     import xarray
 
@@ -75,7 +75,7 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
         density, corner_y, corner_z = density_cells(flow)
         variables = {
             "density": variable(("cell_i", "cell_j"), density, "kg m-3", "density, cell averages"),
-            # The middle of each cell, which is where its average belongs.
+            # The centre of each cell, the place of its average.
             "cell_y": variable(("cell_i", "cell_j"), _middle(corner_y), "m", "y of the cells' centres"),
             "cell_z": variable(("cell_i", "cell_j"), _middle(corner_z), "m", "z of the cells' centres"),
             "density_y": variable(("corner_i", "corner_j"), corner_y, "m", "y of the cells' corners"),
@@ -145,12 +145,12 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
         **{f"{name}_error": _number(numbers["errors"][name]) for name in WITH_ERROR},
     }
     if result.scene.detector.ranging != "leading-edge":
-        del attributes["threshold_v"]  # no level decides there
+        del attributes["threshold_v"]  # the other methods use no fixed level
     if result.echo is None:
         return xarray.Dataset(variables, coordinates, attributes)
     echo = result.echo.to_xarray()
     attributes |= {name: value for name, value in echo.attrs.items() if name not in numbers and "seconds" not in name}
     echo = echo.drop_vars("axis", errors="ignore")
     for name in echo.variables:
-        echo[name].attrs.setdefault("units", "1")  # labels have no unit of their own
+        echo[name].attrs.setdefault("units", "1")  # labels have no unit
     return xarray.Dataset(variables, coordinates, attributes).merge(echo, combine_attrs="override")

@@ -1,4 +1,4 @@
-"""What a run of a scene would do, in words: region, grid, method, ray counts, and the error of the grid."""
+"""Explain in words what a run of a scene would do: region, grid, method, ray counts, and the error of the grid."""
 
 import math
 
@@ -21,10 +21,10 @@ from aerokernels.waves import validity
 
 
 def explanation(scene: Scene) -> list[tuple[str, str]]:
-    """Pairs of what and how. The flow is read and resampled, since that takes a second and gives measured errors.
+    """Return rows of (topic, explanation). The flow is read and resampled: that takes a second and measures the error.
 
     Raises:
-        ValueError: A backend or device that is not there, or a region or spacing that cannot be had.
+        ValueError: A backend or device that is not available, or a region or spacing that cannot be used.
     """
     flow = scene.density_field()
     prepared = prepare_field(scene, flow)
@@ -46,7 +46,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ("flow mesh", _mesh_in_words(flow)),
         *_lacking(prepared.lacking),
         (
-            "part that rays can meet",
+            "region of the rays",
             f"{axes} from {low[0] * 1e3:.3g}, {low[1] * 1e3:.3g} mm to {high[0] * 1e3:.3g}, {high[1] * 1e3:.3g} mm",
         ),
     ]
@@ -56,7 +56,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     left_by_grid = root_sum_square([0.0 if resampling is None else resampling.opd_rms, made.columns if made else 0.0])
     if made is not None and made.columns > 0.0 and isinstance(samples, UniformGrid):
         rows += [
-            ("grid", f"{' x '.join(map(str, samples.shape))} nodes, to which the flow's cells were resampled"),
+            ("grid", f"{' x '.join(map(str, samples.shape))} nodes, resampled from the flow's cells"),
             (
                 "error of the grid",
                 f"OPD {made.columns * 1e9:.3g} nm rms of lines through it, measured "
@@ -64,7 +64,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
             ),
         ]
     elif resampling is None or not isinstance(samples, UniformGrid):
-        rows.append(("grid", f"none: samples are looked up on the flow's mesh, {scene.grid.interpolation}"))
+        rows.append(("grid", f"none: the index is interpolated on the flow's mesh, {scene.grid.interpolation}"))
     else:
         shape = " x ".join(str(count) for count in samples.shape)
         rows += [
@@ -76,17 +76,17 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
             ),
         ]
     if made is not None:
-        share = f"+- {100.0 * made.refractivity:.2g} % of the OPD" if made.refractivity else "a constant that was given"
+        share = f"+- {100.0 * made.refractivity:.2g} % of the OPD" if made.refractivity else "a given constant"
         rows.append(("refractivity", f"{made.model}; {share}"))
     inside, sampled, _ = pupil_samples(prepared.field, scene, PUPIL_SAMPLES)
-    shared = ", those at one distance from the axis share a ray" if len(sampled) < inside.sum() else ""
+    shared = "; samples at the same distance from the axis share a ray" if len(sampled) < inside.sum() else ""
     rows += [
         ("tracing", str(plan).splitlines()[0]),
         *(("", reason) for reason in plan.reasons),
-        ("error asked for", f"{scene.trace.tolerance:g} wave at {wavelength * 1e9:g} nm"),
+        ("requested OPD error", f"{scene.trace.tolerance:g} wave at {wavelength * 1e9:g} nm"),
         (
             "rays, Strehl ratio",
-            f"{scene.strehl.ray_count:,} asked for, {count:,} traced, {in_words(pupil)}",
+            f"{scene.strehl.ray_count:,} requested, {count:,} traced, {in_words(pupil)}",
         ),
         ("predicted", _prediction(plan, count)),
         *_predicted_ratio(plan, left_by_grid, wavelength),
@@ -107,75 +107,73 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
 
 
 def _predicted_ratio(plan: TracePlan, left_by_grid: float, wavelength: float) -> list[tuple[str, str]]:
-    """The error that the Strehl ratio will have at most: whatever it is, under the phase errors known before."""
+    """Rows on the Strehl ratio's predicted error: the bound for any ratio, given the phase errors known in advance."""
     if plan.predicted_error is None:
         return []
     phase = 2.0 * math.pi * root_sum_square([plan.predicted_error, left_by_grid / wavelength])
     error = greatest_strehl_error(phase)
-    left_out = ", without that of the flow's own mesh"
-    rows = [("predicted, Strehl ratio", f"error +- {error:.2g}{left_out}")]
+    left_out = ", not counting the error of the flow's own mesh"
+    rows = [("predicted, Strehl ratio", f"error at most {error:.2g}{left_out}")]
     if error > GREAT_ERROR:
         shares = {"step": plan.predicted_error, "resampling": left_by_grid / wavelength}  # [waves]
-        size = "answers nothing" if error > 1.0 else "is great"
+        size = "makes the ratio meaningless" if error > 1.0 else "is large"
         rows.append(("warning", f"an error of {error:.2g} {size}: {main_cause(shares)}"))
     return rows
 
 
 def _predicted_echo(scene: Scene, field: IndexField) -> list[tuple[str, str]]:
-    """The echo that comes back where the flow takes nothing off it, and whether it can be ranged."""
+    """Rows on the echo without flow, and on whether its range can be read."""
     found, own = predict_echo(scene, field), scene.detector.ranging
     rows = [
-        ("predicted, echo", f"{found.peak_voltage:.4g} V without flow, {found.peak_power * 1e6:.4g} µW; less with it")
+        ("predicted, echo", f"{found.peak_voltage:.4g} V, {found.peak_power * 1e6:.4g} µW without flow; less with flow")
     ]
     if own in found.reasons:
-        rows.append(("predicted, range", f"none: {found.reasons[own]}; all else is computed"))
+        rows.append(("predicted, range", f"none: {found.reasons[own]}; everything else is computed"))
     elif found.least_factor <= 1.0:
         rows.append(
-            ("predicted, range", f"read as long as the flow leaves {found.least_factor:.3f} of the peak or more")
+            ("predicted, range", f"can be read if the flow leaves at least {found.least_factor:.3f} of the peak")
         )
     else:
-        rows.append(("predicted, range", "read"))
+        rows.append(("predicted, range", "can be read"))
     readable = [method for method in RANGING_METHODS if method not in found.reasons]
     if own in found.reasons and readable:
-        rows.append(("", f"detector.ranging that reads this echo: {', '.join(readable)}"))
+        rows.append(("", f"values of detector.ranging that can read this echo: {', '.join(readable)}"))
     return rows
 
 
 def _prediction(plan: TracePlan, ray_count: int) -> str:
-    """Cost and error of the Strehl ratio's rays, in words."""
+    """Describe the predicted cost and error of the Strehl ratio's rays."""
     each, error = plan.predicted_evaluations, plan.predicted_error
     cost = (
-        "cost not known before"
-        if each is None
-        else f"{each:.0f} field evaluations a ray, {each * ray_count:.2g} in all"
+        "cost not predicted" if each is None else f"{each:.0f} field evaluations per ray, {each * ray_count:.2g} in all"
     )
     if error is None:
-        return f"{cost}; error not known before"
+        return f"{cost}; error not predicted"
     return f"{cost}; OPD error {error:.1g} waves"
 
 
 def _return_path(scene: Scene, field: IndexField) -> str:
-    """How the light's way back is traced, in words."""
+    """Describe how the return path of the echo is traced."""
     receiver = scene.receiver
     if receiver.return_factor == "none":
-        return "none traced back (return factor none)"
+        return "return path not traced (return factor none)"
     nodes = receiver.strehl_node_count
     start = f"return factor {receiver.return_factor} at "
     if nodes == "every":
-        return f"{start}each of them, {receiver.ray_count:,} rays over the pupil each"
+        return f"{start}each target point, {receiver.ray_count:,} rays over the pupil each"
     if is_symmetric(field, target_plane(scene)):
         count = int(nodes) // 2 + 1
-        return f"{start}{count} places of a radius, half of {receiver.ray_count:,} rays over the pupil each: symmetric"
-    return f"{start}{nodes} x {nodes} places, {receiver.ray_count:,} rays over the pupil each"
+        return f"{start}{count} points of a radius, by symmetry half of {receiver.ray_count:,} rays over the pupil each"
+    return f"{start}{nodes} x {nodes} points, {receiver.ray_count:,} rays over the pupil each"
 
 
 def _lacking(lacking: AveragesLacking | None) -> list[tuple[str, str]]:
-    """What lines across cells lack of the averages over these, where the flow has such."""
-    return [] if lacking is None else [("averages", f"the interpolant between cells lacks {lacking.in_words()}")]
+    """A row on the deficit of line integrals against the cell averages, if the flow has cell averages."""
+    return [] if lacking is None else [("averages", f"deficit of the interpolant between cells: {lacking.in_words()}")]
 
 
 def _mesh_in_words(flow: DensityField) -> str:
-    """How many cells or nodes a flow has, and its geometry."""
+    """Describe a flow's number of cells or nodes, and its geometry."""
     mesh = getattr(flow, "mesh", None)
     if mesh is not None:
         return f"{len(mesh.cells)} cells, {flow.geometry}"

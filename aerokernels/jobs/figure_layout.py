@@ -1,7 +1,7 @@
-"""The look of pictures, and where their panels lie: side by side, in inches, with room for what is written around them.
+"""Style and layout of figures: panels side by side, sized in inches, with fixed room for titles and labels.
 
-The sizes are known before anything is drawn, so a picture is drawn once. A layout that measures its labels first has to
-draw every picture twice, and more often to settle.
+The sizes are fixed before anything is drawn, so that a figure is drawn once. A layout that measures its labels has to
+draw every figure twice or more.
 """
 
 import io
@@ -29,20 +29,20 @@ STYLE: dict[Any, Any] = {
 }
 DPI = 120
 LEFT, RIGHT, BOTTOM, TOP = 0.85, 0.2, 0.6, 0.4  # room around a panel for its labels and title [in]
-SCALE_ROOM = 0.75  # for the labels of a scale on the right [in]
-BAR_GAP, BAR_WIDTH = 0.12, 0.17  # of a colour bar [in]
-LEAST_WIDTH = 5.2  # of a picture, so that its title fits [in]
+SCALE_ROOM = 0.75  # room for the labels of a scale on the right [in]
+BAR_GAP, BAR_WIDTH = 0.12, 0.17  # gap before and width of a colour bar [in]
+LEAST_WIDTH = 5.2  # least width of a figure, so that its title fits [in]
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One panel of a picture.
+    """One panel of a figure.
 
     Attributes:
-        width: Of the axes' box [in].
-        height: Of the axes' box [in].
-        bar: Whether a colour bar stands beside it.
-        scale: Whether it has a second scale on the right.
+        width: Width of the axes' box [in].
+        height: Height of the axes' box [in].
+        bar: Whether the panel has a colour bar on the right.
+        scale: Whether the panel has a second scale on the right.
     """
 
     width: float
@@ -52,18 +52,18 @@ class Panel:
 
     @property
     def room(self) -> float:
-        """Width with all that is written beside the panel [in]."""
+        """Width of the panel with its labels, colour bar and second scale [in]."""
         right = SCALE_ROOM if self.bar or self.scale else RIGHT
         return LEFT + self.width + right + (BAR_GAP + BAR_WIDTH if self.bar else 0.0)
 
 
 def fitted_panel(ratio: float, width: float, height: float, bar: bool = False) -> Panel:
-    """The largest panel of a ratio of height to width that fits in `width` x `height` [in]."""
+    """Return the largest panel of `ratio`, height over width, that fits in `width` x `height` [in]."""
     return Panel(min(width, height / ratio), min(height, width * ratio), bar)
 
 
 def panelled_figure(*panels: Panel) -> "tuple[Figure, list[tuple[Axes, Axes | None]]]":
-    """A figure without window or global state, and for each panel its axes and those of its colour bar, if any."""
+    """Make a figure without window or global state; return it and each panel's axes and colour bar axes (or None)."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
@@ -88,7 +88,7 @@ def panelled_figure(*panels: Panel) -> "tuple[Figure, list[tuple[Axes, Axes | No
 
 @contextmanager
 def styled_figure(width: float, height: float, dpi: int = DPI, style: Any = None) -> "Iterator[Figure]":
-    """A figure of so many inches without window or global state; what is drawn in the block has the look of STYLE."""
+    """Yield a figure of `width` x `height` [in] without window or global state; the block draws in `style` or STYLE."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
@@ -97,14 +97,14 @@ def styled_figure(width: float, height: float, dpi: int = DPI, style: Any = None
 
 
 def png(figure: "Figure") -> bytes:
-    """`figure` as a PNG file."""
+    """Return `figure` as the bytes of a PNG file."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", pil_kwargs={"compress_level": 4})
     return buffer.getvalue()
 
 
 def png_or_fault(draw: "Callable[[], Figure]") -> bytes | str:
-    """What a function draws as a PNG file, or in one line why it cannot: the numbers stand without their picture."""
+    """Return the figure that `draw` makes as a PNG file, or the error on one line: a report needs no figure."""
     try:
         return png(draw())
     except Exception as fault:

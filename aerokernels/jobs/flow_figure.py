@@ -1,4 +1,4 @@
-"""A picture of a flow's density in the optical frame, with its body and axes."""
+"""Draw a flow's density in the optical frame, with its body and axes."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def flow_figure(flow: DensityField, title: str = "") -> "Figure":
-    """The density in the plane x = 0, z to the right and y (or r) upward; the optical axis is drawn as an arrow."""
+    """Draw the density in the plane x = 0, z to the right and y (or r) upward, and the optical axis as an arrow."""
     density, y, z = density_cells(flow)
     ratio = float(np.clip(np.ptp(y) / np.ptp(z), 0.15, 1.5))
     with styled_figure(7.2, 1.6 + 5.2 * ratio) as figure:
@@ -33,7 +33,7 @@ def flow_figure(flow: DensityField, title: str = "") -> "Figure":
         axes.set_xlabel("z [mm], the optical axis")
         axes.set_ylabel(f"{'r' if flow.geometry == 'axisymmetric' else 'y'} [mm]")
         axes.annotate(
-            "looks this way", (0.62, 1.04), (0.38, 1.04), xycoords="axes fraction", textcoords="axes fraction",
+            "direction of view", (0.62, 1.04), (0.38, 1.04), xycoords="axes fraction", textcoords="axes fraction",
             arrowprops={"arrowstyle": "->", "color": "#4a5460"}, color="#4a5460", va="center", fontsize=8.0,
         )  # fmt: skip
         if title:
@@ -42,14 +42,14 @@ def flow_figure(flow: DensityField, title: str = "") -> "Figure":
 
 
 def save_flow_figure(flow: DensityField, place: Path, title: str = "") -> None:
-    """Write the picture to a file; its name's end tells the format.
+    """Write the figure to a file, whose name's extension determines the format.
 
     Raises:
-        ValueError: An end that no format has.
+        ValueError: No format has this extension.
     """
     figure = flow_figure(flow, title)
     known = figure.canvas.get_supported_filetypes()
     if place.suffix[1:].lower() not in known:
-        raise ValueError(f"{place}: no picture ends in {place.suffix!r}: take .png, .pdf or .svg")
+        raise ValueError(f"{place}: {place.suffix!r} is not a picture format: use .png, .pdf or .svg")
     place.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(place)

@@ -1,4 +1,4 @@
-"""HTML pages that stand alone: pictures are inside them, and they load nothing. Texts are escaped here."""
+"""Build self-contained HTML pages with embedded pictures; all texts are escaped here."""
 
 import base64
 import html
@@ -9,7 +9,7 @@ from aerokernels.display.plain_text import plain
 from aerokernels.jobs.figure_layout import png_or_fault
 
 Picture = tuple[str, str, Callable]  # name, caption, a function that draws it
-WIDE = 850  # [pixels] of a picture of two panels
+WIDE = 850  # [pixels] width above which a picture has two panels
 CSS = """
 body { font: 15px/1.55 system-ui, "Segoe UI", Roboto, sans-serif; color: #1d2630; background: white;
   margin: 0 auto; max-width: 1080px; padding: 28px 20px 60px; }
@@ -56,7 +56,7 @@ def _escaped(text: str) -> str:
 
 
 def page(title: str, lead: str, parts: Iterable[str]) -> str:
-    """A complete HTML document; the parts are HTML."""
+    """Return a complete HTML document; the parts are HTML."""
     return (
         "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width'>"
@@ -66,12 +66,12 @@ def page(title: str, lead: str, parts: Iterable[str]) -> str:
 
 
 def embedded(data: bytes) -> str:
-    """A PNG file as the address of a picture."""
+    """Return a PNG file as a data URL."""
     return f"data:image/png;base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def picture(name: str, caption: str, data: bytes) -> str:
-    """A PNG file with its caption; a phone shows a wide one at a legible size, to be moved sideways."""
+    """Return an HTML figure of a PNG file with its caption; a wide one can be scrolled on a phone."""
     wide = ' class="wide"' if int.from_bytes(data[16:20], "big") > WIDE else ""  # the width in a PNG file's head
     caption = _escaped(caption)
     image = f'<img alt="{caption}" src="{embedded(data)}"{wide}>'
@@ -79,29 +79,29 @@ def picture(name: str, caption: str, data: bytes) -> str:
 
 
 def pictures(shown: Iterable[Picture]) -> str:
-    """Pictures with their captions; one that cannot be drawn says why."""
+    """Return HTML figures with their captions; a figure that cannot be drawn is replaced by the reason."""
     made = ((name, caption, png_or_fault(draw)) for name, caption, draw in shown)
     return "".join(
-        paragraph(f"No picture of this: {caption} ({data})") if isinstance(data, str) else picture(name, caption, data)
+        paragraph(f"No picture: {caption} ({data})") if isinstance(data, str) else picture(name, caption, data)
         for name, caption, data in made
     )
 
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table with a head."""
+    """Return an HTML table with column headings."""
     head = "".join(f"<th>{_escaped(name)}</th>" for name in columns)
     body = "".join("<tr>" + "".join(f"<td>{_escaped(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<table><tr>{head}</tr>{body}</table>"
 
 
 def named_values(rows: Iterable[tuple[str, str]]) -> str:
-    """A table of names and their values; "none" where there are none."""
+    """Return an HTML table of names and values; "none" if there are no rows."""
     body = "".join(f"<tr><th>{_escaped(name)}</th><td>{_escaped(value)}</td></tr>" for name, value in rows)
     return f"<table>{body}</table>" if body else "<p>none</p>"
 
 
 def cards(rows: Iterable[tuple[str, str]]) -> str:
-    """Numbers that a reader asks for first."""
+    """Return the most important numbers as a grid of cards."""
     found = "".join(
         f'<div class="card"><b>{_escaped(value)}</b><span>{_escaped(words)}</span></div>' for words, value in rows
     )
@@ -109,31 +109,31 @@ def cards(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def remarks(rows: Iterable[tuple[str, Any]], kind: str = "note") -> str:
-    """What a reader must know beside the numbers, each under its word; nothing where there is none.
+    """Return a box of remarks that a reader must know besides the numbers; an empty text without remarks.
 
     Args:
-        rows: Words and what they say.
-        kind: "note", or "alarm" where the numbers are worth nothing.
+        rows: Heading and text of each remark.
+        kind: "note", or "alarm" if the numbers are not meaningful.
     """
     lines = "".join(f"<p><b>{_escaped(words)}:</b> {_escaped(str(text))}</p>" for words, text in rows)
     return f"<div class='{kind}'>{lines}</div>" if lines else ""
 
 
 def section(title: str, content: str) -> str:
-    """A heading and what stands below it, which is HTML."""
+    """Return a heading followed by `content`, which is HTML."""
     return f"<h2>{_escaped(title)}</h2>{content}"
 
 
 def paragraph(text: str) -> str:
-    """A paragraph."""
+    """Return a paragraph."""
     return f"<p>{_escaped(text)}</p>"
 
 
 def bullets(lines: Iterable[str]) -> str:
-    """A list of lines."""
+    """Return a bullet list."""
     return "<ul>" + "".join(f"<li>{_escaped(line)}</li>" for line in lines) + "</ul>"
 
 
 def text_block(text: str) -> str:
-    """A text as it is written."""
+    """Return a preformatted text."""
     return f"<pre>{_escaped(text)}</pre>"

@@ -1,4 +1,4 @@
-"""Figures of schlieren pictures, shadowgraphs and interferograms, with their scale."""
+"""Draw schlieren pictures, shadowgraphs and interferograms as figures with their scale."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -33,7 +33,7 @@ def _draw(axes: "Axes", picture: AnyPicture) -> None:
 
 
 def _axis_label(direction: np.ndarray | None, default: str) -> str:
-    """What a picture's axis is: x, y or z where it points along one, else in words."""
+    """Return the label of a picture's axis: x, y or z where it points along one of them, else words."""
     if direction is None:
         return f"{default} [mm]"
     axis = int(np.argmax(np.abs(direction)))
@@ -43,7 +43,7 @@ def _axis_label(direction: np.ndarray | None, default: str) -> str:
 
 
 def pictures_figure(pictures: Mapping[str, Any], shock: ShockAngle | None = None) -> "Figure":
-    """Pictures beside each other by kind; the shock that was read off the schlieren picture is drawn into it."""
+    """Draw pictures side by side by kind, and into the schlieren picture the shock that was measured on it."""
     figure, panels = _axes(next(iter(pictures.values())), len(pictures))
     for axes, (kind, picture) in zip(panels, pictures.items(), strict=True):
         _draw(axes, picture)
@@ -66,7 +66,7 @@ def _draw_shock(axes: "Axes", shock: ShockAngle) -> None:
 
 
 def comparison_figure(comparison: HalfComparison) -> "Figure":
-    """Simulated picture above, measured one below."""
+    """Draw the simulated picture above and the measured picture below."""
     figure, (axes,) = _axes(comparison, 1)
     _draw(axes, comparison)
     axes.axhline(0.0, color=ACCENT, linewidth=0.8)

@@ -1,4 +1,4 @@
-"""The pictures that optical benches would show of a scene's flow: made, measured, compared, written."""
+"""Make schlieren pictures, shadowgraphs and interferograms of a scene's flow, measure, compare and write them."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -16,6 +16,7 @@ from aerokernels.jobs.figure_layout import png
 from aerokernels.jobs.picture_figure import comparison_figure, pictures_figure
 from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.medium import IndexField
+from aerokernels.prepare import flow_index
 from aerokernels.scene import Scene
 from aerokernels.scene.errors import SceneError, scene_error
 from aerokernels.scene.loading import override, shipped_scenes
@@ -44,31 +45,32 @@ if TYPE_CHECKING:
 
 KINDS = ("schlieren", "shadowgraph", "interferogram")
 DATASET_FILE, FIGURE_FILE, COMPARISON_FILE = "pictures.nc", "figure.png", "comparison.png"
-# Nodes of the uniform grid that the flow is resampled to, for each pixel.
+# Nodes of the uniform grid, to which the flow is resampled, per pixel.
 NODES_PER_PIXEL = 2.0
 
 
 @dataclass(frozen=True)
 class PictureOptions:
-    """What pictures to make; see `schlieren`, `shadowgraph` and `interferogram` for the meaning of each.
+    """Which pictures to make, and how; see `schlieren`, `shadowgraph` and `interferogram` for the options' meaning.
 
     Attributes:
-        kinds: out of `KINDS`.
+        kinds: kinds of pictures, from `KINDS`.
         view: direction of the light.
         extent: right from, to, up from, to [m]; None for the whole flow.
-        width: length of the light's way through a planar flow [m].
+        width: length of the light's path through a planar flow [m].
         pixel_count: pixels along the longer side.
         rays_per_pixel: k of k x k rays a pixel.
-        spacing: node spacing of the grid that the flow is resampled to [m]; None for half a pixel.
-        knife_edge: of the schlieren picture.
-        cut_off: of the same.
-        sensitivity: of the same [1/rad].
-        exposure: of the same.
-        screen_distance: of the shadowgraph [m].
-        source_angle: of the same [rad].
-        fringe_spacing: of the interferogram [m].
-        fringe_angle: of the same [rad].
-        shock_window: stretch of the horizontal on which the outermost shock's angle is read [m]; None: not at all.
+        spacing: node spacing of the grid to which the flow is resampled [m]; None for half a pixel.
+        knife_edge: orientation of the schlieren picture's knife edge.
+        cut_off: share of the source image that the knife edge blocks.
+        sensitivity: change of light per deflection in the schlieren picture [1/rad].
+        exposure: brightness of the schlieren picture's full light.
+        screen_distance: distance of the shadowgraph's screen [m].
+        source_angle: angle that the shadowgraph's light source subtends [rad].
+        fringe_spacing: spacing of the interferogram's undisturbed fringes [m].
+        fringe_angle: direction across the interferogram's fringes [rad].
+        shock_window: interval of the horizontal axis in which to measure the outermost shock's angle [m]; None: do not
+            measure it.
     """
 
     kinds: tuple[str, ...] = KINDS
@@ -92,7 +94,7 @@ class PictureOptions:
         """Check, before anything is read or traced.
 
         Raises:
-            ValueError: an option that makes no sense; the message names it and the remedy.
+            ValueError: an invalid option; the message names the option and the remedy.
         """
         unknown = [kind for kind in self.kinds if kind not in KINDS]
         if unknown or not self.kinds:
@@ -111,7 +113,7 @@ class PictureOptions:
         check_screen(self.screen_distance, self.source_angle, 1.0)
         check_fringes(self.fringe_spacing, self.fringe_angle, 0.0, 1.0, 1.0)
         if self.shock_window is not None and "schlieren" not in self.kinds:
-            raise ValueError("the shock's angle is read off the schlieren picture: ask for that kind too")
+            raise ValueError("the shock's angle is measured on the schlieren picture: request that kind too")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +123,11 @@ class BenchPictures:
     Attributes:
         scene: the scene.
         density: its flow.
-        line_of_sight: the light that was traced.
-        pictures: by kind.
-        shock: the outermost shock, where it was asked for.
-        comparison: against a photograph, where one was given.
-        measured_shock: the photograph's shock, where both were asked for.
+        line_of_sight: the rays that were traced.
+        pictures: the pictures by kind.
+        shock: the outermost shock, if requested.
+        comparison: comparison with a photograph, if one was given.
+        measured_shock: the photograph's shock, if requested and a photograph was given.
     """
 
     scene: Scene
@@ -138,7 +140,7 @@ class BenchPictures:
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """The pictures in numbers, SI: what goes to summary.json."""
+        """The pictures' numbers, in SI units, as written to summary.json."""
         flow = self.density
         summary: dict[str, Any] = {
             "scene": self.scene.name,
@@ -163,7 +165,7 @@ class BenchPictures:
         return summary
 
     def to_xarray(self) -> "xarray.Dataset":
-        """All pictures as one dataset with units: each by the name of its kind, and what was traced."""
+        """Return all pictures, each under the name of its kind, and the traced data as one dataset with units."""
         import xarray
 
         merged = xarray.Dataset()
@@ -189,10 +191,10 @@ class BenchPictures:
 
 
 def picture_scene(place: str, settings: Mapping[str, Any]) -> Scene:
-    """A scene by its file or name, or a shipped flow by its name with all else at its default.
+    """Load a scene by its file or name, or a shipped flow by its name with defaults for everything else.
 
     Raises:
-        SceneError: neither, or anything wrong with the scene or the settings.
+        SceneError: `place` is neither, or the scene or the settings are not valid.
     """
     if place in shipped_names():
         tables: dict[str, Any] = {"name": place, "flow": {"source": place}}
@@ -210,10 +212,10 @@ def picture_scene(place: str, settings: Mapping[str, Any]) -> Scene:
 
 
 def picture_field(density: DensityField, scene: Scene, options: PictureOptions) -> IndexField:
-    """The whole flow of a scene as a refractive index on a uniform grid."""
-    mesh_field = density.index_field(
-        scene.flow.wavelength, scene.flow.relation, gladstone_dale=scene.flow.gladstone_dale
-    )
+    """Return the refractive index of a scene's whole flow on a uniform grid."""
+    if scene.grid.route != "uniform":
+        raise ValueError("grid.route = 'mesh' is not for pictures, which resample the flow: use 'uniform'")
+    mesh_field = flow_index(scene, density)
     spacing = options.spacing
     if spacing is None:
         low, high = mesh_field.box
@@ -235,14 +237,14 @@ def make_pictures(
     Args:
         scene: the scene; its [flow], [grid] interpolation and [trace] are used.
         options: which pictures, and how.
-        measured: a schlieren photograph to put below the synthetic one.
-        progress: called with the name of each stage and the share of the job before it.
+        measured: a schlieren photograph to compare with the simulated one.
+        progress: called with the name of each stage and the share of the job done before it.
 
     Raises:
-        ValueError: options that make no sense, or a shock that is not found in its window.
+        ValueError: options that do not go together, or no shock is found in the window.
     """
     if measured is not None and "schlieren" not in options.kinds:
-        raise ValueError("a measured picture is compared with the schlieren picture: ask for that kind too")
+        raise ValueError("a measured picture is compared with the schlieren picture: request that kind too")
     progress("reading and resampling the flow", 0.0)
     density = scene.density_field()
     field = picture_field(density, scene, options)

@@ -1,7 +1,7 @@
-"""The pictures of a run, drawn from its stored dataset alone, so that a `result.nc` can be drawn again at any time.
+"""Draw the figures of a run from its stored dataset alone, so that a `result.nc` can be drawn again at any time.
 
-Each function returns a Matplotlib figure that belongs to no window and no global state. Lengths are drawn in mm, um
-or nm and times in ns; the dataset holds SI.
+Each function returns a Matplotlib figure without window or global state. The dataset is in SI units; the figures show
+lengths in mm, um or nm and times in ns.
 """
 
 from collections.abc import Callable
@@ -33,7 +33,7 @@ def _colour_bar(figure: "Figure", mappable: Any, bar_axes: "Axes | None", label:
 
 
 def _powers_of_ten(axis: "Axis") -> None:
-    """Label the decades of an axis in plain characters: the parser of formulas takes as long as a whole picture."""
+    """Label the decades of an axis with Unicode superscripts: Matplotlib's formula parser takes as long as a figure."""
     from matplotlib.ticker import FuncFormatter, NullLocator
 
     axis.set_major_formatter(FuncFormatter(lambda value, _: "10" + f"{np.log10(value):.0f}".translate(RAISED)))
@@ -41,12 +41,12 @@ def _powers_of_ten(axis: "Axis") -> None:
 
 
 def _title(axes: "Axes", text: str) -> None:
-    axes.set_title(text, y=1.0)  # a title without a place of its own measures all labels of its axes to find one
+    axes.set_title(text, y=1.0)  # without a given position Matplotlib measures all labels to place the title
 
 
 def axes_of(dataset: "xarray.Dataset") -> tuple[str, str]:
-    """What to call the pupil's axes: x and y, unless it is turned."""
-    first, second = dataset.attrs.get("pupil_axes", ("x", "y"))  # which results of earlier versions lack
+    """Return the names of the pupil's axes: x and y, unless the pupil is turned."""
+    first, second = dataset.attrs.get("pupil_axes", ("x", "y"))  # absent in results of earlier versions
     return str(first), str(second)
 
 
@@ -58,7 +58,7 @@ def _draw_body(axes: "Axes", dataset: "xarray.Dataset") -> None:
         lines = outlines(dataset["body_point"].values, dataset["body_triangle"].values.astype(np.int64))
     elif "body_z" in dataset:
         y, z = dataset["body_y"].values, dataset["body_z"].values
-        if dataset.attrs.get("geometry") == "axisymmetric":  # one outline for both halves: no seam along the axis
+        if dataset.attrs.get("geometry") == "axisymmetric":  # one outline for both halves avoids a seam on the axis
             z, y = np.concatenate([z, z[::-1]]), np.concatenate([y, -y[::-1]])
         lines = [np.stack([y, z], axis=1)]
     for line in lines:
@@ -71,7 +71,7 @@ def _draw_density(axes: "Axes", dataset: "xarray.Dataset") -> Any:
     z, y = 1e3 * dataset["density_z"].values, 1e3 * dataset["density_y"].values
     density = dataset["density"].values
     low, high = float(density.min()), float(density.max())
-    if high - low <= 1e-9 * abs(high):  # a uniform field still deserves a scale with its value in the middle
+    if high - low <= 1e-9 * abs(high):  # for a uniform field, put its value in the middle of the scale
         low, high = 0.9 * low, 1.1 * high
     ambient = (float(dataset.attrs.get("ambient_density", density.flat[-1])) - low) / (high - low)
     axes.set_facecolor(colormaps["viridis"](min(max(ambient, 0.0), 1.0)))  # the free stream goes on beyond the mesh
@@ -82,7 +82,7 @@ def _draw_density(axes: "Axes", dataset: "xarray.Dataset") -> Any:
 
 
 def density_figure(dataset: "xarray.Dataset") -> "Figure":
-    """Density of the whole flow in the plane x = 0, with the body and the rays' bundle drawn in."""
+    """Draw the density of the whole flow in the plane x = 0, with the body and the rays."""
     z, y = 1e3 * dataset["density_z"].values, 1e3 * dataset["density_y"].values
     low, high, top = z.min(), z.max() + 0.12 * np.ptp(z), y.max() + 0.05 * np.ptp(y)
     bottom = -top if dataset.attrs.get("geometry") == "axisymmetric" else y.min() - 0.05 * np.ptp(y)
@@ -100,7 +100,7 @@ def density_figure(dataset: "xarray.Dataset") -> "Figure":
 
 
 def rays_figure(dataset: "xarray.Dataset") -> "Figure":
-    """The fan of rays where it crosses the flow, and how far each deviates from its straight line."""
+    """Draw the fan of rays in the flow, and the displacement of each ray from its straight line."""
     from matplotlib import colormaps
 
     position = 1e3 * dataset["ray_position"].values  # (ray, plane, axis)
@@ -131,11 +131,11 @@ def rays_figure(dataset: "xarray.Dataset") -> "Figure":
 
 
 def opd_figure(dataset: "xarray.Dataset") -> "Figure":
-    """Optical path difference over the receiver's pupil: piston removed, then tilt and focus removed as well."""
+    """Draw the optical path difference over the pupil: piston removed, and tilt and focus removed as well."""
     square = Panel(SQUARE, SQUARE, bar=True)
     figure, panels = panelled_figure(square, square)
     shown = {"opd": "No piston", "opd_without_tilt": "No piston, tilt"}
-    if "opd_without_focus" in dataset:  # which results of earlier versions lack
+    if "opd_without_focus" in dataset:  # absent in results of earlier versions
         shown = {"opd": "No piston", "opd_without_focus": "No piston, tilt, focus"}
     for (axes, bar_axes), (name, title) in zip(panels, shown.items(), strict=True):
         opd = 1e9 * dataset[name].values
@@ -149,7 +149,7 @@ def opd_figure(dataset: "xarray.Dataset") -> "Figure":
             cmap="RdBu_r",
             vmin=-limit,
             vmax=limit,
-            interpolation="nearest",  # samples as they are
+            interpolation="nearest",  # show the samples unchanged
         )
         rms = float(np.sqrt(np.nanmean(opd**2))) if np.isfinite(opd).any() else float("nan")
         across, up = axes_of(dataset)
@@ -161,7 +161,7 @@ def opd_figure(dataset: "xarray.Dataset") -> "Figure":
 
 
 def point_spread_figure(dataset: "xarray.Dataset") -> "Figure":
-    """Point spread function relative to the undisturbed peak: the spot, and cuts through it beside the perfect one."""
+    """Draw the point spread function relative to the undisturbed peak, and cuts through it and the undisturbed one."""
     from matplotlib.colors import LogNorm
 
     figure, [(spot, bar_axes), (cut, _)] = panelled_figure(Panel(SQUARE, SQUARE, bar=True), Panel(SQUARE, SQUARE))
@@ -197,7 +197,7 @@ def point_spread_figure(dataset: "xarray.Dataset") -> "Figure":
 
 
 def echo_figure(dataset: "xarray.Dataset") -> "Figure":
-    """Received power, and the detector's voltage with the threshold and the reported range."""
+    """Draw the received power, and the detector's voltage with the threshold and the reported range."""
     figure, [(axes, _)] = panelled_figure(Panel(6.9, 3.3, scale=True))
     time, power, voltage = (dataset[name].values for name in ("time", "echo_power", "echo_voltage"))
     shown = _around_pulse(power, dataset.get("echo_voltage_clean", dataset["echo_voltage"]).values)
@@ -223,7 +223,7 @@ def echo_figure(dataset: "xarray.Dataset") -> "Figure":
             axes.axvline(nanosecond, color=colour, linewidth=1.1, linestyle=line, label=f"{words} {measured}")
     second = axes.twinx()
     second.plot(nanoseconds, 1e6 * power[shown], color="#2f9e6e", linewidth=1.2, linestyle="-.", label="received power")
-    # Clear of the voltage's curve, and with its zero at the same height.
+    # Keep the power's curve apart from the voltage's, with both zeros at the same height.
     (low, high), top = axes.get_ylim(), 1.25 * second.get_ylim()[1]
     second.set(ylabel="received power [µW]", ylim=(top * low / high if high > 0.0 else None, top))
     handles = [pair for part in (axes, second) for pair in zip(*part.get_legend_handles_labels(), strict=True)]
@@ -234,7 +234,7 @@ def echo_figure(dataset: "xarray.Dataset") -> "Figure":
 
 
 def _around_pulse(power: np.ndarray, voltage: np.ndarray) -> slice:
-    """The samples around the pulse, with half its width to spare; all of them if there is no pulse."""
+    """Return the samples of the pulse with an eighth of its width on each side; all samples if there is no pulse."""
     parts = [np.abs(signal) / max(np.abs(signal).max(), 1e-300) for signal in (power, voltage)]
     above = np.flatnonzero(np.maximum(*parts) > 1e-3)
     if above.size == 0:
@@ -244,15 +244,14 @@ def _around_pulse(power: np.ndarray, voltage: np.ndarray) -> slice:
 
 
 FIGURES: dict[str, tuple[str, "Callable[[xarray.Dataset], Figure]"]] = {
-    "density": ("The air density around the body, with the rays that leave the pupil.", density_figure),
-    "rays": ("The fan of rays near the pupil, and how far refraction moves each of them aside.", rays_figure),
-    "opd": ("The wavefront that a distant point, straight ahead of the pupil, leaves on it.", opd_figure),
-    "point-spread": ("What the wavefront makes of the focus.", point_spread_figure),
-    "echo": ("The pulse that comes back from the reflector.", echo_figure),
+    "density": ("The air density around the body, with a fan of rays from the pupil.", density_figure),
+    "rays": ("The fan of rays near the pupil, and the displacement of each ray by refraction.", rays_figure),
+    "opd": ("The wavefront of a distant point in the pupil's direction of view.", opd_figure),
+    "point-spread": ("The focus of this wavefront, tilt included.", point_spread_figure),
+    "echo": ("The pulse that returns from the reflector.", echo_figure),
 }
 
-# Variables of a run's dataset that each picture is drawn from: a run whose stage failed, or whose flow is an
-# index field, lacks some.
+# Variables of a run's dataset that each figure needs. Some are absent if a stage failed or the flow is an index field.
 NEEDED: dict[str, set[str]] = {
     "density": {"density"},
     "rays": {"density", "ray_position", "ray_deviation"},

@@ -1,12 +1,12 @@
-"""Systematic and random range errors of recorded echoes, by method, beside the simulation's.
+"""Systematic and random range errors of recorded echoes, by ranging method, next to the simulation's error.
 
-A reading is calibrated through the simulation, drawn on the recorded times: what a method reads on it stands for the
-range that the run reports by it (which is free of the method's own offset, see `echo`), so that
+A method's reading is calibrated by its reading of the simulation, interpolated at the recorded times, which corresponds
+to the range that the run reports by that method (free of the method's own offset, see `echo`):
 
     range = reading - reading of the simulation + range of the run
 
-Where the run has no range by a method, its systematic error is not known; the random one is.
-What the record's ends cut off the pulse then shifts both readings alike.
+A pulse that is truncated by the ends of the record shifts both readings alike. If the run has no range by a method, the
+systematic error is unknown, but the random error is known.
 """
 
 import math
@@ -23,16 +23,16 @@ from aerokernels.jobs.run_folder import RunFolder
 
 @dataclass(frozen=True)
 class RangeErrors:
-    """Errors of the ranges read off recorded echoes.
+    """Errors of the ranges of recorded echoes by one method.
 
     Attributes:
-        systematic_error_m: mean range less the true distance [m].
-        systematic_standard_error_m: of that mean [m].
+        systematic_error_m: mean range minus the true distance [m].
+        systematic_standard_error_m: standard error of that mean [m].
         random_error_m: standard deviation of the range of one echo [m].
-        random_standard_error_m: of that, for normally distributed ranges [m].
-        simulated_error_m: the run's range less the true distance [m]; NaN where the run has no range by the method.
-        ranged_count: echoes that gave a range.
-        missed_count: echoes that gave none.
+        random_standard_error_m: standard error of that, for normally distributed ranges [m].
+        simulated_error_m: the run's range minus the true distance [m]; NaN if the run has no range by the method.
+        ranged_count: number of echoes with a range.
+        missed_count: number of echoes without a range.
     """
 
     systematic_error_m: float
@@ -44,7 +44,7 @@ class RangeErrors:
     missed_count: int
 
     def as_dict(self) -> dict[str, float]:
-        """By name."""
+        """Return the errors by name."""
         return asdict(self)
 
 
@@ -55,13 +55,13 @@ def range_errors(
     simulated: np.ndarray,
     threshold: float,
 ) -> dict[str, RangeErrors]:
-    """Range errors of echoes by method; a method that cannot read the simulation is left out.
+    """Compute the range errors of echoes by method; a method that cannot read the simulation is left out.
 
     Args:
-        echoes: times [s] and voltages [V] of each.
-        run: what they are compared with.
-        time: times on which the simulation was drawn [s], shape (n,).
-        simulated: the simulation there [V], shape (n,).
+        echoes: times [s] and voltages [V] of each echo.
+        run: the run to compare with.
+        time: times at which the simulation was interpolated [s], shape (n,).
+        simulated: the simulation at these times [V], shape (n,).
         threshold: level of the leading edge [V].
     """
     shape = template_curve(run.voltage, as_waveform(run.time, run.voltage)[2])
@@ -74,14 +74,14 @@ def range_errors(
             own = read(time, simulated)
         except ValueError:
             continue
-        distance = reported.get(method, run.distance)
-        # A run that could not range its echo by this method, below its own threshold say, knows the spread alone.
+        distance = reported.get(method)
+        # If the run has no range by this method, for example below its own threshold, only the spread is known.
         simulated_error = math.nan if distance is None else float(distance) - run.distance
         errors = []
         for times, volts in echoes:
             try:
                 errors.append(read(times, volts) - own)
-            except ValueError:  # a threshold that is never crossed, a pulse that the record cuts
+            except ValueError:  # the threshold is never crossed, or the record truncates the pulse
                 continue
         found[method] = _summed_up(errors, len(echoes), simulated_error)
     return found

@@ -1,14 +1,14 @@
-"""Recorded echoes, read from the recorder's store, a CSV or a NetCDF file, one group for each label.
+"""Read recorded echoes from the recorder's store, a CSV or a NetCDF file, grouped by label.
 
-CSV comes in two forms. One row for each echo: columns `voltage_0_v`, `voltage_1_v` ..., `sample_period_s`,
-`first_sample_time_s` (0 where it is absent) and `label_KEY` for each key of a label. Or one column for each echo: the
-first is the time, in seconds unless it says otherwise (time_ns), the head of each other one its label, as in
+CSV files have one of two forms. One row per echo: columns `voltage_0_v`, `voltage_1_v` ..., `sample_period_s`,
+`first_sample_time_s` (0 if absent) and `label_KEY` for each key of a label. Or one column per echo: the first column is
+the time, in seconds unless its heading names a unit (time_ns), and the heading of each other column is its label:
 
     time_s, mach=0, mach=2, mach=2
     0.0, 0.01, 0.02, 0.01
 
 NetCDF: `voltage` over (echo, sample) or (sample), with `time` over sample, or `sample_period` and `first_sample_time`
-over echo; `label_KEY` over echo. Attributes "units" such as "ns" or "mV" are heeded; without them numbers are SI.
+over echo; `label_KEY` over echo. Attributes "units" such as "ns" or "mV" are applied; without them numbers are SI.
 """
 
 import contextlib
@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.files.netcdf_reading import open_netcdf
+from aerokernels.hardware.csv_cells import text_of_cell
 from aerokernels.hardware.store import EchoStore
 from aerokernels.inputs.units import quantity
 
@@ -41,7 +42,7 @@ class RecordedEcho:
     """One recorded waveform.
 
     Attributes:
-        label: what the operator said about it, sorted by key.
+        label: the operator's label, sorted by key.
         time: sample times [s], shape (n,).
         voltage: samples [V], shape (n,).
     """
@@ -52,15 +53,15 @@ class RecordedEcho:
 
 
 def label_text(label: Label) -> str:
-    """A label in words: "mach=3"."""
+    """Return a label as text: "mach=3"."""
     return " ".join(f"{key}={value}" for key, value in label) or "(no label)"
 
 
 def recorded_labels(path: Path) -> list[Label]:
-    """The different labels in a file, in the order in which they were first recorded.
+    """Return the different labels in a file, in the order of their first echo.
 
     Raises:
-        ValueError: as `recorded_echoes`; a file without echoes.
+        ValueError: see `recorded_echoes`; or the file holds no echoes.
     """
     if _kind(path) == "store":
         with _blamed_on(path), EchoStore(path, read_only=True) as store:
@@ -76,18 +77,18 @@ def recorded_labels(path: Path) -> list[Label]:
 def recorded_echoes(
     path: Path, label: Label | None = None, unfit: Counter[Label] | None = None
 ) -> Iterator[RecordedEcho]:
-    """The echoes of a file one after the other, with `label` only those with exactly this label.
+    """Yield the echoes of a file one after the other; with `label`, only those with exactly this label.
 
-    A board may send frames with a few samples or none, or without a sample period. In a store, which nobody can edit,
-    they are passed over and counted; in a text or a NetCDF file they are a mistake.
+    A board may send frames with few or no samples, or without a sample period. In a store, which nobody can edit, such
+    echoes are skipped and counted; in a CSV or NetCDF file they are an error.
 
     Args:
         path: the recorder's store, a CSV or a NetCDF file.
-        label: the label wanted; None takes all.
-        unfit: where echoes passed over are counted, by label.
+        label: the label to select; None selects all.
+        unfit: counts the skipped echoes by label.
 
     Raises:
-        ValueError: no such file, one of another kind, or a damaged one; the message names the place and the remedy.
+        ValueError: the file does not exist, is of another kind or damaged; the message names the place and the remedy.
     """
     kind = _kind(path)
     if kind == "store":
@@ -132,10 +133,10 @@ def _from_netcdf(path: Path) -> Iterator[RecordedEcho]:
 
 
 def waveforms(data: "xarray.Dataset", path: Path) -> Iterator[RecordedEcho]:
-    """The echoes of a dataset: `voltage` over (echo, sample), `time` or `sample_period`, and labels.
+    """Yield the echoes of a dataset: `voltage` over (echo, sample), `time` or `sample_period`, and labels.
 
     Raises:
-        ValueError: It is none of recorded echoes; names the file.
+        ValueError: The dataset does not hold recorded echoes; the message names the file.
     """
     with _blamed_on(path):
         if "voltage" not in data.variables or data["voltage"].ndim not in (1, 2):
@@ -163,9 +164,7 @@ def waveforms(data: "xarray.Dataset", path: Path) -> Iterator[RecordedEcho]:
             raise ValueError(f"{path}: `time` of shape {shared.shape}: give it over sample, one for all echoes")
         for k, row in enumerate(rows):
             count = int(np.isfinite(row).sum())
-            row = (
-                row[:count] if np.isfinite(row[:count]).all() else row
-            )  # NaN beyond the echo's own samples is no fault
+            row = row[:count] if np.isfinite(row[:count]).all() else row  # NaN beyond the echo's own samples is allowed
             if timed:
                 time = shared[: row.size]
             else:
@@ -175,7 +174,7 @@ def waveforms(data: "xarray.Dataset", path: Path) -> Iterator[RecordedEcho]:
 
 
 def _in_si(path: Path, variable: "xarray.DataArray", dimension: str, usual: str) -> np.ndarray:
-    """The values in SI by the variable's attribute "units"; without one they are SI."""
+    """Return a variable's values in SI units by its attribute "units"; without the attribute they are SI."""
     unit = str(variable.attrs.get("units", "")).strip()
     spelled = {"": usual, "1": usual, "second": "s", "seconds": "s", "volt": "V", "volts": "V"}
     try:
@@ -183,15 +182,15 @@ def _in_si(path: Path, variable: "xarray.DataArray", dimension: str, usual: str)
     except ValueError as error:
         raise ValueError(f"{path}: the units of `{variable.name}`: {error}") from None
     if variable.dtype.kind not in "iuf":
-        raise ValueError(f"{path}: `{variable.name}` holds {variable.dtype} and no real numbers: write it again")
+        raise ValueError(f"{path}: `{variable.name}` holds {variable.dtype}, not real numbers: write the file again")
     return np.asarray(variable.values, dtype=np.float64) * factor
 
 
 def load_netcdf(path: Path) -> "xarray.Dataset":
-    """A NetCDF-4 file in memory, its times as numbers.
+    """Load a NetCDF-4 file into memory, with times as numbers.
 
     Raises:
-        ValueError: not such a file, or a damaged one; names it.
+        ValueError: not a NetCDF-4 file, or a damaged one; the message names the file.
     """
     with _blamed_on(path):
         return open_netcdf(path, str(path), decode_times=False, whole=True)
@@ -199,7 +198,7 @@ def load_netcdf(path: Path) -> "xarray.Dataset":
 
 @contextlib.contextmanager
 def _blamed_on(path: Path) -> Iterator[None]:
-    """Name the file in whatever its readers say about it: a damaged one makes them fail in many ways."""
+    """Turn the many errors that a damaged file causes in its readers into a ValueError that names the file."""
     try:
         yield
     except (
@@ -233,7 +232,7 @@ def _from_csv(path: Path) -> Iterator[RecordedEcho]:
 def _echo_rows(path: Path, head: list[str], rows: Iterable[list[str]]) -> Iterator[RecordedEcho]:
     volts = [k for k, name in enumerate(head) if name.startswith("voltage_")]
     if "sample_period_s" not in head:
-        raise ValueError(f"{path}: has no column sample_period_s: the times of its samples are not known")
+        raise ValueError(f"{path}: has no column sample_period_s, which sets the times of the samples: add it")
     for number, row in enumerate(rows, start=2):
         place = f"{path}: line {number}"
         values = dict(itertools.zip_longest(head, row[: len(head)], fillvalue=""))
@@ -243,7 +242,7 @@ def _echo_rows(path: Path, head: list[str], rows: Iterable[list[str]]) -> Iterat
         voltage = np.array([_number(text, place) for text in samples])
         time = first + period * np.arange(voltage.size)
         label = _as_label(
-            {key.removeprefix("label_"): value for key, value in values.items() if key.startswith("label_")}
+            {key.removeprefix("label_"): text_of_cell(text) for key, text in values.items() if key.startswith("label_")}
         )
         yield checked(RecordedEcho(label, time, voltage), place)
 
@@ -268,7 +267,7 @@ def _echo_columns(path: Path, head: list[str], rows: Iterable[list[str]]) -> Ite
 
 
 def _time_unit(path: Path, head: str) -> float:
-    """The unit [s] that the head of a column of times names: time_s, time_ns, time [us]; seconds without one."""
+    """Return the unit [s] named in a time column's heading (time_s, time_ns, time [us]); 1 s without a unit."""
     unit = head[len("time") :].strip(" _[]()/")
     try:
         return quantity(f"1 {unit}", "time")
@@ -284,10 +283,10 @@ def _number(text: str, place: str) -> float:
 
 
 def checked(echo: RecordedEcho, place: str) -> RecordedEcho:
-    """The echo, if its samples are finite and at increasing times.
+    """Return the echo after checking that its samples are finite and its times increase.
 
     Raises:
-        ValueError: They are not; names the place.
+        ValueError: The check failed; the message names the place.
     """
     if echo.voltage.size < LEAST_SAMPLES or echo.time.shape != echo.voltage.shape:
         raise ValueError(
@@ -301,7 +300,7 @@ def checked(echo: RecordedEcho, place: str) -> RecordedEcho:
 
 
 def thinned(echoes: Iterable[RecordedEcho], count: int, seed: int = 0) -> list[RecordedEcho]:
-    """At most `count` of the echoes, each with the same chance, in one pass (reservoir sampling)."""
+    """Choose at most `count` echoes at random with equal probability, in one pass (reservoir sampling)."""
     random = np.random.default_rng(seed)
     source = iter(echoes)
     kept = list(itertools.islice(source, count))

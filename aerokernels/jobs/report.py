@@ -1,6 +1,6 @@
-"""One HTML page that tells a run: the numbers, the pictures, what was done and why, how far to trust it.
+"""Write the HTML report of a run: numbers with errors, figures, error budget, plan with reasons, and the scene.
 
-The page stands alone: pictures are inside it, and it loads nothing.
+The page is self-contained: figures are embedded, and it loads nothing.
 """
 
 import json
@@ -24,7 +24,7 @@ CITATION = (
     "at High Flight Speed"
 )
 
-# key in summary.json, words, unit shown, factor from SI, whether a plus is written
+# Key in summary.json, name shown, unit shown, factor from SI, whether a plus sign is written.
 HEADLINES = (
     ("strehl", "Strehl ratio", "", 1.0, False),
     ("strehl_marechal", "Strehl ratio, Maréchal", "", 1.0, False),
@@ -34,22 +34,23 @@ HEADLINES = (
     ("range_m", "Reported range", "m", 1.0, False),
     ("range_error_m", "Range error", "mm", 1e3, True),
 )
-# What a stage without a result left out, in words.
+# Heading of the remark on a stage without a result.
 STAGE_WORDS = {
     "wavefront": "No wavefront",
-    "rays": "No rays to look at",
+    "rays": "No rays in the pictures",
     "echo": "No echo",
     "range": "No range",
 }
 CAUSES = {
-    "step": "steps of the rays",
-    "interpolation": "samples of the field, as the flow came",
-    "resampling": "uniform grid that the flow was resampled to",
+    "step": "step size of the rays",
+    "interpolation": "interpolation between the flow's own samples",
+    "resampling": "resampling of the flow to a uniform grid",
     "precision": "precision of the kernels",
     "sampling": "number of rays, three standard errors",
-    "truncation": "rays that leave the known air while it is disturbed",
-    "refractivity": "model that makes the index from a density; not part of the total",
-    "total": "root sum of squares of the others",
+    "bundle": "interpolation between traced rays of a bundle",
+    "truncation": "rays that leave the known air where it is still disturbed",
+    "refractivity": "relation between density and index; not part of the total",
+    "total": "root sum of squares of the entries above, without refractivity",
 }
 
 # Groups of numbers in summary.json.
@@ -58,18 +59,18 @@ GROUPS = {
     "range_uncertainty_m": "uncertainty of the range by {} [m]",
     "range_statistics_m": "statistics of the range by {} [m]",
     "stage_seconds": "time, {} [s]",
-    "averages_lacking": "lacking of the averages over cells, {}",
+    "averages_lacking": "deficit against cell averages, {}",
 }
 
 
 def quantity_of(summary: Mapping[str, Any], key: str) -> Quantity:
-    """A number of a summary with its error; NaN for null, and for the error of a summary that has none."""
+    """Return a number of a summary with its error; NaN for null, and for an error that the summary does not have."""
     value, error = to_json(summary.get(key)), to_json((summary.get("errors") or {}).get(key))
     return Quantity(math.nan if value is None else value, math.nan if error is None else error)
 
 
 def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The quantities that a reader asks for first, in words, with errors and units, from a run's summary."""
+    """Return the main quantities of a run's summary as rows of name and text with error and unit."""
     rows = []
     for key, words, unit, factor, signed in HEADLINES:
         rows.append((words, quantity_of(summary, key).scaled(factor, unit).text(signed)))
@@ -84,9 +85,9 @@ def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def remark_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """What a reader must know beside the numbers: the verdict on the Strehl ratio, and what has no result, and why."""
+    """Return rows of remarks: the verdict on the Strehl ratio, and the reason for each stage without a result."""
     worthless = summary.get("verdict") == WORTHLESS
-    rows = [("Worth nothing" if worthless else "Warning", str(reason)) for reason in summary.get("warnings") or ()]
+    rows = [("Not meaningful" if worthless else "Warning", str(reason)) for reason in summary.get("warnings") or ()]
     for stage, reason in (summary.get("failures") or {}).items():
         rows.append((STAGE_WORDS.get(stage, f"No {stage}"), str(reason)))
     return rows
@@ -114,7 +115,7 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, An
 
 
 def _label(name: str) -> str:
-    """A key of summary.json in words, with its unit."""
+    """Return the name of a key of summary.json in words, with its unit."""
     from aerokernels.jobs.sweeps.dataset import NUMBERS, TEXTS
 
     if name in NUMBERS:
@@ -129,17 +130,17 @@ def _label(name: str) -> str:
 
 
 def _numbers(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Every number of a summary by its key, with its error where it is an estimate."""
+    """Return every number of a summary by its name, with its error if it is an estimate."""
     apart = {"plan", "error", "errors", "seconds", "scene", "version", "verdict", "warnings", "failures"}
     apart |= {"scene_values", "title"}
-    apart.add("strehl_standard_error")  # it is a part of the error that is shown: the budget's sampling
+    apart.add("strehl_standard_error")  # contained in the error budget as "sampling"
     errors = dict(_flat(summary.get("errors") or {}))
     rows = []
     for name, value in _flat({key: value for key, value in summary.items() if key not in apart}):
         number, error = to_json(value), to_json(errors.get(name))
         if name in errors and isinstance(number, (int, float)):
             rows.append((_label(name), Quantity(number, math.nan if error is None else error).text()))
-        elif name.startswith("range_uncertainty_m.") and number is not None:  # errors themselves
+        elif name.startswith("range_uncertainty_m.") and number is not None:  # these numbers are errors
             rows.append((_label(name), f"{number:.2g}"))
         else:
             rows.append((_label(name), _words(value)))
@@ -147,7 +148,7 @@ def _numbers(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _budget(error: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The error budget: each entry is an error, so two digits of it say all."""
+    """Return the rows of the error budget; each entry is an error, for which two digits suffice."""
     rows = []
     for cause, value in error.items():
         value = to_json(value)
@@ -165,9 +166,9 @@ def _section(title: str, content: Any) -> str:
 
 
 def draw_pictures(dataset: "xarray.Dataset") -> tuple[dict[str, bytes], dict[str, str]]:
-    """The report's pictures as PNG files by name; and why, for each that cannot be drawn, by "picture NAME".
+    """Return the report's figures as PNG files by name, and by "picture NAME" why a figure could not be drawn.
 
-    A picture whose data a failed stage did not leave is in neither: the stage's own reason says it.
+    A figure whose data are missing because a stage failed is in neither: the stage's own reason is reported.
     """
     drawn, undrawn = {}, {}
     for name, (_, draw) in plots.FIGURES.items():
@@ -186,8 +187,8 @@ def render_report(pictures: Mapping[str, bytes], summary: Mapping[str, Any], sce
 
     Args:
         pictures: PNG files by the names in `plots.FIGURES`, as `draw_pictures` makes them.
-        summary: What goes to `summary.json`.
-        scene_text: The scene as it was run, all defaults filled in.
+        summary: The content of `summary.json`.
+        scene_text: The scene as it was run, with all defaults filled in.
 
     Returns:
         A complete HTML document.
@@ -197,7 +198,7 @@ def render_report(pictures: Mapping[str, bytes], summary: Mapping[str, Any], sce
     shown = [
         picture(name, caption, pictures[name])
         if name in pictures
-        else paragraph(f"No picture of this: {caption} The reason stands at the top.")
+        else paragraph(f"No picture: {caption} The reason is given at the top of the page.")
         for name, (caption, _) in plots.FIGURES.items()
     ]
     cite = f"The method follows the paper below; please cite it together with aerokernels {version}."

@@ -1,4 +1,4 @@
-"""One run: a scene from its flow to the reported range."""
+"""Run a scene: from its flow to the Strehl ratio, the echo and the reported range."""
 
 import os
 import time
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Progress = Callable[[str, float], None]
 Made = TypeVar("Made")
 
-# Name of each stage, what to call it, and the fraction of the job that lies before it.
+# Name of each stage, its description, and the fraction of the job done before it.
 STAGES = {
     "prepare": ("reading and resampling the flow", 0.0),
     "strehl": ("tracing for the Strehl ratio", 0.1),
@@ -48,22 +48,22 @@ STAGES = {
 
 @shown
 class RunResult(RunParts):
-    """Everything that a run made, and its two written forms."""
+    """All parts of a run, its summary and its dataset."""
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """The run in numbers, SI: what goes to summary.json; computed when it is first read."""
+        """The run's numbers, in SI units, as written to summary.json; computed when first read."""
         return summarise(self)
 
     def to_xarray(self) -> "xarray.Dataset":
-        """The run as one dataset with units: what goes to result.nc."""
+        """Return the run as one dataset with units, as written to result.nc."""
         from aerokernels.jobs.dataset import run_dataset
 
         return run_dataset(self, self.summary)
 
 
 def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
-    """The Strehl ratio of a plane wave that arrives from where a scene's pupil looks."""
+    """Estimate the Strehl ratio of a plane wave that arrives from the direction in which the scene's pupil looks."""
     return estimate_strehl(
         field,
         scene.view,
@@ -75,7 +75,7 @@ def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
 
 
 def echo_with_errors(vacuum: VacuumEcho, field: IndexField, strehl: StrehlEstimate) -> EchoResult:
-    """The echo of a scene whose echo in vacuum is known, its errors computed."""
+    """Simulate the echo through a field from the scene's echo in vacuum, and compute its errors."""
     found = echo_through(field, vacuum, phase_error=strehl)
     _ = found.quantities
     return found
@@ -92,20 +92,20 @@ def simulate(
 
     Args:
         scene: The scene, the path of its TOML file, or the name of a shipped one.
-        field: A flow to take in place of the scene's, as it is: the scene's flow.source and flow.density count for
-            nothing then. The index of a density field is made at the scene's wavelength, by its relation.
-        progress: Called with the stage that begins, in words, and the fraction of the job done before it.
-        with_echo: Whether the laser echo is simulated and ranged; without it that is among the `failures`.
+        field: A flow to use unchanged in place of the scene's: flow.source and flow.density of the scene are then
+            ignored. The index of a density field is computed by the scene's relation at the scene's wavelength.
+        progress: Called with the description of each stage as it begins and the fraction of the job done before it.
+        with_echo: Whether to simulate and range the laser echo; if not, `failures` says so.
 
     Returns:
-        The run. What can be finished is finished: a stage after the Strehl ratio that finds nothing, such as light that
-        does not return, is None and among the `failures`, and an echo that cannot be ranged has no range.
+        The run. A stage after the Strehl ratio that finds nothing does not stop the others: its result is None and its
+        reason is in `failures`, for example if no light returns. An echo that cannot be ranged has no range.
 
     Raises:
         TypeError: `scene` or `field` of the wrong kind.
-        ValueError: Something wrong with the scene's file; or what only shows when it is computed: an absent backend or
-            device, a target inside the flow, a pupil that no ray leaves, an index field of another wavelength than the
-            scene's.
+        ValueError: A scene file that is not valid; or an error that shows only during the computation: an absent
+            backend or device, a target inside the flow, a pupil that no ray leaves, an index field of another
+            wavelength than the scene's.
     """
     if isinstance(scene, (str, os.PathLike)):
         scene = Scene.load(scene)
@@ -126,17 +126,17 @@ def simulate(
         begin = time.perf_counter()
         try:
             return staged(name, work)
-        except ValueError as fault:  # bad input was refused before: the scene leaves nothing to find here
+        except ValueError as fault:  # bad input was rejected earlier, so this stage has nothing to find in the scene
             seconds[name] = time.perf_counter() - begin
             failed[result or name] = str(fault)
             return None
 
     with clocked() as stages:
-        choose_backend(scene.trace.backend, scene.trace.device)  # refused here, before anything is computed
+        choose_backend(scene.trace.backend, scene.trace.device)  # rejects a missing device before anything is computed
         prepared = staged("prepare", lambda: prepare_field(scene, field))
         index = prepared.field
         if with_echo:
-            vacuum = check_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
+            vacuum = check_echo(scene, index)  # rejects a scene whose echo cannot be computed for any flow
         strehl = staged("strehl", lambda: scene_strehl(index, scene))
         pupil = tried("wavefront", lambda: pupil_map(index, scene))
         fan = tried("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
@@ -144,7 +144,7 @@ def simulate(
         if with_echo:
             found = tried("echo", lambda: echo_with_errors(vacuum, index, strehl))
         else:
-            found, failed["echo"] = None, "left out, as asked for"
+            found, failed["echo"] = None, "left out, as requested"
     seconds["total"] = stages["total"]
     return RunResult(scene, prepared, strehl, pupil, fan, found, seconds, stages, failed)
 
@@ -153,7 +153,7 @@ def write_run(result: RunResult, out: Path) -> dict[str, Any]:
     """Write summary.json, result.nc and report.html to the folder `out`: all of them, or none.
 
     Returns:
-        The summary as it was written: a picture that could not be drawn is among its failures.
+        The summary as it was written; its failures include any figure that could not be drawn.
     """
     dataset = result.to_xarray()
     pictures, undrawn = draw_pictures(dataset)

@@ -1,4 +1,4 @@
-"""A finished run, read back from its folder, and which run a label of recorded echoes belongs to."""
+"""Read a finished run from its folder, and match runs to labels of recorded echoes."""
 
 import contextlib
 import json
@@ -23,7 +23,7 @@ _NONE: Label = ()
 
 @dataclass(frozen=True, eq=False)
 class RunFolder:
-    """What a comparison needs of a run.
+    """The data of a run that a comparison needs.
 
     Attributes:
         path: the folder.
@@ -32,7 +32,7 @@ class RunFolder:
         voltage: the simulated echo [V], shape (n,).
         distance: true distance of the target [m].
         detector: the scene's [detector] table, SI.
-        label: the label that the caller gave the run, if any.
+        label: the label that the caller assigned to the run, if any.
     """
 
     path: Path
@@ -49,7 +49,7 @@ class RunFolder:
         return str(self.summary.get("scene") or self.path.name)
 
     def error_of(self, key: str, method: str | None = None) -> float:
-        """What a number of the summary may be off by; NaN where that is not known."""
+        """Return the error of a number of the summary; NaN if it is not known."""
         found = (self.summary.get("errors") or {}).get(key)
         if method is not None:
             found = found.get(method) if isinstance(found, dict) else None
@@ -57,14 +57,14 @@ class RunFolder:
 
 
 class RunWithoutEcho(ValueError):
-    """A finished run of which no light returned."""
+    """A finished run has no echo."""
 
 
 def read_run(text: str) -> RunFolder:
-    """Read a run from "DIR", or from "KEY=VALUE=DIR", which says what label it is for.
+    """Read a run from "DIR", or from "KEY=VALUE=DIR", which assigns the run to a label.
 
     Raises:
-        ValueError: no such folder, one without a finished run, or a run without an echo.
+        ValueError: the folder does not exist, holds no finished run, or holds a run without an echo.
     """
     path, label = Path(text), _NONE
     if not path.exists() and text.count("=") >= 2:
@@ -73,7 +73,7 @@ def read_run(text: str) -> RunFolder:
     if path.name == RESULT_FILE:
         path = path.parent
     with contextlib.suppress(OSError, ValueError):
-        finish_moving(path)  # what a killed process had begun
+        finish_moving(path)  # completes a write that a killed process had begun
     for name in (RESULT_FILE, SUMMARY_FILE):
         if not (path / name).is_file():
             raise ValueError(
@@ -89,10 +89,16 @@ def read_run(text: str) -> RunFolder:
 
 
 def run_of(path: Path, summary: Any, result: "xarray.Dataset", label: Label = _NONE) -> RunFolder:
-    """A run of what its files hold; arguments as the attributes of `RunFolder`, and what result.nc holds.
+    """Make a run from the contents of its files.
+
+    Args:
+        path: the folder, for messages.
+        summary: the content of summary.json.
+        result: the content of result.nc.
+        label: the label that the caller assigned to the run, if any.
 
     Raises:
-        ValueError: Something else than a run writes: which, with the folder's name.
+        ValueError: the contents are not those of a run; the message names the folder.
     """
     _check_echo(path, summary)
     time, voltage = echo_of_result(path, result)
@@ -103,12 +109,12 @@ def run_of(path: Path, summary: Any, result: "xarray.Dataset", label: Label = _N
     detector, distance = scene.get("detector", {}), summary.get("true_range_m")
     for name, found in (("errors", summary.get("errors")), ("ranges_m", summary.get("ranges_m"))):
         if not _holds_numbers(found, 2 if name == "errors" else 1):
-            raise _unreadable(path, f"{name} in {SUMMARY_FILE} holds something else than numbers")
+            raise _unreadable(path, f"{name} in {SUMMARY_FILE} holds something other than numbers")
     if not (_is_number(distance) and distance > 0.0):
         raise _unreadable(path, f"true_range_m in {SUMMARY_FILE} is {str(distance)[:40]}")
     keys = ("threshold", "fraction")
     if not isinstance(detector, dict) or not all(_is_number(detector.get(key, 0.0)) for key in keys):
-        raise _unreadable(path, f"the scene in {RESULT_FILE} has another [detector]")
+        raise _unreadable(path, f"the [detector] of the scene in {RESULT_FILE} is not valid")
     return RunFolder(path, summary, time, voltage, float(distance), detector, label)
 
 
@@ -117,16 +123,16 @@ def _unreadable(path: Path, what: str) -> ValueError:
 
 
 def _check_echo(path: Path, summary: Any) -> None:
-    """Refuse a summary that is none, and one of a run without an echo."""
+    """Reject anything but the summary of a run with an echo."""
     lost = summary.get("failures") or {} if isinstance(summary, dict) else None
     if not isinstance(lost, dict):
-        raise _unreadable(path, f"{SUMMARY_FILE} is none of a run")
+        raise _unreadable(path, f"{SUMMARY_FILE} is not that of a run")
     if lost.get("echo"):
         raise RunWithoutEcho(f"run {path}: it has no echo to compare with: {lost['echo']}")
 
 
 def _is_number(value: Any) -> bool:
-    """Whether it is a finite number that float64 holds."""
+    """Whether a value is a finite number that fits float64."""
     try:
         return isinstance(value, (int, float)) and math.isfinite(value)
     except OverflowError:
@@ -134,20 +140,20 @@ def _is_number(value: Any) -> bool:
 
 
 def _holds_numbers(value: Any, depth: int) -> bool:
-    """Whether it is nothing, a number, or, down to a depth, such things by name."""
+    """Whether a value is None, a number, or a mapping of such values, nested at most `depth` times."""
     if isinstance(value, dict):
         return depth > 0 and all(_holds_numbers(one, depth - 1) for one in value.values())
     return value is None or (depth < 2 and _is_number(value))
 
 
 def match_runs(labels: Sequence[Label], runs: Sequence[RunFolder]) -> dict[Label, RunFolder]:
-    """The run for each label that has one.
+    """Find the run that belongs to each label.
 
-    A run that was given a label takes the labels that hold it. Any other takes the labels that its summary agrees with
-    in every key that both have, such as mach=3; where there is one run only, a label that shares no key with it too.
+    A run with an assigned label matches the labels that contain it. Any other run matches the labels that agree with
+    its summary in every shared key, such as mach=3. A single run also matches labels that share no key with it.
 
     Raises:
-        ValueError: two runs for one label, or no run for any.
+        ValueError: several runs match one label, or no run matches any.
     """
     matched = {}
     for label in labels:

@@ -1,4 +1,4 @@
-"""What a run made, part by part: the data that summaries, datasets and reports are written from."""
+"""The parts of a run, from which its summary, dataset and report are made."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,18 +13,18 @@ from aerokernels.strehl import StrehlEstimate
 
 @dataclass(frozen=True, eq=False)
 class RunParts:
-    """Everything that a run made.
+    """The results of all stages of a run.
 
     Attributes:
         scene: The scene.
         prepared: Its flow and index fields.
-        strehl: The Strehl ratio of the view straight ahead.
-        pupil: The optical path difference over the receiver's pupil; None where that stage failed.
-        fan: Rays for the picture; None where that stage failed.
-        echo: The laser echo and its range; None where no light returns.
-        seconds: Wall time of each part ("prepare", "strehl", "wavefront", "fan", "echo", "error"), and "total".
-        stages: Wall time of all of it by what was done, kernels compiled or run: see STAGES in clock.py.
-        failed: Why, for each stage that failed: "wavefront", "rays", "echo".
+        strehl: The Strehl ratio of a plane wave through the scene's pupil.
+        pupil: The optical path difference over the scene's pupil; None if that stage failed.
+        fan: Rays for the figures; None if that stage failed.
+        echo: The laser echo and its range; None if no light returns.
+        seconds: Wall time [s] of each part ("prepare", "strehl", "wavefront", "fan", "echo", "error"), and "total".
+        stages: Wall time [s] of the run by activity, such as compiling or running kernels: see STAGES in clock.py.
+        failed: The reason for each stage that failed: "wavefront", "rays", "echo".
     """
 
     scene: Scene
@@ -39,11 +39,11 @@ class RunParts:
 
     @property
     def failures(self) -> dict[str, str]:
-        """Why there is no result, for each stage without one; "range" is an echo that cannot be ranged."""
+        """The reason for each stage without a result; "range" is for an echo that cannot be ranged."""
         reason = self.echo.reason if self.echo is not None else None
         return {**self.failed, **({"range": reason} if reason else {})}
 
     @cached_property
     def spot(self) -> Spot | None:
-        """The point spread function of the wavefront, where there is one; computed when it is first read."""
+        """The point spread function of the wavefront, if there is one; computed when first read."""
         return None if self.pupil is None else spot(self.pupil, self.scene.flow.wavelength)

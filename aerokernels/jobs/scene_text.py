@@ -1,6 +1,7 @@
-"""A scene as it was run, written out as TOML in SI units: what is kept beside every result."""
+"""Write a scene as it was run as TOML in SI units, which is stored with every result."""
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -8,7 +9,7 @@ from aerokernels.scene import Scene
 
 
 def scene_toml(scene: Scene) -> str:
-    """All keys of a scene, defaults included, as a TOML text that loads to an equal scene."""
+    """Return all keys of a scene, defaults included, as a TOML text that loads to an equal scene."""
     tables = {key: value for key, value in scene.as_dict().items() if isinstance(value, Mapping)}
     single = {key: value for key, value in scene.as_dict().items() if not isinstance(value, Mapping)}
     parts = [_lines(single), *(f"[{name}]\n{_lines(table)}" for name, table in tables.items())]
@@ -16,11 +17,20 @@ def scene_toml(scene: Scene) -> str:
 
 
 def _lines(values: Mapping[str, Any]) -> str:
-    # JSON's texts, numbers and lists are TOML's too; TOML has no null, and a key that is absent means the same.
-    return "\n".join(f"{key} = {_value(value)}" for key, value in values.items() if value is not None)
+    return "\n".join(_assignments(values))
+
+
+def _assignments(values: Mapping[str, Any]) -> list[str]:
+    # TOML has no null, and an absent key means the same.
+    return [
+        f"{key if re.fullmatch('[A-Za-z0-9_-]+', key) else _value(key)} = {_value(value)}"
+        for key, value in values.items()
+        if value is not None
+    ]
 
 
 def _value(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key} = {_value(own)}" for key, own in value.items() if own is not None) + "}"
-    return json.dumps(value, ensure_ascii=False)
+        return f"{{{', '.join(_assignments(value))}}}"
+    # JSON texts, numbers and lists are valid TOML too, but for the delete character, which TOML wants escaped.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,7 +1,7 @@
-"""A series job: snapshots of a flow to OPD maps, their statistics, and a report.
+"""Run a series job: OPD maps of flow snapshots, their statistics, and a report.
 
-DIR/series.zarr holds the maps, DIR/statistics.nc what is published of them, DIR/summary.json the numbers without an
-axis, each with its standard error, DIR/report.html pictures and a film.
+DIR/series.zarr holds the maps, DIR/statistics.nc their statistics, DIR/summary.json the scalar statistics, each with
+its standard error, and DIR/report.html figures and a film.
 """
 
 import json
@@ -35,15 +35,15 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, float], None]
 STATISTICS_FILE = "statistics.nc"
-MAPS_SHARE = 0.9  # of the job
+MAPS_SHARE = 0.9  # share of the job's time that the maps take
 
 
 def scene_series(scene: Scene) -> Series:
-    """The snapshots of a scene.
+    """Open the snapshots of a scene.
 
     Raises:
-        SceneError: None are named.
-        ValueError: They cannot be opened, with the key to blame.
+        SceneError: The scene names no snapshots.
+        ValueError: The snapshots cannot be opened; the message names the key.
     """
     table = scene.series
     if table.source is None:
@@ -52,7 +52,7 @@ def scene_series(scene: Scene) -> Series:
             "axis, or a pattern of numbered files"
         )
     options: dict[str, Any] = {}
-    if scene.flow.file != FileTable():  # what is what in files that `flow.read` reads; each has one time
+    if scene.flow.file != FileTable():  # options for files that `flow.read` reads; each file has a single time
         options = {name: value for name, value in scene.flow.file.read_options().items() if name != "time"}
     given = {"ambient_density": table.ambient_density, "density": table.density, "species": scene.flow.species}
     options |= {name: value for name, value in given.items() if value is not None}
@@ -63,7 +63,7 @@ def scene_series(scene: Scene) -> Series:
 
 
 def scene_look(scene: Scene) -> np.ndarray:
-    """The direction of a series: that of [series], or of the pupil where it gives none; shape (3,)."""
+    """Return the direction of view of a series: that of [series], or of the pupil if it gives none; shape (3,)."""
     angles = (
         getattr(scene.pupil if getattr(scene.series, name) is None else scene.series, name)
         for name in ("azimuth", "elevation")
@@ -72,14 +72,14 @@ def scene_look(scene: Scene) -> np.ndarray:
 
 
 def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dict[str, Any]:
-    """Do the whole job; maps that are there already from a run that was broken off are kept.
+    """Run the whole job; maps from an interrupted job in the same folder are reused.
 
     Returns:
         The summary.
 
     Raises:
-        ValueError: Something wrong with the scene, the snapshots or the folder; nothing is written then.
-        ImportError: No Zarr.
+        ValueError: The scene, the snapshots or the folder cannot be used; nothing is written then.
+        ImportError: Zarr is not installed.
     """
     check_output_folder(out, own=(MAPS_FILE,))
     with only_writer(out):
@@ -128,7 +128,7 @@ def _run_alone(scene: Scene, out: Path, progress: Progress | None) -> dict[str, 
 
 
 def summarise(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset") -> dict[str, Any]:
-    """The numbers without an axis, each with its standard error, and what was done; NaN as null."""
+    """Return the scalar statistics with their standard errors and the provenance; NaN becomes None."""
     names = [str(name) for name in found.data_vars if found[name].ndim == 0 and not str(name).endswith("_error")]
     errors = np.asarray(maps["error"].values)
     return to_json(

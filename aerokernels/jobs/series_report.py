@@ -1,4 +1,4 @@
-"""A series as one HTML page: numbers with errors, maps, modes, spectra, time traces, and a film."""
+"""Write the HTML report of a series: numbers with errors, maps, modes, spectra, time traces, and a film."""
 
 import io
 import json
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-MOST_FRAMES, FRAME_SIDE = 60, 320  # of the film: frames, and least pixels a side
+MOST_FRAMES, FRAME_SIDE = 60, 320  # most frames of the film, and least pixels along a side
 HEADLINES = (
     ("opd_rms", "OPD, rms, tilt removed", "nm", 1e9),
     ("opd_rms_with_tilt", "OPD, rms", "nm", 1e9),
@@ -50,7 +50,7 @@ show(0);
 
 
 def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset", summary: Mapping[str, Any]) -> str:
-    """The page of a finished series."""
+    """Return the HTML page of a finished series."""
     shown = []
     for name, words, unit, factor in HEADLINES:
         if name in found:
@@ -60,7 +60,7 @@ def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset",
     lead += f"{summary['provenance']}; aerokernels {summary['version']}"
     told = [(words, summary[key]) for key, words in (("drifting", "Drifts"), ("skipped", "Skipped")) if summary[key]]
     if summary["known_share"] < 1.0 - GREATEST_SHARE:
-        lost = f"{100.0 * (1.0 - summary['known_share']):.3g} % of the pupil has no optical path: not in any number"
+        lost = f"{100.0 * (1.0 - summary['known_share']):.3g} % of the pupil has no optical path; no number includes it"
         told.append(("Known air", lost))
     numbers = [
         (name, Quantity(float(found[name]), float(found[f"{name}_error"])).text(), str(found[name].attrs["units"]))
@@ -72,14 +72,14 @@ def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset",
         section("Film of the optical path difference", film(maps)),
         section("Pictures", pictures(_pictures(maps, found))),
         section("Numbers (SI), each with its standard error", table(("quantity", "value", "unit"), numbers)),
-        section("How", paragraph(str(summary["plan"]))),
+        section("How the maps were computed", paragraph(str(summary["plan"]))),
         section("Scene as it was run", text_block(scene_toml(scene))),
     ]
     return page(scene.title or scene.name, lead, parts)
 
 
 def film(maps: "xarray.Dataset") -> str:
-    """Frames of the maps, evenly chosen, with a slider."""
+    """Return HTML that shows evenly spaced maps with a slider."""
     count = maps.sizes["time"]
     chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(int))
     values = np.stack([maps["opd"].isel(time=int(number)).values for number in chosen])
@@ -98,7 +98,7 @@ def film(maps: "xarray.Dataset") -> str:
 
 
 def _frame(values: np.ndarray, limit: float) -> bytes:
-    """A map as a PNG file, enlarged by whole pixels, y upward."""
+    """Return a map as a PNG file, enlarged by a whole factor, y upward."""
     from matplotlib import colormaps
     from PIL import Image
 
@@ -125,7 +125,7 @@ def _pictures(maps: "xarray.Dataset", found: "xarray.Dataset") -> list[Picture]:
 
 
 def _map(figure: "Figure", axes: Any, bar: Any, found: "xarray.Dataset", values: Any, label: str, even: bool) -> None:
-    """A map over the pupil, in mm."""
+    """Draw a map over the pupil, whose axes are in mm."""
     limit = float(np.nanmax(np.abs(values))) or 1.0
     scale = {"vmin": -limit, "vmax": limit, "cmap": "RdBu_r"} if even else {"cmap": "viridis"}
     mesh = axes.pcolormesh(1e3 * found.x.values, 1e3 * found.y.values, values, shading="nearest", **scale)

@@ -1,7 +1,7 @@
-"""Where a run's results go: NetCDF and JSON, all of them or none.
+"""Write a job's results, NetCDF, JSON and others, to its folder: all of them, or none.
 
-Everything is first written to a hidden folder beside the one asked for and moved into place at the end, so that a
-failure, an interrupt or a full disk leaves what was there before.
+All files are first written to a hidden folder and moved into place at the end, so that a failure, an interrupt or a
+full disk leaves the folder unchanged.
 """
 
 import contextlib
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
 
 RESULT_FILE, SUMMARY_FILE, REPORT_FILE = "result.nc", "summary.json", "report.html"
 MAPS_FILE = "series.zarr"
-COMPLETE = ".result.complete"  # a whole result inside the folder that it is moved into
+COMPLETE = ".result.complete"  # hidden folder with a complete result, inside the folder into which it is moved
 
 
 def check_output_folder(out: Path, own: Sequence[str] = ()) -> None:
-    """Refuse, before anything is computed, a place that cannot take results.
+    """Reject, before anything is computed, a folder that cannot take results.
 
     Args:
-        out: The folder that results are for.
-        own: Names of files that an unfinished job of the same kind leaves, which goes on there.
+        out: The folder for the results.
+        own: Names of files that an unfinished job of the same kind leaves behind; such a job is resumed.
 
     Raises:
-        ValueError: `out` or a parent of it is a file, or it may not be written; or it holds files, and no summary.json
-            of an earlier result among them, which alone is replaced.
+        ValueError: `out` or a parent of it is a file or not writable; or it holds files that are not an earlier result:
+            only a folder with the summary.json of a result may be overwritten.
     """
     folder = next(one for one in (out, *out.absolute().parents) if one.exists() or one.is_symlink())
     if not folder.is_dir():
@@ -54,9 +54,9 @@ def check_output_folder(out: Path, own: Sequence[str] = ()) -> None:
 
 
 def _foreign_files(out: Path, own: Sequence[str]) -> list[str]:
-    """What lies in a folder, but for hidden files; nothing where an earlier result is among it.
+    """Return the names of a folder's files, without hidden ones; none if the folder holds an earlier result.
 
-    The maps of a series are hours of work, which no other job takes for a result to be replaced.
+    The maps of a series are hours of work, so no other job may overwrite a folder that holds them.
     """
     found = sorted(path.name for path in out.iterdir() if not path.name.startswith("."))
     if MAPS_FILE in found and MAPS_FILE not in own:
@@ -65,7 +65,7 @@ def _foreign_files(out: Path, own: Sequence[str]) -> list[str]:
 
 
 def _earlier(out: Path) -> Any:
-    """The summary.json of a folder; None where there is none that can be read."""
+    """Return the content of a folder's summary.json; None if it does not exist or cannot be read."""
     try:
         return json.loads((out / SUMMARY_FILE).read_bytes())
     except (OSError, ValueError, RecursionError):
@@ -78,28 +78,28 @@ def _is_summary(summary: Any) -> bool:
 
 @contextlib.contextmanager
 def staged_folder(out: Path) -> Iterator[Path]:
-    """Give a hidden folder beside `out` to write in; on success its files replace the files of the same names in `out`.
+    """Yield a hidden folder to write in; on success its files replace the files of the same names in `out`.
 
-    Files of an earlier result, which its summary.json names, go where this one has none of their names; whatever else
-    lies in `out` stays. On any exception, an interrupt included, the hidden folder goes and `out` is as it was: absent,
-    if it was absent. A process that is killed while it moves its files leaves the rest of them in a hidden folder, from
-    which the next one that writes or reads there goes on (`finish_moving`).
+    Files that the summary.json of an earlier result names and that the new result does not have are removed; all other
+    files in `out` stay. On any exception, interrupts included, the hidden folder is removed and `out` is left as it
+    was: absent if it was absent. If the process is killed while it moves files, the rest stay in a hidden folder, and
+    the next process that writes or reads there completes the move (`finish_moving`).
 
     Args:
-        out: The folder that the files are for. It and its parents are made if they are not there.
+        out: The folder for the files. It and its parents are created if they do not exist.
 
     Yields:
         The hidden folder, empty, on the same file system as `out`.
 
     Raises:
-        ValueError: Another process is at work there, or a folder has the name of a file of the result.
-        OutputError: No room.
+        ValueError: Another process is writing there, or a folder has the name of a file of the result.
+        OutputError: The disk is full.
     """
     out = out.absolute()
     try:
         with only_writer(out):
             finish_moving(out)
-            staging = draft_of(out)  # what a killed process left there goes in any case
+            staging = draft_of(out)  # also removes the draft of a killed process
             staging = draft_of(out / "result") if out.is_dir() else staging  # `out` may be a file system of its own
             try:
                 staging.mkdir()
@@ -121,11 +121,11 @@ def staged_folder(out: Path) -> Iterator[Path]:
 
 
 def finish_moving(out: Path) -> None:
-    """Move the files of a whole result into their folder, its summary.json last; nothing where there are none.
+    """Move the files of a complete result into their folder, summary.json last; do nothing if there are none.
 
     Raises:
-        ValueError: Another process is at work there.
-        OSError: They cannot be moved.
+        ValueError: Another process is writing there.
+        OSError: The files cannot be moved.
     """
     complete = out / COMPLETE
     if not complete.is_dir():
@@ -144,7 +144,7 @@ def finish_moving(out: Path) -> None:
 
 
 def _name_files(folder: Path) -> None:
-    """Name the files of a result in its summary.json, if it has one."""
+    """List the files of a result in its summary.json, if it has one."""
     summary = _earlier(folder)
     if isinstance(summary, dict):
         write_summary(folder / SUMMARY_FILE, {**summary, "files": sorted(path.name for path in folder.iterdir())})
@@ -156,9 +156,9 @@ def _files_of(summary: Any) -> list[str]:
 
 
 def to_json(value: Any) -> Any:
-    """`value` in terms of what JSON has: NumPy scalars and arrays unpacked, NaN and infinity as null."""
+    """Convert `value` to plain JSON types: NumPy scalars and arrays are unpacked, NaN and infinity become null."""
     kind = type(value)
-    if kind is str or kind is int or kind is bool or value is None:  # nearly all of a summary
+    if kind is str or kind is int or kind is bool or value is None:  # most values of a summary: the fast path
         return value
     if kind is float:
         return value if math.isfinite(value) else None
@@ -170,19 +170,19 @@ def to_json(value: Any) -> Any:
         return [to_json(item) for item in value]
     if isinstance(value, np.generic):
         return to_json(value.item())
-    if isinstance(value, float):  # of a class of its own
+    if isinstance(value, float):  # a subclass of float
         return to_json(float(value))
     return value if isinstance(value, (int, str)) else str(value)
 
 
 def write_summary(path: Path, summary: Mapping[str, Any]) -> None:
-    """Write `summary` as JSON that every reader takes: what is not a number is null, never NaN."""
+    """Write `summary` as strict JSON: NaN and infinity become null."""
     text = plain_json(json.dumps(to_json(summary), indent=2, allow_nan=False, ensure_ascii=False))
     path.write_text(text + "\n", encoding="utf-8")
 
 
 def write_result(path: Path, dataset: "xarray.Dataset") -> None:
-    """Write `dataset` as NetCDF-4, arrays compressed.
+    """Write `dataset` as NetCDF-4 with compressed arrays.
 
     Raises:
         ValueError: A variable without a `units` attribute.
@@ -199,24 +199,24 @@ def write_result(path: Path, dataset: "xarray.Dataset") -> None:
 
 
 def replace_result(path: Path, dataset: "xarray.Dataset") -> None:
-    """Write `dataset` as `write_result` does, in one step: whoever reads it finds the old or the new one, whole.
+    """Write `dataset` like `write_result`, but atomically: a reader finds the complete old or the complete new file.
 
     Raises:
-        OutputError: No room.
+        OutputError: The disk is full.
     """
     with _replacing(path) as draft:
         write_result(draft, dataset)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Replace a file in one step: whoever reads it finds the old or the new one, whole; raises as `replace_result`."""
+    """Replace a text file atomically; raises the errors of `replace_result`."""
     with _replacing(path) as draft:
         draft.write_text(text, encoding="utf-8")
 
 
 @contextlib.contextmanager
 def _replacing(path: Path) -> Iterator[Path]:
-    """A draft that takes the place of a file where nothing goes wrong, and else goes."""
+    """Yield a draft that replaces a file on success and is removed on failure."""
     draft = draft_of(path)
     try:
         yield draft
@@ -228,5 +228,5 @@ def _replacing(path: Path) -> Iterator[Path]:
 
 
 def read_result(path: Path) -> "xarray.Dataset":
-    """Read a `result.nc` into memory; raises ValueError as `open_netcdf`."""
+    """Read a `result.nc` into memory; raises the ValueError of `open_netcdf`."""
     return open_netcdf(path, str(path), whole=True)

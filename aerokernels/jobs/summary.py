@@ -1,18 +1,19 @@
-"""The numbers of a run, each with its error: what summary.json holds.
+"""The numbers of a run, each with its error, as written to summary.json.
 
-strehl, range_m, ...   the numbers, SI; null where there is none
-errors                 by the same keys: what each may be off by, in the same unit; null where that is not known, and
-no entry for what is no estimate (counts, settings, times)
-range_uncertainty_m    by ranging method: the systematic and the random part of the range's error
-verdict, warnings      what the Strehl ratio's error makes of it ("fine", "warning", "worthless"), and why
-failures               by stage ("wavefront", "rays", "echo", "range", "picture echo", ...): why there is no result
+strehl, range_m, ...   the numbers, SI; null if there is no result
+errors                 the errors of the numbers by the same keys, in the same units; null if not known; no entry for
+numbers that are not estimates (counts, settings, times)
+range_uncertainty_m    the systematic and the random part of the range's error, by ranging method
+verdict, warnings      whether the Strehl ratio is meaningful given its error ("fine", "warning", "worthless"), and why
+failures               why a stage has no result, by stage ("wavefront", "rays", "echo", "range", "picture echo", ...)
 error                  the error budget of the Strehl ratio by cause
-averages_lacking       what the interpolant lacks of rows and columns of the flow's cells and of single cells, in shares
-of the range of densities, and of a row in optical path [m]; empty where the flow has no averages over cells of a mesh
+averages_lacking       deficit of the interpolant against the averages over rows and columns of the flow's cells and
+over single cells, as shares of the range of densities, and over a row as optical path [m]; empty if the flow has no
+averages over the cells of a mesh
 scene_values           the whole scene as it was run, every key with its default, SI
 seconds                wall time of each part of the run, and of "prepare" by its own parts; "total" is that of the run
-stage_seconds          the same time by what was done, each moment counted once (clock.py): trace_seconds is its
-"kernel", compile_seconds its "compile"; the time of the error budget's own rays is in them
+stage_seconds          the same time by activity, each moment counted once (clock.py): trace_seconds is its "kernel",
+compile_seconds its "compile"; both include the rays of the error budget
 """
 
 import math
@@ -25,7 +26,7 @@ from aerokernels.echo import EchoResult
 from aerokernels.jobs.run_parts import RunParts
 from aerokernels.medium import AveragesLacking
 
-# Keys of the echo's numbers, and what they are called in `EchoResult.quantities`.
+# Keys of the echo's numbers, and their names in `EchoResult.quantities`.
 ECHO_KEYS = {
     "echo_strehl": "strehl",
     "echo_peak_w": "peak_power",
@@ -36,7 +37,7 @@ ECHO_KEYS = {
 
 
 def summarise(result: RunParts) -> dict[str, Any]:
-    """The numbers of summary.json; lengths in m, angles in rad, powers in W; NaN where there is none."""
+    """Return the content of summary.json; lengths in m, angles in rad, powers in W; NaN if there is no result."""
     scene, strehl = result.scene, result.strehl
     plan = strehl.plan.as_dict()
     density = result.prepared.density
@@ -83,7 +84,7 @@ def summarise(result: RunParts) -> dict[str, Any]:
 
 
 def _averages_lacking(lacking: AveragesLacking | None) -> dict[str, float]:
-    """What rows of cells and cells lack of averages; rows left out where cells lie in none."""
+    """Return the deficits of rows of cells and of single cells; without the rows if the cells form none."""
     if lacking is None:
         return {}
     found = {
@@ -102,7 +103,7 @@ def _strehl_errors(result: RunParts) -> dict[str, float | None]:
         "strehl": found["value"].error,
         "strehl_marechal": found["marechal"].error,
         "opd_rms_m": found["opd_rms"].error,
-        # The length of the vector of both changes by no more than the length of their errors'.
+        # The vector's length changes by at most the length of the vector of the components' errors.
         "boresight_rad": math.hypot(*(found[f"boresight_{axis}"].error or 0.0 for axis in "xy")),
         "boresight_x_rad": found["boresight_x"].error,
         "boresight_y_rad": found["boresight_y"].error,
@@ -110,7 +111,7 @@ def _strehl_errors(result: RunParts) -> dict[str, float | None]:
 
 
 def _echo_numbers(echo: EchoResult | None) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The numbers of the echo, NaN if there is none, and their errors."""
+    """Return the numbers of the echo, NaN if there is no echo, and their errors."""
     if echo is None:
         nothing = dict.fromkeys(ECHO_KEYS, math.nan)
         empty = {"ranges_m": {}, "range_uncertainty_m": {}, "range_statistics_m": {}, "noise_rms_v": math.nan}

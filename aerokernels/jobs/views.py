@@ -1,4 +1,4 @@
-"""The rays that are traced to be looked at: a map over the pupil, and a fan that crosses the flow."""
+"""Trace the rays that a run's figures show: an OPD map over the pupil, and a fan of rays across the flow."""
 
 from dataclasses import dataclass
 
@@ -15,12 +15,12 @@ from aerokernels.tracing.pupil_job import plane_beyond
 from aerokernels.tracing.radial_quadrature import asymmetry
 from aerokernels.wavefront import point_spread_function, remove_terms
 
-PUPIL_SAMPLES = 201  # across the pupil
+PUPIL_SAMPLES = 201  # samples across the pupil
 SPOT_PADDING = 8  # samples per wavelength / diameter
-SPOT_RINGS = 8.0  # half-width of what is kept of the spot [wavelength / diameter]
+SPOT_RINGS = 8.0  # half-width of the stored spot [wavelength / diameter]
 FAN_RAYS = 15
 FAN_PLANES = 25
-# So far beyond a face, as a share of the box's size, nothing more is added to a path: less than 1e-6 wave at 1 mrad.
+# Distance of the end plane beyond a face of the box, as a share of the box's size: adds less than 1e-6 wave at 1 mrad.
 BEYOND_FACE = 1e-5
 
 
@@ -29,12 +29,12 @@ class PupilMap:
     """Optical path difference on a square grid over the pupil.
 
     Attributes:
-        coordinate: Of the samples along the pupil's two axes, x and y where it looks ahead [m], shape (n,).
+        coordinate: Coordinates of the samples along either axis of the pupil (x, y if it faces ahead) [m], shape (n,).
         opd: Optical path difference, piston removed [m], shape (n, n), axes [y, x]; NaN outside the pupil and where a
             ray failed.
-        without_tilt: The same with tilt removed as well.
-        without_focus: The same with tilt and focus removed.
-        trace: The trace behind it: one ray for each sample in the pupil, or for each distance from the axis.
+        without_tilt: OPD with piston and tilt removed [m], shape (n, n).
+        without_focus: OPD with piston, tilt and focus removed [m], shape (n, n).
+        trace: The trace of the map's rays: one for each sample in the pupil, or for each distance from the axis.
     """
 
     coordinate: np.ndarray
@@ -45,12 +45,12 @@ class PupilMap:
 
 
 def pupil_samples(field: IndexField, scene: Scene, sample_count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A square grid over a scene's pupil, and the rays that it takes.
+    """Make a square grid over a scene's pupil, and find which of its samples need a ray.
 
     Returns:
-        Which samples lie in the pupil, shape (sample_count, sample_count), axes [y, x]; the samples among them that
-        are traced; and for each of them which of those stands for it. Where everything is symmetric about the axis
-        samples at one distance from it, an eighth of them and fewer, share a ray.
+        Mask of the samples in the pupil, shape (sample_count, sample_count), axes [y, x]; indices of the masked samples
+        that are traced; and for each masked sample the index of its traced ray. If everything is symmetric about the
+        axis, samples at the same distance from it share a ray, so that at most an eighth of them are traced.
     """
     # In halves of the spacing distances are whole numbers: equal ones are equal to the last bit.
     half = 2 * np.arange(sample_count) - (sample_count - 1)
@@ -69,9 +69,9 @@ def pupil_samples(field: IndexField, scene: Scene, sample_count: int) -> tuple[n
 
 
 def pupil_map(field: IndexField, scene: Scene, sample_count: int = PUPIL_SAMPLES) -> PupilMap:
-    """Trace a square grid of parallel rays from a scene's pupil, along where it looks.
+    """Trace a square grid of parallel rays from a scene's pupil in its direction of view.
 
-    By reciprocity these are the optical paths of a plane wave that arrives from there.
+    By reciprocity these are the optical paths of a plane wave that arrives from that direction.
 
     Raises:
         ValueError: No ray gets through.
@@ -85,7 +85,7 @@ def pupil_map(field: IndexField, scene: Scene, sample_count: int = PUPIL_SAMPLES
     rays = RayBundle(start, np.broadcast_to(pupil.normal, start.shape))
     end = _end_of(field, pupil)
     traced = trace(field, rays, **trace_options(scene), until=end, outputs=("opd", "evaluation_count"))
-    assert traced.opd is not None  # asked for
+    assert traced.opd is not None  # requested by `outputs`
     good = np.zeros_like(inside)
     good[inside] = traced.ok[ray]
     if not good.any():
@@ -104,9 +104,9 @@ def pupil_map(field: IndexField, scene: Scene, sample_count: int = PUPIL_SAMPLES
 
 
 def _end_of(field: IndexField, pupil: Pupil) -> Plane:
-    """Where a pupil's rays are compared: across them beyond the flow's box, of rays along z just beyond its face.
+    """Return the plane at which a pupil's rays end: normal to them beyond the flow's box, for rays along z just beyond.
 
-    A plane, as in all of a run's other traces: one kernel does for them.
+    All of a run's traces end at a plane, so that they share one kernel.
     """
     look = pupil.normal
     if np.any(look[:2]):
@@ -117,12 +117,12 @@ def _end_of(field: IndexField, pupil: Pupil) -> Plane:
 
 @dataclass(frozen=True, eq=False)
 class Spot:
-    """The middle of a point spread function.
+    """The central part of a point spread function.
 
     Attributes:
         angle: Field angles of rows and columns [rad], shape (n,).
         intensity: Intensity over the undisturbed peak, shape (n, n), axes [y, x].
-        perfect: The same without flow.
+        perfect: Intensity without flow, shape (n, n).
     """
 
     angle: np.ndarray
@@ -131,7 +131,7 @@ class Spot:
 
 
 def spot(pupil: PupilMap, wavelength: float) -> Spot:
-    """The point spread function of a pupil's wavefront, tilt included, and the one of the same pupil without flow."""
+    """Compute the point spread function of a pupil's wavefront, tilt included, and that of the pupil without flow."""
     lit = np.isfinite(pupil.opd)
     pixel = float(pupil.coordinate[1] - pupil.coordinate[0])
     half_width = SPOT_RINGS * wavelength / float(pupil.coordinate[-1] - pupil.coordinate[0])
@@ -144,12 +144,11 @@ def spot(pupil: PupilMap, wavelength: float) -> Spot:
 
 @dataclass(frozen=True, eq=False)
 class RayFan:
-    """Rays in the plane of a pupil's look direction and its second axis, x = 0 if ahead; followed plane to plane.
+    """Rays in the plane of a pupil's direction of view and its second axis (x = 0 if it faces ahead).
 
     Attributes:
-        position: Where each ray crosses each plane [m], shape (ray_count, plane_count, 3); NaN once a ray has ended.
-        deviation: Displacement along that axis, y if ahead, from the undisturbed ray [m], shape (ray_count,
-            plane_count).
+        position: Intersection of each ray with each plane [m], shape (ray_count, plane_count, 3); NaN after its end.
+        deviation: Displacement from the undisturbed ray along the second axis [m], shape (ray_count, plane_count).
     """
 
     position: np.ndarray
@@ -157,7 +156,7 @@ class RayFan:
 
 
 def ray_fan(field: IndexField, scene: Scene, front: float) -> RayFan:
-    """Trace a row of parallel rays from the pupil to a little beyond the flow, whose foremost z is `front` [m]."""
+    """Trace a row of parallel rays from the pupil to a little beyond the flow, whose highest z is `front` [m]."""
     pupil = scene.view
     half = pupil.half_extent[1]
     start = _in_plane(pupil, np.zeros(FAN_RAYS), np.linspace(-half, half, FAN_RAYS))
@@ -169,7 +168,7 @@ def ray_fan(field: IndexField, scene: Scene, front: float) -> RayFan:
     position[:, 0] = start
     for column, point in enumerate(planes[1:], start=1):
         traced = trace(field, rays, **trace_options(scene), until=Plane(point, pupil.normal), outputs=("position",))
-        assert traced.position is not None  # asked for
+        assert traced.position is not None  # requested by `outputs`
         arrived = traced.ok
         position[arrived, column] = traced.position[arrived]
     second = pupil.axes[1]
@@ -177,13 +176,13 @@ def ray_fan(field: IndexField, scene: Scene, front: float) -> RayFan:
 
 
 def _in_plane(pupil: Pupil, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Points of a pupil's plane [m], shape (n, 3), by their coordinates along its two axes."""
+    """Return points of a pupil's plane [m], shape (n, 3), from their coordinates along its two axes."""
     first, second = pupil.axes
     return pupil.center + x[:, None] * first + y[:, None] * second
 
 
 def _distance_out(field: IndexField, pupil: Pupil, front: float) -> float:
-    """Length [m] of the way from a pupil's centre, along where it looks, to where the flow ends."""
+    """Return the length [m] of the line from a pupil's centre, in its direction of view, to the end of the flow."""
     low, high = (np.array(corner, dtype=np.float64) for corner in field.box)
     high[2] = front
     ends = np.where(pupil.normal > 0.0, high, low)

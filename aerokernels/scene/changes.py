@@ -1,4 +1,4 @@
-"""A scene changed by its keys, and what a key takes: what sweeps vary."""
+"""Change keys of a scene, as sweeps do, and find the unit and plainest value of a key."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,7 +14,7 @@ from .scene import Scene
 
 
 def changed_scene(scene: Scene | str | Path, changes: Mapping[str, Any]) -> Scene:
-    """A scene with other values for some of its keys, checked as a scene file is.
+    """Return a scene with other values for some of its keys, checked as a scene file is.
 
     Args:
         scene: The scene, the path of its TOML file, or the name of a shipped one.
@@ -34,20 +34,20 @@ def changed_scene(scene: Scene | str | Path, changes: Mapping[str, Any]) -> Scen
 
 
 def key_dimension(key: str) -> str | None:
-    """The dimension of a scene's key, "angle" for "target.tilt"; None for a key that takes no quantity, or for none."""
+    """Return a key's dimension, "angle" for "target.tilt"; None for a key without a dimension or an unknown key."""
     return dimension_of(Scene, key)
 
 
 def key_unit(key: str) -> str:
-    """The SI unit of a scene's key; "1" where it takes no quantity or a plain number."""
+    """Return the SI unit of a scene's key; "1" for a key without a dimension or a dimensionless number."""
     dimension = key_dimension(key)
     return (si_unit(dimension) or "1") if dimension else "1"
 
 
 def key_value(key: str, value: Any) -> Any:
-    """A value for a key in its plainest form: a quantity as an SI number, a text that is TOML as what it says.
+    """Return a key's value in its plainest form: a quantity as an SI number, a TOML text as the value it denotes.
 
-    Whether the key takes that value is left to the scene.
+    The scene, not this function, checks whether the key accepts the value.
     """
     if isinstance(value, str):
         dimension = key_dimension(key)
@@ -55,13 +55,13 @@ def key_value(key: str, value: Any) -> Any:
             try:
                 return quantity(value, dimension)
             except ValueError:
-                return value  # a word such as "tunnel"; anything else is the scene's to refuse
+                return value  # a word such as "tunnel", or an invalid value that the scene rejects
         return toml_value(value)
     return value
 
 
 def with_units(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Values by key with the SI numbers of quantities as texts, "0.2 rad", so that what refuses one shows its unit."""
+    """Write the SI numbers of quantities as texts such as "0.2 rad", so that an error about a value shows its unit."""
     found = dict(changes)
     for key, value in changes.items():
         unit = key_unit(key)
@@ -71,7 +71,7 @@ def with_units(changes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables without keys that have no value: TOML has no null, and a key that is absent means the same."""
+    """Drop keys without a value: TOML has no null, and an absent key means the same."""
     return {
         key: _without_none(value) if isinstance(value, Mapping) else value
         for key, value in values.items()

@@ -1,4 +1,4 @@
-"""The tables of a scene that describe the laser's way: beam, target, receiver, the air between. See tables.py."""
+"""The tables of a scene that describe the laser's path: beam, target, receiver, the air between. See tables.py."""
 
 import math
 from typing import Annotated, Any, Literal
@@ -30,7 +30,9 @@ def _pulse_samples(value: Any) -> tuple[float, ...]:
     ):
         raise ValueError("give a list of numbers, such as [0, 0.4, 1, 0.3, 0]")
     if not all(math.isfinite(part) and part >= 0.0 for part in value):
-        raise ValueError("a sample of the pulse is negative or not finite: subtract the record's offset, cut its noise")
+        raise ValueError(
+            "a sample of the pulse is negative or not finite: subtract the record's offset, and cut off its noise"
+        )
     if value and not max(value) > 0.0:
         raise ValueError("all samples of the pulse are zero")
     return tuple(map(float, value))
@@ -39,9 +41,9 @@ def _pulse_samples(value: Any) -> tuple[float, ...]:
 def _node_count(value: Any) -> Any:
     if value == "every":
         return value
-    whole = isinstance(value, (int, float)) and not isinstance(value, bool) and value in (3, *range(5, 1000, 2))
+    whole = isinstance(value, (int, float)) and not isinstance(value, bool) and value in range(3, 1000, 2)
     if not whole:
-        raise ValueError("give an odd whole number of at least 3, or 'every'")
+        raise ValueError("give an odd whole number from 3 to 999, or 'every'")
     return int(value)
 
 
@@ -61,8 +63,8 @@ class BeamTable(Table):
     )
     pulse: Literal["gaussian", "helios", "sampled"] = key(
         "gaussian",
-        'Shape in time: "gaussian", exp(-t^2 / tau^2), the paper\'s; "helios", (t / tau)^2 exp(-t / tau), steep at '
-        'first with a long tail; "sampled", the curve through pulse_samples.',
+        'Shape in time: "gaussian", exp(-t^2 / tau^2), as in the paper; "helios", (t / tau)^2 exp(-t / tau), a steep '
+        'rise with a long tail; "sampled", the curve through pulse_samples.',
     )
     pulse_tau: Time = key(
         "6 ns",
@@ -70,10 +72,10 @@ class BeamTable(Table):
         '"helios". Not in the paper.',
     )
     pulse_samples: Annotated[tuple[float, ...], BeforeValidator(_pulse_samples)] = key(
-        (), 'Relative power at even steps, for pulse "sampled"; t = 0 is put at the peak, which counts as peak_power.'
+        (), 'Relative power at equal time steps, for pulse "sampled"; the peak is at t = 0 and has peak_power.'
     )
     pulse_sample_period: Time = key("1 ns", "Time between two of pulse_samples.")
-    ray_count: Count = key(512, "Target points that the echo is summed over (eq 10), one emitted ray each.")
+    ray_count: Count = key(512, "Number of target points in the sum of the echo (eq 10), one emitted ray each.")
 
     @model_validator(mode="after")
     def _samples_go_with_the_shape(self) -> "BeamTable":
@@ -85,7 +87,7 @@ class BeamTable(Table):
             )
         if self.pulse == "sampled" and (top := int(np.argmax(self.pulse_samples))) in (0, count - 1):
             raise ValueError(
-                f"beam.pulse_samples: the greatest of them is the {'last' if top else 'first'}: "
+                f"beam.pulse_samples: the greatest sample is the {'last' if top else 'first'} one: "
                 "give samples from before the pulse's peak to after it"
             )
         if self.pulse != "sampled" and count:
@@ -99,7 +101,7 @@ class TargetTable(Table):
     """[target]: a flat rectangular reflector."""
 
     distance: Length = key(
-        "1.5 m", "From the plane of the receiver's pupil to the target's centre, along the axis. The paper's."
+        "1.5 m", "Distance from the plane of the receiver's pupil to the target's centre, along the axis. The paper's."
     )
     tilt: Tilt = key(
         "0 deg",
@@ -113,8 +115,8 @@ class TargetTable(Table):
     )
     reflector: Literal["lambertian", "phong"] = key(
         "lambertian",
-        '"lambertian": diffuse, f_r = reflectivity / pi, the paper\'s; "phong": a share of the light goes into a '
-        "lobe about the mirror direction.",
+        '"lambertian": diffuse, f_r = reflectivity / pi, as in the paper; "phong": a share of the light goes into a '
+        "lobe around the mirror direction.",
     )
     reflectivity: Share = key(0.3, "Share of the light that is reflected, at normal incidence. The paper's.")
     specular_share: Fraction = key(
@@ -129,8 +131,8 @@ class TargetTable(Table):
     height: Length = key("90 mm", "Extent in y, before the tilt: along the tilted surface. The paper's.")
     limits: Literal["beam", "paper"] = key(
         "beam",
-        'What eq 10 is summed over. "beam": all of the beam that the reflector catches; "paper": eq 11\'s cut at '
-        "one beam radius either way in y, whatever the reflector's size.",
+        'Area of the sum of eq 10. "beam": the part of the beam that hits the reflector; "paper": eq 11, the beam '
+        "within one beam radius on either side in y, independent of the reflector's size.",
     )
 
     @property
@@ -143,7 +145,7 @@ class TargetTable(Table):
 
     @property
     def corners(self) -> np.ndarray:
-        """The reflector's corners, in turn, from its centre [m], shape (4, 3)."""
+        """The reflector's corners in cyclic order, relative to its centre [m], shape (4, 3)."""
         side = 0.5 * np.array([[-self.width, -self.height, 0.0], [self.width, -self.height, 0.0]])
         return np.concatenate([side, -side]) @ self.orientation.T
 
@@ -152,7 +154,7 @@ class ReceiverTable(Table):
     """[receiver]: the pupil that collects the echo."""
 
     diameter: Length = key(
-        "12 mm", "Diameter of the pupil. Not in the paper: the widest that a dome of 16 mm leaves room for."
+        "12 mm", "Diameter of the pupil. Not in the paper: the widest that fits behind a dome of 16 mm."
     )
     shape: Literal["disc", "annulus", "rectangle"] = key(
         "disc",
@@ -160,26 +162,28 @@ class ReceiverTable(Table):
         "receiver.diameter wide and receiver.height high.",
     )
     inner_diameter: Length | None = key(None, 'Diameter of the central obstruction, for shape "annulus".')
-    height: Length | None = key(None, 'Extent of the pupil in y, for shape "rectangle"; absent: as wide as high.')
+    height: Length | None = key(None, 'Extent of the pupil in y, for shape "rectangle"; absent: a square.')
     ray_count: Count = key(256, "Rays over the pupil for each target point, for its Strehl ratio.")
     return_factor: Literal["strehl", "bucket", "none"] = key(
         "strehl",
-        'What the flow takes off the light that returns. "strehl": peak intensity of the focus, as in the paper; '
-        '"bucket": the share of the pupil that the light gets through to, for a detector larger than the spot; '
-        '"none": nothing.',
+        'Factor by which the flow reduces the returning light. "strehl": the Strehl ratio, the relative peak intensity '
+        'of the focus, as in the paper; "bucket": the share of the pupil that the light reaches, for a detector larger '
+        'than the spot; "none": 1.',
     )
     strehl_node_count: Annotated[int | Literal["every"], BeforeValidator(_node_count)] = key(
         9,
-        'Points a side of the target at which that is computed, odd; between them it is interpolated. "every": at '
-        "each of beam.ray_count target points.",
+        "Odd number of points along a side of the target at which return_factor is computed; it is interpolated "
+        'between them. "every": at each of the beam.ray_count target points.',
     )
     efficiency: Share = key(
-        1.0, "Share of the light at the pupil that reaches the detector; the detector's calibration contains it."
+        1.0,
+        "Share of the light at the pupil that reaches the detector; 1 by default, since the detector's calibration "
+        "already contains it.",
     )
     aperture_z: Coordinate = key(
         "-8 mm",
-        "Place of the pupil's plane on the axis. The nose tip is at 0 and the dome's radius 8 mm, so this is "
-        "the dome's centre, behind its surface: rays leave the dome along their way, where the flow begins.",
+        "Place of the pupil's plane on the axis. The nose tip is at 0 and the dome's radius is 8 mm, so the default is "
+        "the dome's centre, behind its surface: the flow begins where the rays cross that surface.",
     )
 
     @model_validator(mode="after")
@@ -200,7 +204,7 @@ class ReceiverTable(Table):
 
     @property
     def pupil(self) -> Pupil:
-        """The pupil in its place, looking forward."""
+        """The pupil at `aperture_z`, facing forward (+z)."""
         center = np.array([0.0, 0.0, self.aperture_z])
         if self.shape == "annulus":
             assert self.inner_diameter is not None
@@ -211,7 +215,7 @@ class ReceiverTable(Table):
 
     @property
     def equal_diameter(self) -> float:
-        """Diameter of the disc of the pupil's area [m]: what the pupil collects, that disc does."""
+        """Diameter of the disc that has the pupil's area and so collects the same light [m]."""
         return self.diameter if self.shape == "disc" else math.sqrt(4.0 * self.pupil.area / math.pi)
 
 

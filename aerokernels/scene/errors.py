@@ -1,4 +1,4 @@
-"""What is wrong with a scene, in one line: file, key, offending value and remedy."""
+"""Errors of a scene as one line that names the file, the key, the offending value and the remedy."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
@@ -33,13 +33,13 @@ def known_keys(model: type[BaseModel], prefix: str = "") -> tuple[str, ...]:
 def scene_error(
     fault: ValidationError, raw: Mapping, file: str, overridden: Iterable[str], model: type[BaseModel]
 ) -> SceneError:
-    """The first fault that pydantic found, as a SceneError that says how many more there are."""
+    """Turn pydantic's first fault into a SceneError that also says how many more there are."""
     faults = fault.errors(include_url=False)
-    # An unknown key comes first: what else is wrong may be its consequence, such as a key that seems to be missing.
+    # Report an unknown key first: other faults, such as a key that seems to be missing, may follow from it.
     first = next((entry for entry in faults if entry["type"] == "extra_forbidden"), faults[0])
     key = ".".join(str(part) for part in first["loc"])
     while key and key not in known_keys(model) and first["type"] not in ("extra_forbidden", "model_type", "missing"):
-        shorter = key.rpartition(".")[0]  # an entry of a list, say: name the key that holds it
+        shorter = key.rpartition(".")[0]  # for an entry of a list, name the key that holds the list
         if not shorter or shorter not in known_keys(model):
             break
         key = shorter
@@ -69,7 +69,7 @@ def _describe(fault: Mapping[str, Any], key: str, value: Any, model: type[BaseMo
     if kind == "value_error":
         text = str(context["error"])
         if isinstance(value, Mapping) and key not in known_keys(model):
-            return text  # about several keys of a table, which it names
+            return text  # this message names the keys itself
         return f"{key} = {text}" if text.startswith(f"{value!r} ") else f"{key} = {cut(repr(value))}: {text}"
     bounds = {
         "greater_than": ("gt", "above"),
@@ -116,7 +116,7 @@ def _nearest_key(key: str, known: Sequence[str], model: type[BaseModel]) -> str:
     if dotted and not beside:
         return f"did you mean {dotted[0]}?"
     names = [name.rpartition(".")[2] for name in beside] if table else list(model.model_fields)
-    return f"known here are {', '.join(names)}"
+    return f"known keys here are {', '.join(names)}"
 
 
 def _look_up(raw: Any, key: str) -> Any:

@@ -1,4 +1,4 @@
-"""[flow.file]: how a flow file of one's own is read, where it does not say so itself. See `aerokernels.flow.read`."""
+"""[flow.file]: how to read a user's flow file where the file does not tell. See `aerokernels.flow.read`."""
 
 from typing import Annotated, Any, Literal
 
@@ -42,50 +42,55 @@ Axis = Annotated[str, AfterValidator(_axis)]
 
 
 class FileTable(Table):
-    """[flow.file]: what is what in a flow file of one's own; all of it may be left out where the file tells."""
+    """[flow.file]: the meaning of a user's flow file; every key may be left out where the file itself tells."""
 
-    density: str | None = key(None, "Name of the density's array; found by its usual names if absent.")
+    density: str | None = key(None, "Name of the density's array; if absent, usual names are tried.")
     pressure: str | None = key(None, "Name of the pressure's array; with flow.file.temperature it gives the density.")
     temperature: str | None = key(
         None, "Name of the temperature's array; with flow.file.pressure it gives the density."
     )
     gas_constant: Number | None = key(
         None,
-        "Gas constant [J/(kg K)] for the density from both; the file's, or that of dry air, if absent.",
+        "Gas constant [J/(kg K)] for the density from both; if absent, the file's or that of dry air.",
     )
     optical: Axis | None = key(None, 'The optical axis in the file\'s axes: "-x" looks against a flow along +x.')
-    up: Axis | None = key(None, "The axis y in the file's axes, at right angles to the optical axis.")
+    up: Axis | None = key(None, "Direction of +y in the file's axes, at right angles to the optical axis.")
     origin: tuple[FiniteFloat, FiniteFloat, FiniteFloat] = key(
         (0.0, 0.0, 0.0), "The point of the file that becomes the origin, in the file's unit of length."
     )
     rotation: Angle = key("0 deg", "Angle about x by which the optical axis is turned toward up.")
     length_unit: Annotated[str | None, BeforeValidator(_length_unit)] = key(
-        None, "Unit of the file's coordinates; what the file states, else metres, if absent."
+        None, "Unit of the file's coordinates; if absent, the unit that the file states, else metres."
     )
-    reference_density: Density | None = key(None, "What a density of 1 is in a non-dimensional file.")
-    reference_pressure: Pressure | None = key(None, "What a pressure of 1 is in a non-dimensional file.")
-    reference_temperature: Temperature | None = key(None, "What a temperature of 1 is in a non-dimensional file.")
-    reference_length: Length | None = key(None, "What a length of 1 is in a non-dimensional file.")
+    reference_density: Density | None = key(None, "Density of the value 1 in a non-dimensional file.")
+    reference_pressure: Pressure | None = key(None, "Pressure of the value 1 in a non-dimensional file.")
+    reference_temperature: Temperature | None = key(None, "Temperature of the value 1 in a non-dimensional file.")
+    reference_length: Length | None = key(None, "Length of the value 1 in a non-dimensional file.")
     time: Annotated[str | float, BeforeValidator(_time)] = key("latest", '"latest", "first" or a time [s].')
     geometry: Literal["planar", "axisymmetric", "volume"] | None = key(
-        None, '"axisymmetric" for a plane file whose x is the axis and whose y is the radius; else the file tells.'
+        None,
+        '"axisymmetric" for a plane file whose x is the axis and whose y is the radius; if absent, the file tells.',
     )
-    ambient_density: Density | None = key(None, "Density around the field; what prevails where the flow comes from.")
-    walls: tuple[str, ...] | None = key(None, "Names of the boundary patches that bound the body; the file's walls.")
-    spacing: Length | None = key(None, "Greatest node spacing of the grid that a volume is resampled to.")
-    mesh: str | None = key(None, "The mesh that belongs to a restart of SU2.")
-    solution: str | None = key(None, "The solution that belongs to a grid of Plot3D.")
+    ambient_density: Density | None = key(None, "Density around the field; if absent, that of the oncoming flow.")
+    walls: tuple[str, ...] | None = key(
+        None, "Names of the boundary patches of the body; if absent, the patches that the file marks as walls."
+    )
+    spacing: Length | None = key(None, "Greatest node spacing of the grid to which a volume is resampled.")
+    mesh: str | None = key(None, "The mesh that belongs to an SU2 restart file.")
+    solution: str | None = key(None, "The solution that belongs to a Plot3D grid.")
 
     @model_validator(mode="after")
     def _density_from_one_source(self) -> "FileTable":
         if (self.pressure is None) != (self.temperature is None):
             raise ValueError("flow.file.pressure and flow.file.temperature go together: name both arrays")
         if self.density is not None and self.pressure is not None:
-            raise ValueError("flow.file.density is one source, pressure and temperature are another: name either")
+            raise ValueError(
+                "flow.file.density excludes flow.file.pressure and flow.file.temperature: drop the one or the others"
+            )
         return self
 
     def read_options(self) -> dict[str, Any]:
-        """The arguments of `flow.read`."""
+        """Return the keyword arguments for `flow.read`."""
         density: Any = self.density
         if self.pressure is not None:
             density = {"pressure": self.pressure, "temperature": self.temperature}

@@ -1,4 +1,4 @@
-"""Which quantity a key of a scene takes, out of its model."""
+"""Find the physical dimension of a scene's key in the annotations of its model."""
 
 import typing
 from typing import Any
@@ -7,7 +7,7 @@ from pydantic import BaseModel, BeforeValidator
 
 
 def dimension_of(model: Any, key: str) -> str | None:
-    """The dimension of a dotted key, "angle" for "target.tilt"; None for a key that takes no quantity, or for none."""
+    """Return a dotted key's dimension, "angle" for "target.tilt"; None if it has no dimension or is unknown."""
     *tables, leaf = key.split(".")
     for name in tables:
         field = getattr(model, "model_fields", {}).get(name)
@@ -19,7 +19,7 @@ def dimension_of(model: Any, key: str) -> str | None:
 
 
 def _dimensions(parts: list[Any]) -> list[str]:
-    """Dimensions of the validators among an annotation's parts, those of its own parts included."""
+    """Collect the dimensions of the validators in an annotation's parts, nested parts included."""
     found = []
     for part in parts:
         if isinstance(part, BeforeValidator):

@@ -1,4 +1,4 @@
-"""Finding a scene file, reading it, and setting single keys from the command line."""
+"""Find and read a scene file, and set single keys from the command line."""
 
 import os
 import re
@@ -6,52 +6,59 @@ import sys
 import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
+from functools import lru_cache, partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from ..flow.shipped import shipped_names
 from .errors import SceneError
 
 _SHIPPED = files("aerokernels") / "scenes"
-_COMMON = _SHIPPED / "common" / "laser_rangefinder.toml"  # the tables from [beam] on, with which every one ends
-DEEPEST = 100  # tables and lists within one another: more than a scene has, fewer than Python shows
+_COMMON = _SHIPPED / "common" / "laser_rangefinder.toml"  # the tables from [beam] on, which end every shipped scene
+DEEPEST = 100  # greatest nesting of tables and lists: deeper than any scene, below Python's recursion limit
 _PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)"""
 _NAMES = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART})*+")
 
 
 def shipped_scenes() -> tuple[str, ...]:
-    """Names of the scenes that come with the package."""
+    """Return the names of the scenes that ship with the package."""
     return tuple(
         sorted(entry.name.removesuffix(".toml") for entry in _SHIPPED.iterdir() if entry.name.endswith(".toml"))
     )
 
 
 def shipped_scene_text(name: str) -> str:
-    """The text of a shipped scene, comments and all.
+    """Return the text of a shipped scene, with its comments.
 
     Raises:
-        SceneError: There is none of that name.
+        SceneError: There is no shipped scene of that name.
     """
     if name not in shipped_scenes():
         close = get_close_matches(name, shipped_scenes(), 1)
         hint = f"did you mean {close[0]}? " if close else ""
-        raise SceneError(f"{name}: there is no such shipped scene; {hint}there are {', '.join(shipped_scenes())}")
+        raise SceneError(f"{name}: there is no such shipped scene; {hint}choose one of {', '.join(shipped_scenes())}")
     return "\n".join(part.read_text(encoding="utf-8") for part in (_SHIPPED / f"{name}.toml", _COMMON))
 
 
+@lru_cache(maxsize=1)
+def _standard_input(stream: TextIO) -> bytes:
+    """Read standard input once: a sweep loads its scene for every case."""
+    return stream.buffer.read()
+
+
 def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
-    """A scene file, a shipped scene by its name, or "-": the scene on standard input.
+    """Read a scene file, a shipped scene by its name, or, for "-", the scene on standard input.
 
     Returns:
-        What to call the source in messages, the scene's default name, and its tables.
+        The source's name for messages, the scene's default name, and its tables.
 
     Raises:
-        SceneError: Neither a file nor a shipped scene, a file that cannot be read, or one that is not TOML.
+        SceneError: Neither a file nor a shipped scene, a file that cannot be read, or a file that is not TOML.
     """
     path, name = Path(place), str(place)
     if name == "-":
-        read, label, stem = sys.stdin.buffer.read, "standard input", "scene"
+        read, label, stem = partial(_standard_input, sys.stdin), "standard input", "scene"
     elif os.path.isfile(path):
         read, label, stem = path.read_bytes, str(path), path.stem
     elif name in shipped_scenes():
@@ -59,31 +66,31 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     else:
         close = get_close_matches(name, shipped_scenes(), 1) or [one for one in shipped_scenes() if name in one]
         hint = f"did you mean {' or '.join(close)}? " if close and name else ""
-        hint = f"it is the name of a flow, {hint}" if name in shipped_names() and hint else hint
+        hint = f"it is the name of a flow, not of a scene; {hint}" if name in shipped_names() and hint else hint
         what = "is a folder" if os.path.isdir(path) else "there is no such scene file"
         raise SceneError(f"{name}: {what}; {hint}give a TOML file or a shipped scene: {', '.join(shipped_scenes())}")
     try:
-        return label, stem, _toml(read().decode("utf-8-sig"))  # editors of Windows put a mark first
+        return label, stem, _toml(read().decode("utf-8-sig"))  # Windows editors may write a byte-order mark
     except OSError as fault:
         raise SceneError(f"{label}: cannot be read, {fault.strerror}: check the file and its permissions") from None
     except UnicodeDecodeError as fault:
         raise SceneError(f"{label}: byte {fault.start} is not UTF-8: save the scene as UTF-8 text") from None
     except RecursionError:
-        raise SceneError(f"{label}: tables and lists within one another, deeper than a scene has them") from None
-    except ValueError as fault:  # TOML's own, or a number of thousands of digits
+        raise SceneError(f"{label}: tables and lists are nested too deeply, more than {DEEPEST} times") from None
+    except ValueError as fault:  # not TOML, or a number of thousands of digits
         raise SceneError(
             f'{label}: not valid TOML, {fault}: write key = value, and texts such as "1.5 m" in quotes'
         ) from None
 
 
 def _toml(text: str) -> dict[str, Any]:
-    """The tables of a TOML text, which can be shown in messages.
+    """Parse a TOML text into tables whose values can all be shown in messages.
 
     Raises:
-        RecursionError: Tables and lists within one another, more than DEEPEST.
-        ValueError: No TOML, or a number of thousands of digits.
+        RecursionError: Tables and lists nested more than DEEPEST times.
+        ValueError: The text is not TOML, or holds a number of thousands of digits.
     """
-    if any(name[0].count(".") > DEEPEST for name in _NAMES.finditer(text)):  # for tomllib they would take hours
+    if any(name[0].count(".") > DEEPEST for name in _NAMES.finditer(text)):  # tomllib would take hours for such names
         raise RecursionError
     tables = tomllib.loads(text)
     left: list[tuple[Any, int]] = [(tables, 0)]
@@ -99,16 +106,16 @@ def _toml(text: str) -> dict[str, Any]:
 
 
 def anchor_series(tables: dict[str, Any], place: str | Path) -> None:
-    """Make series.source, which is relative to the scene's file, what it is from here."""
+    """Turn series.source, relative to the scene's file, into a path from the working directory."""
     table = tables.get("series")
     if isinstance(table, dict) and isinstance(table.get("source"), str) and os.path.isfile(place):
         table["source"] = str(Path(place).parent / table["source"])
 
 
 def beside_scene(tables: dict[str, Any], place: str | Path) -> None:
-    """Take paths in a scene file as relative to the file; names of shipped flows stay, and so do absolute paths.
+    """Resolve paths in a scene file relative to the file; names of shipped flows and absolute paths stay unchanged.
 
-    What --set changes afterwards is relative to the working directory.
+    Paths given by --set are applied afterwards and are relative to the working directory.
     """
     flow, folder = tables.get("flow"), Path(place).parent
     if not isinstance(flow, dict) or not os.path.isfile(place):
@@ -123,15 +130,15 @@ def _move(table: dict[str, Any], key: str, folder: Path) -> None:
     value = table.get(key)
     if isinstance(value, str) and value not in (*shipped_names(), "static"):
         path = folder / os.path.expanduser(value)
-        if os.path.exists(path):  # which a name of any length may be asked; else the message shows what was written
+        if os.path.exists(path):  # accepts a name of any length; otherwise the error shows the path as written
             table[key] = str(path.resolve())
 
 
 def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -> None:
-    """Set dotted keys in the tables. A text is read as a TOML value where it is one, otherwise as a text.
+    """Set dotted keys in the tables. A text that is a TOML value is parsed, any other stays a text.
 
     Raises:
-        SceneError: An empty key or part of one, or a key below something that is no table.
+        SceneError: An empty key or part of a key, or a key below a value that is not a table.
     """
     for key, value in overrides.items():
         *path, leaf = str(key).strip().split(".")
@@ -140,7 +147,7 @@ def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -
                 f"{label} (with --set): {key!r} is not a key: write table.key=value, as in target.distance=1.2"
             )
         if len(path) > DEEPEST:
-            raise SceneError(f"{label} (with --set): a key of {len(path) + 1} parts: a scene has none so deep")
+            raise SceneError(f"{label} (with --set): a key of {len(path) + 1} parts: no key of a scene has so many")
         table = tables
         for depth, part in enumerate(path):
             table = table.setdefault(part, {})
@@ -153,9 +160,9 @@ def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -
 
 
 def toml_value(text: str) -> Any:
-    """What a text says as a TOML value, or the text itself where it is none: "1e-4" is a number, "10 deg" a text."""
+    """Parse a text as a TOML value, or return it unchanged if it is none: "1e-4" is a number, "10 deg" a text."""
     try:
         parsed = _toml(f"value = {text}")
-    except (ValueError, RecursionError):  # no TOML, a number of thousands of digits, brackets without end
+    except (ValueError, RecursionError):  # not TOML, a number of thousands of digits, or endless brackets
         return text
     return parsed["value"] if list(parsed) == ["value"] else text

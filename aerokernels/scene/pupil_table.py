@@ -1,4 +1,4 @@
-"""[pupil]: the aperture that the flow is looked at through, and where it looks. Defaults as in tables.py."""
+"""[pupil]: the aperture through which the flow is viewed, and its direction of view. Defaults as in tables.py."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,7 +13,7 @@ from .echo_tables import ReceiverTable
 from .values import Length, Table, key, measured
 
 Angle = Annotated[float, measured("angle")]
-# What each shape takes; the rest belongs to others.
+# The size keys of each shape.
 SIZES = {
     "disc": ("diameter",),
     "annulus": ("diameter", "inner_diameter"),
@@ -46,21 +46,21 @@ def _lengths(convert: Callable[[Any], Any]) -> BeforeValidator:
     def given(value: Any) -> Any:
         return None if value is None else convert(value)
 
-    given.dimension = "length"  # type: ignore[attr-defined]  # what changes.py tells of a key
+    given.dimension = "length"  # type: ignore[attr-defined]  # read by `key_units.dimension_of`
     return BeforeValidator(given)
 
 
 class PupilTable(Table):
-    """[pupil]: the pupil of Strehl ratio, wavefront and snapshots; what is left out is that of [receiver].
+    """[pupil]: the pupil of Strehl ratio, wavefront and snapshots; keys left out are taken from [receiver].
 
-    The echo is always collected by [receiver].
+    The echo is always collected by the pupil of [receiver].
     """
 
     shape: Literal["disc", "annulus", "rectangle", "polygon"] | None = key(
         None,
         'Shape of the pupil: "disc", of pupil.diameter; "annulus", with a central obstruction of pupil.inner_diameter; '
         '"rectangle", of pupil.width and pupil.height; "polygon", of pupil.vertices. Absent: a disc where a diameter '
-        "is given, else shape and size of receiver.",
+        "is given, else shape and size of [receiver].",
     )
     diameter: Length | None = key(None, 'Diameter, for shape "disc" and "annulus"; receiver.diameter if absent.')
     inner_diameter: Length | None = key(None, 'Diameter of the central obstruction, for shape "annulus".')
@@ -70,36 +70,36 @@ class PupilTable(Table):
         "receiver.diameter if absent.",
     )
     height: Length | None = key(
-        None, 'Extent along its second axis, y where it looks ahead, for shape "rectangle"; as high as wide if absent.'
+        None, 'Extent along its second axis, y where it looks ahead, for shape "rectangle"; a square if absent.'
     )
     vertices: Annotated[tuple[tuple[float, float], ...] | None, _lengths(_vertices)] = key(
         None,
-        'Corners in turn, for shape "polygon": pairs of lengths along the pupil\'s two axes from its centre, '
-        "[['-4 mm', '-3 mm'], ['4 mm', '-3 mm'], ['0 mm', '5 mm']] say.",
+        'Corners in cyclic order, for shape "polygon": pairs of lengths along the pupil\'s two axes from its centre, '
+        "such as [['-4 mm', '-3 mm'], ['4 mm', '-3 mm'], ['0 mm', '5 mm']].",
     )
     center: Annotated[tuple[float, float, float] | None, _lengths(_center)] = key(
         None,
-        "The pupil's centre (x, y, z), ['0 mm', '2 mm', '-8 mm'] say; on the axis at receiver.aperture_z if absent.",
+        "The pupil's centre (x, y, z), as ['0 mm', '2 mm', '-8 mm']; on the axis at receiver.aperture_z if absent.",
     )
     azimuth: Angle = key(
-        "0 deg", "Where the pupil looks: the angle by which it is turned from straight ahead, +z, toward +x."
+        "0 deg", "Direction of view: the angle by which the pupil is turned from straight ahead, +z, toward +x."
     )
     elevation: Annotated[Angle, Field(ge=-1.570797, le=1.570797)] = key(
         "0 deg",
-        "The angle by which it is turned toward +y, from -90 to 90 deg: it looks along "
+        "The angle by which the pupil is turned toward +y, from -90 to 90 deg. The direction of view is "
         "(sin azimuth cos elevation, sin elevation, cos azimuth cos elevation).",
     )
 
     @property
     def kind(self) -> str | None:
-        """The shape that is meant; None for the receiver's."""
+        """The pupil's shape; None for the receiver's shape."""
         return self.shape or ("disc" if self.diameter is not None else None)
 
     def made(self, receiver: ReceiverTable) -> Pupil:
-        """The pupil in its place and direction; `receiver` gives what is left out.
+        """Return the pupil at its place and in its direction; keys left out are taken from `receiver`.
 
         Raises:
-            ValueError: Keys that do not go together, or a size that makes no shape, by the keys' names.
+            ValueError: Keys that do not go together, or sizes that make no shape; the message names the keys.
         """
         self._check_sizes()
         middle = (0.0, 0.0, receiver.aperture_z) if self.center is None else self.center
@@ -119,7 +119,7 @@ class PupilTable(Table):
             return Rectangle(width, width if self.height is None else self.height, **place)
         if self.kind == "polygon":
             if self.vertices is None:
-                raise ValueError('pupil.shape = "polygon" needs pupil.vertices, its corners in turn')
+                raise ValueError('pupil.shape = "polygon" needs pupil.vertices, its corners in cyclic order')
             try:
                 return Polygon(np.array(self.vertices), **place)
             except ValueError as fault:
@@ -138,12 +138,12 @@ class PupilTable(Table):
 
 
 def axis_words(pupil: Pupil) -> tuple[str, str]:
-    """What to call a pupil's two axes: x and y where it looks along +z, its own where it is turned."""
+    """Return names of a pupil's two axes: x and y for a pupil that faces +z, else the pupil's own axes 1 and 2."""
     return ("x", "y") if pupil.axes[0][0] == pupil.axes[1][1] == 1.0 else ("the pupil's axis 1", "the pupil's axis 2")
 
 
 def in_words(pupil: Pupil) -> str:
-    """Shape, size, place and direction of a pupil, in mm and degrees."""
+    """Describe a pupil's shape, size, place and direction, in mm and degrees."""
     width, height = (2e3 * extent for extent in pupil.half_extent)
     size = {
         "Disc": f"pupil of {width:g} mm",

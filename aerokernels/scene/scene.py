@@ -1,4 +1,4 @@
-"""A scene: everything that one run needs, checked, in SI units."""
+"""A scene: the checked description, in SI units, of everything that one run needs."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,9 +20,10 @@ from .values import Table
 
 
 class Scene(Table):
-    """What a user describes in a TOML file. Numbers are SI once loaded.
+    """The scene that a user describes in a TOML file. Loaded numbers are SI.
 
-    Every key stands in tables.py, echo_tables.py, pupil_table.py, detector_table.py, series_table.py or file_table.py.
+    The keys are defined in tables.py, echo_tables.py, pupil_table.py, detector_table.py, series_table.py and
+    file_table.py.
     """
 
     name: str = Field("scene", description="Short name for files and tables; the file's name if absent.")
@@ -42,7 +43,7 @@ class Scene(Table):
     @model_validator(mode="before")
     @classmethod
     def _series_alone(cls, values: Any) -> Any:
-        """A scene of snapshots needs no other flow."""
+        """Let a scene of snapshots leave out [flow].source."""
         series = values.get("series") if isinstance(values, dict) else None
         if isinstance(series, dict) and series.get("source"):
             flow = values.get("flow", {})
@@ -57,17 +58,17 @@ class Scene(Table):
     @model_validator(mode="after")
     def _species_have_a_file(self) -> "Scene":
         if self.flow.is_mixture and self.series.source is None and self.flow.source in (*shipped_names(), STATIC):
-            raise ValueError(f"flow.species are of a flow's own file, and {self.flow.source!r} is air: leave them out")
+            raise ValueError(f"flow.species needs a flow file, and {self.flow.source!r} is air: leave the key out")
         return self
 
     @property
     def view(self) -> Pupil:
-        """The pupil that the flow is looked at through, in its place and direction: [pupil], or the receiver's."""
+        """The pupil through which the flow is viewed, at its place and in its direction: [pupil], or the receiver's."""
         return self.pupil.made(self.receiver)
 
     @property
     def looks_elsewhere(self) -> bool:
-        """Whether [pupil] asks for another pupil than the receiver's."""
+        """Whether [pupil] defines another pupil than the receiver's."""
         return self.pupil != PupilTable()
 
     @classmethod
@@ -76,9 +77,9 @@ class Scene(Table):
         """Read a scene file, or a shipped scene by its name.
 
         Args:
-            place: Path of a TOML file, or a name out of `shipped_scenes()`.
-            overrides: Values that replace the file's, by dotted key: {"target.distance": "1.2 m"}. A text is read as
-                TOML where it is TOML ("1e-4", '["piston", "tilt"]'), otherwise as a text.
+            place: Path of a TOML file, or a name from `shipped_scenes()`.
+            overrides: Values that replace the file's, by dotted key: {"target.distance": "1.2 m"}. A text that is a
+                TOML value ("1e-4", '["piston", "tilt"]') is parsed, any other stays a text.
 
         Raises:
             SceneError: Anything wrong with the file or the overrides, in one line: file, key, value, remedy.
@@ -97,10 +98,10 @@ class Scene(Table):
             raise scene_error(fault, tables, label, changes, cls) from None
 
     def density_field(self) -> DensityField:
-        """The flow of the scene at its density; "static" is air at rest around the model, sea-level air by default.
+        """Return the scene's flow at its density; "static" is air at rest around the model, by default at sea level.
 
         Raises:
-            ValueError: A flow file that cannot be used, in one line: file, place and remedy.
+            ValueError: A flow file that cannot be used; one line that names the file, the place and the remedy.
         """
         own = self.flow.density == "tunnel"
         density = SEA_LEVEL_DENSITY if self.flow.density == "sea-level" or own else float(self.flow.density)
@@ -115,7 +116,7 @@ class Scene(Table):
         return field if own else field.scaled(density)
 
     def as_dict(self) -> dict[str, Any]:
-        """All values, defaults included, in SI units, as plain JSON types: for provenance in results."""
+        """Return all values, defaults included, in SI units, as plain JSON types: the provenance in results."""
         return self.model_dump(mode="json")
 
 

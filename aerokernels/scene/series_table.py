@@ -1,4 +1,4 @@
-"""The table of a scene that describes snapshots of a flow in time. Defaults as in tables.py."""
+"""The [series] table of a scene: snapshots of a flow in time. Defaults as in tables.py."""
 
 from typing import Annotated, Literal
 
@@ -11,24 +11,24 @@ Density = Annotated[float, measured("density"), Field(gt=0.0)]
 
 
 class SeriesTable(Table):
-    """[series]: snapshots of a flow in time, for `aerokernels series`; a run of the scene takes no notice of it."""
+    """[series]: snapshots of a flow in time, for `aerokernels series`; `aerokernels run` ignores this table."""
 
     source: str | None = key(
         None,
         "A NetCDF file or a Zarr store with a time axis, or a pattern of numbered files; relative to the scene's file.",
     )
-    density: str | None = key(None, "Name of the density in it; density, rho or the like if absent.")
+    density: str | None = key(None, "Name of the density in the file; if absent, density, rho and the like are tried.")
     ambient_density: Density | None = key(
-        None, "Density around the field; the file's attribute of that name if absent."
+        None, "Density around the field; the file's attribute ambient_density if absent."
     )
-    time_step: Time | None = key(None, "Time from one numbered file to the next; a time axis has its own.")
+    time_step: Time | None = key(None, "Time from one numbered file to the next; not needed with a time axis.")
     azimuth: Angle | None = key(
-        None, "Angle toward +x at which light leaves the pupil, which itself stays as it is; pupil.azimuth if absent."
+        None, "Angle toward +x at which the rays leave the pupil, without turning the pupil; pupil.azimuth if absent."
     )
     elevation: Annotated[Angle, Field(ge=-1.570797, le=1.570797)] | None = key(
-        None, "Angle toward +y at which it does; pupil.elevation if absent."
+        None, "Angle toward +y at which the rays leave the pupil; pupil.elevation if absent."
     )
     pixel_count: Annotated[Count, Field(ge=2)] = key(64, "Pixels across the pupil.")
-    remove: tuple[Literal["piston", "tilt"], ...] = key(("piston", "tilt"), "What is taken off each map.")
-    velocity: Speed | None = key(None, "Speed that frequencies are scaled by for the Strouhal number, 'm/s'.")
-    length: Length | None = key(None, "Length that they are scaled by; the pupil's width if absent.")
+    remove: tuple[Literal["piston", "tilt"], ...] = key(("piston", "tilt"), "Terms that are removed from each map.")
+    velocity: Speed | None = key(None, "Speed in the Strouhal number, 'm/s'; without it, spectra are over frequency.")
+    length: Length | None = key(None, "Length in the Strouhal number; the pupil's width if absent.")

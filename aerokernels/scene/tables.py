@@ -1,8 +1,8 @@
 """The tables of a scene file: every key with its unit, its default and the reason for it.
 
 Defaults are written as a user would write them and pass the same checks. The source paper states the wavelength, the
-pulse's peak power, the target's size, reflectivity and distance, and the wind tunnel's conditions; the rest it leaves
-out, and the choice made here is explained where it stands. Beam, target and receiver are in echo_tables.py, the
+pulse's peak power, the target's size, reflectivity and distance, and the wind tunnel's conditions. The other defaults
+are choices made here; each key's description explains its own. Beam, target and receiver are in echo_tables.py, the
 detector in detector_table.py.
 """
 
@@ -28,7 +28,7 @@ def _source(value: Any) -> str:
     if value in choices:
         return str(value)
     if not isinstance(value, str) or not os.path.exists(os.path.expanduser(value)):
-        raise ValueError(f"choose one of {', '.join(choices)}, or the path of a flow file or case: nothing lies there")
+        raise ValueError(f"no such file; choose one of {', '.join(choices)}, or the path of a flow file or case")
     return value
 
 
@@ -44,7 +44,7 @@ def _density(value: Any) -> float | str:
     return check_density(number, "a density")
 
 
-_density.dimension = "density"  # type: ignore[attr-defined]  # what changes.py tells of the key
+_density.dimension = "density"  # type: ignore[attr-defined]  # read by `key_units.dimension_of`
 
 
 def _wavelength(value: float) -> float:
@@ -63,13 +63,13 @@ class FlowTable(Table):
     source: Annotated[str, BeforeValidator(_source)] = key(
         ...,
         '"mach2", "mach3", "mach4": the shipped CFD field of the wind-tunnel model; "static": air at rest; or the path '
-        "of a CFD file or case of one's own, relative to the scene file.",
+        "of your own CFD file or case, relative to the scene file.",
     )
     file: FileTable = FileTable()
     species: bool | tuple[str, ...] | dict[str, str] | None = key(
         None,
-        "Mass fractions in the flow's file, by which the gas is a mixture: true for arrays called by formulas "
-        '(N2, Y_O2, ...), ["N2", "O2"] for those alone, {N2 = "Y_N2", O2 = "Y_O2"} for others, with basis = "mole" '
+        "Mass fractions in the flow's file, for a gas mixture: true for all arrays named by formulas "
+        '(N2, Y_O2, ...), ["N2", "O2"] for these only, {N2 = "Y_N2", O2 = "Y_O2"} for other names, with basis = "mole" '
         'for mole fractions. The relation is then "gladstone-dale" or "lorentz-lorenz".',
     )
     density: Annotated[float | str, BeforeValidator(_density)] = key(
@@ -83,27 +83,27 @@ class FlowTable(Table):
     )
     relation: Literal["paper", "ciddor", "gladstone-dale", "lorentz-lorenz"] = key(
         "ciddor",
-        'Density to index: "ciddor", that of standard dry air, 0.3 to 1.69 um; "paper", linear with the paper\'s '
-        'constant, which is 0.46 % higher at 905 nm; "gladstone-dale", linear, or "lorentz-lorenz", the exact form, '
-        "with a constant that is given or else the paper's; the two forms differ by 1.3e-8 at sea level. With "
-        'gladstone_dale given it is "gladstone-dale".',
+        'Relation of density to index: "ciddor", for standard dry air, 0.3 to 1.69 um; "paper", linear with the '
+        'paper\'s constant, which is 0.46 % higher at 905 nm; "gladstone-dale", linear, or "lorentz-lorenz", the exact '
+        "form, both with the constant gladstone_dale or else the paper's; the two forms differ by 1.3e-8 at sea level. "
+        'If gladstone_dale is given, the default is "gladstone-dale".',
     )
     gladstone_dale: Annotated[GladstoneDale, AfterValidator(_constant)] | None = key(
-        None, "Gladstone-Dale constant to use in place of the paper's K(wavelength), '2.24e-4 m3/kg' say."
+        None, "Gladstone-Dale constant in place of the paper's K(wavelength), such as '2.24e-4 m3/kg'."
     )
 
     interpolation: Literal["bilinear", "conserving"] | None = key(
         None,
-        'What rays see between the averages over the cells of a mesh: "bilinear" joins values at the cells\' corners; '
-        '"conserving" does so on cells cut in four, such that cells keep their averages and, across a captured shock, '
-        "rows and columns of cells theirs, at two to five times the time to prepare. Not given it is "
-        '"conserving" where a solver\'s file has values at walls, else "bilinear". Values at points are joined as '
-        'they are. Where grid.route is "mesh" it counts beside grid.interpolation "bilinear".',
+        'Interpolation between cell averages on a mesh: "bilinear" interpolates values at the cells\' corners; '
+        '"conserving" does so on cells divided into four, such that cells keep their averages and, across a captured '
+        "shock, rows and columns of cells keep theirs; preparing takes two to five times as long. The default is "
+        '"conserving" if a solver\'s file has values at walls, else "bilinear". Values at points are interpolated '
+        'directly. If grid.route is "mesh", the key applies to grid.interpolation "bilinear".',
     )
 
     @property
     def is_mixture(self) -> bool:
-        """Whether the gas is a mixture by what its file says."""
+        """Whether the gas is a mixture of the species in the flow's file."""
         return self.species not in (None, False)
 
     @model_validator(mode="before")
@@ -119,7 +119,7 @@ class FlowTable(Table):
     def _relation_fits_the_rest(self) -> "FlowTable":
         if self.is_mixture and self.relation not in RELATIONS and self.gladstone_dale is None:
             raise ValueError(
-                f"flow.relation {self.relation!r} is air's, with flow.species take 'gladstone-dale' or 'lorentz-lorenz'"
+                f"flow.relation {self.relation!r} is air's, with flow.species use 'gladstone-dale' or 'lorentz-lorenz'"
             )
         try:
             refractivity_model(self.relation, constant=self.gladstone_dale).constant(self.wavelength)
@@ -129,11 +129,11 @@ class FlowTable(Table):
 
 
 class GridTable(Table):
-    """[grid]: how the index between the CFD cells is represented for the rays."""
+    """[grid]: how the index is interpolated between the CFD cells for the rays."""
 
     route: Literal["uniform", "mesh"] = key(
         "uniform",
-        '"uniform": resample once to a uniform grid and measure the error of that; "mesh": find the CFD cell '
+        '"uniform": resample once to a uniform grid and measure the error of resampling; "mesh": find the CFD cell '
         "of every sample, as the paper does.",
     )
     spacing: Length = key(
@@ -165,12 +165,12 @@ class GridTable(Table):
 
 
 class StrehlTable(Table):
-    """[strehl]: the Strehl ratio of a plane wave that looks forward through the pupil."""
+    """[strehl]: the Strehl ratio of a plane wave through the pupil of [pupil] or [receiver]."""
 
-    ray_count: Count = key(1_000_000, "Rays over the receiver's pupil.")
+    ray_count: Count = key(1_000_000, "Rays over the pupil.")
     remove: tuple[Literal["piston", "tilt", "focus"], ...] = key(
         ("piston",),
-        'What is taken off the wavefront first: ["piston"], ["piston", "tilt"] or ["piston", "tilt", "focus"].',
+        'Terms removed from the wavefront first: ["piston"], ["piston", "tilt"] or ["piston", "tilt", "focus"].',
     )
 
 
@@ -180,18 +180,22 @@ class TraceTable(Table):
     method: Literal["auto", "straight", "adaptive", "paper", "fixed"] = key(
         "auto", '"auto" chooses by the tolerance; "paper" is eq 5\'s step rule; "fixed" needs a step.'
     )
-    tolerance: Number = key(1e-3, "Error of the optical path asked for, in waves: a hundredth of what is visible.")
+    tolerance: Number = key(
+        1e-3, "Requested error of the optical path, in waves: a hundredth of a visible wavefront error."
+    )
     step: Length | None = key(None, 'Arc length of a step, for method "fixed".')
     precision: Literal["float32", "float64"] = key(
-        "float32", "Numbers in the kernel; the deviation form keeps float32 within 1e-4 wave."
+        "float32", "Precision of the kernels; the deviation form keeps float32 within 1e-4 wave."
     )
-    backend: Literal["auto", "warp", "opencl", "reference"] = key("auto", "What runs the kernel.")
+    backend: Literal["auto", "warp", "opencl", "reference"] = key("auto", "Backend that runs the kernels.")
     device: str | None = key(None, '"cpu", "cuda:0" or the name of an OpenCL device; the backend chooses if absent.')
-    max_steps: Count | None = key(None, "Steps after which a ray is given up; the tracer chooses if absent.")
+    max_steps: Count | None = key(
+        None, "Greatest number of steps of a ray, which then fails; the tracer chooses if absent."
+    )
     allow_truncation: bool = key(
         False,
-        "Whether more than a thousandth of the pupil may look through disturbed air that ends at the edge of the "
-        "computed flow; refused otherwise, since what lies beyond is unknown.",
+        "Whether more than a thousandth of the pupil may see disturbed air that ends at the edge of the computed flow; "
+        "by default this is an error, since the air beyond the edge is unknown.",
     )
 
     @model_validator(mode="after")

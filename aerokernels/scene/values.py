@@ -1,4 +1,4 @@
-"""Types of the values in a scene: quantities with units, whole numbers, shares; and what all tables have in common."""
+"""Types of the values in a scene (quantities with units, whole numbers, shares) and the base class of its tables."""
 
 from typing import Annotated, Any
 
@@ -8,26 +8,26 @@ from ..inputs.units import quantity
 
 
 class Table(BaseModel):
-    """A table of a scene: it cannot be changed, and knows no keys but its own."""
+    """Base class of a scene's tables: immutable, and rejects unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
 
     @field_validator("*", mode="before")
     @classmethod
     def _without_zeros(cls, value: Any) -> Any:
-        """Texts that files and names of files can hold."""
+        """Reject texts with a zero character, which files and file names cannot hold."""
         if isinstance(value, str) and "\0" in value:
-            raise ValueError("a text cannot hold a zero character")
+            raise ValueError("a text cannot contain a zero character")
         return value
 
 
 def key(default: Any, description: str) -> Any:
-    """A key of a table; a default of `...` means that there is none."""
+    """Define a key of a table; a default of `...` makes the key required."""
     return Field(default, description=description)
 
 
 def measured(dimension: str) -> BeforeValidator:
-    """Turn a number or a text with a unit into SI; what does not convert becomes a fault of the scene."""
+    """Return a validator that converts a number or a text with a unit into SI, and rejects anything else."""
 
     def convert(value: Any) -> float:
         try:
@@ -35,12 +35,12 @@ def measured(dimension: str) -> BeforeValidator:
         except TypeError as fault:
             raise ValueError(str(fault)) from None
 
-    convert.dimension = dimension  # type: ignore[attr-defined]  # what changes.py tells of a key
+    convert.dimension = dimension  # type: ignore[attr-defined]  # read by `key_units.dimension_of`
     return BeforeValidator(convert)
 
 
 def absent(word: str) -> BeforeValidator:
-    """Let a word stand for "no value": TOML has no null."""
+    """Return a validator that lets a word mean "no value": TOML has no null."""
     return BeforeValidator(lambda value: None if value == word else value)
 
 
@@ -66,7 +66,7 @@ Current = Annotated[float, measured("current"), Field(ge=0.0)]
 NoiseCurrent = Annotated[float, measured("noise current density"), Field(ge=0.0)]
 Responsivity = Annotated[float, measured("responsivity"), Field(gt=0.0)]
 GladstoneDale = Annotated[float, measured("gladstone-dale"), Field(gt=0.0)]
-# Short of a right angle by 0.01 degree: a target seen edge-on returns nothing and its tangent is infinite.
+# The limit is 0.01 degree below a right angle: a target seen edge-on returns nothing and its tangent is infinite.
 Tilt = Annotated[float, measured("angle"), Field(gt=-1.5706, lt=1.5706)]
 Number = Annotated[float, measured("dimensionless"), Field(gt=0.0)]
 Gain = Annotated[float, measured("dimensionless"), Field(ge=1.0)]

@@ -240,7 +240,7 @@ def test_a_port_in_use_is_refused(tmp_path: Path, aerokernels):
         (("record", "--port", "loop://", "--store", "no/s.sqlite"), "does not exist"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--protocol", "x"), "frames, scpi"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--label", "mach"), "key=value"),
-        (("record", "--port", "loop://", "--store", "s.sqlite", "--label", "mach=\udcfe"), "no UTF-8 text"),
+        (("record", "--port", "loop://", "--store", "s.sqlite", "--label", "mach=\udcfe"), "bytes that are not UTF-8"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--baud", "99999999999"), "line rate"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--count", "0"), "count"),
         (("board", "--link", "b", "--protocol", "x"), "frames, scpi"),

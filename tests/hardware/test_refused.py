@@ -33,6 +33,7 @@ SOURCE = EchoSource.gaussian(noise=0.0)
         (lambda: EchoSource(np.array([1.0, math.nan])), "the echo has 1 samples that are not finite"),
         (lambda: EchoSource(np.ones(3), noise=-1.0), r"noise = -1\.0 V: give 0 or more"),
         (lambda: Recorder(None, None, None, count=0), "count = 0: give 1 or more"),
+        (lambda: Recorder(None, None, None, commit_interval=float("nan")), r"commit interval = nan s: give 0 or more"),
         (lambda: Recorder(None, None, None, stall_time=-1.0), r"stall time = -1\.0 s: give 0 or more"),
     ],
 )

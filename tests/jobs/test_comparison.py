@@ -14,7 +14,7 @@ from aerokernels.hardware.store import EchoStore
 from aerokernels.jobs.alignment import measured_offset
 from aerokernels.jobs.averages import average
 from aerokernels.jobs.comparison import CompareOptions, compare_recording
-from aerokernels.jobs.comparison_report import range_table, write_comparison
+from aerokernels.jobs.comparison_report import error_table, peak_table, range_table, write_comparison
 from aerokernels.jobs.recorded import RecordedEcho, thinned
 from aerokernels.jobs.run_folder import match_runs, read_run
 
@@ -26,7 +26,10 @@ def make_run(folder: Path, mach: float, peak: float) -> Path:
     folder.mkdir()
     time = ARRIVAL + np.arange(-150, 151) * 100e-12
     walk = 0.5 * C * TAU * (math.sqrt(math.log(2.0)) - math.sqrt(math.log(peak)))
-    ranges = {"leading-edge": DISTANCE + walk, "constant-fraction": DISTANCE, "centroid": DISTANCE}
+    ranges = {
+        "leading-edge": DISTANCE + walk,
+        **dict.fromkeys(("constant-fraction", "centroid", "matched-filter"), DISTANCE),
+    }
     summary = {"scene": f"bench-{mach:g}", "mach": mach, "true_range_m": DISTANCE, "ranges_m": ranges}
     (folder / "summary.json").write_text(json.dumps(summary))
     scene = '[flow]\nsource = "static"\n\n[detector]\nthreshold = 1.0\nfraction = 0.5\n'
@@ -106,6 +109,36 @@ def test_noise_free_echoes_are_exact(tmp_path: Path, runs):
     assert leading.systematic_error_m == pytest.approx(walk + 0.5 * C * edge, abs=3e-4)
 
 
+def test_the_error_of_a_single_echo_is_not_known(tmp_path: Path, runs):
+    """Set-up: one echo per label. Expected: no error is claimed for its peak: null in the files, words in the table."""
+    echoes = [RecordedEcho(LABELS[mach], TIME, pulse(TIME, peak)) for mach, peak in PEAKS.items()]
+    found = compare_recording(write_store(tmp_path / "e.sqlite", echoes), runs)
+    assert all(math.isnan(one.peak_standard_error) and np.isnan(one.spread).all() for one in found.labels)
+    assert all(row[column].endswith("error not known") for row in peak_table(found)[2] for column in (2, 3))
+    assert all("error not known" in row[1] for row in error_table(found)[2])
+    write_comparison(found, tmp_path / "out")
+    row = json.loads((tmp_path / "out" / "summary.json").read_text())["labels"][0]
+    assert row["recorded_peak_standard_error_v"] is None and row["single_peak_spread_v"] is None
+
+
+def test_a_sample_that_one_echo_alone_has_gets_no_error(tmp_path: Path):
+    """Two echoes of 1 V and 1.1 V, the second 1 ns late: their mean is known better than one where both are."""
+    late = TIME + 10 * (TIME[1] - TIME[0])
+    found = average([RecordedEcho((), TIME, pulse(TIME, 1.0)), RecordedEcho((), late, pulse(late, 1.1))])
+    assert np.isnan(found.spread[:10]).all() and np.isnan(found.standard_error[:10]).all()
+    np.testing.assert_allclose(found.standard_error[10:], found.spread[10:] / math.sqrt(2.0))
+
+
+def test_a_run_with_noise_is_warned_of(tmp_path: Path):
+    folder = make_run(tmp_path / "run", 3, PEAKS[3])
+    result = xarray.load_dataset(folder / "result.nc", engine="h5netcdf")
+    result.attrs["scene"] += "noise = true\n"
+    result.to_netcdf(folder / "result.nc", engine="h5netcdf")
+    echoes = [RecordedEcho(LABELS[3], TIME, pulse(TIME, PEAKS[3]))] * 2
+    found = compare_recording(write_store(tmp_path / "e.sqlite", echoes), [read_run(str(folder))])
+    assert len(found.warnings) == 1 and "detector.noise is false" in found.warnings[0]
+
+
 def test_mean_spread_and_random_error_follow_the_noise(tmp_path: Path, runs):
     """400 echoes with 20 mV of noise: spread 20 mV, random range error the Cramer-Rao bound for the matched filter.
 
@@ -176,7 +209,7 @@ def test_echoes_on_other_times_are_drawn_on_the_first(tmp_path: Path):
     found = average([RecordedEcho((), TIME, pulse(TIME)), RecordedEcho((), other, pulse(other))])
     assert found.resampled_count == 1 and found.count == 2
     np.testing.assert_allclose(found.mean, pulse(TIME), atol=1e-4)
-    with pytest.raises(ValueError, match="labels that differ"):
+    with pytest.raises(ValueError, match="different labels"):
         average([RecordedEcho((), TIME, pulse(TIME)), RecordedEcho((), TIME + 1e-3, pulse(TIME))])
 
 
@@ -188,7 +221,7 @@ def test_one_run_and_no_folder(tmp_path: Path, runs, command_line):
     assert done.returncode == 0, done.stderr
     rows = [line.split("\t") for line in done.stdout.splitlines() if line.startswith("mach=3")]
     assert len(rows) == 3 + 4 and float(rows[2][1]) > 0.999
-    assert "no run for: mach=0" in done.stdout
+    assert "labels without a run: mach=0" in done.stdout
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -302,11 +335,11 @@ def test_another_pulse_is_said_loudly(tmp_path: Path, runs, command_line):
     fwhm = 2.0 * math.sqrt(math.log(2.0)) * TAU
     assert one.waveform.width_range == pytest.approx(-0.25 * C * 0.4 * fwhm, rel=1e-3)
     (text,) = one.warnings
-    assert f"{0.6e9 * fwhm:.3f} ns wide" in text and "no ranges" in text and "beam.pulse_tau" in text
+    assert f"{0.6e9 * fwhm:.3f} ns wide" in text and "no range differences" in text and "beam.pulse_tau" in text
     assert one.row()["same_pulse"] is False
     done = command_line("compare", store, tmp_path / "run0", "--out", "found")
     assert done.returncode == 0 and text in done.stderr
-    assert "highly correlated, but another pulse" in done.stdout
+    assert "highly correlated (different pulse)" in done.stdout
     assert json.loads((tmp_path / "found" / "summary.json").read_text())["warnings"] == [text]
     assert "is not the simulated one" in (tmp_path / "found" / "report.html").read_text(encoding="utf-8")
     same = [RecordedEcho(LABELS[0], TIME, pulse(TIME, 2.0, 0.0)) for _ in range(3)]

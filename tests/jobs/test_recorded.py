@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 import xarray
 
+from aerokernels.hardware.export import export
+from aerokernels.hardware.frames import EchoFrame
+from aerokernels.hardware.store import EchoStore
 from aerokernels.jobs.recorded import recorded_echoes, recorded_labels
 
 from .echoes_on_file import LABELS, TIME, WRITERS, noisy, pulse
@@ -23,6 +26,17 @@ def test_every_kind_of_file_gives_the_same_echoes(tmp_path: Path, name: str):
         np.testing.assert_allclose(one.time, other.time, atol=1e-20)
         np.testing.assert_allclose(one.voltage, other.voltage, atol=5.1e-5)
     assert len(list(recorded_echoes(path, LABELS[3]))) == 3
+
+
+def test_labels_that_look_like_formulas_survive_an_export(tmp_path: Path):
+    """`export` marks "-5 deg" as a text for spreadsheets; read back it is the label again."""
+    with EchoStore(tmp_path / "s.sqlite") as store:
+        store.begin_recording("p", "frames", {"tilt": "-5 deg", "note": "'quoted'"})
+        store.add(EchoFrame(0, 0, 250, 1e-4, 0.0, np.arange(32)), 0)
+        store.commit()
+        export(store, tmp_path / "echoes.csv")
+    assert "'-5 deg" in (tmp_path / "echoes.csv").read_text()
+    assert recorded_labels(tmp_path / "echoes.csv") == recorded_labels(tmp_path / "s.sqlite")
 
 
 @pytest.mark.parametrize(

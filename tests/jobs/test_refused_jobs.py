@@ -17,9 +17,9 @@ MACH3 = Scene.load("wind-tunnel-mach3")
 @pytest.mark.parametrize(
     ("settings", "told"),
     [
-        ({"receiver.return_factor": "none"}, {"rays, echo": "none traced back (return factor none)"}),
-        ({"receiver.strehl_node_count": "every"}, {"rays, echo": "at each of them"}),
-        ({"grid.route": "mesh"}, {"grid": "none: samples are looked up on the flow's mesh, bilinear"}),
+        ({"receiver.return_factor": "none"}, {"rays, echo": "return path not traced (return factor none)"}),
+        ({"receiver.strehl_node_count": "every"}, {"rays, echo": "at each target point"}),
+        ({"grid.route": "mesh"}, {"grid": "none: the index is interpolated on the flow's mesh, bilinear"}),
     ],
 )
 def test_explain_says_how_a_scene_goes(settings, told):
@@ -33,7 +33,7 @@ def test_a_figure_of_a_flow_shows_its_body(tmp_path):
     density = MACH3.density_field()
     figure = flow_figure(density, "a title")
     assert figure._suptitle.get_text() == "a title" and figure.axes[0].patches  # the body, filled
-    with pytest.raises(ValueError, match=r"no picture ends in '\.xyz': take \.png"):
+    with pytest.raises(ValueError, match=r"'\.xyz' is not a picture format: use \.png"):
         save_flow_figure(density, tmp_path / "a.xyz")
 
 
@@ -41,7 +41,7 @@ def test_a_figure_of_a_flow_shows_its_body(tmp_path):
     ("made", "told"),
     [
         (lambda: PictureOptions(kinds=("schlieren",), spacing=-1.0), r"spacing = -1\.0: give a positive length"),
-        (lambda: PictureOptions(kinds=("shadowgraph",), shock_window=(0.0, 1.0)), "ask for that kind too"),
+        (lambda: PictureOptions(kinds=("shadowgraph",), shock_window=(0.0, 1.0)), "request that kind too"),
         (lambda: PictureOptions(kinds=()), "picture none is not known"),
         (lambda: varied(["target.tilt=1", "target.tilt=2"]), "--vary target.tilt is given twice"),
         (lambda: varied(["target.tilt=1 deg:1 deg:5"]), "write LOW:HIGH:COUNT with two quantities"),

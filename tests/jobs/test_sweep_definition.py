@@ -1,5 +1,6 @@
 """What a sweep is asked for: keys, values, combinations, samples, and what is refused."""
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -164,6 +165,27 @@ def test_a_file_that_has_changed_is_noticed(tmp_path):
     described = define(SCENE, {"target.tilt": [0.0]}).described()
     with pytest.raises(ValueError, match=r"flow\.vtu has changed"):
         check_same(Path("x"), {**described, "content": first}, {**described, "content": file_marks([str(file)])})
+
+
+def test_the_files_beside_a_flow_are_noticed_too(tmp_path):
+    """A Plot3D grid's solution and an SU2 restart's mesh decide the flow as much as the file that is named first."""
+    source, solution, other = (tmp_path / name for name in ("grid.xyz", "flow.q", "other.q"))
+    for file in (source, solution, other):
+        file.write_bytes(b"one")
+    vary = {"target.tilt": [0.0], "flow.file.solution": [str(solution), str(other)]}
+    swept = define(SCENE, vary, settings={"flow.source": str(source), "flow.file.mesh": str(source)})
+    before = swept.described()
+    assert set(before["content"]) == {str(source), str(solution), str(other)}
+    other.write_bytes(b"two")
+    with pytest.raises(ValueError, match=r"other\.q has changed"):
+        check_same(Path("x"), before, swept.described())
+
+
+def test_a_scene_on_standard_input_is_read_once(monkeypatch):
+    """Every case loads the scene, and standard input can be read once only."""
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b'[flow]\nsource = "static"\n')))
+    scenes, faults = checked_scenes(define("-", {"target.tilt": [0.0, 0.1]}))
+    assert not faults and [scene.target.tilt for scene in scenes] == [0.0, 0.1]
 
 
 def test_half_a_line_is_dropped_and_no_case_is_kept_twice(tmp_path):

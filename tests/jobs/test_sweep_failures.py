@@ -92,7 +92,7 @@ def test_gpus_that_this_process_may_use(monkeypatch):
         (lambda: check_options("dask", 2, "tcp://x:1"), ValueError, "--workers are started on this machine"),
         (lambda: check_options("local", 0, None), ValueError, "--workers 0: give a whole number of at least 1"),
         (lambda: check_options("local", True, None), ValueError, "--workers True"),
-        (lambda: define(SCENE, {"target.tilt": [{}]}), TypeError, "is no number, text or list"),
+        (lambda: define(SCENE, {"target.tilt": [{}]}), TypeError, "is not a number, text or list"),
         (lambda: define(SCENE, {"target.tilt": [""]}), ValueError, "an empty value"),
         (
             lambda: aerokernels.sweep(SCENE, {}, executor=local, scheduler="tcp://x:1"),
@@ -111,7 +111,7 @@ def test_another_order_of_the_same_keys_is_another_sweep(tmp_path):
     with pytest.raises(ValueError, match=r"the order of --vary was .*a, b.* and is .*b, a"):
         records.check_same(tmp_path, found, {"vary": {"b": [2], "a": [1]}, "scene": {}})
     (tmp_path / records.DEFINITION_FILE).write_text("[]")
-    with pytest.raises(ValueError, match="is no sweep's"):
+    with pytest.raises(ValueError, match="is not that of a sweep"):
         records.read_definition(tmp_path)
     (tmp_path / records.CASES_FILE).write_text('[1]\n{"case": "one"}\n{"case": 1}\n{"case": 2, "error": "x"}\n')
     assert list(records.Records(tmp_path).done) == [2]

@@ -10,6 +10,7 @@ import pytest
 import xarray
 from PIL import Image
 
+from aerokernels.jobs.pictures import PictureOptions, picture_field, picture_scene
 from aerokernels.schlieren import read_picture
 
 SMALL = ("--pixels", "160", "--spacing", "0.4 mm")
@@ -74,3 +75,16 @@ def test_bad_input_ends_with_status_2_and_one_line(command_line, tmp_path: Path,
     assert all(re.match(r"[\w-]+: [a-z' ]+$", line) for line in progress), done.stderr
     assert last.startswith("error: ") and all(word in last for word in words), done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_pictures_take_the_flow_s_interpolation_and_no_mesh_route():
+    """Set-up: the field of a picture of Mach 3. Expected: flow.interpolation changes it; grid.route "mesh" is refused."""
+    options = PictureOptions(pixel_count=16)
+    fields = []
+    for changes in ({}, {"flow.interpolation": "bilinear"}, {"flow.interpolation": "conserving"}):
+        scene = picture_scene("mach3", changes)
+        fields.append(np.asarray(picture_field(scene.density_field(), scene, options).samples.samples))
+    assert np.array_equal(fields[0], fields[1]) and not np.array_equal(fields[0], fields[2])
+    scene = picture_scene("mach3", {"grid.route": "mesh"})
+    with pytest.raises(ValueError, match=r"grid\.route = 'mesh' is not for pictures"):
+        picture_field(scene.density_field(), scene, options)

@@ -109,7 +109,7 @@ def test_the_command_tells_what_auto_takes_and_why(aerokernels):
     first, second = aerokernels("backends"), aerokernels("backends")
     assert first.returncode == second.returncode == 0, first.stderr
     sizes = r"\d+(\.\d+)? [KMGT]iB"  # PoCL tells what is free of the memory
-    assert re.sub(sizes, "", first.stdout) == re.sub(sizes, "", second.stdout) and "auto takes" in first.stdout
+    assert re.sub(sizes, "", first.stdout) == re.sub(sizes, "", second.stdout) and "auto chooses" in first.stdout
 
 
 @pytest.mark.parametrize("backend", ["warp", "opencl"])

@@ -273,7 +273,7 @@ def test_backends_shows_a_work_around(monkeypatch, capsys):
         backends()
         shown = capsys.readouterr().out.splitlines()
         assert [line for line in shown if line.startswith("work-around")] == lines
-        assert sum(line.startswith("auto takes ") for line in shown) == 1
+        assert sum(line.startswith("auto chooses ") for line in shown) == 1
 
 
 def test_without_opencl_backends_says_so_in_one_line(tmp_path):
@@ -286,7 +286,7 @@ def test_without_opencl_backends_says_so_in_one_line(tmp_path):
     assert done.returncode == 0, done.stderr
     auto, reason = done.stdout.splitlines()[-2:]
     assert "no OpenCL: the package pyopencl is not installed: pip install 'aerokernels[opencl]'" in reason
-    if auto.startswith("auto takes warp on cpu: "):  # no GPU goes before it
+    if auto.startswith("auto chooses warp on cpu: "):  # no GPU goes before it
         assert reason.removeprefix("backend warp on cpu: ") in auto
 
 

@@ -1,1 +1,1 @@
-"""Sweeps: one scene over many values of its keys, by many processes, into one labelled dataset."""
+"""Sweeps: run one scene for many values of its keys, on many processes, into one labelled dataset."""

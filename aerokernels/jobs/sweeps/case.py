@@ -1,9 +1,9 @@
-"""One case of a sweep, and what a process keeps from one case to the next.
+"""Compute one case of a sweep, and cache stages that later cases of the same process can reuse.
 
-A case is a run without its pictures: flow, index, Strehl ratio, echo, range. What does not depend on the keys that vary
-is not computed again: the flow for its own keys, the index field for [flow] and [grid], the Strehl ratio for the
-receiver's pupil, [strehl] and [trace]. Cases that share a flow are traced through one grid, as wide as the widest view
-among them needs, so that a tilt of the target does not build it anew.
+A case is a run without its figures: flow, index, Strehl ratio, echo, range. A stage is reused if the keys on which it
+depends are unchanged: the flow depends on its own keys, the index field on [flow] and [grid], the Strehl ratio also on
+the pupil, [strehl] and [trace]. Cases that share a flow are traced through one grid, which covers the widest view among
+them, so that a tilt of the target does not require a new grid.
 """
 
 import json
@@ -25,19 +25,20 @@ from aerokernels.scene import Scene
 from aerokernels.strehl import StrehlEstimate
 from aerokernels.tracing.engines.choice import choose_backend
 
-KEPT = 2  # flows, index fields and Strehl ratios that a process keeps, the latest
-_INDEX_KEYS = ("wavelength", "relation", "gladstone_dale")  # of [flow]: they make the index, not the flow
+KEPT = 2  # number of latest flows, index fields and Strehl ratios that a process caches
+_INDEX_KEYS = ("wavelength", "relation", "gladstone_dale")  # keys of [flow] that change the index but not the flow
 
 
 @dataclass(frozen=True)
 class Case:
-    """What a worker is given.
+    """A case as it is sent to a worker.
 
     Attributes:
         number: The case's number in the sweep.
-        scene: Its scene.
-        group: Names the index field that it shares with others.
-        widest: The scenes of that group among which the widest view is, wherever the flow's front lies.
+        scene: The case's scene.
+        group: Key of the index field that cases share.
+        widest: Scenes of the group, one of which has the widest view; which one depends on the place of the flow's
+            front.
     """
 
     number: int
@@ -47,7 +48,7 @@ class Case:
 
 
 def make_cases(scenes: Sequence[Scene | None]) -> list[Case]:
-    """The cases that have a scene, ordered by group."""
+    """Return the cases that have a scene, ordered by group."""
     groups: dict[str, list[int]] = {}
     for number, scene in enumerate(scenes):
         if scene is not None:
@@ -61,7 +62,7 @@ def make_cases(scenes: Sequence[Scene | None]) -> list[Case]:
 
 
 def _widest(scenes: Sequence[Scene]) -> tuple[Scene, ...]:
-    """The scenes whose view no other one's holds: one for each kind of view."""
+    """Return the scenes whose view is not contained in another scene's view."""
     views = {view_extent(scene): scene for scene in scenes}
     ahead: list[tuple[float, float, float]] = []
     for view in sorted(views, key=lambda view: (-view[0], -view[1], view[2])):
@@ -91,24 +92,24 @@ def _strehl_key(scene: Scene, group: str) -> str:
 
 
 class Stages:
-    """The stages that a worker process keeps, for as long as it lives.
+    """The stages that a worker process caches during its life.
 
     Attributes:
-        made: How often each was computed: "flow", "index", "strehl", "echo".
+        made: How often each stage was computed: "flow", "index", "strehl", "echo".
     """
 
     def __init__(self) -> None:
-        """Begin without any."""
+        """Start with an empty cache."""
         self.made = dict.fromkeys(("flow", "index", "strehl", "echo"), 0)
         self._kept: dict[tuple[str, str], Any] = {}
 
     def _held(self, kind: str, key: str, make: Callable[[], Any]) -> Any:
         if (kind, key) in self._kept:
-            self._kept[kind, key] = self._kept.pop((kind, key))  # the latest is last
+            self._kept[kind, key] = self._kept.pop((kind, key))  # keep the dict ordered by last use
             return self._kept[kind, key]
         alike = [name for name in self._kept if name[0] == kind]
         for name in alike[: max(0, len(alike) + 1 - KEPT)]:
-            del self._kept[name]  # before the next is made: fields can be large
+            del self._kept[name]  # free memory before the next stage: fields can be large
         made = self._kept[kind, key] = make()
         self.made[kind] += 1
         return made
@@ -154,7 +155,7 @@ class Stages:
         return self._held("index", case.group, make)
 
     def _flow(self, scene: Scene) -> DensityField:
-        """The flow of a scene, on the mesh of the last one where that is the same: other values on known geometry."""
+        """Return a scene's flow, sharing the mesh of a cached flow with the same geometry."""
         known = [made for (kind, _), made in self._kept.items() if kind == "flow"]
         return on_known_geometry(scene.density_field(), known)
 
@@ -164,7 +165,7 @@ class Stages:
 
 
 def compute(case: Case) -> dict[str, Any]:
-    """What a case gives, as plain JSON types: {"summary": ...}, or {"error": ...} where it cannot be computed."""
+    """Compute a case; return {"summary": ...}, or {"error": ...} if it cannot be computed, as plain JSON types."""
     begin = time.process_time()
     try:
         with processor_clocked() as tracing:
@@ -172,7 +173,7 @@ def compute(case: Case) -> dict[str, Any]:
         summary["tracing_processor_seconds"] = tracing[0]
         summary["processor_seconds"] = time.process_time() - begin
         return to_json({"summary": summary, "version": __version__})
-    except Exception as fault:  # whatever it is, the other cases go on
+    except Exception as fault:  # any error is recorded, so that the other cases go on
         text = " ".join(str(fault).split())
         kind = "" if isinstance(fault, ValueError) and text else f"{type(fault).__name__}: "
         return {"error": f"{kind}{text}", "version": __version__}

@@ -1,7 +1,7 @@
-"""Cases given to the workers of a Dask client, and what came of each.
+"""Compute the cases of a sweep on the workers of a Dask client.
 
-Dask gives the cases of a dead worker to another; a case at which several workers died has failed. A scheduler that is
-lost ends the sweep: the cases that nobody has computed have not failed, and are computed when it goes on.
+Dask moves the cases of a dead worker to another; a case at which several workers died has failed. Losing the scheduler
+ends the sweep; cases not computed by then have not failed and are computed when the sweep is resumed.
 """
 
 import contextlib
@@ -18,17 +18,17 @@ from aerokernels.jobs.sweeps.case import Case
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-LOOK_EVERY = 1.0  # [s] at the client, while nothing is done
-LONELY = 10.0  # [s] without an answer until it is asked whether there are workers at all
+LOOK_EVERY = 1.0  # [s] between checks of the client while no case is finished
+LONELY = 10.0  # [s] without a finished case until the number of workers is checked
 GONE = (
-    "the Dask scheduler is gone, or its client was closed or restarted: what was kept in --out stays, and the same "
-    "sweep goes on from there"
+    "the Dask scheduler is gone, or its client was closed or restarted: the finished cases in --out are safe, and "
+    "the same sweep resumes from there"
 )
 _one_at_a_time = threading.Lock()
 
 
 def compute_alone(case: Case) -> dict[str, Any]:
-    """Compute a case; a worker of many threads takes one at a time, since a case uses all the cores by itself."""
+    """Compute a case; a worker with several threads computes one case at a time, since a case uses all cores."""
     from aerokernels.jobs.sweeps.case import compute
 
     with _one_at_a_time:
@@ -38,17 +38,17 @@ def compute_alone(case: Case) -> dict[str, Any]:
 def run_dask(
     client: "Client", cases: Sequence[Case], given_up: Callable[[], bool]
 ) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Compute cases on a client's workers; yields the number and the outcome of each as it is done.
+    """Compute cases on a client's workers; yield the number and the outcome of each case when it is finished.
 
     Args:
         client: The client.
         cases: The cases.
-        given_up: Whether no worker will come any more, where there is none.
+        given_up: Returns whether, if there are no workers, none will be started any more.
 
     Raises:
-        RuntimeError: The scheduler or the client is gone, or all workers are and no other will come.
+        RuntimeError: The scheduler or the client is lost, or all workers are and none will be started.
     """
-    # A name of this sweep alone: others may use the scheduler, from processes with the same number elsewhere.
+    # A name unique to this sweep: others may use the scheduler from machines where process numbers repeat.
     name = f"aerokernels-{uuid.uuid4().hex}"
     futures = {client.submit(compute_alone, case, pure=False, key=f"{name}-{case.number}"): case for case in cases}
     done: queue.SimpleQueue[Future] = queue.SimpleQueue()
@@ -62,15 +62,15 @@ def run_dask(
             future.release()
     finally:
         if futures and client.status == "running":
-            with contextlib.suppress(RuntimeError, OSError):  # it is lost just now
+            with contextlib.suppress(RuntimeError, OSError):  # the client may be lost at this moment
                 client.cancel(list(futures), force=True)
 
 
 def _next(done: "queue.SimpleQueue[Future]", client: "Client", given_up: Callable[[], bool]) -> "Future":
-    """Wait for a case that is done; warn where there is no worker to do any.
+    """Wait for the next finished case; warn if there are no workers.
 
     Raises:
-        RuntimeError: As for `run_dask`.
+        RuntimeError: See `run_dask`.
     """
     waited, told = 0.0, False
     while True:
@@ -82,21 +82,21 @@ def _next(done: "queue.SimpleQueue[Future]", client: "Client", given_up: Callabl
         if waited < LONELY or client.status != "running":
             continue
         waited = 0.0
-        with contextlib.suppress(OSError, CancelledError):  # lost just now: its status says so next
+        with contextlib.suppress(OSError, CancelledError):  # the client is lost; the next check of its status tells
             if client.nthreads():
                 told = False
             elif given_up():
-                raise RuntimeError("all Dask workers of this machine have died, again and again: see to their memory")
+                raise RuntimeError("all Dask workers of this machine have died several times: check the free memory")
             elif not told:
                 told = True
                 warnings.warn("the Dask scheduler has no workers: the sweep waits until there are some", stacklevel=2)
 
 
 def _outcome(future: "Future", client: "Client") -> dict[str, Any]:
-    """What a case that is done gave.
+    """Return the outcome of a finished case.
 
     Raises:
-        RuntimeError: It was not computed, since the scheduler or the client is gone.
+        RuntimeError: The case was not computed because the scheduler or the client is lost.
     """
     try:
         return future.result()

@@ -1,7 +1,7 @@
-"""Dask workers: of a scheduler that runs somewhere, or started here for the time of a sweep.
+"""Connect to the Dask workers of a running scheduler, or start workers on this machine for the time of a sweep.
 
-Workers started here are processes of one thread, each with its GPU where there are any, under a nanny that replaces a
-worker that dies.
+Workers started here are processes with one thread, each with a GPU of its own if there are GPUs, under a nanny that
+replaces a worker that dies.
 """
 
 import contextlib
@@ -18,13 +18,13 @@ from aerokernels.process.machine import child_environment
 if TYPE_CHECKING:
     from distributed import Client
 
-ANSWER_WITHIN = 10.0  # [s] for a scheduler to answer
-START_WITHIN = 120.0  # [s] for the first worker started here to be there
-RESTARTS = 3  # of each worker's nanny
+ANSWER_WITHIN = 10.0  # [s] timeout for a scheduler to answer
+START_WITHIN = 120.0  # [s] timeout for the first worker started here
+RESTARTS = 3  # restarts of each worker's nanny
 
 
 def worker_version() -> str:
-    """The version of aerokernels on a worker."""
+    """Return the version of aerokernels on a worker."""
     from aerokernels import __version__
 
     return __version__
@@ -36,18 +36,18 @@ def _never() -> bool:
 
 @contextlib.contextmanager
 def connected(scheduler: Any, environments: Sequence[dict[str, str]]) -> Iterator[tuple["Client", Callable[[], bool]]]:
-    """A client of a scheduler, or of one started here with a worker for each environment.
+    """Yield a client of a scheduler, or of one started here with a worker for each environment.
 
-    Beside it, what tells whether its workers are lost for good: those that were not started here may always come back.
-    The client is nobody's default: Dask and xarray would go on asking for one that is lost with its scheduler.
+    Also yield a function that returns whether the workers are lost for good; workers not started here may always come
+    back. The client is not set as the default: Dask and xarray would go on using it after its scheduler is lost.
 
     Args:
-        scheduler: The address of a running scheduler, a client or a cluster; None: one is started.
-        environments: What to add to the environment of each worker that is started.
+        scheduler: The address of a running scheduler, a client or a cluster; None starts a scheduler.
+        environments: Variables to add to the environment of each worker that is started.
 
     Raises:
-        ImportError: No Dask.
-        ValueError: No scheduler at that address, or workers of another version of aerokernels.
+        ImportError: Dask is not installed.
+        ValueError: No scheduler answers at that address, or its workers have another version of aerokernels.
     """
     try:
         import distributed
@@ -101,9 +101,9 @@ def _check_versions(client: "Client", scheduler: str) -> None:
 
 @contextlib.contextmanager
 def _workers(address: str, environments: Sequence[dict[str, str]]) -> Iterator[Callable[[], bool]]:
-    """Worker processes of this machine for a scheduler; a nanny that dies is started again, `RESTARTS` times.
+    """Run worker processes on this machine for a scheduler; restart a nanny that dies up to `RESTARTS` times.
 
-    Gives what tells whether all of them have died more often than that.
+    Yields a function that returns whether all of them have died for good.
     """
 
     def start(number: int) -> subprocess.Popen:
@@ -113,7 +113,7 @@ def _workers(address: str, environments: Sequence[dict[str, str]]) -> Iterator[C
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C is for the sweep, which ends them
+            start_new_session=True,  # keep Ctrl-C from the workers: the sweep ends them itself
             env=child_environment(environments[number]),
         )
 

@@ -1,4 +1,4 @@
-"""The cases of a sweep as one labelled dataset: numbers as in summary.json, a dimension for each key."""
+"""Collect the cases of a sweep in one labelled dataset: numbers as in summary.json, one dimension per key."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ from aerokernels.scene import Scene
 if TYPE_CHECKING:
     import xarray
 
-# What is stored of a summary: unit and meaning. Numbers, NaN where a case has none.
+# Numbers of a summary that are stored, with unit and meaning; NaN if a case has no such number.
 NUMBERS = {
     "strehl": ("1", "Strehl ratio"),
     "strehl_standard_error": ("1", "standard error of the Strehl ratio's sampling"),
@@ -21,31 +21,31 @@ NUMBERS = {
     "boresight_rad": ("rad", "boresight error"),
     "boresight_x_rad": ("rad", "boresight error toward x"),
     "boresight_y_rad": ("rad", "boresight error toward y"),
-    "echo_strehl": ("1", "Strehl ratio of the light on its way back"),
+    "echo_strehl": ("1", "Strehl ratio of the return path"),
     "echo_peak_w": ("W", "peak power of the echo"),
     "echo_peak_v": ("V", "peak voltage of the echo"),
     "range_m": ("m", "reported range"),
-    "range_error_m": ("m", "reported less true range"),
+    "range_error_m": ("m", "reported minus true range"),
     "true_range_m": ("m", "true range"),
     "noise_rms_v": ("V", "noise of the recorded voltage, rms"),
     "mach": ("1", "Mach number of the flow"),
     "ambient_density_kg_m3": ("kg m-3", "free-stream density"),
     "wavelength_m": ("m", "vacuum wavelength"),
-    "ray_count": ("1", "rays over the pupil asked for"),
+    "ray_count": ("1", "requested rays over the pupil"),
     "traced_ray_count": ("1", "rays traced for the Strehl ratio"),
     "evaluation_count": ("1", "evaluations of the field for the Strehl ratio"),
-    "trace_seconds": ("s", "time in kernels, for this case alone"),
-    "compile_seconds": ("s", "time building kernels"),
-    "total_seconds": ("s", "wall time, stages taken over from other cases not counted"),
+    "trace_seconds": ("s", "time in kernels"),
+    "compile_seconds": ("s", "time for compiling kernels"),
+    "total_seconds": ("s", "wall time, without stages reused from other cases of a sweep"),
     "processor_seconds": ("s", "processor time of the case, all threads of its worker"),
-    "tracing_processor_seconds": ("s", "processor time of that in tracing, plans and error budgets included"),
+    "tracing_processor_seconds": ("s", "processor time of tracing, plans and error budgets included"),
 }
 TEXTS = {
-    "verdict": "what the Strehl ratio's error makes of it",
-    "backend": "what ran the kernels",
-    "device": "the device",
-    "precision": "numbers in the kernels",
-    "provenance": "where the flow comes from",
+    "verdict": "whether the Strehl ratio is meaningful given its error",
+    "backend": "backend that ran the kernels",
+    "device": "device that ran the kernels",
+    "precision": "precision of the kernels",
+    "provenance": "origin of the flow",
     "version": "version of aerokernels",
 }
 METHODS, CAUSES = "ranging_method", "cause"
@@ -58,14 +58,14 @@ def sweep_dataset(
     records: Mapping[int, Mapping[str, Any]],
     provenance: Mapping[str, str],
 ) -> "xarray.Dataset":
-    """Put cases together.
+    """Make the dataset of a sweep.
 
     Args:
         definition: The sweep.
-        described: What it was made from, for provenance.
-        scenes: The scene of each case, None where it has none.
-        records: What each case gave, by its number.
-        provenance: Attributes besides.
+        described: The sweep's description (`Definition.described`), stored as provenance.
+        scenes: The scene of each case, None if it has none.
+        records: The outcome of each case by its number.
+        provenance: Further attributes.
     """
     import xarray
 
@@ -86,7 +86,7 @@ def sweep_dataset(
         variables[name] = (dims, values, {"units": units, "long_name": words})
         if any(name in one for one in errors):
             found = shaped([_number(one.get(name)) for one in errors])
-            attributes = {"units": units, "long_name": f"{words}: what it may be off by"}
+            attributes = {"units": units, "long_name": f"{words}: error"}
             variables[f"{name}_error"] = (dims, found, attributes)
     tables = {
         "ranges_m": (METHODS, "m", "range by each method that read the echo"),
@@ -105,7 +105,7 @@ def sweep_dataset(
     plans = shaped([json.dumps(summary["plan"]) if summary.get("plan") else "" for summary in summaries], object)
     variables["plan"] = (dims, plans, {"units": "1", "long_name": "how the Strehl ratio's rays were traced, JSON"})
     reasons = shaped([_failure(records.get(k, {})) for k in range(definition.case_count)], object)
-    variables["failures"] = (dims, reasons, {"units": "1", "long_name": "why a case, or a stage of it, gave nothing"})
+    variables["failures"] = (dims, reasons, {"units": "1", "long_name": "why the case, or a stage of it, failed"})
     failed = shaped([not summary for summary in summaries], bool)
     variables["failed"] = (dims, failed, {"units": "1", "long_name": "whether the whole case failed"})
 
@@ -131,7 +131,7 @@ def _number(value: Any) -> float:
 
 
 def _failure(record: Mapping[str, Any]) -> str:
-    """Why a case gave nothing, or some stage of it: "stage: reason", one after another."""
+    """Return why a case failed, or the failures of its stages as "stage: reason; ..."."""
     if "summary" not in record:
         return str(record.get("error", "not computed"))
     return "; ".join(f"{stage}: {why}" for stage, why in (record["summary"].get("failures") or {}).items())

@@ -1,8 +1,8 @@
-"""What is swept: the scene, the keys that vary, and the cases that they make.
+"""Define a sweep: the scene, the keys that vary, and the resulting cases.
 
-A "grid" is every combination, one dimension per key, the last key fastest. "zip" takes the first value of each key,
-then the second of each, and so on. "lhs:N" draws N cases of a Latin hypercube between two numbers per key: each of N
-equal slices of every key's range holds exactly one of them.
+A "grid" is every combination of values, one dimension per key, the last key fastest. "zip" takes the first value of
+each key, then the second of each, and so on. "lhs:N" is a random Latin hypercube of N cases between two numbers per
+key: each of N equal slices of every key's range holds exactly one case.
 """
 
 import itertools
@@ -22,20 +22,20 @@ from aerokernels.scene.changes import changed_scene, key_unit, key_value, with_u
 
 FORMAT = 1
 MOST_CASES = 100_000
-CASE = "case"  # the dimension of a sweep that is no grid
+CASE = "case"  # the dimension of a sweep in mode "zip" or "lhs"
 
 
 @dataclass(frozen=True)
 class Definition:
-    """A sweep, as it is asked for.
+    """A requested sweep.
 
     Attributes:
         scene: The scene, the path of its TOML file, or the name of a shipped one.
-        settings: What is changed in it for all cases, by dotted key.
+        settings: Changes to the scene for all cases, by dotted key.
         vary: Values by dotted key, in their plainest form: quantities as SI numbers.
         mode: "grid", "zip" or "lhs".
         sample_count: Cases of a Latin hypercube.
-        seed: Seed of its drawing.
+        seed: Seed of the Latin hypercube.
     """
 
     scene: Scene | str | Path
@@ -57,7 +57,7 @@ class Definition:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Their sizes."""
+        """Sizes of the dimensions."""
         if self.mode == "grid":
             return tuple(len(values) for values in self.vary.values())
         return (self.sample_count if self.mode == "lhs" else len(next(iter(self.vary.values()))),)
@@ -68,7 +68,7 @@ class Definition:
         return math.prod(self.shape)
 
     def columns(self) -> dict[str, list[Any]]:
-        """Each key's values along its dimension: as given for a grid, one a case otherwise."""
+        """Return each key's values along its dimension: the given values for a grid, one value per case otherwise."""
         if self.mode != "lhs":
             return {key: list(values) for key, values in self.vary.items()}
         from scipy.stats import qmc
@@ -77,16 +77,16 @@ class Definition:
         return {key: _between(key, *values, draw[:, k]) for k, (key, values) in enumerate(self.vary.items())}
 
     def cases(self) -> list[dict[str, Any]]:
-        """What each case changes in the scene, the last key fastest."""
+        """Return the changes that each case makes to the scene, the last key fastest."""
         columns = self.columns().values()
         rows = itertools.product(*columns) if self.mode == "grid" else zip(*columns, strict=True)
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def load(self, changes: Mapping[str, Any]) -> Scene:
-        """The scene of a case.
+        """Load the scene of a case.
 
         Raises:
-            SceneError: The scene does not take these values.
+            SceneError: The scene rejects these values.
         """
         try:
             return changed_scene(self.scene, {**self.settings, **with_units(changes)})
@@ -94,12 +94,15 @@ class Definition:
             raise SceneError(_blamed(str(fault), self.settings, changes)) from None
 
     def described(self) -> dict[str, Any]:
-        """All that the numbers depend on, as plain JSON types: two sweeps that agree in it are the same.
+        """Return everything that the numbers depend on, as plain JSON types: sweeps that agree in it are the same.
 
         Raises:
-            SceneError: No case makes a scene.
+            SceneError: No case has a valid scene.
         """
         scene = self._first_scene()
+        files = [scene.flow.source, scene.flow.file.mesh, scene.flow.file.solution]
+        for key in ("flow.source", "flow.file.mesh", "flow.file.solution"):
+            files += self.vary.get(key, ())
         base = {name: dict(part) if isinstance(part, dict) else part for name, part in scene.as_dict().items()}
         for key in self.keys:
             *tables, leaf = key.split(".")
@@ -112,7 +115,7 @@ class Definition:
                 "format": FORMAT,
                 "version": __version__,
                 "scene": base,
-                "content": file_marks([scene.flow.source, *self.vary.get("flow.source", ())]),
+                "content": file_marks(files),
                 "vary": self.vary,
                 "mode": self.mode,
                 "sample_count": self.sample_count,
@@ -121,7 +124,7 @@ class Definition:
         )
 
     def _first_scene(self) -> Scene:
-        """The scene of the first case that makes one."""
+        """Load the scene of the first case that has a valid one."""
         fault = None
         for changes in self.cases():
             try:
@@ -141,20 +144,20 @@ def define(
     sample: str | int | None = None,
     seed: int = 0,
 ) -> Definition:
-    """Check what is asked for.
+    """Check a request and make the sweep's definition.
 
     Args:
         scene: The scene, the path of its TOML file, or the name of a shipped one.
         vary: Values by dotted key: numbers in SI units, or texts with a unit such as "905 nm".
-        settings: What is changed in the scene for all cases.
-        together: Whether the keys go through their values together ("zip") instead of in every combination.
+        settings: Changes to the scene for all cases.
+        together: Whether the keys take their values in parallel ("zip") instead of in every combination.
         sample: "lhs:N", or N: a Latin hypercube of N cases between the two numbers of each key.
-        seed: Seed of its drawing.
+        seed: Seed of the Latin hypercube.
 
     Raises:
-        TypeError: `vary` is no mapping, or a value is one.
-        ValueError: Nothing to vary, a key without values or with one twice, keys of unequal counts to zip, what cannot
-            be drawn from, or too many cases.
+        TypeError: `vary` is not a mapping, or a value is not a number, text or list.
+        ValueError: Nothing to vary, a key without values or with a repeated value, keys of unequal counts to zip, a
+            key without a range to sample, or too many cases.
     """
     if not isinstance(scene, (Scene, str, Path)):
         raise TypeError(f"scene must be a Scene, a path or a shipped scene's name, got {type(scene).__name__}")
@@ -168,7 +171,7 @@ def define(
         if key in settings:
             raise ValueError(f"{key} is both set and varied: drop it from --set or from --vary")
     if together and sample is not None:
-        raise ValueError("zip and sample exclude each other: a Latin hypercube draws its own values; give one of them")
+        raise ValueError("zip and sample exclude each other: a Latin hypercube chooses its values itself; give one")
     if sample is not None:
         definition = Definition(scene, settings, axes, "lhs", _sample_count(sample), int(seed))
         for key, values in axes.items():
@@ -179,24 +182,26 @@ def define(
         counts = {key: len(values) for key, values in axes.items()}
         if together and len(set(counts.values())) > 1:
             described = ", ".join(f"{key} has {count}" for key, count in counts.items())
-            raise ValueError(f"--zip takes as many values of each key: {described}; make them equal, or drop --zip")
+            raise ValueError(
+                f"--zip needs equally many values of each key: {described}; make them equal, or drop --zip"
+            )
         definition = Definition(scene, settings, axes, "zip" if together else "grid")
     if definition.case_count > MOST_CASES:
         raise ValueError(
             f"--vary {', '.join(axes)}: {definition.case_count:,} cases are more than {MOST_CASES:,}; vary fewer "
-            "values, or draw a sample with --sample lhs:N"
+            "values, or use a random sample with --sample lhs:N"
         )
     return definition
 
 
 def checked_scenes(definition: Definition) -> tuple[list[Scene | None], dict[int, str]]:
-    """The scene of each case, and why a case has none.
+    """Return the scene of each case, and for each case without a valid scene the reason.
 
-    A value that makes no scene in any case is refused; a combination that makes none, of values that do otherwise, is
-    a case that fails.
+    A value that gives no valid scene in any case is an error. A combination without a valid scene, of values that are
+    valid in other combinations, is a failed case.
 
     Raises:
-        SceneError: A value that the scene does not take.
+        SceneError: A value is not valid in any case.
     """
     scenes: list[Scene | None] = []
     faults: dict[int, str] = {}
@@ -216,7 +221,7 @@ def checked_scenes(definition: Definition) -> tuple[list[Scene | None], dict[int
 
 
 def coordinates(definition: Definition, scenes: Sequence[Scene | None]) -> dict[str, tuple[str, np.ndarray, str]]:
-    """Dimension, values and unit of each key's coordinate: numbers where all are, else texts."""
+    """Return dimension, values and unit of each key's coordinate: numbers if all values are numbers, else texts."""
     found = {}
     for key, values in definition.columns().items():
         numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
@@ -226,7 +231,7 @@ def coordinates(definition: Definition, scenes: Sequence[Scene | None]) -> dict[
 
 
 def _values(key: str, values: Any) -> tuple[Any, ...]:
-    """The values of a key, in their plainest form."""
+    """Return the values of a key in their plainest form."""
     if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
         raise TypeError(f"vary[{key!r}] must be a list of values, got {values!r}: write [{values!r}]")
     plainly = []
@@ -234,7 +239,7 @@ def _values(key: str, values: Any) -> tuple[Any, ...]:
         value = value.tolist() if isinstance(value, (np.generic, np.ndarray)) else value
         value = str(value) if isinstance(value, Path) else list(value) if isinstance(value, tuple) else value
         if not isinstance(value, (str, bool, int, float, list)):
-            raise TypeError(f"vary[{key!r}]: {value!r} is no number, text or list")
+            raise TypeError(f"vary[{key!r}]: {value!r} is not a number, text or list")
         if value == "":
             raise ValueError(f"--vary {key}: an empty value; write KEY=V1,V2,... without gaps")
         plainly.append(key_value(key, value))
@@ -252,23 +257,23 @@ def _check_distinct(key: str, values: Sequence[Any], together: bool) -> None:
 
 
 def _check_range(key: str, values: Sequence[Any]) -> None:
-    """Refuse what a hypercube cannot draw from: it takes two numbers, or texts to choose among."""
+    """Reject values that are neither the two ends of a range nor texts to choose from."""
     numbers = [value for value in values if isinstance(value, (int, float)) and not isinstance(value, bool)]
     if not numbers:
         return
     if len(numbers) != len(values) or len(numbers) != 2 or not numbers[0] < numbers[1]:
         described = ",".join(map(_written, values))
-        raise ValueError(f"--vary {key}={described}: --sample draws between two numbers; write {key}=LOW,HIGH")
+        raise ValueError(f"--vary {key}={described}: --sample needs the two ends of a range; write {key}=LOW,HIGH")
 
 
 def _between(key: str, *arguments: Any) -> list[Any]:
-    """Values of a key at places in [0, 1): between its two numbers, or one of its texts."""
+    """Map places in [0, 1) to values of a key: between its two numbers, or one of its texts."""
     *values, places = arguments
     if not all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
         return [values[int(place * len(values))] for place in places]
     low, high = values
     if isinstance(low, int) and isinstance(high, int) and key_unit(key) == "1":
-        return [low + int(place * (high - low + 1)) for place in places]  # counts, both ends among them
+        return [low + int(place * (high - low + 1)) for place in places]  # whole numbers, both ends included
     return [float(low + place * (high - low)) for place in places]
 
 
@@ -276,12 +281,12 @@ def _sample_count(sample: str | int) -> int:
     text = str(sample)
     count = text.removeprefix("lhs:")
     if isinstance(sample, bool) or not (count.isdecimal() and len(count) < 18) or int(count) < 1:
-        raise ValueError(f"--sample {text}: write lhs:N, with N cases to draw, such as lhs:64")
+        raise ValueError(f"--sample {text}: write lhs:N for N cases, such as lhs:64")
     return int(count)
 
 
 def _blamed(text: str, settings: Mapping[str, Any], changes: Mapping[str, Any]) -> str:
-    """The same fault of a scene, blamed on --vary where it is about a key that varies."""
+    """Replace --set by --vary in a scene's error if the error is about a key that varies."""
     return text.replace("(with --set)", "(with --vary)") if any(key in text for key in changes) else text
 
 

@@ -1,4 +1,4 @@
-"""The GPUs of this machine, one for each worker, without a library that would hold them."""
+"""Assign the GPUs of this machine to workers, without loading a library that would occupy the GPUs."""
 
 import ctypes
 import os
@@ -11,7 +11,7 @@ _LIBRARIES = ("libcuda.so.1", "libcuda.so", "nvcuda.dll")
 
 
 def visible_gpus() -> list[str]:
-    """What CUDA_VISIBLE_DEVICES has to be for each GPU alone that this process may use; none without a driver."""
+    """Return the value of CUDA_VISIBLE_DEVICES that selects each usable GPU; an empty list without a driver."""
     if not cuda_driver_loads():
         return []
     named = os.environ.get(VISIBLE)
@@ -29,15 +29,15 @@ def visible_gpus() -> list[str]:
 
 
 def worker_environments(workers: int | None, case_count: int, devices: set[str | None]) -> list[dict[str, str]]:
-    """What to add to the environment of each worker process of this machine.
+    """Return the variables to add to the environment of each worker process of this machine.
 
     Args:
-        workers: How many; None: one for each GPU, or for each core where there is none, eight at most.
-        case_count: Cases to compute; there are no more workers than that.
-        devices: The devices that the cases ask for; a case that names one is not moved to another.
+        workers: Number of workers; None: one per GPU, or, without GPUs, one per core up to eight.
+        case_count: Number of cases, which limits the number of workers.
+        devices: The devices that the cases name; if any case names one, no GPUs are assigned.
 
     Returns:
-        One mapping a worker. Each has a GPU of its own, in turn, and its share of the cores.
+        One mapping per worker, which assigns it a GPU, in rotation, and its share of the cores.
     """
     gpus = visible_gpus() if devices <= {None} else []
     cores = core_count()

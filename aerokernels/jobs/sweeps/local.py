@@ -1,7 +1,7 @@
-"""Cases on worker processes of this machine.
+"""Compute the cases of a sweep on worker processes of this machine.
 
-A worker keeps to the cases of one index field as long as there are any. One that dies is replaced and its case begun
-again; a case at which two workers died has failed.
+A worker takes cases of the same index field as long as there are any. A worker that dies is replaced, and its case is
+started again; a case at which two workers died has failed.
 """
 
 import contextlib
@@ -17,21 +17,21 @@ from typing import IO, Any
 from aerokernels.jobs.sweeps.case import Case
 from aerokernels.process.machine import child_environment
 
-ATTEMPTS = 2  # workers that may die at a case, or one after another before any is ready
+ATTEMPTS = 2  # deaths of workers at which a case fails, or, per worker, at which starting workers is given up
 
 
 class Worker:
-    """A worker process and what it is at.
+    """A worker process and its current case.
 
     Attributes:
-        pipe: The way to it.
-        environment: What its environment has besides this process's.
-        ready: Whether it has said so.
-        case: The case that it computes.
+        pipe: The connection to the process.
+        environment: Variables added to this process's environment.
+        ready: Whether the worker has reported that it is ready.
+        case: The case that it computes; None if idle.
     """
 
     def __init__(self, environment: dict[str, str]):
-        """Start it."""
+        """Start the process."""
         self.environment, self.ready, self.case = environment, False, None
         self._errors: IO[bytes] = tempfile.TemporaryFile()
         near, far = socket.socketpair()
@@ -49,7 +49,7 @@ class Worker:
     case: Case | None
 
     def end(self) -> str:
-        """End it, and say how it ended: its exit status or signal, and the last line that it wrote."""
+        """End the process; return its exit status or signal and its last line on stderr."""
         self.pipe.close()
         if self.process.poll() is None:
             self.process.terminate()
@@ -67,14 +67,14 @@ class Worker:
 
 
 def run_local(cases: Sequence[Case], environments: Sequence[dict[str, str]]) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Compute cases; yields the number and the outcome of each as it is done.
+    """Compute cases; yield the number and the outcome of each case when it is finished.
 
     Args:
-        cases: The cases, those of a group one after another.
-        environments: What to add to the environment of each worker.
+        cases: The cases, ordered by group.
+        environments: Variables to add to the environment of each worker.
 
     Raises:
-        RuntimeError: Workers that die before they begin.
+        RuntimeError: Workers die before they are ready.
     """
     queue = Queue(cases)
     deaths: dict[int, int] = {}
@@ -106,17 +106,17 @@ def run_local(cases: Sequence[Case], environments: Sequence[dict[str, str]]) -> 
                 following = queue.take(done.group if done else None)
                 if following is not None:
                     worker.case = following
-                    with contextlib.suppress(BrokenPipeError, OSError):  # then it is dead, and the pipe says so next
+                    with contextlib.suppress(BrokenPipeError, OSError):  # the worker died; the next receive shows it
                         worker.pipe.send(following)
                 if done is not None:
                     yield done.number, answer
 
 
 class Queue:
-    """Cases that wait, by group."""
+    """Waiting cases, by group."""
 
     def __init__(self, cases: Sequence[Case]):
-        """Sort them."""
+        """Sort the cases by group."""
         self._groups: dict[str, deque[Case]] = {}
         self._users: dict[str, int] = {}
         for case in cases:
@@ -124,11 +124,11 @@ class Queue:
 
     @property
     def waiting(self) -> bool:
-        """Whether there are any."""
+        """Whether any case waits."""
         return bool(self._groups)
 
     def take(self, group: str | None) -> Case | None:
-        """The next case of that group; where there is none, of the one with most to do for each worker at it."""
+        """Take the next case of a group, or, if it has none, of the group with the most cases per worker."""
         if not self._groups:
             return None
         if group not in self._groups:
@@ -143,5 +143,5 @@ class Queue:
         return case
 
     def put_back(self, case: Case) -> None:
-        """Have a case computed again, before the others of its group."""
+        """Return a case to the front of its group, to be computed again."""
         self._groups.setdefault(case.group, deque()).appendleft(case)

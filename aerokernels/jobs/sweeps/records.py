@@ -1,7 +1,7 @@
-"""What a sweep has done so far: one line of JSON a case, on disk before the next one is begun.
+"""Store the finished cases of a sweep: one line of JSON per case, on disk as soon as the case is finished.
 
-A folder holds sweep.json, what is swept; cases.jsonl, a line for each case that is done; and sweep.nc, all of them,
-once all are done. A kill at any moment leaves at most half a line at the end, which is dropped.
+A folder holds sweep.json, the sweep's definition; cases.jsonl, a line for each finished case; and sweep.nc, the dataset
+of all cases once all are finished. A kill at any moment leaves at most half a line at the end, which is dropped.
 """
 
 import contextlib
@@ -21,10 +21,10 @@ _REMEDY = "take another --out, or remove that folder"
 
 
 def read_definition(folder: Path) -> dict[str, Any] | None:
-    """What the sweep in a folder is of; None where there is none.
+    """Read the definition of the sweep in a folder; return None if there is none.
 
     Raises:
-        ValueError: A file of that name that is none of ours.
+        ValueError: The file sweep.json is not that of a sweep.
     """
     path = folder / DEFINITION_FILE
     if not path.is_file():
@@ -34,17 +34,17 @@ def read_definition(folder: Path) -> dict[str, Any] | None:
     except (OSError, ValueError, RecursionError) as fault:
         raise ValueError(f"--out {folder}: {path.name} cannot be read ({fault}); {_REMEDY}") from None
     if not isinstance(found, dict) or "vary" not in found:
-        raise ValueError(f"--out {folder}: {path.name} is no sweep's; {_REMEDY}")
+        raise ValueError(f"--out {folder}: {path.name} is not that of a sweep; {_REMEDY}")
     return found
 
 
 def write_definition(folder: Path, described: Mapping[str, Any]) -> None:
-    """Write what is swept, in one step."""
+    """Write the definition of a sweep atomically."""
     write_text(folder / DEFINITION_FILE, plain_json(json.dumps(described, indent=2, ensure_ascii=False)) + "\n")
 
 
 def check_same(folder: Path, found: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
-    """Refuse to go on with a sweep of something else.
+    """Reject resuming a different sweep.
 
     Raises:
         ValueError: The folder's sweep is of another scene, of other values or by another version.
@@ -62,7 +62,7 @@ def check_same(folder: Path, found: Mapping[str, Any], asked: Mapping[str, Any])
             f"--out {folder}: its sweep was made by aerokernels {old}, this is {new}, whose numbers may differ; "
             f"{_REMEDY}"
         )
-    raise ValueError(f"--out {folder}: it holds another sweep, {key} was {old} and is {new}{more}; {_REMEDY}")
+    raise ValueError(f"--out {folder}: it holds another sweep: {key} was {old} and is {new}{more}; {_REMEDY}")
 
 
 def _differences(old: Any, new: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
@@ -87,14 +87,14 @@ def _is_record(record: Any) -> bool:
 
 
 class Records:
-    """The cases of a sweep that are done.
+    """The finished cases of a sweep.
 
     Attributes:
-        done: What each case gave, by its number: {"summary": ...} or {"error": "why there is none"}.
+        done: The outcome of each finished case by its number: {"summary": ...} or {"error": "the reason"}.
     """
 
     def __init__(self, folder: Path):
-        """Read what is there."""
+        """Read the finished cases in a folder."""
         self.path = folder / CASES_FILE
         self.done: dict[int, dict[str, Any]] = {}
         self._whole = 0  # bytes up to the end of the last whole line
@@ -102,26 +102,26 @@ class Records:
             data = self.path.read_bytes()
             self._whole = data.rfind(b"\n") + 1
             for line in data[: self._whole].splitlines():
-                with contextlib.suppress(ValueError, RecursionError):  # what is none is computed again
+                with contextlib.suppress(ValueError, RecursionError):  # a case with a damaged line is computed again
                     record = json.loads(line)
                     if _is_record(record):
                         self.done.setdefault(record["case"], record)
 
     @contextlib.contextmanager
     def writing(self) -> Iterator["Records"]:
-        """Open the file to add to it; half a line at its end is cut off."""
+        """Open the file for appending, after cutting off half a line at its end."""
         with self.path.open("ab", buffering=0) as self._file:
             self._file.truncate(self._whole)
             yield self
 
     def add(self, case: int, outcome: Mapping[str, Any]) -> bool:
-        """Keep what a case gave, on disk when this returns; a case that is there already is left as it is.
+        """Store the outcome of a case, on disk when this returns; an outcome that is already stored is not replaced.
 
         Returns:
-            Whether it was new.
+            Whether the outcome was new.
 
         Raises:
-            OutputError: There is no room for it; what was kept before stays, and a sweep goes on there.
+            OutputError: The disk is full; the outcomes stored before are safe, and the sweep can be resumed.
         """
         if case in self.done:
             return False
@@ -139,7 +139,7 @@ class Records:
         return True
 
     def forget_failed(self) -> None:
-        """Drop the cases that failed, so that they are computed again."""
+        """Remove the failed cases, so that they are computed again."""
         kept = {case: record for case, record in self.done.items() if "error" not in record}
         if len(kept) < len(self.done):
             lines = [json.dumps(record, ensure_ascii=False) + "\n" for record in kept.values()]

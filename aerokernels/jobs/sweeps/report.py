@@ -1,4 +1,4 @@
-"""A sweep as one HTML page: what varies, pictures over the keys, and the numbers of every case."""
+"""Write the HTML report of a sweep: the keys that vary, figures over these keys, and the numbers of every case."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST_ROWS = 500  # of the table of cases
-# Variable, words, unit shown, factor from SI.
+MOST_ROWS = 500  # most rows of the table of cases
+# Variable, name shown, unit shown, factor from SI.
 SHOWN = (
     ("strehl", "Strehl ratio", "", 1.0),
     ("opd_rms_m", "OPD, rms", "nm", 1e9),
@@ -25,12 +25,12 @@ SHOWN = (
     ("echo_peak_v", "echo peak", "V", 1.0),
     ("range_error_m", "range error", "mm", 1e3),
 )
-# Units of keys that are easier to read than SI, and their factor from SI.
+# Units in which keys are shown instead of SI, and their factor from SI.
 SCALES = {"rad": ("deg", 180.0 / math.pi)}
 
 
 def sweep_report(dataset: "xarray.Dataset", definition: Definition) -> str:
-    """The page of a finished sweep."""
+    """Return the HTML page of a finished sweep."""
     shape = " x ".join(map(str, definition.shape))
     failed = int(dataset.attrs["failed_count"])
     lead = f"{definition.case_count} cases ({shape}) over {', '.join(definition.keys)}"
@@ -48,7 +48,7 @@ def sweep_report(dataset: "xarray.Dataset", definition: Definition) -> str:
 
 
 def _axis(dataset: "xarray.Dataset", key: str) -> tuple[np.ndarray, str]:
-    """Values of a key as they are drawn, and its label."""
+    """Return the values of a key in the unit shown, and the axis label."""
     values, unit = dataset[key].values, str(dataset[key].attrs.get("units", "1"))
     if values.dtype.kind not in "fiu":
         return values.astype(str), key
@@ -57,7 +57,7 @@ def _axis(dataset: "xarray.Dataset", key: str) -> tuple[np.ndarray, str]:
 
 
 def _pictures(dataset: "xarray.Dataset", definition: Definition) -> Iterator[Picture]:
-    """Lines over one key, heat maps over two; any further key stays at its first value."""
+    """Yield figures: lines over one key, heat maps over two; any further key is fixed at its first value."""
     for name, words, unit, factor in SHOWN:
         values = dataset[name] * factor
         if not np.isfinite(values).any():
@@ -82,7 +82,7 @@ def _pictures(dataset: "xarray.Dataset", definition: Definition) -> Iterator[Pic
 
 
 def _places(values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Where values of a key are drawn, and texts to write there."""
+    """Return the positions at which values of a key are drawn, and the tick labels if the values are not floats."""
     return (values.astype(float), None) if values.dtype.kind == "f" else (np.arange(len(values), dtype=float), values)
 
 
@@ -131,7 +131,7 @@ def _heat_map(dataset: "xarray.Dataset", values: "xarray.DataArray", label: str)
         figure, [(axes, bar)] = panelled_figure(Panel(6.0, 3.8, bar=True))
         edges = [_edges(_places(axis)[0]) for axis, _ in (columns, rows)]
         mesh = axes.pcolormesh(*edges, np.ma.masked_invalid(values.values), cmap="viridis", shading="flat")
-        axes.set_facecolor("#e3e7eb")  # a case that failed
+        axes.set_facecolor("#e3e7eb")  # shows where a case failed
         axes.set(xlabel=columns[1], ylabel=rows[1])
         for axis, set_ticks in ((columns[0], axes.set_xticks), (rows[0], axes.set_yticks)):
             places, texts = _places(axis)
@@ -144,7 +144,7 @@ def _heat_map(dataset: "xarray.Dataset", values: "xarray.DataArray", label: str)
 
 
 def _edges(places: np.ndarray) -> np.ndarray:
-    """Edges of the cells about places along an axis."""
+    """Return the edges of the cells around positions on an axis."""
     if len(places) == 1:
         return places[0] + np.array([-0.5, 0.5])
     middle = 0.5 * (places[1:] + places[:-1])
@@ -152,7 +152,7 @@ def _edges(places: np.ndarray) -> np.ndarray:
 
 
 def _cases(dataset: "xarray.Dataset", definition: Definition) -> tuple[list[str], list[list[str]]]:
-    """The table of cases."""
+    """Return the columns and rows of the table of cases."""
     columns = [CASE, *(_axis(dataset, key)[1] for key in definition.keys)]
     columns += [f"{words} [{unit}]" if unit else words for _, words, unit, _ in SHOWN] + ["failures"]
     axes = {key: _axis(dataset, key)[0] for key in definition.keys}
@@ -165,7 +165,7 @@ def _cases(dataset: "xarray.Dataset", definition: Definition) -> tuple[list[str]
             row.append(f"{value:.6g}" if isinstance(value, float) else str(value))
         for name, _, _, factor in SHOWN:
             value = float(dataset[name].values[place])
-            if math.isfinite(value):  # where all cases failed, nothing says what errors there are
+            if math.isfinite(value):  # if all cases failed, the dataset has no variables for errors
                 error = float(dataset[f"{name}_error"].values[place])
                 row.append(Quantity(value, error).scaled(factor, "").text())
             else:

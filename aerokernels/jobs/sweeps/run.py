@@ -1,4 +1,4 @@
-"""Sweeps: a scene over many values of its keys, on many processes, into one dataset; broken off, they go on."""
+"""Run sweeps: a scene for many values of its keys, on many processes, into one dataset; resume interrupted sweeps."""
 
 import contextlib
 import datetime
@@ -55,26 +55,26 @@ def sweep(
         vary: Values by dotted key, {"target.tilt": ["0 deg", "10 deg"]}: numbers in SI units, or texts with a unit.
         executor: "local": processes of this machine; "dask": Dask workers, of this machine or of a scheduler; or a
             `distributed.Client` or cluster, whose workers are used.
-        out: Folder for sweep.nc and for what is done so far. A sweep that was broken off goes on from there, and one
-            that is finished is read from there. None: nothing is kept.
-        workers: Processes on this machine; None: one for each GPU, or for each core where there is none.
+        out: Folder for sweep.nc and the finished cases. An interrupted sweep is resumed from there, and a finished one
+            is read from there. None: nothing is stored.
+        workers: Processes on this machine; None: one for each GPU, or, without GPUs, for each core.
         scheduler: Address of a running Dask scheduler, "tcp://host:8786", whose workers are used.
-        settings: What is changed in the scene for all cases, by dotted key.
-        zip: Whether the keys go through their values together, instead of in every combination.
+        settings: Changes to the scene for all cases, by dotted key.
+        zip: Whether the keys take their values in parallel, instead of in every combination.
         sample: "lhs:N": N cases of a Latin hypercube between the two numbers given for each key.
-        seed: Seed of its drawing.
+        seed: Seed of the Latin hypercube.
         retry_failed: Whether cases that failed before are computed again.
-        progress: Called with what is done, in words, and its share.
+        progress: Called with a description of the progress and the share of finished cases.
 
     Returns:
         One dataset: the numbers of summary.json with a dimension per key, or the dimension "case" for `zip` and
-        `sample`; coordinates are the keys, in SI units. A case that failed has NaN, `failed` and its reason in
-        `failures`.
+        `sample`; coordinates are the keys, in SI units. A failed case has NaN, `failed` is true, and `failures` holds
+        the reason.
 
     Raises:
         TypeError: An argument of the wrong kind.
-        ValueError: A value that the scene does not take; a folder with a sweep of something else, or that another
-            process is at work in; no such device or scheduler.
+        ValueError: A value that the scene rejects; a folder that holds another sweep or in which another process is
+            writing; no such device or scheduler.
         ImportError: executor="dask" without Dask.
     """
     if not isinstance(executor, str):
@@ -91,15 +91,15 @@ def sweep(
 
 
 def _given(executor: Any, scheduler: Any) -> Any:
-    """What stands for a scheduler: a client or a cluster.
+    """Check an executor that is a client or a cluster, and return it.
 
     Raises:
         TypeError: It is neither.
-        ValueError: There is a scheduler beside it.
+        ValueError: A scheduler is given too.
     """
     if scheduler is not None:
         raise ValueError("executor is a client or a cluster already: leave scheduler out")
-    # Other pools of workers have `submit` as well, and know no scheduler.
+    # Other pools of workers have `submit` too, but no scheduler.
     if not (hasattr(executor, "submit") and hasattr(executor, "nthreads")) and not hasattr(
         executor, "scheduler_address"
     ):
@@ -110,10 +110,10 @@ def _given(executor: Any, scheduler: Any) -> Any:
 
 
 def is_finished(definition: Definition, folder: Path, retry_failed: bool = False) -> bool:
-    """Whether a folder holds this very sweep, finished.
+    """Whether a folder holds this sweep, finished.
 
     Raises:
-        ValueError: It holds another one.
+        ValueError: The folder holds another sweep.
     """
     check_output_folder(folder, own=(DEFINITION_FILE, CASES_FILE, DATASET_FILE))
     found = read_definition(folder)
@@ -135,10 +135,10 @@ def run_sweep(
     retry_failed: bool = False,
     progress: Progress | None = None,
 ) -> None:
-    """Compute what a folder lacks of a sweep, and write its dataset.
+    """Compute the cases of a sweep that a folder does not hold yet, and write the dataset and the report.
 
     Raises:
-        ValueError: As for `sweep`; nothing is written then.
+        ValueError: See `sweep`; nothing is written then.
     """
     with only_writer(folder):
         described = definition.described()
@@ -157,7 +157,7 @@ def run_sweep(
         waiting = [case for case in cases if case.number not in finished]
         outcomes = _started(waiting, executor, workers, scheduler, devices)
         with contextlib.closing(outcomes):
-            next(outcomes)  # whatever is wrong with the executor shows here, before anything is written
+            next(outcomes)  # starts the executor, whose errors must come before anything is written
             folder.mkdir(parents=True, exist_ok=True)
             if found is None:
                 write_definition(folder, described)
@@ -173,7 +173,7 @@ def run_sweep(
 
 
 def _collect(outcomes: Iterator, records: Records, total: int, progress: Progress | None) -> None:
-    """Keep each case as it is done, and say how far it is."""
+    """Store each case when it is finished, and report the progress."""
     begin, before = time.monotonic(), len(records.done)
     if progress is not None:
         progress(_told(records, total, None), before / total)
@@ -201,7 +201,7 @@ def _duration(seconds: float) -> str:
 def _started(
     cases: list["Case"], executor: str, workers: int | None, scheduler: Any, devices: set[str | None]
 ) -> Generator[Any, None, None]:
-    """The outcomes of the cases, after a None once those who compute them are there."""
+    """Yield None once the workers are there, then the outcomes of the cases."""
     if not cases:
         yield None
         return
@@ -223,15 +223,15 @@ def _started(
 
 
 def check_options(executor: str, workers: int | None, scheduler: Any) -> None:
-    """Refuse options that do not go together.
+    """Reject options that do not go together.
 
     Raises:
-        ValueError: No such executor, a scheduler without Dask or with workers of its own, a number of workers below 1.
+        ValueError: No such executor, a scheduler without Dask or together with `workers`, fewer than 1 worker.
     """
     if executor not in EXECUTORS:
         raise ValueError(f"executor {executor!r}: choose one of {', '.join(EXECUTORS)}")
     if scheduler is not None and executor != "dask":
-        raise ValueError(f"--scheduler {scheduler} goes with --executor dask: add it, or drop --scheduler")
+        raise ValueError(f"--scheduler {scheduler} needs --executor dask: add it, or drop --scheduler")
     if scheduler is not None and workers is not None:
         raise ValueError("--workers are started on this machine, and --scheduler has its own: give one of them")
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
@@ -239,7 +239,7 @@ def check_options(executor: str, workers: int | None, scheduler: Any) -> None:
 
 
 def _check_devices(scenes: list[Scene | None]) -> set[str | None]:
-    """Refuse a backend or device that is not there, for all cases at once; the devices named."""
+    """Reject a backend or device that is not available, before any case is computed; return the devices named."""
     from aerokernels.tracing.engines.choice import choose_backend
 
     asked = {(scene.trace.backend, scene.trace.device) for scene in scenes if scene is not None}

@@ -1,16 +1,16 @@
-"""What tells whether the files that a sweep reads have changed since it began."""
+"""Detect whether the files that a sweep reads have changed since it began, by hashes of their contents."""
 
 import hashlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-WHOLE = 1 << 26  # bytes up to which all of a file counts; of a larger one its size and its two ends do
-END = 1 << 22
+WHOLE = 1 << 26  # [bytes] a file up to this size is hashed whole; of a larger one, its size and both ends are hashed
+END = 1 << 22  # [bytes] of either end
 
 
 def file_marks(sources: Iterable[Any]) -> dict[str, str]:
-    """A mark for each of these texts that names a file or a folder: other content, another mark."""
+    """Return a hash of the content for each of the texts that names a file or a folder."""
     found = {}
     for source in sources:
         path = Path(source) if isinstance(source, (str, Path)) and str(source) else None

@@ -1,7 +1,7 @@
-"""A worker process: takes cases from a pipe, one at a time, until the pipe is closed.
+"""A worker process that computes cases from a pipe, one at a time, until the pipe is closed.
 
-Run as `python -m aerokernels.jobs.sweeps.worker DESCRIPTOR`. It is no child of `multiprocessing`, so that a script
-that calls `sweep` needs no guard against being imported again.
+Run as `python -m aerokernels.jobs.sweeps.worker DESCRIPTOR`. It is not started by `multiprocessing`, so that a script
+that calls `sweep` needs no `if __name__ == "__main__"` guard.
 """
 
 import sys
@@ -9,7 +9,7 @@ from multiprocessing.connection import Connection
 
 
 def serve(pipe: Connection) -> None:
-    """Compute what comes until nothing more does."""
+    """Compute the cases that arrive until the pipe is closed."""
     from aerokernels.jobs.sweeps.case import compute
 
     pipe.send("ready")
@@ -22,11 +22,11 @@ def serve(pipe: Connection) -> None:
         try:
             pipe.send(outcome)
         except (BrokenPipeError, OSError):
-            return  # whoever asked is gone
+            return  # the parent process is gone
 
 
 if __name__ == "__main__":
     import signal
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group: the parent ends its workers itself
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole process group: the parent ends its workers
     serve(Connection(int(sys.argv[1])))

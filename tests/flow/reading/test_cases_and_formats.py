@@ -218,7 +218,7 @@ def test_fields_tells_what_lines_will_lack(tmp_path, monkeypatch):
     monkeypatch.setattr("aerokernels.commands.fields.MOST_MEASURED", 10)
     assert told.in_words() in CliRunner(env={"COLUMNS": "1000"}).invoke(app, ["fields", str(case)]).output
     monkeypatch.setattr("aerokernels.flow.read", lambda *given, **named: replace(read(*given, **named), wall=wall))
-    assert "not measured here, of " in CliRunner(env={"COLUMNS": "1000"}).invoke(app, ["fields", str(case)]).output
+    assert "not measured above " in CliRunner(env={"COLUMNS": "1000"}).invoke(app, ["fields", str(case)]).output
     monkeypatch.undo()
     points = CliRunner().invoke(app, ["fields", str(writers.tecplot_text(tmp_path / "a.dat"))])
     assert points.exit_code == 0 and "averages" not in points.output
