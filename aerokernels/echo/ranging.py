@@ -225,7 +225,7 @@ class SampledTemplate(Derived):
         return self.derive(("transform", count, period), lambda: template_transform(self, count, period), 1)
 
     def shifted(self, places: np.ndarray, shifts: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-        """See `shaped_curve.shifted_samples`; the latest results are cached, because a scene's echoes are much alike."""
+        """See `shaped_curve.shifted_samples`; the latest results are cached, because echoes of a scene are alike."""
         if not 1 < shifts.size <= MOST_KEPT // places.size:  # a single shift belongs to one record only
             return shifted_samples(self, places, shifts, period)
         key = ("shifted", places.size, int(places[0]), shifts.tobytes(), period)

@@ -73,7 +73,7 @@ def edge_powers(volts: np.ndarray, before: float, after: float) -> tuple[float, 
 
 
 def _powers(curve: PulseCurve, low: float, high: float) -> tuple[float, float]:
-    """Return the powers p of the edges before and after the peak from the curve's widths at two fractions of the peak."""
+    """Return the powers p of the edges before and after the peak, from the widths at two fractions of the peak."""
     place, scale = curve.peak_place, np.log(np.log(low) / np.log(high))
     lower, upper = low * curve.peak, high * curve.peak
     before = (place - curve.rise_before_peak(lower)) / (place - curve.rise_before_peak(upper))
