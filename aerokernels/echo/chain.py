@@ -136,6 +136,11 @@ class DetectorChain:
             band = noise_bandwidth(self.bandwidth, self.response, self.order, max(top, 1e3 * self.bandwidth))
         return float(self.transimpedance * np.sqrt(self.sources.density(power) * band))
 
+    def clipped(self, voltage: np.ndarray) -> np.ndarray:
+        """Limit voltages [V] to the amplifier's saturation and to the digitiser's range, without quantisation."""
+        limited = self._limited(voltage)
+        return limited if self.digitiser is None else np.clip(limited, self.digitiser.low, self.digitiser.high)
+
     def digitise(self, voltage: np.ndarray) -> np.ndarray:
         """Return the samples [V] as the digitiser records them."""
         return voltage if self.digitiser is None else self.digitiser.record(voltage)

@@ -7,10 +7,10 @@ r"""Compute the errors of an echo's numbers.
     peak power     P is proportional to the return factor: P x (error of the factor) / factor; and the change of the
                    peak with the position of the samples on the pulse
     peak voltage   as for the power; and the standard deviation of the noise, and half a code of the digitiser
-    range          systematic: the change of the reading with the error of the peak (range walk of a fixed threshold,
-                   read off the waveform scaled by 1 +- the relative error); the change of the reading with the position
-                   of the samples; the change by the digitiser's codes on this waveform if there is no noise to dither
-                   them; and e as a length.
+    range          systematic: the change of the reading with the error of the peak, read off the waveform scaled by
+                   1 +- the relative error (range walk of a fixed threshold; every method if the peak is cut off); the
+                   change of the reading with the position of the samples; the change by rounding this waveform to the
+                   digitiser's codes if there is no noise to dither them; and e as a length.
                    random: the standard deviation of the range over noisy records
 
 The error of a number is the root sum of squares of its parts. The return factors "bucket" and "none" do not depend on
@@ -99,15 +99,23 @@ class EchoProbe:
         return pupil_error(self.scene, self.field)
 
     def read_scaled(self, *factors: float) -> list[dict[str, float]]:
-        """Return the ranges [m] of the noise-free waveform times each factor, by methods that depend on amplitude."""
-        return self._read([factor * self.clean for factor in factors], AMPLITUDE_METHODS)
+        """Return the ranges [m] of the noise-free waveform times each factor, by methods that depend on amplitude.
+
+        If the amplifier or the digitiser cuts one of these waveforms off, that is every method.
+        """
+        chain = self.vacuum.chain
+        linear = self.clean if chain.saturation is None else chain.linear_voltage(self.fine, self.power)[:: self.stride]
+        scaled = [factor * linear for factor in factors]
+        clipped = [chain.clipped(volts) for volts in scaled]
+        is_cut = not all(map(np.array_equal, clipped, scaled))
+        return self._read(clipped, RANGING_METHODS if is_cut else AMPLITUDE_METHODS)
 
     def read_digitised(self) -> dict[str, float]:
-        """Return the change of the noise-free waveform's range by the digitiser's codes [m], by method."""
+        """Return the change of the noise-free waveform's range by the rounding to codes [m], by method."""
         chain = self.vacuum.chain
         if chain.digitiser is None:
             return {}
-        read = self._read([chain.digitise(self.clean), self.clean])
+        read = self._read([chain.digitise(self.clean), chain.clipped(self.clean)])
         return {method: abs(value - read[1][method]) for method, value in read[0].items()}
 
     def read_shifted(self, *shares: float) -> list[tuple[tuple[float, float], dict[str, float]]]:
@@ -176,7 +184,7 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
             ranges[method] = RangeUncertainty(math.nan, math.nan)
             continue
         walk = 0.0 if scaled else math.nan
-        if method in AMPLITUDE_METHODS and scaled:
+        if scaled and method in scaled[0]:
             walk = max(abs(one[method] - scaled[0][method]) for one in scaled)
             if any(math.isnan(one[method]) for one in scaled):  # an echo weaker by the error may give no range
                 walk = math.inf
