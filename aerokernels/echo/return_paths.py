@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..medium import IndexField
+from ..rays import Pupil
 from ..scene import Scene
 from ..tracing import Plane
 from .pupil_reduction import PupilSums, receiver_pupil, reduce_pupils, upper_half
@@ -87,7 +88,7 @@ def return_paths(
         sums = reduce_pupils(scene, field, place, *pupil)
         found, error = (sums.strehl, sums.open_share), 0.0
         pair_count = sums.ray_count
-    elif symmetry and is_symmetric(field, plane):
+    elif symmetry and is_symmetric(field, plane, scene.receiver.pupil):
         sums, found, error = _along_a_radius(scene, field, place, pupil, int(node_count), kind)
         pair_count = int(node_count) ** 2 * len(pupil[0])
     else:
@@ -98,9 +99,10 @@ def return_paths(
     return ReturnPaths(_factor(kind, strehl, open_share), strehl, open_share, error, pair_count, sums)
 
 
-def is_symmetric(field: IndexField, plane: Plane) -> bool:
-    """Return whether field and target, and so the return paths to a pupil on the axis, are symmetric about the axis."""
-    return field.geometry == "axisymmetric" and float(np.hypot(plane.normal[0], plane.normal[1])) < 1e-12
+def is_symmetric(field: IndexField, plane: Plane, pupil: Pupil) -> bool:
+    """Return whether field, target and pupil, and so the return paths, are symmetric about the axis."""
+    faces_axis = float(np.hypot(plane.normal[0], plane.normal[1])) < 1e-12
+    return field.geometry == "axisymmetric" and faces_axis and pupil.inner_ratio is not None
 
 
 def _factor(kind: str, strehl: np.ndarray, open_share: np.ndarray) -> np.ndarray:

@@ -163,7 +163,7 @@ def _return_path(scene: Scene, field: IndexField) -> str:
     start = f"return factor {receiver.return_factor} at "
     if nodes == "every":
         return f"{start}each of them, {receiver.ray_count:,} rays over the pupil each"
-    if is_symmetric(field, target_plane(scene)):
+    if is_symmetric(field, target_plane(scene), receiver.pupil):
         count = int(nodes) // 2 + 1
         return f"{start}{count} places of a radius, half of {receiver.ray_count:,} rays over the pupil each: symmetric"
     return f"{start}{nodes} x {nodes} places, {receiver.ray_count:,} rays over the pupil each"
