@@ -6,7 +6,7 @@ r"""Compute the errors of an echo's numbers.
                    left out
     peak power     P is proportional to the return factor: P x (error of the factor) / factor; and the change of the
                    peak with the position of the samples on the pulse
-    peak voltage   as for the power; and the standard deviation of the noise, and half a code of the digitiser
+    peak voltage   as for the power; and the standard deviation of the noise at the peak, and half a digitiser code
     range          systematic: the change of the reading with the error of the peak, read off the waveform scaled by
                    1 +- the relative error (range walk of a fixed threshold; every method if the peak is cut off); the
                    change of the reading with the position of the samples; the change by rounding this waveform to the
@@ -173,8 +173,10 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
         math.hypot(share, height) * peak
         for height, peak in zip(heights, (result.peak_power, result.peak_voltage), strict=True)
     )
-    noise = float(result.noise_rms)
-    voltage = root_sum_square((voltage, noise, 0.5 * probe.code_step))
+    noise, peak_noise = float(result.noise_rms), 0.0
+    if noise > 0.0:  # the signal's own shot noise may be many times the noise between echoes
+        peak_noise = probe.vacuum.chain.noise_rms(result.peak_power, probe.scene.detector.sample_rate)
+    voltage = root_sum_square((voltage, peak_noise, 0.5 * probe.code_step))
     random = probe.random_errors(TRIAL_COUNT) if noise > 0.0 else {}
     scaled = probe.read_scaled(*(1.0 + sign * share for sign in (0.0, 1.0, -1.0))) if 0.0 < share < 1.0 else []
     codes = probe.read_digitised() if noise < DITHER * probe.code_step else {}
