@@ -1,6 +1,6 @@
 """aerokernels: light through the refractive index of supersonic air flow.
 
-The public names; each is imported when it is first used, so that importing the package costs nothing. `echo`,
+Each public name is imported when it is first used, so that importing the package takes no time. `echo`,
 `schlieren`, `strehl` and `wavefront` are modules that can be called as the functions of these names: see
 callable_module.py.
 """
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
 
-# The names that each module holds; "" holds the modules.
+# Public names by module; "" lists the public modules.
 _NAMES_IN = {
     "": ("echo", "flow", "schlieren", "strehl", "wavefront", "zernike"),
     "compare": ("compare_waveforms",),
@@ -98,7 +98,7 @@ __all__ = [
 
 
 def __getattr__(name: str):
-    """Import a public name from the module that has it."""
+    """Import a public name from its module."""
     if name not in _MODULE_OF:
         raise AttributeError(f"module 'aerokernels' has no attribute {name!r}")
     module = _MODULE_OF[name]
@@ -111,7 +111,7 @@ def __getattr__(name: str):
 
 
 def __dir__() -> list[str]:
-    """The public names."""
+    """Return the public names."""
     return [*__all__, "__version__"]
 
 

@@ -1,8 +1,8 @@
-"""Modules that can be called: where the contract gives a function and the module it lives in one name.
+"""Make modules callable whose name is also that of a public function.
 
-`aerokernels.echo` is the module, whatever was imported before and in which order: `from aerokernels.echo import
-plane_target_echo` and `import aerokernels.echo as ranging` are what they look like. `aerokernels.echo(scene)` calls the
-function of that name in it, `aerokernels.echo.echo`. So it is with `schlieren` and `strehl`.
+`aerokernels.echo` is always the module, whatever was imported before and in which order, so that `from aerokernels.echo
+import plane_target_echo` and `import aerokernels.echo as ranging` work as usual. `aerokernels.echo(scene)` calls the
+function of that name in the module, `aerokernels.echo.echo`. The same holds for `schlieren` and `strehl`.
 """
 
 import inspect
@@ -14,7 +14,7 @@ from typing import Any
 
 
 class CallableModule(ModuleType):
-    """A module that, when it is called, calls the function in it that has its name."""
+    """A module that, when called, calls its function of the same name."""
 
     @property
     def _function(self) -> Callable[..., Any]:
@@ -26,14 +26,14 @@ class CallableModule(ModuleType):
 
     @property
     def __signature__(self) -> inspect.Signature:
-        """The function's signature."""
+        """Signature of the function."""
         return inspect.signature(self._function)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """By its name: a function could be sent to another process, so can this."""
+        """Pickle by name: like a function, the module can be sent to another process."""
         return import_module, (self.__name__,)
 
 
 def make_callable(name: str) -> None:
-    """Make the module of that full name callable; it calls this itself, with its `__name__`."""
+    """Make the module of that full name callable; the module itself calls this with its `__name__`."""
     sys.modules[name].__class__ = CallableModule

@@ -1,9 +1,9 @@
-"""A recorded waveform against a simulated one.
+"""Compare a recorded waveform with a simulated one.
 
-The correlation is eq 13-14 of the paper, one number r (Pearson's), at zero lag and at the lag where it is greatest: a
-small r beside a small peak error is the mark of two records that are not aligned in time. Both conventions of the peak
-error are given, because the paper's own figures mix them. Pulses of different shape correlate highly, too (Gaussians
-of 6 and 10 ns: 0.93), while their edges are not where each other's are: the pulses' widths are compared by themselves.
+The correlation is eq 13-14 of the paper, one number r (Pearson's), at zero lag and at the lag where it is greatest. A
+small r with a small peak error indicates two records that are not aligned in time. Both conventions of the peak error
+are given, because the paper's own figures mix them. Pulses of different shape correlate highly, too (Gaussians of 6 and
+10 ns: 0.93), although their edges do not coincide. The widths of the pulses are therefore compared separately.
 """
 
 import math
@@ -24,21 +24,21 @@ DEGREES = (
     (0.3, "real correlation"),
     (0.0, "micro correlation"),
 )
-# Fewer samples than this in common make any two pulses look alike.
+# Any two pulses look alike if fewer samples than this overlap.
 LEAST_OVERLAP = 8
-# Shares of its peak at which a pulse's width is taken, and by how much of itself a width may differ for the same pulse.
+# Fractions of the peak at which widths are compared, and the relative difference up to which widths are the same.
 WIDTH_SHARES = (0.25, 0.5, 0.75)
 SAME_WIDTH = 0.01
-# And by how many of its standard errors: noise alone does that to one record in a million.
+# Difference in standard errors up to which widths are the same: noise alone exceeds it once in a million records.
 WIDTH_SIGMAS = 5.0
-# Noise over the peak above which a level is crossed again and again, and its crossings tell no width.
+# Noise over the peak above which a level is crossed repeatedly, so that its crossings give no width.
 WIDTH_NOISE = 0.05
 
 
 @shown
 @dataclass(frozen=True)
 class WaveformComparison:
-    """What two waveforms have in common.
+    """Similarities and differences of two waveforms.
 
     Attributes:
         recorded_peak: Greatest recorded sample [V].
@@ -49,16 +49,17 @@ class WaveformComparison:
         best_correlation: Greatest r over the lags tried.
         lag: Lag of that r [s]; positive: the recorded waveform is the later one.
         degree: Degree of correlation by Table 5, from r at zero lag.
-        best_degree: The same from the greatest r.
+        best_degree: Degree of correlation by Table 5, from the greatest r.
         edge_level: Level at which the leading edges were compared [V].
-        edge_shift: Recorded less simulated time of the first rise through that level [s]; NaN where one of them has no
-            such rise.
-        range_difference: What a rangefinder with that fixed threshold reads more on the recorded waveform [m].
-        recorded_width: Width of the recorded pulse at half of its own peak [s]; NaN where the record does not hold it.
-        simulated_width: The same of the simulated one [s].
-        same_pulse: Whether both pulses are of one shape: their widths at a quarter, half and three quarters of their
-            peaks agree to a hundredth, or to their noise. False: `edge_shift` and `range_difference` are the pulses',
-            not the target's. None where the record holds too little of them, or too much noise, to tell.
+        edge_shift: Recorded minus simulated time of the first rise through that level [s]; NaN if one of the waveforms
+            has no such rise.
+        range_difference: Recorded minus simulated range of a rangefinder with that fixed threshold [m].
+        recorded_width: Width of the recorded pulse at half of its own peak [s]; NaN if the record does not contain it.
+        simulated_width: Width of the simulated pulse at half of its own peak [s]; NaN if the record does not contain
+            it.
+        same_pulse: Whether both pulses have the same shape: their widths at a quarter, half and three quarters of their
+            peaks agree to a hundredth, or to their noise. False: `edge_shift` and `range_difference` are due to the
+            pulses, not to the target. None if the record is too short or too noisy to decide.
     """
 
     recorded_peak: float
@@ -79,15 +80,15 @@ class WaveformComparison:
 
     @property
     def width_range(self) -> float:
-        """What the difference of the widths at half height does to a range read off the leading edge there [m]."""
+        """Effect of the difference of the widths at half height on a range read from the leading edge there [m]."""
         return 0.25 * SPEED_OF_LIGHT * (self.recorded_width - self.simulated_width)
 
 
 def correlation_degree(correlation: float) -> str:
-    """Degree of correlation by Table 5 of the paper: |r| in [0, 0.3), [0.3, 0.5), [0.5, 0.8), [0.8, 1].
+    """Return the degree of correlation by Table 5: |r| in [0, 0.3), [0.3, 0.5), [0.5, 0.8), [0.8, 1].
 
     Raises:
-        ValueError: r lies outside -1 to 1, or is NaN.
+        ValueError: r is outside -1 to 1, or NaN.
     """
     size = abs(float(correlation))
     if not size <= 1.0 + 1e-9:
@@ -96,7 +97,7 @@ def correlation_degree(correlation: float) -> str:
 
 
 def pearson_correlation(first, second) -> float:
-    """Pearson's r of two lists of one length (eq 13-14).
+    """Return Pearson's r of two lists of one length (eq 13-14).
 
     Raises:
         ValueError: Shapes that disagree, fewer than two samples, or a list that is constant.
@@ -115,7 +116,7 @@ def pearson_correlation(first, second) -> float:
 
 
 def correlation_by_lag(recorded: np.ndarray, simulated: np.ndarray, greatest_shift: int) -> np.ndarray:
-    """Pearson's r over the samples in common, for shifts -greatest_shift to greatest_shift of the recorded waveform.
+    """Return Pearson's r over the overlap, for shifts -greatest_shift to greatest_shift of the recorded waveform.
 
     Args:
         recorded: Samples, shape (n,).
@@ -124,16 +125,16 @@ def correlation_by_lag(recorded: np.ndarray, simulated: np.ndarray, greatest_shi
 
     Returns:
         r, shape (2 greatest_shift + 1,): entry `greatest_shift + k` compares recorded[i + k] with simulated[i]. NaN
-        where the part in common of one of them is constant.
+        if the overlapping part of either is constant.
     """
     from scipy.signal import correlate
 
     count = recorded.size
-    # One mean and one scale for the whole record keep the sums below well conditioned; r does not see them.
+    # One mean and one scale for the whole record keep the sums below well conditioned; r does not depend on them.
     a = (recorded - recorded.mean()) / max(float(np.ptp(recorded)), np.finfo(np.float64).tiny)
     b = (simulated - simulated.mean()) / max(float(np.ptp(simulated)), np.finfo(np.float64).tiny)
     shifts = np.arange(-greatest_shift, greatest_shift + 1)
-    begin, end = np.maximum(shifts, 0), np.minimum(shifts, 0) + count  # the stretch of `recorded` in common
+    begin, end = np.maximum(shifts, 0), np.minimum(shifts, 0) + count  # the overlapping part of `recorded`
 
     def sums(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         running = np.concatenate([[0.0], np.cumsum(values)])
@@ -144,7 +145,7 @@ def correlation_by_lag(recorded: np.ndarray, simulated: np.ndarray, greatest_shi
     sum_a, sum_aa = sums(a, begin, end), sums(a * a, begin, end)
     sum_b, sum_bb = sums(b, begin - shifts, end - shifts), sums(b * b, begin - shifts, end - shifts)
     spread_a, spread_b = sum_aa - sum_a**2 / common, sum_bb - sum_b**2 / common
-    # Below this the difference of sums is rounding error: the stretch is constant.
+    # Below this the difference of sums is rounding error: the overlapping part is constant.
     floor = 1e-12 * count
     with np.errstate(invalid="ignore", divide="ignore"):
         r = (product - sum_a * sum_b / common) / np.sqrt(spread_a * spread_b)
@@ -166,14 +167,14 @@ def compare_waveforms(
         time: Sample times of both [s], shape (n,), in even steps.
         recorded: Recorded samples [V], shape (n,).
         simulated: Simulated samples [V], shape (n,).
-        greatest_lag: Largest lag tried either way [s]; None: half the record. Only the samples in common count.
+        greatest_lag: Largest lag tried either way [s]; None: half the record. Only overlapping samples count.
         threshold: Level at which the leading edges are compared [V]; None: half of the lower peak. One level for both,
-            as a fixed discriminator has it, so that a lower pulse counts as later.
+            as for a fixed discriminator, so that a lower pulse counts as later.
 
     Returns:
         Peak errors in both conventions, r at zero lag, the greatest r and its lag (between samples: the vertex of the
         parabola through the three samples around it), the degrees of Table 5, the shift of the leading edge and the
-        range it stands for.
+        corresponding difference of range.
 
     Raises:
         ValueError: Shapes that disagree, fewer than 16 samples, uneven times, numbers that are not finite, a waveform
@@ -220,7 +221,7 @@ def compare_waveforms(
 
 
 def _edge(samples: np.ndarray, level: float) -> float:
-    """Place of the first rise through `level` [samples]; NaN where there is none."""
+    """Return the position of the first rise through `level` [samples]; NaN if there is none."""
     try:
         return PulseCurve(samples).first_rise(level)
     except ValueError:
@@ -228,7 +229,7 @@ def _edge(samples: np.ndarray, level: float) -> float:
 
 
 def _widths(samples: np.ndarray) -> list[float]:
-    """Widths [samples] at WIDTH_SHARES of the peak; NaN where the record does not hold both sides of one."""
+    """Return widths [samples] at WIDTH_SHARES of the peak; NaN if the record does not contain both sides of one."""
     curve, found = PulseCurve(samples), []
     for share in WIDTH_SHARES:
         try:
@@ -241,10 +242,10 @@ def _widths(samples: np.ndarray) -> list[float]:
 
 
 def _same_widths(recorded: np.ndarray, simulated: np.ndarray, noise: float, model: np.ndarray) -> bool | None:
-    """Whether widths at WIDTH_SHARES agree; `noise` and the simulated samples `model` are over their peaks.
+    """Return whether widths at WIDTH_SHARES agree; `noise` and the samples `model` are relative to their peaks.
 
-    None where that cannot be told. A level's noise moves each of its crossings by noise / slope; that of the peak moves
-    the level by its share.
+    None if that cannot be decided. Noise at a level moves each of its crossings by noise / slope; noise at the peak
+    moves the level by its fraction of the peak.
     """
     known = np.isfinite(recorded) & np.isfinite(simulated)
     if not known.any() or noise > WIDTH_NOISE:
@@ -261,12 +262,12 @@ def _same_widths(recorded: np.ndarray, simulated: np.ndarray, noise: float, mode
 
 
 def _noise(difference: np.ndarray) -> float:
-    """Standard deviation of white noise on a smooth curve: its fourth differences have sqrt(70) times that."""
+    """Return the standard deviation of white noise on a smooth curve, from fourth differences (sqrt(70) times it)."""
     return 1.4826 * float(np.median(np.abs(np.diff(difference, 4)))) / math.sqrt(70.0)
 
 
 def _vertex(values: np.ndarray) -> tuple[float, float]:
-    """Place and height of the greatest value, refined by the parabola through its neighbours where it has them."""
+    """Return position and height of the greatest value, refined by the parabola through it and its neighbours."""
     top = int(np.nanargmax(values))
     height = float(values[top])
     if 0 < top < values.size - 1 and np.isfinite(values[top - 1 : top + 2]).all():

@@ -1,4 +1,4 @@
-"""Objects that never change, and hold what others have worked out of them."""
+"""Provide a base for immutable objects that cache the results computed from them."""
 
 from collections.abc import Callable, Hashable
 from dataclasses import fields
@@ -8,24 +8,24 @@ import numpy as np
 
 from .read_only import ReadOnly
 
-# Of what is held under a key that nothing is held under.
+# Marks a key without a cached result, since a result may be None.
 NOTHING = object()
 
 
 class Derived(ReadOnly):
-    """A base of immutable data classes whose data is worked on by later stages: bounds, tables, copies on a device.
+    """A base of immutable data classes that cache what later stages compute: bounds, tables, copies on a device.
 
-    Each such result is made once, and lives as long as the object that it was made of and no longer. Copies made by
-    `dataclasses.replace` and by pickling begin without any.
+    Each result is computed once, and lives as long as the object from which it was computed. Copies made by
+    `dataclasses.replace` and by pickling start without results.
     """
 
     def derive(self, key: Hashable, make: Callable[[], Any], most: int | None = None) -> Any:
-        """What `make()` returns, made when it is first asked for under this key.
+        """Return the result under this key, computed by `make()` at the first call.
 
         Args:
-            key: Names the result among all of this object's; where it is a tuple, its first entry names the kind.
-            make: Works it out of this object.
-            most: How many results of the kind are kept at most, the latest; None for all.
+            key: Names the result among all of this object's; the first entry of a tuple names the kind.
+            make: Computes the result from this object.
+            most: Greatest number of results of the kind to cache, the latest; None for all.
         """
         held: dict[Hashable, Any] = self.__dict__.setdefault("_derived", {})
         found = held.get(key, NOTHING)
@@ -36,16 +36,16 @@ class Derived(ReadOnly):
                 alike.append(key)
                 for _ in range(len(alike) - most):
                     held.pop(alike.pop(0), None)
-            # Of two threads that make it together one is heard; another one may drop it before it is returned.
+            # If two threads compute it at once, the first result is cached; a third may drop it before it is returned.
             found = held.setdefault(key, make())
         return found
 
     def held(self, key: Hashable) -> Any:
-        """What has been derived under a key; None where nothing has been."""
+        """Return the cached result under a key; None if there is none."""
         return self.__dict__.get("_derived", {}).get(key)
 
     def equals(self, other: Any) -> bool:
-        """Whether another object is of the same kind and has equal fields, so that either may stand for both."""
+        """Return whether another object is of the same class and has equal fields."""
         if self is other or type(self) is not type(other):
             return self is other
         names = [entry.name for entry in fields(self)]  # type: ignore[arg-type]

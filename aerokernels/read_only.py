@@ -1,4 +1,4 @@
-"""Data classes whose arrays nobody may change: how they are pickled and copied."""
+"""Provide a base for data classes with read-only arrays that stay read-only after pickling and copying."""
 
 from dataclasses import fields
 
@@ -6,17 +6,17 @@ import numpy as np
 
 
 class ReadOnly:
-    """A data class whose arrays are read-only, and are so again after it was pickled or copied.
+    """A data class whose arrays are read-only, also after pickling and copying.
 
-    A pickle holds its fields. What was computed from them and kept is computed again when it is asked for.
+    A pickle contains the fields only; cached results are computed again when needed.
     """
 
     def __getstate__(self) -> dict:
-        """The fields by name."""
+        """Return the fields by name."""
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # type: ignore[arg-type]
 
     def __setstate__(self, state: dict) -> None:
-        """Take over the fields; NumPy does not keep whether an array may be written to."""
+        """Set the fields; arrays are made read-only again, because NumPy does not pickle that flag."""
         for name, value in state.items():
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)

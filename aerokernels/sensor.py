@@ -1,7 +1,7 @@
-"""What a camera's sensor makes of light: electrons with their shot noise, read noise, saturation, grey levels.
+"""Simulate a camera's sensor: electrons with shot noise, read noise, saturation and grey levels.
 
-Brightness 1 fills a pixel by `exposure` of its full well. Electrons are Poisson distributed about that, readout adds a
-Gaussian, and the sum is cut at the full well and rounded to 2^bits - 1 levels.
+Brightness 1 fills a pixel to `exposure` of its full well. The electrons are Poisson distributed about that number,
+readout adds Gaussian noise, and the sum is limited to the full well and rounded to 2^bits - 1 levels.
 """
 
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 @checked
 @dataclass(frozen=True)
 class Sensor:
-    """A sensor.
+    """A camera's sensor.
 
     Attributes:
-        full_well: Electrons that a pixel holds.
-        exposure: Share of the full well that brightness 1 fills.
-        read_noise: Electrons rms that readout adds.
+        full_well: Greatest number of electrons in a pixel.
+        exposure: Fraction of the full well that brightness 1 fills.
+        read_noise: Noise of the readout [electrons rms].
         dark: Electrons of dark current in the exposure time.
         bits: Bits of a grey level, 1 to 16.
-        shot_noise: Whether electrons are drawn; without them and with no read noise only levels are rounded.
+        shot_noise: Whether electrons are Poisson distributed; without shot and read noise only levels are rounded.
 
     Raises:
         ValueError: A number that makes no sense.
@@ -40,7 +40,7 @@ class Sensor:
     shot_noise: bool = True
 
     def __post_init__(self):
-        """Check."""
+        """Check the numbers."""
         for name in ("full_well", "exposure"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise ValueError(f"{name} = {getattr(self, name)!r}: give a positive number")
@@ -57,7 +57,7 @@ class Sensor:
 
     @checked
     def expose(self, brightness: Numbers, seed: int = 0) -> np.ndarray:
-        """Grey levels over the greatest one, 0 to 1, of a picture of any shape; the seed draws the noise."""
+        """Return grey levels relative to the greatest one, 0 to 1, of a picture of any shape; `seed` is the noise's."""
         brightness = np.maximum(np.nan_to_num(np.asarray(brightness, dtype=np.float64)), 0.0)
         electrons = self.full_well * self.exposure * brightness + self.dark
         draw = np.random.default_rng(seed)
@@ -69,9 +69,9 @@ class Sensor:
 
 
 def write_grey(path: "str | Path", brightness) -> None:
-    """Write brightness 0 to 1, rows from the lowest up, as 16 bits of grey, the uppermost row first.
+    """Write brightness 0 to 1, with rows from the lowest up, as a 16-bit grey picture, uppermost row first.
 
-    TIFF or PNG by the ending.
+    The format is TIFF or PNG according to the file's ending.
 
     Raises:
         ValueError: Another ending, or an array that has not two axes.

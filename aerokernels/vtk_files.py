@@ -1,7 +1,7 @@
-"""Fields and rays as VTK files for ParaView: image data or unstructured grids, and polylines.
+"""Write fields and rays as VTK files for ParaView: image data or unstructured grids, and polylines.
 
-Files are written by VTK's own writers (the extra `cfd`). Coordinates are metres in the frame of the package; a planar
-field lies in the plane x = 0, an axisymmetric one in the half plane y = 0, x > 0, its radius along x.
+VTK's own writers are used (the extra `cfd`). Coordinates are metres in the frame of the package; a planar field is in
+the plane x = 0, an axisymmetric one in the half plane y = 0, x > 0, with its radius along x.
 """
 
 from pathlib import Path
@@ -23,7 +23,7 @@ def field_to_vtk(field: IndexField, path: str | Path) -> Path:
     """Write a field: "contrast" and "index" at its nodes, .vti from a uniform grid and .vtu from a mesh.
 
     Returns:
-        The path written to, with the ending that ParaView wants.
+        The path written to, with the ending that ParaView needs.
 
     Raises:
         ImportError: VTK is not installed.
@@ -49,25 +49,25 @@ def field_to_vtk(field: IndexField, path: str | Path) -> Path:
 def rays_to_vtk(
     field: IndexField, rays: RayBundle, path: str | Path, *, length: float, point_count: int = POINT_COUNT, **options
 ) -> Path:
-    """Write the way of rays through a field as polylines (.vtp), with the OPD [m] gathered up to each point.
+    """Write the paths of rays through a field as polylines (.vtp), with the OPD [m] accumulated up to each point.
 
-    Rays are traced from plane to plane across the bundle's mean direction; a ray that ends stays where it ended.
+    Rays are traced from plane to plane normal to the bundle's mean direction; a ray that ends stays where it ended.
 
     Args:
         field: The refractive index.
         rays: The rays; some hundreds are enough for a picture.
         path: The file.
-        length: How far they are followed along the mean direction from the middle of their starts [m].
+        length: Distance along the mean direction from the mean start position [m].
         point_count: Points of each polyline.
-        **options: As for `trace`, but `until` and `outputs`.
+        **options: As for `trace`, except `until` and `outputs`.
 
     Returns:
         The path written to.
 
     Raises:
         ImportError: VTK is not installed.
-        TypeError: An argument of the wrong kind, or an option that `trace` has not.
-        ValueError: A length or number that makes no sense, rays without a mean direction, or what `trace` refuses.
+        TypeError: An argument of the wrong kind, or an unknown option of `trace`.
+        ValueError: A length or number that makes no sense, rays without a mean direction, or as for `trace`.
     """
     if not (np.isfinite(length) and length > 0.0):
         raise ValueError(f"length must be a positive number of metres, got {length!r}")
@@ -92,7 +92,7 @@ def rays_to_vtk(
         ahead = (np.asarray(plane.point) - rays.position) @ along > 0.0
         place[number], opd[number] = place[number - 1], opd[number - 1]
         found = trace(field, rays, until=plane, outputs=("position", "opd"), **options)
-        assert found.position is not None and found.opd is not None  # asked for
+        assert found.position is not None and found.opd is not None  # requested outputs
         known = (reached(found.traced_status) | (found.traced_status == RayStatus.HIT_BODY)) & ahead
         place[number, known], opd[number, known] = found.position[known], found.opd[known]
     data = vtk.vtkPolyData()

@@ -1,7 +1,7 @@
-"""Warp against OpenCL on one machine: rays per second of the kernels, and their ratio.
+"""Compare Warp with OpenCL on one machine: rays per second of the kernels, and their ratio.
 
-Both trace the same rays through the same fields; launches take turns, and each pair of neighbours gives one ratio, so
-that what else the machine does hits both alike. Compilation, upload and download are left out.
+Both trace the same rays through the same fields. Their launches alternate, and each pair of neighbours gives one ratio,
+so that other load on the machine affects both alike. Compilation, upload and download are not counted.
 """
 
 import argparse
@@ -27,7 +27,7 @@ HEADING = ["field", "interpolant", "method", "precision", "Warp [rays/s]", "Open
 
 
 def waves(*axes: np.ndarray) -> np.ndarray:
-    """A smooth contrast of some ten nodes a wave."""
+    """Return a smooth contrast with some ten nodes per wavelength."""
     total = 3e-4 * np.ones((1,) * len(axes))
     for axis, length in zip(np.meshgrid(*axes, indexing="ij", sparse=True), (9.0, 11.0, 13.0), strict=False):
         total = total * np.sin(axis / (length * CELL))
@@ -35,7 +35,7 @@ def waves(*axes: np.ndarray) -> np.ndarray:
 
 
 def make_field(kind: str, interpolation: str) -> IndexField:
-    """A field of some 3 x 3 x 4 mm."""
+    """Return a field of some 3 x 3 x 4 mm."""
     across, along = np.linspace(-1.4e-3, 1.4e-3, 29), np.linspace(0.0, 4e-3, 41)
     if kind == "mesh":
         y, z = np.meshgrid(across, along, indexing="ij")
@@ -53,14 +53,14 @@ def make_field(kind: str, interpolation: str) -> IndexField:
 
 
 def make_rays(count: int) -> RayBundle:
-    """Rays from ahead of the field into it, within 0.1 rad of the axis."""
+    """Return rays that start ahead of the field and enter it, within 0.1 rad of the axis."""
     rng = np.random.default_rng(5)
     position = np.c_[rng.uniform(-0.8e-3, 0.8e-3, (count, 2)), np.full(count, -1e-3)]
     return RayBundle(position, np.c_[rng.normal(0.0, 0.05, (count, 2)), np.ones(count)])
 
 
 def measure(field: IndexField, rays: RayBundle, devices: dict[str, str], repeats: int, **arguments) -> list[str]:
-    """Rays per second of both backends, and the median ratio with its standard error."""
+    """Return rays per second of both backends, and the median ratio with its standard error."""
     seconds: dict[str, list[float]] = {name: [] for name in devices}
     for trial in range(repeats + 1):
         for name, device in devices.items():

@@ -1,10 +1,10 @@
-"""A trace end to end on Warp's device: rays and results there, or on the host, beside the kernel and a plain copy.
+"""Time a trace on Warp's device with rays and results there or on the host, beside the kernel and a plain copy.
 
-Every row is the cone scene of `aerokernels bench bundles`. "Kernel" is the stage of the clock. Rays on the host are
-NumPy arrays; every result asked for is read as one. "Plain copy" brings the same bytes there and back through memory
-that was pinned before, both ways one after the other and nothing else; parallel rays bring their direction once, so
-there are two of it. Shares are of medians of the same run: device
-arrays over the kernel's rate (asked: half), host arrays over the plain copy's (asked: 60 %).
+Every row is the cone scene of `aerokernels bench bundles`. "Kernel" is the clock's stage. Rays on the host are NumPy
+arrays, and every requested result is read as one. "Plain copy" copies the same bytes to the device and back through
+pinned memory, one after the other, and nothing else. Parallel rays upload their direction once, so there are two plain
+copies. The shares are ratios of medians of the same run: device arrays relative to the kernel's rate (goal: half), host
+arrays relative to the plain copy's (goal: 60 %).
 """
 
 import argparse
@@ -30,19 +30,19 @@ FEW = ("direction", "opd")
 
 
 def median(work: Callable[[], Any], repeats: int) -> tuple[float, float]:
-    """Median seconds of a call, and of its stage "kernel", after one that is not counted."""
+    """Return the median seconds of a call and of its stage "kernel", after a call that is not counted."""
     walls, kernels = [], []
     for _ in range(repeats + 1):
         begin = time.perf_counter()
         result = work()
         walls.append(time.perf_counter() - begin)
         kernels.append(result.seconds["kernel"] if result is not None else np.nan)
-        del result  # its memory is there for the next one
+        del result  # frees its memory for the next one
     return float(np.median(walls[1:])), float(np.median(kernels[1:]))
 
 
 def plain_copy(device: str, up: int, down: int, repeats: int) -> float:
-    """Seconds of bringing so many bytes to the device, and of others back, through pinned memory."""
+    """Return the seconds for copying so many bytes to the device, and others back, through pinned memory."""
     pinned = wp.get_device(device).is_cuda
     host = [wp.empty(size, dtype=wp.uint8, device="cpu", pinned=pinned) for size in (up, down)]
     there = [wp.empty(size, dtype=wp.uint8, device=device) for size in (up, down)]
@@ -56,24 +56,24 @@ def plain_copy(device: str, up: int, down: int, repeats: int) -> float:
 
 
 def on(device: str, rays: RayBundle) -> RayBundle:
-    """The same rays on a device."""
+    """Return the same rays on a device."""
     position, direction = (wp.array(np.array(each), dtype=wp.vec3d, device=device) for each in
                            (rays.position, rays.direction))  # fmt: skip
     return RayBundle(position, direction)
 
 
 def made(count: int, seed: int, device: str) -> RayBundle:
-    """Slanted rays through a disc, made on the device."""
+    """Return slanted rays through a disc, made on the device."""
     pupil = Disc(APERTURE, -CONE_HALF[2] * SLOPE / SLOPE[2], SLOPE)
     return RayBundle.collimated(pupil, count, direction=SLOPE, seed=seed, device=device)
 
 
 def rows(kind: str, count: int, repeats: int, device: str) -> list[list[str]]:
-    """The table's rows of one bundle."""
+    """Return the table's rows of one bundle."""
     scene = bundle_scene(kind)
     field, host = scene.make_field(), scene.make_rays(count, 1)
     there = on(device, host)
-    others = cycle([on(device, scene.make_rays(count, seed)) for seed in (2, 3)])  # a field keeps the last one only
+    others = cycle([on(device, scene.make_rays(count, seed)) for seed in (2, 3)])  # a field caches only the last bundle
     choices = {"until": scene.until, "backend": "warp", "device": device}
     seeds = count_from(1)
     found = []
@@ -101,19 +101,19 @@ def rows(kind: str, count: int, repeats: int, device: str) -> list[list[str]]:
 
 
 def _moved(rays: RayBundle) -> int:
-    """Bytes of rays that come to the device: a direction that all of them share is one."""
+    """Number of bytes of rays that are uploaded: a direction shared by all rays counts once."""
     return sum(each.nbytes if each.strides[0] else each[:1].nbytes for each in (rays.position, rays.direction))
 
 
 def read(call: Callable[[RayBundle], Any], rays: RayBundle, outputs: tuple[str, ...]) -> Any:
-    """Trace, and read all results on the host; seconds["bytes"] is how many."""
+    """Trace, and read all results on the host; seconds["bytes"] is their size."""
     result = call(rays)
     result.seconds["bytes"] = sum(getattr(result, name).nbytes for name in (*outputs, "traced_status"))
     return result
 
 
 def profile(kind: str, count: int, repeats: int, device: str, file: str) -> None:
-    """Write where the time goes in Python: the same rays again, others, those of the host."""
+    """Write the time spent in Python: for the same rays again, for other rays, and for rays of the host."""
     scene = bundle_scene(kind)
     field, host = scene.make_field(), scene.make_rays(count, 1)
     there, others = on(device, host), cycle([on(device, scene.make_rays(count, seed)) for seed in (2, 3)])

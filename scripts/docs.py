@@ -1,6 +1,6 @@
-"""Build the documents: docstring examples, pages against the program, tutorials executed, no warning, no dead link.
+"""Build the documents: run docstring examples, check pages against the program, execute tutorials, follow links.
 
-Exit status 0 when all of it is right; else 1, with what is wrong.
+Exit status 0 if there is no fault, warning or dead link; else 1, with the faults.
 """
 
 import argparse
@@ -25,7 +25,7 @@ APART = ("aerokernels.__main__", "aerokernels.benchmark.peers")
 
 
 def main() -> None:
-    """Do what the command line asks for."""
+    """Build the documents, or do what the options request."""
     parser = argparse.ArgumentParser(prog="scripts/docs", description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "docs", help="folder of the site")
     parser.add_argument("--no-execute", action="store_true", help="run no tutorial: a quick look at the pages")
@@ -36,7 +36,7 @@ def main() -> None:
     if options.remake:
         remake(options.remake)
         return
-    # Commands of the tutorials are those of this environment and of this checkout.
+    # The tutorials' commands must run in this environment and this checkout.
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
     os.environ["PYTHONPATH"] = f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}".rstrip(os.pathsep)
     faults = docstring_examples()
@@ -55,13 +55,13 @@ def main() -> None:
 
 
 def run(what: str, arguments: list[str]) -> list[str]:
-    """Run Python with these arguments; the fault, if it fails."""
+    """Run Python with these arguments; return the fault, if it fails."""
     done = subprocess.run([sys.executable, *arguments], cwd=ROOT)
     return [f"{what} failed" if done.returncode else ""][: bool(done.returncode)]
 
 
 def docstring_examples() -> list[str]:
-    """Run every `>>>` of the package; the faults."""
+    """Run every `>>>` of the package; return the faults."""
     import aerokernels
 
     faults, tried = [], 0
@@ -89,14 +89,14 @@ class _Page(HTMLParser):
         self.anchors: set[str] = set()
 
     def handle_starttag(self, tag: str, attrs: list) -> None:
-        """Keep what points somewhere, and what can be pointed at."""
+        """Store links and anchors."""
         given = dict(attrs)
         self.anchors |= {given[name] for name in ("id", "name") if given.get(name)}
         self.links += [given[name] for name in ("href", "src") if given.get(name)]
 
 
 def dead_links(site: Path) -> list[str]:
-    """Local links of a site that lead to no file or to no anchor."""
+    """Return the local links of a site that lead to no file or to no anchor."""
     pages = {}
     for path in site.rglob("*.html"):
         pages[path.resolve()] = _Page()
@@ -117,7 +117,7 @@ def dead_links(site: Path) -> list[str]:
 
 
 def remake(name: str) -> None:
-    """Run the command of a record of docs/validation/made.toml, and write commit and date down."""
+    """Run the command of a record in docs/validation/made.toml, and write its commit and date."""
     from validation_pages import RECORDS, records
 
     found = records()
@@ -133,7 +133,7 @@ def remake(name: str) -> None:
 
 
 def noted(text: str, name: str, commit: str, date: str) -> str:
-    """The records with another commit and date for one of them."""
+    """Return the records with another commit and date for one of them."""
     start = text.index(f"[{name}]")
     end = text.find("\n[", start)
     record = text[start : end if end >= 0 else None]

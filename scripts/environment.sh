@@ -1,9 +1,9 @@
-# Sourced by scripts/run and scripts/test: makes .venv and installs the checkout into it, unless that was done already.
+# Sourced by scripts/run, scripts/test and scripts/in_environment: makes .venv and installs the checkout into it, once.
 #
-#   prepare_environment EXTRAS      EXTRAS: "" or "[dev]"; sets $python
+#   prepare_environment EXTRAS      EXTRAS: "" or those of pyproject.toml, such as "[dev]"; sets $python
 #
-# Nothing is installed twice: a stamp in .venv holds a hash of pyproject.toml, the interpreter and the checkout's place.
-# The stamp of the tests' environment serves the main job as well, not the other way round.
+# Nothing is installed twice: a stamp in .venv holds a hash of pyproject.toml, the interpreter and the checkout's path.
+# An environment with "[dev]" also serves "" and "[opencl]".
 # AEROKERNELS_PYTHON names the interpreter to make .venv with.
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -39,7 +39,7 @@ prepare_environment() {
         if [ -f "$stamp$extras" ] && [ "$(cat "$stamp$extras")" = "$key" ]; then return; fi
         if { [ -z "$extras" ] || [ "$extras" = "[opencl]" ]; } && [ -f "$stamp[dev]" ] && [ "$(cat "$stamp[dev]")" = "$key" ]; then return; fi
     fi
-    # A .venv that was broken off half-way has no pip yet; making it again completes it.
+    # An incomplete .venv has no pip yet; making it again completes it.
     if ! { [ -x "$python" ] && "$python" -m pip --version </dev/null >/dev/null 2>&1; }; then
         base=$(find_python)
         say "making $root/.venv"
@@ -49,7 +49,7 @@ prepare_environment() {
         fi
     fi
     say "installing aerokernels$extras into $root/.venv (once; a few minutes on a slow line)"
-    # Python compiles a module when it is first imported: to compile all of them here would double the time.
+    # Python compiles a module when it is first imported; compiling all modules here would double the time.
     if ! "$python" -m pip install --quiet --no-compile --disable-pip-version-check --no-input --editable "$root$extras" </dev/null >&2; then
         say "error: pip could not install $root$extras; its messages are above"
         return 1
@@ -58,8 +58,8 @@ prepare_environment() {
     printf '%s\n' "$key" > "$stamp$extras"
 }
 
-# Where Python keeps no bytecode, each process compiles all that it imports, a second or two of it. It is kept beside the
-# environment then, so that the checkout stays as it is.
+# Without stored bytecode each process takes a second or two to compile its imports. If Python is not to write bytecode
+# into the checkout, it is stored in .venv instead.
 keep_bytecode() {
     if [ -n "${PYTHONDONTWRITEBYTECODE:-}" ]; then
         unset PYTHONDONTWRITEBYTECODE

@@ -1,4 +1,4 @@
-"""The source paper's Figure 1 on a medium whose rays are known exactly; see aerokernels/validation/paper/figure1.py."""
+"""Make the source paper's Figure 1, on a medium with exactly known rays; see aerokernels/validation/paper."""
 
 import argparse
 from pathlib import Path

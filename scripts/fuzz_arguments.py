@@ -1,8 +1,8 @@
-"""Every public call with each argument replaced by foreign bodies: counts what answered, was refused, or failed.
+"""Replace each argument of every public call by foreign objects: count what is answered, refused, or fails.
 
     scripts/fuzz_arguments [SECONDS] [SEED]
 
-Without SECONDS each case is tried once; with it, cases are drawn at random until the time is over.
+Without SECONDS each case is tried once; with SECONDS, cases are chosen at random until the time is over.
 """
 
 import sys
@@ -12,7 +12,7 @@ from aerokernels.validation import argument_draws
 
 
 def main() -> int:
-    """Draw, count, and print as it goes; the number of kinds of fault is the exit status, at most 1."""
+    """Run cases and print results; return 1 if there is any fault."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else None
     seed = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     end = None if seconds is None else time.monotonic() + seconds

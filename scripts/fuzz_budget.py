@@ -1,6 +1,6 @@
-"""Does the reported error cover the error made? Random scenes that mix what tracers get wrong.
+"""Check that the reported error covers the true error, in random scenes that combine what tracers get wrong.
 
-What is drawn stands in aerokernels/validation/scene_draws.py, what must hold in scene_check.py beside it.
+scene_draws.py in aerokernels/validation makes the scenes, and scene_check.py beside it the checks.
 """
 
 import argparse
@@ -13,7 +13,7 @@ from aerokernels.validation.scene_draws import draw
 
 
 def main() -> None:
-    """Read the command line, print a row for each scene that is not covered, then the counts."""
+    """Print a row for each scene whose error is not covered, then the counts."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--count", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0)

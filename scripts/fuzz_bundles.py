@@ -1,6 +1,6 @@
-"""Random bundles through random fields against the reference: what fails, by kind, and the worst with their seeds.
+"""Compare random bundles through random fields with the reference: failures by kind, and the worst with their seeds.
 
-The cases and what is held are those of aerokernels/validation/bundle_draws.py. A case is repeated by `--only SEED`.
+The cases and checks are those of aerokernels/validation/bundle_draws.py. `--only SEED` repeats a case.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from aerokernels.validation.bundle_draws import draw
 
 
 def parse(arguments=None) -> argparse.Namespace:
-    """The command line."""
+    """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=10_000, help="bundles to draw")
     parser.add_argument("--seed", type=int, default=0, help="the first one's seed; the others follow")
@@ -34,7 +34,7 @@ def parse(arguments=None) -> argparse.Namespace:
 
 
 class Outcome(NamedTuple):
-    """What came of a bundle: how it was traced, rays compared, what is wrong with them; or why it was not traced."""
+    """Result of a bundle: how it was traced, rays compared, and what is wrong with them; or why it was not traced."""
 
     seed: int
     case: str
@@ -46,20 +46,20 @@ class Outcome(NamedTuple):
 
 
 def outcome(seed: int, asked: argparse.Namespace) -> Outcome:
-    """Draw, trace and check one bundle."""
+    """Make, trace and check one bundle."""
     fixed = dict(entry.split("=", 1) for entry in asked.fix)
     case = draw(seed, **fixed)
     if case.kind["bundle"] == "spanwise" and "count" not in fixed:
-        case = draw(seed, count="300", **fixed)  # a thousand boxes along x: each ray costs as much as a bundle
+        case = draw(seed, count="300", **fixed)  # a thousand boxes along x: one ray takes as long as a bundle
     try:
         findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)
-    except Exception:  # a case that cannot be traced is a finding too, but for bundles that miss the box
+    except Exception:  # a case that cannot be traced is a finding too, unless the bundle misses the box
         return Outcome(seed, str(case), case.kind["geometry"], "", 0, [], traceback.format_exc().splitlines()[-1])
     return Outcome(seed, str(case), case.kind["geometry"], how, compared, findings)
 
 
 def work(seeds: range, asked: argparse.Namespace, sent) -> None:
-    """Check bundle after bundle in a process of its own, which may be ended inside a kernel."""
+    """Check bundle after bundle in a separate process, which may be ended inside a kernel."""
     warnings.simplefilter("ignore")
     for seed in seeds:
         sent.send(seed)
@@ -67,7 +67,7 @@ def work(seeds: range, asked: argparse.Namespace, sent) -> None:
 
 
 class Worker:
-    """A process and the seeds it has still to check; one that is stuck on a seed is ended and goes on behind it."""
+    """A process and its remaining seeds; if it is stuck on a seed, it is ended and restarted with the next one."""
 
     def __init__(self, seeds: range, asked: argparse.Namespace):
         """Start on `seeds`."""
@@ -75,7 +75,7 @@ class Worker:
         self.start(seeds)
 
     def start(self, seeds: range) -> None:
-        """Begin with the first of `seeds`."""
+        """Start with the first of `seeds`."""
         self.seeds, self.seed = seeds, None
         self.heard = time.monotonic()
         self.answers, sent = multiprocessing.get_context("spawn").Pipe(duplex=False)
@@ -86,7 +86,7 @@ class Worker:
         sent.close()
 
     def read(self) -> Outcome | int | None:
-        """An outcome, the seed that is given up, or None for neither; EOFError at the end."""
+        """Return an outcome, a seed that was given up, or None; raise EOFError at the end."""
         told = self.answers.recv() if self.answers.poll() else None
         if told is not None:
             self.heard = time.monotonic()
@@ -95,7 +95,7 @@ class Worker:
         died = not self.process.is_alive()
         if died and self.seed is None:
             raise EOFError
-        # A process's first answer takes the import of everything.
+        # A process's first answer includes the time of all imports.
         if died or time.monotonic() - self.heard > self.asked.patience + (30.0 if self.seed is None else 0.0):
             given_up = self.seeds[0] if self.seed is None else self.seed
             self.stop()
@@ -104,13 +104,13 @@ class Worker:
         return None
 
     def stop(self) -> None:
-        """End the process, wherever it is."""
+        """End the process."""
         self.process.kill()
         self.process.join()
 
 
 def outcomes(asked: argparse.Namespace) -> Iterator[Outcome | int]:
-    """What comes of the bundles, and the seeds that are given up, as they come."""
+    """Yield the bundles' outcomes, and the seeds that are given up, as they arrive."""
     share = -(-asked.count // asked.processes)
     stop = asked.seed + asked.count
     starts = range(asked.seed, stop, share)
@@ -133,7 +133,7 @@ def outcomes(asked: argparse.Namespace) -> Iterator[Outcome | int]:
 
 
 def main() -> int:
-    """Draw, check, tell."""
+    """Run the bundles and print what fails."""
     asked = parse()
     if asked.only is not None:
         return one(asked)
@@ -159,7 +159,7 @@ def main() -> int:
             greatest = max(group, key=lambda f: f.size)
             worst.append((greatest.size, told.how, len(group), told.compared, greatest, told.case))
             print(line(worst[-1]), file=sys.stderr, flush=True)
-        if sum(drawn.values()) % 20 == 0:  # one that is cut off has still counted
+        if sum(drawn.values()) % 20 == 0:  # so that an interrupted run has printed its counts
             found = ", ".join(f"{w} {n}" for w, n in wrong_rays.most_common()) or "none"
             seconds = time.perf_counter() - start
             print(
@@ -189,13 +189,13 @@ def main() -> int:
 
 
 def line(entry) -> str:
-    """One failure of a case in words."""
+    """Describe one failure of a case."""
     size, how, n, compared, finding, case = entry
     return f"{finding.what} {size:.2g} x, {n}/{compared} rays, {how}; {case}; ray {finding.ray}: {finding.text}"
 
 
 def one(asked: argparse.Namespace) -> int:
-    """One case in full."""
+    """Run one case and print all its findings."""
     fixed = dict(entry.split("=", 1) for entry in asked.fix)
     case = draw(asked.only, **fixed)
     print(case, case.settings, f"box {case.field.box}, spacing {case.field.spacing}", sep="\n")

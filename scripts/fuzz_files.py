@@ -1,8 +1,8 @@
-"""Thousands of damaged flow files of every format: each is read as a gas, or refused with one line.
+"""Read thousands of damaged flow files of every format: each must be read as a gas, or refused with one line.
 
-The sound files are those of tests/flow/reading; what is done to them stands in aerokernels/validation/damaged_files.py
-and damaged_structure.py. They are read in processes of their own, which may be ended by a signal or hang, and what
-stands on libraries in processes forked from those. Every other outcome is printed with its seed; exit status 1 then.
+The sound files are those of tests/flow/reading; damaged_files.py and damaged_structure.py in aerokernels/validation
+damage them. They are read in separate processes, which may be ended by a signal or hang; readers that depend on
+libraries run in forks of those processes. Every other outcome is printed with its seed, and the exit status is then 1.
 """
 
 import argparse
@@ -25,7 +25,7 @@ from aerokernels.validation.forked_readers import fork_readers
 
 
 def main() -> int:
-    """Read the command line, write the sound files, and share the copies over processes."""
+    """Write the sound files, and read the damaged copies in several processes."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     every = (*fuzzing.KINDS, *fuzzing.CHILD_KINDS)
     parser.add_argument("kinds", nargs="*", help=f"of {', '.join(every)}; all of them")
@@ -35,14 +35,14 @@ def main() -> int:
     parser.add_argument("--processes", type=int, default=1)
     given = parser.parse_args()
     warnings.simplefilter("ignore")
-    fast = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # a disk would be most of the time
+    fast = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # a disk would take most of the time
     with tempfile.TemporaryDirectory(prefix="fuzz-files-", dir=fast) as scratch:
         paths = {}
         for kind in given.kinds or every:
             (folder := Path(scratch) / "sound" / kind).mkdir(parents=True)
             try:
                 paths[kind] = fuzzing.plain(folder, kind)
-                read_here(format_of(paths[kind], {}).module, paths[kind], None, {})  # forked readers have its libraries
+                read_here(format_of(paths[kind], {}).module, paths[kind], None, {})  # loads its libraries
             except ModuleNotFoundError as missing:
                 print(f"{kind}: left out, {missing}", flush=True)
                 paths.pop(kind, None)

@@ -1,8 +1,8 @@
-"""Drawn inputs of every parser: what was taken, what was refused in words, and every fault with its seed.
+"""Feed random input to every parser: count what is read and what is refused in words, print faults with their seeds.
 
-The draws are those of aerokernels/validation/parser_draws.py. They run in processes of their own, which may be ended by
-a signal, hang or ask for more than 4 GB: that is a fault of its seed, and another process goes on after it. Exit status
-1 where there is a fault. Needs `fork`.
+The inputs are those of aerokernels/validation/parser_draws.py. They run in separate processes. A process that is ended
+by a signal, hangs or requests more than 4 GB is a fault of its seed, and another process goes on after it. Exit status
+1 if there is a fault. Needs `fork`.
 """
 
 import argparse
@@ -17,16 +17,16 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-from aerokernels import netcdf_reading  # noqa: F401  # so that readers that are forked have it
+from aerokernels.files import netcdf_reading  # noqa: F401  # so that forked readers have it
 from aerokernels.validation.draws_in_processes import Report, share
 from aerokernels.validation.forked_readers import addresses, fork_readers
 from aerokernels.validation.parser_draws import DRAWS
 
-MEMORY, LONGEST = 4_000_000_000, 5.0  # [bytes] of a process' addresses beside its parent's, [s] of computing a draw
+MEMORY, LONGEST = 4_000_000_000, 5.0  # [bytes] of a process's addresses beyond its parent's, [s] of computing per input
 
 
 class TooLong(BaseException):
-    """A draw computes for longer than it may; no reader takes it for what a file has done."""
+    """An input takes too long; not an Exception, so that no reader catches it as a fault of a file."""
 
 
 def _too_long(number: int, frame: FrameType | None) -> NoReturn:
@@ -34,7 +34,7 @@ def _too_long(number: int, frame: FrameType | None) -> NoReturn:
 
 
 def work(kind: str, seeds: range, folder: Path, report: Report) -> None:
-    """Draw one after the other, and say what came of it."""
+    """Parse one input after the other, and report the outcomes."""
     draw = DRAWS[kind]
     hard = resource.getrlimit(resource.RLIMIT_AS)[1]
     resource.setrlimit(resource.RLIMIT_AS, (int(addresses()) + MEMORY, hard))

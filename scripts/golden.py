@@ -1,7 +1,10 @@
-"""What the package computes on a fixed list of small cases, recorded bit for bit, and two such records compared.
+"""Record what the package computes on a fixed list of small cases, bit for bit, or compare two such records.
+
+    scripts/golden record FILE.npz [--only TEXT]      every case's arrays
+    scripts/golden compare BEFORE.npz AFTER.npz       rows equal, rows that differ and by how much; exit status 1 if any
 
 A change of structure must leave every row equal. The cases call public names only, so that a record made by an older
-commit (in a worktree of its own, with PYTHONPATH set to it) stands beside one made by a newer one.
+commit (in its own worktree, with PYTHONPATH set to it) can be compared with one made by a newer commit.
 """
 
 import argparse
@@ -38,13 +41,13 @@ Case = tuple[str, Callable[[], dict[str, np.ndarray]]]
 
 
 def noise(shape: tuple[int, ...], amplitude: float = 3e-4, width: float = 3.0) -> np.ndarray:
-    """Random samples, smooth over `width` cells."""
+    """Return random samples, smooth over `width` cells."""
     array = gaussian_filter(np.random.default_rng(3).standard_normal(shape), width, mode="nearest")
     return amplitude * array / np.abs(array).max()
 
 
 def grid_field(geometry: str, interpolation: str = "cubic", fade: bool = False) -> IndexField:
-    """A uniform grid of random smooth air; `fade` lets it die away toward every face."""
+    """Return a uniform grid of random smooth air; with `fade` it vanishes toward every face."""
     shape, origin = GRIDS[geometry]
     samples = noise(shape)
     if fade:
@@ -60,7 +63,7 @@ def grid_field(geometry: str, interpolation: str = "cubic", fade: bool = False) 
 
 
 def mesh_field(geometry: str, interpolation: str) -> IndexField:
-    """A wavy structured mesh."""
+    """Return a field on a wavy structured mesh."""
     low = -9e-4 if geometry == "planar" else 0.0
     y, z = np.meshgrid(np.linspace(low, 9e-4, 19), np.linspace(0.0, 3e-3, 31), indexing="ij")
     wave = 4e-5 * np.sin(z / 3e-4) * np.sin(np.pi * (y - low) / (9e-4 - low))
@@ -69,7 +72,7 @@ def mesh_field(geometry: str, interpolation: str) -> IndexField:
 
 
 def rays(count: int, slope: float = 0.05, along_z: bool = False) -> RayBundle:
-    """Rays from ahead of the box into it."""
+    """Return rays that start ahead of the box and enter it."""
     rng = np.random.default_rng(5)
     position = np.c_[rng.uniform(-6e-4, 6e-4, (count, 2)), np.full(count, -1e-3)]
     tilt = np.zeros((count, 2)) if along_z else rng.normal(0.0, slope, (count, 2))
@@ -77,13 +80,13 @@ def rays(count: int, slope: float = 0.05, along_z: bool = False) -> RayBundle:
 
 
 def traced(field: IndexField, bundle: RayBundle, **options) -> dict[str, np.ndarray]:
-    """Every array of a trace."""
+    """Return every array of a trace."""
     result = ak.trace(field, bundle, **options)
     return {"status": result.status, **{name: getattr(result, name) for name in TRACED}}
 
 
 def method_cases() -> Iterator[Case]:
-    """Each geometry, interpolation and method; stop, precision and engine take turns."""
+    """Yield each geometry, interpolation and method; stop, precision and engine alternate."""
     fields = [(g, i, lambda g=g, i=i: grid_field(g, i)) for g, i in product(GRIDS, ("cubic", "linear", "monotone"))]
     meshes = product(("planar", "axisymmetric"), ("bilinear", "idw"))
     fields += [(g, i, lambda g=g, i=i: mesh_field(g, i)) for g, i in meshes]
@@ -111,7 +114,7 @@ def method_cases() -> Iterator[Case]:
 
 
 def bundle_cases() -> Iterator[Case]:
-    """Bundles that "auto" traces by other means than one ray at a time."""
+    """Yield bundles that "auto" does not trace ray by ray."""
     for geometry, stop, precision, engine, fade in product(GRIDS, ("out", "plane"), PRECISIONS, ENGINES, (False, True)):
 
         def work(geometry=geometry, stop=stop, precision=precision, engine=engine, fade=fade):
@@ -130,7 +133,7 @@ def bundle_cases() -> Iterator[Case]:
 
 
 def pupil_cases() -> Iterator[Case]:
-    """Strehl ratios: symmetric and not, on and off the axis."""
+    """Yield Strehl ratios: symmetric and not, on and off the axis."""
     for geometry, place, engine, precision in product(GRIDS, ("on", "off"), ENGINES, PRECISIONS):
 
         def work(geometry=geometry, place=place, engine=engine, precision=precision):
@@ -151,7 +154,7 @@ def pupil_cases() -> Iterator[Case]:
 
 
 def scene_cases() -> Iterator[Case]:
-    """The echo of two shipped scenes."""
+    """Yield the echo of two shipped scenes."""
     for name, engine in product(("wind-tunnel-mach3", "sea-level-mach2"), ENGINES):
 
         def work(name=name, engine=engine):
@@ -163,7 +166,7 @@ def scene_cases() -> Iterator[Case]:
 
 
 def all_cases() -> Iterator[Case]:
-    """Every case, by name."""
+    """Yield every case, by name."""
     yield from method_cases()
     yield from bundle_cases()
     yield from pupil_cases()
@@ -171,7 +174,7 @@ def all_cases() -> Iterator[Case]:
 
 
 def record(path: Path, only: str) -> None:
-    """Compute the cases whose names hold `only` and write their arrays."""
+    """Compute the cases whose names contain `only` and write their arrays."""
     arrays: dict[str, np.ndarray] = {}
     start = time.perf_counter()
     names = []
@@ -191,7 +194,7 @@ def record(path: Path, only: str) -> None:
 
 
 def compare(before: Path, after: Path) -> int:
-    """Print the rows that differ; the number of them."""
+    """Print the rows that differ; return their number."""
     with np.load(before) as one, np.load(after) as other:
         cases = sorted({key.split("|")[0] for key in (*one.files, *other.files)})
         differing = 0
@@ -223,7 +226,7 @@ def _difference(name: str, one: np.ndarray, other: np.ndarray) -> str:
 
 
 def main() -> None:
-    """Read the command line."""
+    """Record or compare, as the command line says."""
     parser = argparse.ArgumentParser(description=__doc__)
     actions = parser.add_subparsers(dest="action", required=True)
     recording = actions.add_parser("record")

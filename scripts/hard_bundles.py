@@ -1,6 +1,6 @@
-"""Bundles through fields that hide something between traced lines: rays worse than the tolerance that nothing tells of.
+"""Trace bundles through fields with features between traced lines: count rays with unreported errors above tolerance.
 
-The fields and what is held are those of aerokernels/validation/hard_bundles.py. Exit status 1 where a ray is wrong.
+The fields and checks are those of aerokernels/validation/hard_bundles.py. Exit status 1 if a ray is wrong.
 """
 
 import argparse
@@ -10,7 +10,7 @@ from aerokernels.validation.hard_bundles import SIDE, check
 
 
 def main() -> int:
-    """Check the seeds one by one, tell each that is wrong, and the sum."""
+    """Check the seeds one by one, print each wrong one, and the totals."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=200, help="fields")
     parser.add_argument("--seed", type=int, default=0, help="the first one's seed; the others follow")

@@ -1,6 +1,6 @@
-"""Recording put to the test: each part is run, held against what must come out, and reported in one table.
+"""Stress-test recording: run each part, compare the outcome with what must come out, and report all in one table.
 
-Exit status 0 when every part came out as it must. Numbers are those of this machine; docs/hardware.md shows some.
+Exit status 0 if every part succeeds. The numbers are those of this machine; docs/hardware.md shows some.
 """
 
 import argparse
@@ -15,7 +15,7 @@ from aerokernels.validation.recording.line import Outcome
 from aerokernels.validation.report import markdown_table
 
 PARTS: dict[str, tuple[Callable[[Path, float], Outcome], float, float]] = {
-    # name: what runs it, its size in full and in quick runs
+    # name: its function, its size in full and in quick runs
     "damage": (faults.damage, 100_000, 4_000),
     "fuzz": (faults.fuzz, 20_000, 300),
     "kills": (faults.kills, 20, 1),
@@ -26,7 +26,7 @@ PARTS: dict[str, tuple[Callable[[Path, float], Outcome], float, float]] = {
 
 
 def main() -> int:
-    """Run what the command line asks for."""
+    """Run the requested parts."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="small sizes: does it run at all?")
     parser.add_argument("--only", nargs="+", choices=tuple(PARTS), default=tuple(PARTS), help="parts to run")

@@ -1,14 +1,14 @@
-"""Compares the device functions that Warp's kernels and their OpenCL twins share: names, arguments, order and types.
+"""Compare the device functions that Warp's kernels and their OpenCL twins share: names, arguments, order and types.
 
-Kernels' own arguments come from one table (kernel_table.py in aerokernels/tracing/engines); what is checked of them is
-that each kernel is there on both sides and takes them from the table. Functions differ in these ways only:
+The kernels' own arguments come from one table (kernel_table.py in aerokernels/tracing/engines); for kernels the script
+only checks that each exists on both sides and takes its arguments from the table. Functions may differ only as follows:
 
-- arrays of structs are gathered in struct Arrays in OpenCL, which stands for the field where no more is needed;
-- OpenCL is told what bounds a launch;
-- what OpenCL gives back by pointers, Warp returns after the value, or has as an argument of the same name, too;
-- functions of a packet of rays (lanes.h) take a number for each ray where Warp takes vectors of one.
+- OpenCL collects arrays of structs in struct Arrays, which replaces the field if nothing else is needed;
+- OpenCL functions have additional arguments for the bounds of a launch;
+- values that OpenCL returns by pointers are returned after the value by Warp, or are arguments of the same name, too;
+- functions of a packet of rays (lanes.h) have a number per ray where Warp has vectors of one ray.
 
-Prints what differs; exit status 1 where something does. Reads the OpenCL sources as text: no OpenCL is needed.
+Prints the differences; exit status 1 if there are any. Reads the OpenCL sources as text, so OpenCL is not needed.
 """
 
 import argparse
@@ -31,7 +31,7 @@ from aerokernels.tracing.engines.warp.types import types
 
 FOLDER = Path(__file__).resolve().parents[1] / "kernels"
 GRIDS = ("volume", "planar", "axisymmetric")
-# Types of numbers for each ray of a packet; those of its ends are Warp's where a packet is one ray.
+# Types with a number per ray of a packet; the types of a packet's ends correspond to Warp's for one ray.
 LANES = ("reals", "ints", "mask")
 OF_ONE_RAY = {"doubles": "double", "truths": "int", "Triples": "double3"}
 
@@ -39,14 +39,14 @@ Arguments = list[tuple[str, str]]
 
 
 class Declared(NamedTuple):
-    """A device function of OpenCL: the type it returns, and its arguments with their types, pointers with a star."""
+    """A device function of OpenCL: its return type, and its arguments with their types, pointers with a star."""
 
     result: str
     arguments: Arguments
 
     @property
     def given(self) -> Arguments:
-        """What its twin has as arguments: without pointers, arrays in their struct."""
+        """Arguments of its twin: without pointers, and with arrays in their struct."""
         arguments = self.arguments
         if not {"const Field*", "const Control*"} & {kind for _, kind in arguments}:
             arguments = [("field", "Field") if "Arrays" in kind else (word, kind) for word, kind in arguments]
@@ -58,12 +58,12 @@ class Declared(NamedTuple):
 
     @property
     def back(self) -> Arguments:
-        """What it gives back by pointers."""
+        """Values that it returns by pointers."""
         return [(word, kind[:-1]) for word, kind in self.arguments if kind.endswith("*") and "const" not in kind]
 
 
 def warp_kernels() -> list[wp.Kernel]:
-    """Every Warp kernel, the tracers for all geometries and stops."""
+    """Return every Warp kernel, the tracers for all geometries and stops."""
     kernels = [
         kernel for module in (pupil, grid_tables) for kernel in vars(module).values() if isinstance(kernel, wp.Kernel)
     ]
@@ -78,7 +78,7 @@ def warp_kernels() -> list[wp.Kernel]:
 
 
 def warp_functions() -> dict[str, Arguments]:
-    """The arguments of every device function of the Warp kernels, by its name."""
+    """Return the arguments of every device function of the Warp kernels, by its name."""
     kinds = {kind: name for name, kind in types("float32").kinds.items()} | {int: "int", bool: "int", wp.bool: "int"}
     found: dict[str, Arguments] = {}
     for kernel in warp_kernels():
@@ -89,7 +89,7 @@ def warp_functions() -> dict[str, Arguments]:
 
 
 def reached(function: Any) -> Iterator[wp.Function]:
-    """The device functions that a function calls, and those that these call."""
+    """Yield the device functions that a function calls, directly or indirectly."""
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
     for name in function.__code__.co_names:
         cells.append(function.__globals__.get(name))
@@ -100,7 +100,7 @@ def reached(function: Any) -> Iterator[wp.Function]:
 
 
 def opencl_functions(folder: Path) -> dict[str, Declared]:
-    """Every device function of a folder's sources, by its name."""
+    """Return every device function of a folder's sources, by its name."""
     found = {}
     for path in sorted((*folder.glob("*.cl"), *folder.glob("include/*.h"))):
         pattern = r"^(?:APART )?(?:static )?(?:inline )?(\w+)\s+(\w+)\(([^)]*)\)\s*\{"
@@ -110,19 +110,19 @@ def opencl_functions(folder: Path) -> dict[str, Declared]:
 
 
 def plain(path: Path) -> str:
-    """A source without comments and lines for the preprocessor."""
+    """Return a source without comments and preprocessor lines."""
     text = re.sub(r"//[^\n]*|/\*.*?\*/", " ", path.read_text(encoding="utf-8"), flags=re.DOTALL)
     return re.sub(r"^[ \t]*#(?:[^\n]*\\\n)*[^\n]*$", "", text, flags=re.MULTILINE)
 
 
 def declared(declaration: str) -> tuple[str, str]:
-    """Name and type of an argument such as "const Field *field"."""
+    """Return name and type of an argument such as "const Field *field"."""
     words = [OF_ONE_RAY.get(word, word) for word in re.findall(r"\w+|\*", declaration.replace("__global", ""))]
     return words[-1], f"{' '.join(words[:-1])}".replace(" *", "*")
 
 
 def differences(folder: Path) -> list[str]:
-    """What differs between the twins, for people; empty where nothing does."""
+    """Return the differences between the twins as texts."""
     found = []
     heads = dict(re.findall(r"__kernel\s+void\s+(\w+)\s*\(([^)]*)\)", "".join(map(plain, sorted(folder.glob("*.cl"))))))
     ours = {kernel.func.__name__ for kernel in warp_kernels()}
@@ -140,7 +140,7 @@ def differences(folder: Path) -> list[str]:
 
 
 def compare(name: str, warp: Arguments, opencl: Declared) -> list[str]:
-    """What differs between the arguments of a function's twins."""
+    """Return the differences between the arguments of a function's twins."""
     names = [word for word, _ in warp]
     theirs = [argument for argument in opencl.given if argument not in opencl.back or argument[0] in names]
     if [word for word, _ in theirs] == names and all(
@@ -151,12 +151,12 @@ def compare(name: str, warp: Arguments, opencl: Declared) -> list[str]:
 
 
 def told(arguments: Arguments) -> str:
-    """As they are declared."""
+    """Return arguments as they are declared."""
     return ", ".join(f"{kind} {word}" for word, kind in arguments)
 
 
 def main() -> int:
-    """Compare and tell."""
+    """Compare, and print the differences."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kernels", type=Path, default=FOLDER, help="the OpenCL sources (default: %(default)s)")
     folder = parser.parse_args().kernels

@@ -1,6 +1,6 @@
-"""Prints the headers of the OpenCL kernels that are made from Python, as the compiler gets them.
+"""Print the headers of the OpenCL kernels that are made from Python, as the compiler gets them.
 
-scripts/kernel_headers [NAME ...]     types.h, constants.h ...; all of them where no name is given
+scripts/kernel_headers [NAME ...]     types.h, constants.h ...; without a name all of them
 """
 
 import argparse
@@ -9,7 +9,7 @@ from aerokernels.tracing.engines.opencl.headers import HEADERS
 
 
 def main() -> None:
-    """Print those that were asked for."""
+    """Print the requested headers."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(HEADERS)}")
     names = parser.parse_args().names

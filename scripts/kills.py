@@ -1,8 +1,8 @@
-"""Commands that are killed at random times, and commands that meet another one at the same place: nothing is mixed.
+"""Kill commands at random times, and run two at once in the same place: results must be whole and never mixed.
 
-Each command runs as a user's, in a process of its own. Before a kill there is an earlier result, and the killed one
-would write another: what lies there afterwards is the one or the other, whole. Of two at once, one goes through; the
-other waits, or ends with exit status 2 and one line. Exit status 1 where something else came out.
+Each command runs in its own process, as a user's would. Before a kill there is an earlier result, and the killed
+command would write another: afterwards one of the two must be there, whole. Of two commands at once, one succeeds; the
+other waits, or ends with exit status 2 and one line. Exit status 1 if anything else happens.
 """
 
 import argparse
@@ -39,7 +39,7 @@ AT_WORK, IN_USE = "another process is at work there", "in use by another process
 
 
 def command(kind: str, variant: int, out: str) -> list[str]:
-    """The arguments of a command; variants of one kind write different results."""
+    """Return the arguments of a command; variants of one kind write different results."""
     return {
         "run": ["run", "wind-tunnel-mach3", *SMALL, "--set", f"target.tilt={variant} deg", "--out", out],
         "schlieren": ["schlieren", "mach3", "--pixels", str(16 + 8 * variant), "--spacing", "1 mm",
@@ -55,13 +55,13 @@ def command(kind: str, variant: int, out: str) -> list[str]:
 
 
 def started(folder: Path, *arguments: str) -> subprocess.Popen:
-    """A command on its way."""
+    """Start a command."""
     return subprocess.Popen([sys.executable, "-m", "aerokernels", *arguments], cwd=folder, encoding="utf-8",
                             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)  # fmt: skip
 
 
 def prepare(folder: Path) -> None:
-    """What the commands read."""
+    """Write the commands' input files."""
     axis = np.linspace(-0.02, 0.02, 11)
     density = 0.5 + 0.01 * np.random.default_rng(0).random((4, 11, 11, 11))
     data = xarray.Dataset({"rho": (("time", "x", "y", "z"), density)},
@@ -78,20 +78,20 @@ def prepare(folder: Path) -> None:
 
 
 def lying(place: Path) -> dict[str, str]:
-    """The files of a result and what they hold; hidden ones are none of it."""
+    """Return a result's files with hashes of their contents, without hidden files."""
     if place.is_file():
         return {place.name: hashlib.sha256(place.read_bytes()).hexdigest()}
-    finish_moving(place)  # as whoever reads a folder does
+    finish_moving(place)  # as every reader of a folder does
     files = [path for path in sorted(place.rglob("*")) if path.is_file()]
     shown = [path for path in files if not any(part.startswith(".") for part in path.relative_to(place).parts)]
     return {str(path.relative_to(place)): hashlib.sha256(path.read_bytes()).hexdigest() for path in shown}
 
 
 def kills(kind: str, folder: Path, count: int, draw: random.Random) -> str:
-    """Kill a command so often at random times of its way; what came of it.
+    """Kill a command `count` times at random times, and describe the outcome.
 
     Raises:
-        AssertionError: Something half-written lies there.
+        AssertionError: A result is half-written.
     """
     place = folder / ("out.nc" if kind == "export" else "out")
     took = []
@@ -104,7 +104,7 @@ def kills(kind: str, folder: Path, count: int, draw: random.Random) -> str:
     for number in range(count):
         before = lying(place)
         process = started(folder, *command(kind, 1 + number % 2, "out"))
-        # Most of a command is starting Python; its end is where it writes.
+        # Most of a command's time is Python's start; it writes near its end.
         time.sleep(took[1] * draw.triangular(0.2, 1.3, 0.95))
         process.kill()
         process.communicate()
@@ -158,10 +158,10 @@ def pairs(kind: str, folder: Path, count: int, draw: random.Random) -> str:
 
 
 def recorders(folder: Path, count: int, draw: random.Random) -> str:
-    """Two recorders of two boards into one store, and two of one board.
+    """Run two recorders of two boards into one store, and two of one board.
 
     Raises:
-        AssertionError: An echo is missing or there twice, or the second on one port does not say why it ends.
+        AssertionError: An echo is missing or there twice, or the second recorder on one port does not say why it ends.
     """
     boards = [started(folder, "board", "--protocol", "frames", "--link", f"board{k}", "--rate", "400")
               for k in range(2)]  # fmt: skip
@@ -193,9 +193,9 @@ def recorders(folder: Path, count: int, draw: random.Random) -> str:
 
 
 def on_a_terminal(folder: Path, arguments: list[str], name: str, delay: float) -> tuple[int, str]:
-    """Run a command on a terminal of its own and stop it after a while: its status, and what it said.
+    """Run a command on its own terminal and stop it after a while; return its status, and its output.
 
-    SIGINT comes as the terminal's Ctrl-C, SIGHUP because the terminal closes.
+    SIGINT is sent as the terminal's Ctrl-C, SIGHUP by closing the terminal.
     """
     process, terminal = pty.fork()
     if not process:
@@ -212,7 +212,7 @@ def on_a_terminal(folder: Path, arguments: list[str], name: str, delay: float) -
             else:
                 os.kill(process, getattr(signal, name))
         if not (stopped and name == "SIGHUP") and select.select([terminal], [], [], 0.01)[0]:
-            with suppress(OSError):  # Linux says so when the last writer has left
+            with suppress(OSError):  # Linux raises it when the last writer has left
                 said += os.read(terminal, 65536)
         ended, found = os.waitpid(process, os.WNOHANG)
         status = os.waitstatus_to_exitcode(found) if ended else None
@@ -226,7 +226,7 @@ def on_a_terminal(folder: Path, arguments: list[str], name: str, delay: float) -
 
 
 def progress(kind: str, folder: Path) -> int:
-    """How much of a job is done and kept: cases, snapshots or echoes."""
+    """Return how much of a job is done and stored: cases, snapshots or echoes."""
     if kind == "record":
         if not (folder / "out.sqlite").exists():
             return 0
@@ -244,10 +244,10 @@ def progress(kind: str, folder: Path) -> int:
 
 
 def signals(kind: str, folder: Path, count: int, draw: random.Random) -> str:
-    """Stop a job by a signal at random times until it is done, and then begin anew; what came of it.
+    """Stop a job by a signal at random times until it is done, then start again; describe the outcome.
 
     Raises:
-        AssertionError: Another status than the signal's, a traceback, something half-written, something done is lost.
+        AssertionError: Another status than the signal's, a traceback, something half-written, or finished work is lost.
     """
     ways = {"SIGINT": 130, "SIGTERM": 143, "SIGHUP": 129, "SIGKILL": -9}
     more = {
@@ -273,7 +273,7 @@ def signals(kind: str, folder: Path, count: int, draw: random.Random) -> str:
         for number in range(count):
             name = list(ways)[number % 4]
             status, said = on_a_terminal(folder, arguments, name, took * draw.triangular(0.05, 1.1, 0.8))
-            early = status == -getattr(signal, name)  # while Python itself was still starting
+            early = status == -getattr(signal, name)  # while Python was still starting
             right = status == 0 or early or status == ways[name]
             told = sum(word in line for line in said.splitlines() for word in ("error:", "interrupted"))
             assert right and "Traceback" not in said and told <= 1, (
@@ -297,7 +297,7 @@ def signals(kind: str, folder: Path, count: int, draw: random.Random) -> str:
 
 
 def main() -> int:
-    """Run what the command line asks for."""
+    """Run the requested tests."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--kills", type=int, default=20, help="of schlieren, run and export each")
     parser.add_argument("--pairs", type=int, default=6, help="of each command")

@@ -1,9 +1,9 @@
-"""How long kernels take on a GPU without what a call adds: many launches in a row, and new seeds of a Strehl ratio.
+"""Time kernels on a GPU without the overhead of a call: many launches in a row, and new seeds of a Strehl ratio.
 
-A million rays of the bundles of `aerokernels bench bundles`, every ray traced: the kernel stage of a call, one launch
-that is waited for, and ten in a row, with results on the device; a launch of Dr.Jit's 32 steps beside them where it
-is installed. Then 2,304 rays of a disc in the cone scene, everything made ready: a new seed, and the kernels' part of
-it. Wall time [ms], medians.
+The first table is for a million rays of the bundles of `aerokernels bench bundles`, every ray traced: the kernel stage
+of a call, one launch with a wait, and ten launches in a row, with results on the device; beside them a launch of
+Dr.Jit's 32 steps, if it is installed. The second table is for 2,304 rays of a disc in the cone scene, prepared: a new
+seed, and the kernels' part of it. Wall times [ms], medians.
 """
 
 import argparse
@@ -28,7 +28,7 @@ IN_A_ROW, SEEDS = 10, 200
 
 
 def median(work: Callable[[], Any], repeats: int) -> float:
-    """Wall time of a call [ms]."""
+    """Return the median wall time of a call [ms]."""
     spent = []
     for _ in range(repeats):
         begin = time.perf_counter()
@@ -38,7 +38,7 @@ def median(work: Callable[[], Any], repeats: int) -> float:
 
 
 def launches(field: Any, rays: RayBundle, plan: TracePlan, until: Any, repeats: int) -> tuple[float, float]:
-    """One launch that is waited for, and one of IN_A_ROW [ms]."""
+    """Return the time of one launch with a wait, and the time per launch of IN_A_ROW launches [ms]."""
     engine = engine_of(plan.backend, plan.device)
     prepared = engine.prepare(field, plan, until, WAVELENGTH, frozenset(OUTPUTS), rays.direction)
     starts = [engine.put(np.asarray(rays.position)), engine.put(np.asarray(rays.direction))]
@@ -54,7 +54,7 @@ def launches(field: Any, rays: RayBundle, plan: TracePlan, until: Any, repeats: 
 
 
 def drjit_launch(rays: RayBundle, repeats: int) -> float:
-    """One launch of Dr.Jit's scheme of 32 steps that is waited for, by its own clock [ms]."""
+    """Return the time of one launch of Dr.Jit's scheme of 32 steps with a wait, by its own clock [ms]."""
     from aerokernels.benchmark.peers import drjit_schemes
 
     *_, scheme = drjit_schemes(cone_field(), rays, (32,))

@@ -1,8 +1,8 @@
-"""Ten thousand small snapshots through a store on disk: memory, speed, and a run that is killed again and again.
+"""Compute ten thousand small snapshots into a store on disk: memory, speed, and a run that is killed repeatedly.
 
-The snapshots are frames of a frozen random field, made when they are asked for. A process computes them and is killed
-without warning every few seconds; each new one goes on. What comes out is compared, byte by byte, with the store of a
-process that was left alone, and the memory of that one is read at every hundredth snapshot.
+The snapshots are frames of a frozen random field, made when they are needed. A process computes them and is killed
+without warning every few seconds; each new process continues. The result is compared, byte by byte, with the store of a
+process that was not killed, and that process's memory is read at every hundredth snapshot.
 """
 
 import argparse
@@ -27,29 +27,29 @@ from aerokernels.series import optical_series
 from aerokernels.validation.fourier_fields import Fourier
 
 SHAPE, SPACING, ORIGIN = (25, 25, 13), 4e-3, (-0.048, -0.048, 0.0)
-EVERY = 100  # snapshots between two looks at the memory
+EVERY = 100  # snapshots between two readings of the memory
 
 
 class Frames:
-    """The snapshots of a frozen field by their number, each made when it is asked for."""
+    """The snapshots of a frozen field by their number, each made when it is needed."""
 
     def __init__(self, count: int):
-        """`count` of them, 1 us apart."""
+        """Describe `count` frames, 1 us apart."""
         self.count, self.field = count, Fourier.random(11)
 
     def __len__(self) -> int:
-        """How many."""
+        """Return the number of frames."""
         return self.count
 
     def __getitem__(self, number: int) -> np.ndarray:
-        """One."""
+        """Return one frame."""
         if not 0 <= number < self.count:
             raise IndexError(number)
         return self.field.on_grid(ORIGIN, SPACING, SHAPE, 1e-6 * number, np.float32)
 
 
 def opened(count: int) -> Series:
-    """The series."""
+    """Return the series."""
     return open_series(
         Frames(count),
         time_step=1e-6,
@@ -61,7 +61,7 @@ def opened(count: int) -> Series:
 
 
 def resident() -> int:
-    """Memory that this process holds now [bytes]; the most it ever held where the system does not say."""
+    """Return this process's resident memory [bytes], or its peak if the system does not report the former."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     except OSError:
@@ -70,7 +70,7 @@ def resident() -> int:
 
 
 def compute(count: int, out: Path) -> dict[str, Any]:
-    """Compute the series into a store; memory at every hundredth snapshot, and seconds."""
+    """Compute the series into a store; return the memory at every hundredth snapshot, and seconds."""
     held: list[int] = []
     begin = time.perf_counter()
 
@@ -83,7 +83,7 @@ def compute(count: int, out: Path) -> dict[str, Any]:
 
 
 def digest(store: Path) -> str:
-    """One number for all the files of a store and their contents."""
+    """Return a hash of all files of a store and their contents."""
     found = hashlib.sha256()
     for path in sorted(one for one in store.rglob("*") if one.is_file()):
         found.update(str(path.relative_to(store)).encode() + b"\0" + path.read_bytes())
@@ -91,7 +91,7 @@ def digest(store: Path) -> str:
 
 
 def _begin(count: int, out: Path) -> subprocess.Popen:
-    """A process that computes the series into a store, by this program, and prints what `compute` found."""
+    """Start this program in a process that computes the series into a store and prints the result of `compute`."""
     program = [sys.executable, str(Path(__file__).resolve()), "--alone", "--count", str(count), "--out", str(out)]
     return subprocess.Popen(program, stdout=subprocess.PIPE, encoding="utf-8")
 
@@ -102,13 +102,13 @@ def _journal(out: Path) -> int:
 
 
 def measure(count: int, folder: Path, kills: int, seed: int = 0) -> dict[str, Any]:
-    """All of it.
+    """Run both processes, and compare their stores.
 
     Args:
-        count: Snapshots.
-        folder: Where both stores are made, anew.
+        count: Number of snapshots.
+        folder: Folder in which both stores are made anew.
         kills: How often the second process is killed.
-        seed: Of the moments at which it is.
+        seed: Seed of the moments at which it is killed.
     """
     draw = random.Random(seed)
     for name in ("whole.zarr", "broken.zarr"):
@@ -142,7 +142,7 @@ def measure(count: int, folder: Path, kills: int, seed: int = 0) -> dict[str, An
 
 
 def main() -> None:
-    """Measure, and say what came out."""
+    """Measure, and print the result."""
     parser = argparse.ArgumentParser(prog="scripts/long_series", description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=10_000, help="snapshots")
     parser.add_argument("--kills", type=int, default=5, metavar="COUNT", help="how often the second run is killed")

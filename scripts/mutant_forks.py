@@ -1,4 +1,4 @@
-"""Tests of mutants: each mutant lives in a forked process, and several of them at a time. Needs `fork`."""
+"""Run the tests of mutants, each mutant in a forked process, several at a time. Needs `fork`."""
 
 import ast
 import contextlib
@@ -18,13 +18,13 @@ from typing import NamedTuple
 
 from mutants import ROOT, Mutant
 
-BROKEN = 99  # status of a process in which no test could be run
-LATE = "late"  # it was ended because all the time was over: no answer
+BROKEN = 99  # status of a process that could run no test
+LATE = "late"  # ended because the total time was over: no answer
 OPTIONS = ("-q", "-p", "no:cacheprovider", "--hypothesis-seed=0")
 
 
 class Waiting(NamedTuple):
-    """A mutant, its tests, and the seconds of computing that they may take."""
+    """A mutant, its tests, and the limit of their computing time [s]."""
 
     mutant: Mutant
     names: list[str]
@@ -32,13 +32,13 @@ class Waiting(NamedTuple):
 
 
 class _Mutated(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Gives the mutant in place of its module."""
+    """Import hook that loads the mutant in place of its module."""
 
     def __init__(self, name: str, path: Path, tree: ast.Module | None):
         self.name, self.path, self.tree = name, path, tree
 
     def find_spec(self, name, path=None, target=None):
-        """Only the one module."""
+        """Find only the one module."""
         return importlib.util.spec_from_loader(name, self, origin=str(self.path)) if name == self.name else None
 
     def exec_module(self, module) -> None:
@@ -49,9 +49,9 @@ class _Mutated(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
 
 class _Fast:
-    """Plugin of pytest: each mutant of a function in a fork of the process that has collected the tests.
+    """Plugin of pytest that runs each mutant of a function in a fork of the process that has collected the tests.
 
-    Only its code is changed: what was called when modules were imported may stand in a constant.
+    Only the function's code is replaced; a value computed at import may be stored in a constant.
     """
 
     def __init__(self, waiting: list[Waiting], processes: int, end: float, tell: int):
@@ -60,7 +60,7 @@ class _Fast:
         self.sound: dict[tuple[str, ...], bool] = {}
 
     def pytest_sessionstart(self) -> None:
-        """Note what is called from now on."""
+        """Record the functions that are called during import."""
         core = str(ROOT / "aerokernels")
 
         def note(frame, event, _) -> None:
@@ -73,7 +73,7 @@ class _Fast:
         sys.setprofile(None)
 
     def pytest_runtestloop(self, session) -> bool:
-        """All mutants in turn, some of them at a time."""
+        """Run all mutants, some of them at a time."""
         items = {item.nodeid: item for item in session.items}
         gc.unfreeze()
         places = {}
@@ -84,7 +84,7 @@ class _Fast:
 
         def work(place: int) -> tuple[str, str]:
             mutant, names, limit = self.waiting[place]
-            tests = {name: items[name] for name in names if name in items}  # one may be gone since
+            tests = {name: items[name] for name in names if name in items}  # a test may have been removed since
             functions = places.get((str(ROOT / "aerokernels" / mutant.module), mutant.function), [])
             return self._answer(mutant, functions, tests, limit)
 
@@ -93,7 +93,7 @@ class _Fast:
         return True
 
     def _answer(self, mutant: Mutant, functions: list, tests: dict, limit: float) -> tuple[str, str]:
-        """What becomes of a mutant, and the test that tells."""
+        """Return the outcome of a mutant, and the test that decides it."""
         if not tests or not functions or mutant.names:
             return "slow", ""
         outcome, failed = forked(partial(_swapped, mutant, functions, list(tests.values())), limit, self.end)
@@ -104,7 +104,7 @@ class _Fast:
             return "slow" if (code.co_filename, code.co_qualname) in self.called else "alive", ""
         if outcome not in ("failed", "killed"):
             return outcome, ""
-        key = (failed,) if failed else tuple(tests)  # all, where they took too long
+        key = (failed,) if failed else tuple(tests)  # all tests, if they took too long
         if key not in self.sound:
             again = [one for name, one in tests.items() if name in key]
             self.sound[key] = forked(partial(_swapped, mutant, [], again), limit, self.end)[0] == "passed"
@@ -112,7 +112,7 @@ class _Fast:
 
 
 def _swapped(mutant: Mutant, functions: list[types.FunctionType], tests: list, tell: int) -> int:
-    """Run tests with another code in a function."""
+    """Run tests with a mutant's code in a function."""
     codes = [compile(ast.fix_missing_locations(mutant.tree()), str(ROOT / "aerokernels" / mutant.module), "exec")]
     for one in codes:
         codes += [inner for inner in one.co_consts if isinstance(inner, types.CodeType)]
@@ -131,21 +131,21 @@ def _swapped(mutant: Mutant, functions: list[types.FunctionType], tests: list, t
 
 
 class _Watch:
-    """Plugin of pytest: tests in the order of their cost, and the name of the one that fails."""
+    """Plugin of pytest: runs tests in the order of their cost, and reports the name of the one that fails."""
 
     def __init__(self, names: list[str], tell: int):
         self.rank = {_test_of(name): place for place, name in reversed([*enumerate(names)])}
         self.tell, self.failed = tell, False
 
     def pytest_collection_finish(self, session) -> None:
-        """Those asked for alone, all their cases, the quick ones first."""
+        """Select the requested tests alone, all their cases, the quick ones first."""
         session.items[:] = sorted(
             (item for item in session.items if _test_of(item.nodeid) in self.rank),
             key=lambda item: self.rank[_test_of(item.nodeid)],
         )
 
     def pytest_runtest_logreport(self, report) -> None:
-        """Tell what fails."""
+        """Report a failure."""
         if report.failed:
             self.failed = True
             os.write(self.tell, report.nodeid.encode())
@@ -165,18 +165,18 @@ def _test_of(name: str) -> str:
 
 
 def dotted(module: str) -> str:
-    """The name that a file of the package is imported by."""
+    """Return the module name of a file of the package."""
     return "aerokernels." + module.removesuffix(".py").replace("/", ".")
 
 
 def forked(run: Callable[[int], int], seconds: float, end: float) -> tuple[str, str]:
-    """Whether it "passed" in a fork, "failed", was "killed" after so many seconds, or "late"; and what it said."""
+    """Run a function in a fork: "passed", "failed", "killed" after so many seconds, or "late"; and its output."""
     told, tell = os.pipe()
     child = os.fork()
     if not child:
         status = 1
         with contextlib.suppress(BaseException):
-            os.setsid()  # what its tests start ends with it
+            os.setsid()  # processes that its tests start end with it
             hush = os.open(os.devnull, os.O_RDWR)
             for stream in (0, 1, 2):
                 os.dup2(hush, stream)
@@ -207,7 +207,7 @@ def forked(run: Callable[[int], int], seconds: float, end: float) -> tuple[str, 
 def in_turn(
     places: Iterable[int], work: Callable[[int], tuple[str, str]], processes: int, end: float
 ) -> Iterator[tuple[int, str, str]]:
-    """The answer for each place, as they come, of several forked processes that each take the next place."""
+    """Yield the answer for each position, as they arrive, from forked processes that each take the next position."""
     queue, give = os.pipe()
     told, tell = os.pipe()
     give_all = b"".join(place.to_bytes(2, "little") for place in places)
@@ -239,7 +239,7 @@ def in_turn(
 
 
 def fast(waiting: list[Waiting], processes: int, end: float) -> Iterator[tuple[int, str, str]]:
-    """What the forks of one process find that has collected the tests."""
+    """Yield the answers of the forks of one process that has collected the tests."""
     told, tell = os.pipe()
     child = os.fork()
     if not child:

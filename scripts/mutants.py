@@ -1,7 +1,8 @@
-"""What a mutant is: every change of one operator, comparison, number or condition of a module, and where it stands.
+"""Make mutants of a module: every change of one operator, comparison, number or condition.
 
-Left out is what cannot change a result, by the rules of RULES and by no other: that no test notices a change is none.
-`scripts/mutate --rules` counts what each of them leaves out. Two changes that give the same program are one mutant.
+Changes that cannot affect a result are left out, but only by the rules in RULES: that no test notices a change is not
+such a rule. `scripts/mutate --rules` counts what each rule leaves out. Two changes that give the same program are one
+mutant.
 """
 
 import ast
@@ -16,8 +17,8 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[1]
 WITHOUT_EFFECT = tomllib.loads((ROOT / "scripts" / "mutants_without_effect.toml").read_text(encoding="utf-8"))
 SPEED_ONLY = "speed only"  # at the end of a comment
-SMALLEST = 1e-100  # a number below it is there against 0 / 0: twice as much is as far below all that occurs
-WITHOUT_ANSWER = {  # what of a call is a promise of the caller's, or a matter of speed: its numbers and truths
+SMALLEST = 1e-100  # a smaller number is a guard against 0 / 0; its double is as far below any value that occurs
+WITHOUT_ANSWER = {  # arguments of calls that are a promise of the caller or affect speed only
     "zip": {"strict"}, "einsum": {"optimize"}, "setdiff1d": {"assume_unique"}, "solve_banded": {"check_finite"},
     "field": {"repr"},
 }  # fmt: skip
@@ -43,7 +44,7 @@ TURNED = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt}
 
 
 class Mutant(NamedTuple):
-    """One change of a module: where it stands, the function it belongs to or the names it sets, and its tree."""
+    """One change of a module: its position, the function it belongs to or the names it sets, and its tree."""
 
     module: str
     line: int
@@ -55,13 +56,13 @@ class Mutant(NamedTuple):
 
     @property
     def without_effect(self) -> bool:
-        """Whether it was read, and cannot change a result."""
+        """Whether the mutant was read and found unable to change a result."""
         judged = WITHOUT_EFFECT.get(self.module, ())
         return any(one["code"] == self.code and self.told in one["changes"] for one in judged)
 
 
 def changes(module: str, text: str, left_out: Counter[str] | None = None) -> list[Mutant]:
-    """Every mutant of a module; `left_out` counts what each rule leaves out."""
+    """Return every mutant of a module; `left_out` counts what each rule leaves out."""
     tree, lines = ast.parse(text), text.splitlines()
     hidden: dict[int, str] = {}
     for node in ast.walk(tree):
@@ -88,7 +89,7 @@ def changes(module: str, text: str, left_out: Counter[str] | None = None) -> lis
 
 
 def _hidden(node: ast.AST) -> list[tuple[str, ast.AST]]:
-    """What of a node cannot change a result, with all that is in it, and the rule that says so."""
+    """Return the parts of a node that cannot change a result, with the rule for each."""
     if isinstance(node, (ast.Raise, ast.JoinedStr)):
         return [("texts", node)]
     if isinstance(node, ast.FunctionDef):
@@ -96,7 +97,7 @@ def _hidden(node: ast.AST) -> list[tuple[str, ast.AST]]:
         types = [node.returns, *(one.annotation for one in arguments), *node.decorator_list]
         shown = [("shown", node)] if node.name in ("__repr__", "_repr_html_", "plot") else []
         return [*(("types", one) for one in types if one is not None), *shown]
-    if isinstance(node, ast.ClassDef):  # what a dataclass refuses is no answer
+    if isinstance(node, ast.ClassDef):  # options of a dataclass do not change results
         return [("types", one) for one in node.decorator_list]
     if isinstance(node, ast.AnnAssign):
         return [("types", node.annotation)]
@@ -129,7 +130,7 @@ def _hidden_of_call(node: ast.Call) -> list[tuple[str, ast.AST]]:
 
 
 def _without_effect(node: ast.AST) -> str | None:
-    """The rule by which a node itself is left alone, not what is in it."""
+    """Return the rule by which a node itself is left out, but not its parts."""
 
     def is_guard(one: ast.AST) -> bool:
         return isinstance(one, ast.Constant) and isinstance(one.value, float) and 0.0 < one.value < SMALLEST
@@ -139,14 +140,14 @@ def _without_effect(node: ast.AST) -> str | None:
 
 
 def _only_refuses(block: list[ast.stmt]) -> bool:
-    """Whether a block ends in an exception whatever is in it: all that it computes goes into the message."""
+    """Return whether a block always ends in an exception: all that it computes is for the message."""
     ways_out = (ast.Return, ast.Break, ast.Continue, ast.Yield)
     inside = (inner for one in block for inner in ast.walk(one))
     return bool(block) and isinstance(block[-1], ast.Raise) and not any(isinstance(one, ways_out) for one in inside)
 
 
 def places(node: ast.AST, prefix: str, inside: dict[int, tuple[str, frozenset[str]]]) -> None:
-    """The function that a node stands in, inner ones as part of the outer, or the names that its statement sets."""
+    """Record for each node its function, inner ones as part of the outer, or the names that its statement sets."""
     for inner in ast.iter_child_nodes(node):
         early: dict[int, tuple[str, frozenset[str]]] = {}
         if isinstance(inner, (ast.FunctionDef, ast.AsyncFunctionDef)):
@@ -203,5 +204,5 @@ def _of(node: ast.AST):
 
 
 def _is_turned_already(test: ast.expr) -> bool:
-    """Whether a condition is one comparison, which a mutant of its own turns into the opposite."""
+    """Return whether a condition is one comparison, which other mutants invert."""
     return isinstance(test, ast.Compare) and len(test.ops) == 1

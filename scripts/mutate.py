@@ -1,13 +1,13 @@
-"""Mutants of the numerical core: one operator, comparison, number or condition changed, and tests that run it.
+"""Mutate the numerical core: change one operator, comparison, number or condition, and run the tests concerned.
 
-The tests of a mutant are those that scripts/mutated_tests found to run its function, the quickest first, some
-seconds of them at most; of a constant of a module or a class, those of the functions that name it. A mutant is caught
-where a test fails, an exception gets out, or the tests take three times as long; what caught it is run once without
-the mutant, and must pass. Drawn at random of all that a module has; scripts/mutants.py says what is not drawn.
+The tests of a mutant are those that scripts/mutated_tests found to run its function, the quickest first, limited to
+some seconds; for a constant of a module or a class, those of the functions that name it. A mutant is caught if a test
+fails, an exception gets out, or the tests take three times as long. The test that caught it is run once without the
+mutant, and must pass. Mutants are chosen at random among all of a module's; scripts/mutants.py says what is left out.
 
-Survivors that were read and cannot change a result either stand in scripts/mutants_without_effect.toml, with the
-reason; two shares are given with their standard errors, of all that were drawn and without those. The sources are not
-touched: each mutant lives in a forked process. Needs `fork`.
+scripts/mutants_without_effect.toml lists survivors that were read and found unable to change a result, with the reason.
+Two fractions are printed with their standard errors, with and without those. The sources are not touched: each mutant
+lives in a forked process. Needs `fork`.
 """
 
 import argparse
@@ -30,15 +30,15 @@ from mutant_forks import Waiting, fast, forked, imported, in_turn
 from mutants import ROOT, RULES, Mutant, changes, places
 
 CORE: list[str] = tomllib.loads((ROOT / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))["modules"]
-MADE = ROOT / "scripts" / "mutated_tests.json"  # by scripts/mutated_tests
+MADE = ROOT / "scripts" / "mutated_tests.json"  # written by scripts/mutated_tests
 SECONDS = 20.0  # of tests for one mutant
 
 
 class Suite:
-    """The tests of each mutant, and which of them pass without one."""
+    """The tests of each mutant, and which of them pass without a mutant."""
 
     def __init__(self, every: dict[str, list[Mutant]]):
-        """Read the list."""
+        """Read the list of tests."""
         listed = json.loads(MADE.read_text(encoding="utf-8"))
         self.cost = {f"{file}::{name}": cost for file, tests in listed["tests"].items() for name, cost in tests}
         names = list(self.cost)
@@ -50,7 +50,7 @@ class Suite:
         self.named = {module: _named(ROOT / "aerokernels" / module) for module in every}
 
     def tests(self, mutant: Mutant) -> list[str]:
-        """Names of tests, the quick ones first."""
+        """Return names of tests, the quick ones first."""
         if found := self.of.get(f"{mutant.module}::{mutant.function}"):
             return found
         named = self.named[mutant.module]
@@ -58,7 +58,7 @@ class Suite:
         return self._of_all(mutant.module, [*using, *named])
 
     def _of_all(self, module: str, functions: list[str]) -> list[str]:
-        """Tests of some functions of a module in turn."""
+        """Return tests of some functions of a module, alternating between the functions."""
         turns = itertools.zip_longest(*(self.of.get(f"{module}::{name}", []) for name in functions))
         found, spent = [], 0.0
         for test in dict.fromkeys(one for turn in turns for one in turn if one is not None):
@@ -68,13 +68,13 @@ class Suite:
         return sorted(found, key=lambda test: self.cost[test])
 
     def limit(self, mutant: Mutant) -> float:
-        """Seconds of computing that they may take."""
+        """Limit of the computing time of a mutant's tests [s]."""
         return 3.0 * sum(self.cost[name] for name in self.tests(mutant)) + 10.0
 
     def caught(
         self, mutants: list[Mutant], end: float, processes: int
     ) -> Iterator[tuple[Mutant, bool, str, list[str]]]:
-        """Whether a test notices each mutant, which, and its tests; fewer than there are where the time is over."""
+        """Yield for each mutant whether a test notices it, the reason, and its tests; stop when the time is over."""
         waiting = [Waiting(mutant, self.tests(mutant), self.limit(mutant)) for mutant in mutants]
         slow = []
         for place, answer, failed in fast(waiting, processes, end):
@@ -90,13 +90,13 @@ class Suite:
         return one.mutant, answer == "caught", why, one.names
 
     def _slow(self, mutant: Mutant, names: list[str], limit: float, end: float) -> tuple[str, str]:
-        """The answer where the module is imported with the mutant in it."""
+        """Return the answer for a mutant that must be imported with its module."""
         outcome, failed = forked(partial(imported, mutant, mutant.tree(), names), limit, end)
         if outcome == "passed":
             return "alive", ""
         if outcome not in ("failed", "killed"):
             return outcome, ""
-        if outcome == "failed" and not failed:  # it could not be imported
+        if outcome == "failed" and not failed:  # the module could not be imported
             return "caught", ""
         key = (failed,) if failed else tuple(names)
         if key not in self.sound:
@@ -105,7 +105,7 @@ class Suite:
 
 
 def _named(path: Path) -> dict[str, set[str]]:
-    """The names that each function of a module says."""
+    """Return the names that each function of a module mentions."""
     inside: dict[int, tuple[str, frozenset[str]]] = {}
     tree = ast.parse(path.read_text(encoding="utf-8"))
     places(tree, "", inside)
@@ -117,13 +117,13 @@ def _named(path: Path) -> dict[str, set[str]]:
 
 
 def share(good: int, total: int) -> str:
-    """A share with its standard error."""
+    """Return a fraction with its standard error, as text."""
     part = good / max(total, 1)
     return f"{good} of {total} caught, {100 * part:.1f} +- {100 * (part * (1.0 - part) / max(total, 1)) ** 0.5:.1f} %"
 
 
 def main() -> int:
-    """Draw mutants, of each module in turn or of all together, until the count or the time is reached."""
+    """Test random mutants, of each module in turn or of all together, until the count or the time is reached."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("modules", nargs="*", metavar="MODULE", help=f"of {', '.join(CORE)}; all of them")
     parser.add_argument("--count", type=int, default=40, help="mutants of each module")
@@ -180,7 +180,7 @@ def _shares(tried: list[tuple[Mutant, bool]]) -> str:
 
 
 def _prepare() -> None:
-    """What tests import is there when a process forks; the package is not."""
+    """Import what tests import before a process forks, but not the package."""
     os.chdir(ROOT)
     sys.path.insert(0, str(ROOT))
     import hypothesis
@@ -193,9 +193,9 @@ def _prepare() -> None:
     import scipy.special  # noqa: F401
 
     with contextlib.suppress(ImportError):
-        import warp  # noqa: F401 - imported, and not begun: that is the child's
+        import warp  # noqa: F401 - imported here, started in the child
         import xarray  # noqa: F401
-    hypothesis.settings.register_profile("mutants", database=None)  # what fails here is no example for later
+    hypothesis.settings.register_profile("mutants", database=None)  # a failure by a mutant is no example to store
     hypothesis.settings.load_profile("mutants")
 
 

@@ -1,11 +1,11 @@
-"""Which tests run which functions of the numerical core: measured by coverage.py, for scripts/mutate to choose from.
+"""Measure by coverage.py which tests run which functions of the numerical core, for scripts/mutate.
 
-Each file of tests runs in a forked process, each test (and each fixture that several tests share) with a context of
-its own; what a shared fixture runs counts for every test that asks for it, and what a test module caches is forgotten
-before each of its tests. A test that takes longer than --longest seconds of computing is given up and left out, one
-that fails too. What was measured lies in build/mutated_tests, one file for each file of tests: a file that has not
-changed is not measured again. Of all that scripts/mutated_tests.json is made: for each function the quickest tests that
-run it. Kernels are not seen, only what Python runs. Needs `fork`.
+Each test file runs in a forked process. Each test, and each fixture that several tests share, has its own context. What
+a shared fixture runs counts for every test that requests it, and caches of a test module are cleared before each of its
+tests. A test that takes longer than --longest seconds of computing is aborted and left out, as is one that fails. The
+measurements are stored in build/mutated_tests, one file per test file; an unchanged test file is not measured again.
+From these scripts/mutated_tests.json is made: for each function the quickest tests that run it. Only Python code is
+measured, not kernels. Needs `fork`.
 """
 
 import argparse
@@ -29,12 +29,12 @@ PACKAGE = ROOT / "aerokernels"
 MADE = ROOT / "scripts" / "mutated_tests.json"
 MEASURED = ROOT / "build" / "mutated_tests"
 MODULES = list(tomllib.loads((ROOT / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))["modules"])
-# Tests of whole commands, boards and documents run the core too, in minutes, or in other processes.
+# Tests of whole commands, boards and documents are left out: they take minutes, or run the core in other processes.
 FOLDERS = ("echo", "flow", "flow/reading", "jobs", "medium", "physics", "schlieren", "series", "stress", "tracing", ".")
 
 
 class TooLong(BaseException):
-    """A test took longer than is of use here."""
+    """A test took longer than is useful here."""
 
 
 def _too_long(*_) -> None:
@@ -42,10 +42,10 @@ def _too_long(*_) -> None:
 
 
 class Recorder:
-    """Plugin of pytest: coverage's context is the test that runs; its seconds of computing, and whether it passed."""
+    """Plugin of pytest: sets coverage's context to the test, and records its computing time and whether it passed."""
 
     def __init__(self, coverage, longest: float, file_seconds: float):
-        """With a coverage that was started, and seconds for a test and for a file."""
+        """Take a running coverage, and the limits of a test's and a file's computing time [s]."""
         self.coverage, self.longest, self.file_seconds = coverage, longest, file_seconds
         self.cost: dict[str, float] = {}
         self.shared: dict[str, set[str]] = defaultdict(set)
@@ -53,12 +53,12 @@ class Recorder:
         self.began, self.others = 0.0, 0.0
 
     def pytest_sessionstart(self) -> None:
-        """Count what is computed, of the process and its threads."""
+        """Start the clock of computing time, of the process and its threads."""
         signal.signal(signal.SIGPROF, _too_long)
         self.first = time.process_time()
 
     def pytest_runtest_protocol(self, item, nextitem):
-        """A context and a time for each test."""
+        """Start a context and a clock for each test."""
         for cached in list(vars(item.module).values()):
             if isinstance(cached, functools._lru_cache_wrapper):
                 cached.cache_clear()
@@ -70,7 +70,7 @@ class Recorder:
         signal.setitimer(signal.ITIMER_PROF, self.longest)
 
     def pytest_runtest_logreport(self, report) -> None:
-        """A test that passed in all its parts counts."""
+        """Record a test that passed, and its time."""
         if report.when == "call" and report.passed:
             self.passed.add(report.nodeid)
         if report.when == "teardown":
@@ -79,7 +79,7 @@ class Recorder:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef, request):
-        """What a fixture of a module or more runs has a context of its own."""
+        """Give a fixture of a module or wider its own context."""
         if fixturedef.scope == "function":
             return (yield)
         name = f"fixture:{fixturedef.baseid}:{fixturedef.argname}"
@@ -94,7 +94,7 @@ class Recorder:
             self.cost[name] = took
 
     def pytest_collection_finish(self, session) -> None:
-        """Which wide fixtures a test asks for."""
+        """Record which shared fixtures each test requests."""
         for item in session.items:
             manager = item._fixtureinfo
             for name, found in manager.name2fixturedefs.items():
@@ -104,7 +104,7 @@ class Recorder:
 
 
 def measure(file: Path, longest: float, file_seconds: float) -> dict:
-    """What each test of a file runs; in this process."""
+    """Return what each test of a file runs; runs in this process."""
     import coverage
 
     core = {str(PACKAGE / module): module for module in MODULES}
@@ -138,7 +138,7 @@ def measure(file: Path, longest: float, file_seconds: float) -> dict:
 
 
 def functions(module: str) -> list[tuple[str, int, int]]:
-    """Functions of a module with their first and last lines, the inner ones as part of the outer ones."""
+    """Return a module's functions with their first and last lines, inner ones as part of the outer ones."""
     found = []
 
     def walk(node: ast.AST, prefix: str) -> None:
@@ -155,7 +155,7 @@ def functions(module: str) -> list[tuple[str, int, int]]:
 
 
 def chosen(tests: dict[str, dict], seconds: float, most: int) -> dict[str, list[str]]:
-    """For each function the quickest tests that run all its lines, then again of the others, and so on."""
+    """Return for each function the quickest tests that run all its lines, then again of the other tests, and so on."""
     ran: dict[str, list[tuple[float, str, set[int]]]] = defaultdict(list)
     for name, one in tests.items():
         for function, lines in one["ran"].items():
@@ -168,7 +168,7 @@ def chosen(tests: dict[str, dict], seconds: float, most: int) -> dict[str, list[
 
 
 def _covers(tests: list[tuple[float, str, set[int]]], seconds: float, most: int) -> list[str]:
-    """Turn by turn the quickest case of each test, those first that run other lines than what is picked already."""
+    """Select repeatedly the quickest case of each test, first those that run lines not covered yet."""
     groups: dict[str, list[tuple[float, str, set[int]]]] = defaultdict(list)
     for one in sorted(tests, key=lambda one: one[:2]):
         groups[one[1].split("[")[0]].append(one)
@@ -191,7 +191,7 @@ def _covers(tests: list[tuple[float, str, set[int]]], seconds: float, most: int)
 
 
 def written(seconds: float, most: int) -> None:
-    """Write the list, of all that is measured."""
+    """Write the list from all measurements."""
     tests = {}
     for place in sorted(MEASURED.glob("*.json")):
         tests |= json.loads(place.read_text(encoding="utf-8"))
@@ -216,7 +216,7 @@ def written(seconds: float, most: int) -> None:
 
 
 def measured(files: list[Path], longest: float, file_seconds: float, seconds: float, processes: int) -> None:
-    """Measure files of tests, some at a time and the largest first, until the time is over."""
+    """Measure test files, some at a time and the largest first, until the time is over."""
     end = time.monotonic() + seconds
     MEASURED.mkdir(parents=True, exist_ok=True)
     running: dict[int, tuple[Path, float]] = {}
@@ -248,7 +248,7 @@ def measured(files: list[Path], longest: float, file_seconds: float, seconds: fl
 
 
 def _wait(running: dict[int, tuple[Path, float]]) -> None:
-    """Wait until one of the processes ends, and tell what it took."""
+    """Wait until one of the processes ends, and print its time."""
     child, status, used = os.wait4(-1, 0)
     file, began = running.pop(child)
     told = f"{used.ru_utime + used.ru_stime:.0f} s of computing in {time.monotonic() - began:.0f} s, status {status}"
@@ -270,7 +270,7 @@ def main() -> int:
     sys.path.insert(0, str(ROOT))
     for module in MODULES:
         importlib.import_module("aerokernels." + module.removesuffix(".py").replace("/", "."))
-    import hypothesis.internal.conjecture.engine  # noqa: F401 - what tests import is there when a process forks
+    import hypothesis.internal.conjecture.engine  # noqa: F401 - imported before processes fork
     import numpy  # noqa: F401
     import scipy.interpolate
     import scipy.optimize

@@ -1,8 +1,9 @@
-"""New values on a known grid: what a prepared Strehl ratio costs for them, beside one that is prepared anew.
+"""Time a prepared Strehl ratio for new values on a known grid, beside one that is prepared again.
 
-The cone scene of `aerokernels bench bundles` (65 x 65 x 257 nodes) through a slanted disc, its contrast a little other
-each time. "Field" makes an IndexField of an array, "known" is `prepared.with_field`, "anew" `prepare_strehl`, "ratio"
-the first call after that, "new seed" a further one. Wall and processor time [ms], medians.
+The field is the cone scene of `aerokernels bench bundles` (65 x 65 x 257 nodes), seen through a slanted disc, with a
+slightly different contrast each time. "Field" makes an IndexField from an array, "known" is `prepared.with_field`,
+"anew" `prepare_strehl`, "ratio" the first call after that, "new seed" a further one. Wall and processor time [ms],
+medians.
 """
 
 import argparse
@@ -23,7 +24,7 @@ STEPS = ("field", "known", "anew", "ratio", "new seed")
 
 
 def timed(work: Callable[[], Any], spent: list[tuple[float, float]]) -> Any:
-    """What `work` returns; its wall and processor time [ms] are noted."""
+    """Return the result of `work`, and add its wall and processor time [ms] to `spent`."""
     wall, processor = time.perf_counter(), time.process_time()
     found = work()
     spent.append((1e3 * (time.perf_counter() - wall), 1e3 * (time.process_time() - processor)))

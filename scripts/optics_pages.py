@@ -1,4 +1,4 @@
-"""Numbers and pictures of docs/bos.md and docs/fldi.md: a cone's displacement against its exact one, FLDI transfer."""
+"""Make numbers and pictures of docs/bos.md and docs/fldi.md: a cone's displacement, traced and exact; FLDI transfer."""
 
 import argparse
 import math
@@ -15,9 +15,9 @@ LENGTH, STATION, MACH, HALF_ANGLE, WAVELENGTH = 0.05, -0.03, 2.5, math.radians(1
 
 
 def cone_displacement(spacing: float, rows: int) -> dict[str, np.ndarray]:
-    """Displacement along a column of pixels across a cone in air at sea level, traced and exact, by height [m].
+    """Return the displacement along a column of pixels across a cone at sea level, traced and exact, by height [m].
 
-    The camera stands 1 m from the axis, the pattern 1 m behind it. Exact: the camera's own rays, refracted at the shock
+    The camera is 1 m from the axis, the pattern 1 m behind it. Exact: the camera's own rays, refracted at the shock
     and traced through the Taylor-Maccoll flow (validation/cone_rays.py).
     """
     gas = flow.cone(MACH, HALF_ANGLE, length=LENGTH)
@@ -45,7 +45,7 @@ def cone_displacement(spacing: float, rows: int) -> dict[str, np.ndarray]:
 
 
 def transfer(instrument: FLDI, distance: float, wave_number: np.ndarray) -> np.ndarray:
-    """Response to a sheet of sine waves at a distance from the focus, over that of their slope."""
+    """Return the response to a sheet of sine waves at a distance from the focus, relative to their slope."""
     thickness, found = 2e-4, []
     for number in wave_number:
         step = 2.0 * np.pi / number / 32

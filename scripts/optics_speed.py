@@ -1,4 +1,4 @@
-"""Times of a displacement map and of a scene through a flow; see aerokernels/validation/optics_speed.py."""
+"""Time a displacement map and a scene through a flow; see aerokernels/validation/optics_speed.py."""
 
 import argparse
 import json
@@ -20,7 +20,7 @@ from aerokernels.validation.report import markdown_table
 
 
 def main() -> None:
-    """Measure, and print each row as it is found, then the table."""
+    """Measure, and print each row when it is measured, then the table."""
     parser = argparse.ArgumentParser(prog="scripts/optics_speed", description=__doc__.splitlines()[0])
     parser.add_argument("--backend", default="auto", help="warp, opencl or auto [auto]")
     parser.add_argument("--device", help="cpu, cuda:0, or the name of an OpenCL device [the backend's own choice]")
@@ -30,7 +30,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="a small volume and small pictures, to see that it works")
     options = parser.parse_args()
     begin = time.perf_counter()
-    choose_backend(options.backend, options.device)  # one that is not there is refused here
+    choose_backend(options.backend, options.device)  # raises for a missing backend before the work
     sizes = (24, 64, 32, 3) if options.quick else (NODES, MAP_PIXELS, SCENE_PIXELS, SPREADS)
     given = {"backend": options.backend, "device": options.device, "tolerance": options.tolerance}
     found: list[dict[str, Any]] = []

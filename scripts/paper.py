@@ -1,7 +1,7 @@
-"""Tables 2 to 6 and Figures 1 and 5 to 8 of the source paper in one run, at tunnel and at atmospheric density.
+"""Make Tables 2 to 6 and Figures 1 and 5 to 8 of the source paper, at tunnel and at atmospheric density.
 
-Writes the pictures, every number as CSV, the waveforms as CSV, and the tables as Markdown; `--page` puts these into
-docs/paper.md, between its markers. Nothing is tuned: the scenes are those that ship.
+Writes the pictures, every number as CSV, the waveforms as CSV, and the tables as Markdown; `--page` puts the tables
+into docs/paper.md, between its markers. Nothing is tuned: the scenes are the shipped ones.
 """
 
 import argparse
@@ -17,12 +17,12 @@ from aerokernels.validation.report import filled, write_csv
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "paper.md"
 TABLES = ("figure1", "table2", "figure5", "table3", "table4", "table5", "table6", "walk", "ranges")
-# One setting of the bench for all of Figure 5: what the strongest flow, Mach 2, nearly saturates [1/rad].
+# Sensitivity of the bench for all of Figure 5: the strongest flow, Mach 2, nearly saturates it [1/rad].
 SENSITIVITY = 400.0
 
 
 def write_waveforms(cases: dict, path: Path) -> None:
-    """Recorded and noise-free voltages of every case, on their common times."""
+    """Write recorded and noise-free voltages of every case, on their common times."""
     names, columns = ["time_s"], [cases["tunnel"][0].recorded.time]
     for density, by_mach in cases.items():
         for mach, case in by_mach.items():
@@ -48,7 +48,7 @@ def main() -> None:
         print(words, flush=True)
 
     try:
-        if options.page:  # before the work, not after it
+        if options.page:  # fail before the work, not after it
             filled(PAGE, dict.fromkeys(TABLES, ""))
         say("figure 1")
         height = np.array([0.5e-3, *(h for h in figure1.HEIGHTS if h != 0.5e-3)])

@@ -1,4 +1,4 @@
-"""Sweeps that answer a question each; see aerokernels/validation/questions.py."""
+"""Run sweeps that each answer a question; see aerokernels/validation/questions.py."""
 
 import argparse
 from pathlib import Path
@@ -12,7 +12,7 @@ PAGE = ROOT / "docs" / "questions.md"
 
 
 def main() -> None:
-    """Answer, and write text and picture of each answer."""
+    """Run the sweeps, and write text and picture of each answer."""
     parser = argparse.ArgumentParser(prog="scripts/questions", description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(QUESTIONS)} [all of them]")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "questions", help="folder of what is written")
@@ -24,7 +24,7 @@ def main() -> None:
         if name not in QUESTIONS:
             parser.error(f"{name!r} is no question: choose among {', '.join(QUESTIONS)}")
     try:
-        if options.page:  # before the work, not after it
+        if options.page:  # fail before the work, not after it
             filled(PAGE, dict.fromkeys(names, ""))
     except ValueError as fault:
         parser.error(str(fault))

@@ -1,4 +1,4 @@
-"""Snapshots to maps of optical path differences: speed and error; see aerokernels/validation/series_speed.py."""
+"""Time the way from snapshots to maps of optical path differences, with the error; see validation/series_speed.py."""
 
 import argparse
 import json
@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def on_device(shape: tuple[int, int, int], pixels: int, device: str, regard: tuple[float, int]) -> list[dict[str, Any]]:
-    """The figures of a device: each row as it is found, and the table."""
+    """Return a device's figures, printing each row when it is measured, and the table."""
     begin = time.perf_counter()
     found: list[dict[str, Any]] = []
 

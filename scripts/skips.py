@@ -1,8 +1,8 @@
-"""What is skipped on wind-tunnel-mach3: each skip on and off, and all of them together against the plain tracer.
+"""Time what is skipped on wind-tunnel-mach3: each skip on and off, and all skips together against the plain tracer.
 
-Both sides of a row take turns, and each pair of neighbours gives one ratio, so that what else the machine does hits
-both alike; the error is that of the mean ratio. Times are end to end, compiled and uploaded before. The plain tracer is
-the adaptive one with every ray of the disc, its table of step bounds off.
+The two sides of a row alternate, and each pair of neighbours gives one ratio, so that other load on the machine affects
+both alike; the error is that of the mean ratio. Times are end to end, after compilation and upload. The plain tracer is
+the adaptive one with every ray of the disc, without its table of step bounds.
 """
 
 import argparse
@@ -22,7 +22,7 @@ HEADING = ["skip", "without", "with", "without [s]", "with [s]", "ratio", "chang
 
 
 def no_tables(backend: str, work: Callable) -> Callable:
-    """The same work without tables of step bounds: no step of more than STEP_LIMIT cells."""
+    """Return the same work without tables of step bounds: no step of more than STEP_LIMIT cells."""
     module = import_module(f"aerokernels.tracing.engines.{backend}.engine")
 
     def run():
@@ -38,7 +38,7 @@ def no_tables(backend: str, work: Callable) -> Callable:
 
 
 def compare(without: Callable, with_: Callable, repeats: int) -> tuple[float, float, float, float, object, object]:
-    """Median seconds of both, the mean ratio and its standard error, and both results."""
+    """Return median seconds of both, the mean ratio and its standard error, and both results."""
     one, other = without(), with_()
     seconds = []
     for _ in range(repeats):
@@ -55,7 +55,7 @@ def compare(without: Callable, with_: Callable, repeats: int) -> tuple[float, fl
 
 
 def rows(ray_count: int, repeats: int, backend: str) -> list[list[str]]:
-    """The table's rows."""
+    """Return the table's rows."""
     scene = Scene.load("wind-tunnel-mach3")
     prepared = prepare_field(scene)
     field, pupil = prepared.field, scene.view

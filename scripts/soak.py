@@ -1,14 +1,14 @@
-"""Mixed runs in one process: readings of memory, handles and threads each minute, and their slopes at the end.
+"""Repeat mixed runs in one process, and measure the slopes of memory, handles and threads.
 
-Each run is a whole one, as a user's: a Strehl ratio, an echo, a picture, a far field, a series into a store, a
+Each run is a complete one, as a user's: a Strehl ratio, an echo, a picture, a far field, a series into a store, a
 recording from a pseudo-terminal, an export, a report. After each the process rests, so that it takes no more than its
-share of a core. Once a minute the resident memory, the open handles and the threads are noted.
+fraction of a core. Once a minute the resident memory, the open handles and the threads are recorded.
 
-A leak shows as a slope. The least-squares slope of memory over the second half is given with its standard error; what
-is filled once (kernels, splines, SQLite's pages) is full by then.
+A leak shows as a slope. The least-squares slope of memory over the second half is printed with its standard error;
+caches that are filled once (kernels, splines, SQLite's pages) are full by then.
 
-Exit status 0 when memory grows by less than 0.1 MiB a minute, beyond twice its standard error, in the second half, and
-no handle or thread is left behind. Needs /proc, as Linux has it.
+Exit status 0 if memory grows by less than 0.1 MiB a minute, beyond twice its standard error, in the second half, and
+no handle or thread is left behind. Needs Linux's /proc.
 """
 
 import argparse
@@ -56,10 +56,10 @@ SMALL = {
 
 @dataclass(frozen=True)
 class Reading:
-    """What the process held at one moment.
+    """The process's resources at one moment.
 
     Attributes:
-        minute: Time since the beginning [min].
+        minute: Time since the start [min].
         runs: Runs finished by then.
         memory: Resident memory [MiB].
         handles: Open file descriptors.
@@ -74,7 +74,7 @@ class Reading:
 
 
 def reading(since: float, runs: int) -> Reading:
-    """Look at this process, by /proc; `since` is a time.monotonic."""
+    """Read this process's resources from /proc; `since` is a time.monotonic."""
     status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
     numbers = dict(line.split(":", 1) for line in status.splitlines())
     memory, threads = int(numbers["VmRSS"].split()[0]) / 1024.0, int(numbers["Threads"])
@@ -82,7 +82,7 @@ def reading(since: float, runs: int) -> Reading:
 
 
 def kinds(folder: Path, backends: tuple[str, ...]) -> dict[str, Callable[[], object]]:
-    """The runs by name; `folder` takes what they write."""
+    """Return the runs by name; they write to `folder`."""
     scene = Scene.load("wind-tunnel-mach3", SMALL)
     prepared: list = []
 
@@ -149,11 +149,11 @@ def _recording(folder: Path) -> None:
 
 
 def soak(minutes: float, share: float, backends: tuple[str, ...]) -> Iterator[tuple[Reading, dict[str, int]]]:
-    """Run one kind after the other for so long; a reading, and how often each kind ran, once a minute.
+    """Repeat all kinds of run for so long; yield a reading, and how often each kind ran, once a minute.
 
     Args:
         minutes: How long [min].
-        share: Of one core that it may take on average.
+        share: Greatest average fraction of one core to use.
         backends: Of "warp" and "opencl": those whose Strehl ratios are among the runs.
     """
     begin, counts, next_look = time.monotonic(), {}, 0.0
@@ -178,7 +178,7 @@ def soak(minutes: float, share: float, backends: tuple[str, ...]) -> Iterator[tu
 
 
 def slope(minute: np.ndarray, value: np.ndarray) -> tuple[float, float]:
-    """Slope of the least-squares line [1/min] and its standard error; NaN from fewer than three readings."""
+    """Return the slope of the least-squares line [1/min] and its standard error; NaN from fewer than three readings."""
     if len(minute) < 3:
         return float("nan"), float("nan")
     off = minute - minute.mean()
@@ -188,7 +188,7 @@ def slope(minute: np.ndarray, value: np.ndarray) -> tuple[float, float]:
 
 
 def main() -> int:
-    """Run what the command line asks for."""
+    """Run for the requested time, and print the slopes."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=120.0, help="how long")
     parser.add_argument("--share", type=float, default=0.15, help="of one core, at most on average")

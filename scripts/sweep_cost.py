@@ -1,4 +1,4 @@
-"""What a sweep costs beside its tracing; see aerokernels/validation/sweep_cost.py."""
+"""Time a sweep beside its tracing; see aerokernels/validation/sweep_cost.py."""
 
 import argparse
 

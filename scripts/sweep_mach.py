@@ -1,4 +1,4 @@
-"""Every shipped scene against Mach number; see aerokernels/validation/paper/mach_sweep.py."""
+"""Run every shipped scene against Mach number; see aerokernels/validation/paper/mach_sweep.py."""
 
 import argparse
 from pathlib import Path
@@ -20,7 +20,7 @@ def main() -> None:
     options = parser.parse_args()
     points = []
     try:
-        if options.page:  # before the work, not after it
+        if options.page:  # fail before the work, not after it
             filled(PAGE, {"sweep_mach": ""})
         for number, name in enumerate(SCENES, start=1):
             print(f"{number}/{len(SCENES)} {name}", flush=True)

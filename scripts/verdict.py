@@ -1,6 +1,6 @@
-"""Is the verdict on ray optics right? Rays beside a finely sampled wave, through random shocks and turbulence.
+"""Test the verdict on ray optics: rays against a finely sampled wave, through random shocks and turbulence.
 
-What is drawn and compared stands in aerokernels/validation/wave_draws.py.
+The views and the comparison are those of aerokernels/validation/wave_draws.py.
 """
 
 import argparse
@@ -23,7 +23,7 @@ WHO = ("rays", "bounds", "waves", "nobody")
 
 
 def row(name: str, found: list[VerdictCheck]) -> str:
-    """A row of the table."""
+    """Return a row of the table."""
     said = Counter(one.answered_by for one in found)
     found = [one for one in found if one.answered_by != "nobody"]
     counts = Counter((one.is_good, one.said_good) for one in found)
@@ -35,7 +35,7 @@ def row(name: str, found: list[VerdictCheck]) -> str:
 
 
 def main() -> None:
-    """Read the command line, print a row for each wrong verdict, then the counts."""
+    """Print a row for each wrong verdict, then the counts."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)

@@ -1,9 +1,9 @@
-"""What the verdict on ray optics costs beside the traced wavefront that it is given: processor time.
+"""Measure the processor time of the verdict on ray optics, relative to the traced wavefront that it is given.
 
-The wavefront is what the user asks for on a new field: its plan, the field's way to the engine, the rays, and the map
-made of them; compilers and the making of the field itself do not count. "First" is its first verdict, "again" the same
-question, "next" the verdict beside a second wavefront of the same field, which has the plan's tables already. A share
-is the median over the rounds, and its error is half the middle half's width over the root of their number.
+The wavefront's time is that of a user's call on a new field: plan, upload, rays, and the map; compilation and making
+the field itself do not count. "First" is the field's first verdict, "again" the same verdict repeated, "next" the
+verdict beside a second wavefront of the same field, which has the plan's tables already. A fraction is the median over
+the rounds; its error is half the interquartile range over the root of the number of rounds.
 """
 
 import argparse
@@ -18,13 +18,13 @@ from aerokernels.validation.wave_draws import draw_view
 
 WAVELENGTH, PIXELS = 905e-9, (4, 16, 64, 316)
 SCENES = ("planar", "axisymmetric", "volume", "mesh planar", "mesh axisymmetric", "view 1000", "view 1001", "view 1002")
-# Pixels on a mesh at most, through which 1e5 rays take ten seconds.
+# Greatest number of pixels on a mesh, through which 1e5 rays take ten seconds.
 MESH_PIXELS = 64
 KINDS = ("first", "next", "again")
 
 
 def field_of(name: str) -> tuple[IndexField, Disc, float]:
-    """A new field of a name, which keeps nothing yet, its pupil and a wavelength."""
+    """Return a new field of that name, with nothing cached, its pupil and a wavelength."""
     pupil = Disc(8e-4, (0.0, 0.0, -1e-3))
     if name in ("planar", "axisymmetric", "volume"):
         return uniform_field(name, amplitude=1e-5), pupil, WAVELENGTH
@@ -35,7 +35,7 @@ def field_of(name: str) -> tuple[IndexField, Disc, float]:
 
 
 def main() -> None:
-    """Print a row for each scene, then how much it is at the median and at worst of each class of scene."""
+    """Print a row per scene, then median and worst for each class of scene."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--scenes", nargs="+", default=SCENES)
@@ -45,7 +45,7 @@ def main() -> None:
     classes: dict[tuple[str, str], list[list[float]]] = {}
     print("| scene | engine | rays | wavefront ms | verdict ms | first % | next % | again % | answered by |")
     print(9 * "|---" + "|")
-    gc.disable()  # the garbage of others' rounds is none of the verdict's
+    gc.disable()  # collecting other rounds' garbage must not count as the verdict's time
     for name in given.scenes:
         for engine in given.engines:
             for count in given.pixels:
@@ -79,7 +79,7 @@ def _error(shares: np.ndarray) -> np.ndarray:
 
 
 def _times(name: str, engine: str, count: int) -> tuple[list[float], str]:
-    """Processor time [s] of a new field's wavefront, of the next one, of verdicts beside both and of one again."""
+    """Return processor times [s] of a new field's wavefront, of the next one, of both verdicts and of one again."""
     field, pupil, wavelength = field_of(name)
     stops = [process_time()]
     answered = ""

@@ -1,8 +1,8 @@
-"""Volumes of averages over cells: what the first snapshot costs on its way to a grid, and each further one.
+"""Time how volumes of cell averages are put onto a grid: the first snapshot, and each further one.
 
 A cube of hexahedra, or of twelve tetrahedra in each of them (75 a side: 5,062,500), is written as a .vtu file, read by
 `flow.Reader`, and further densities are given to `reader.resampling.apply`. Wall and processor time [s] of each step,
-and the greatest memory of this process. Each step is repeated; an idle machine gives the least.
+and the peak memory of this process. Each step is repeated; an idle machine gives the least times.
 """
 
 import argparse
@@ -21,7 +21,7 @@ QUADRILATERALS = [(0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6,
 
 
 def mesh(kind: str, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points [m] of the unit cube and the corners of its cells."""
+    """Return points [m] of the unit cube and the corners of its cells."""
     axis = np.linspace(0.0, 1.0, side + 1)
     points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij")[::-1], axis=-1).reshape(-1, 3)
     index = np.arange((side + 1) ** 3).reshape([side + 1] * 3)
@@ -31,13 +31,13 @@ def mesh(kind: str, side: int) -> tuple[np.ndarray, np.ndarray]:
     middle = len(points) + np.arange(len(cells))
     points = np.concatenate([points, points[cells].mean(axis=1)])
     faces = np.concatenate([np.column_stack([cells[:, face], middle]) for face in QUADRILATERALS])
-    turn = np.argmin(faces[:, :4], axis=1)  # one diagonal for both cells of a face: that from its lowest corner
+    turn = np.argmin(faces[:, :4], axis=1)  # both cells of a face share one diagonal, from the lowest corner
     faces[:, :4] = faces[np.arange(len(faces))[:, None], (turn[:, None] + np.arange(4)) % 4]
     return points, np.concatenate([faces[:, [0, 1, 2, 4]], faces[:, [0, 2, 3, 4]]])
 
 
 def write(path: Path, kind: str, points: np.ndarray, cells: np.ndarray, density: np.ndarray) -> None:
-    """A .vtu file by VTK, uncompressed."""
+    """Write a .vtu file by VTK, uncompressed."""
     from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
     from vtkmodules.vtkCommonCore import vtkPoints
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkUnstructuredGrid
@@ -62,7 +62,7 @@ def write(path: Path, kind: str, points: np.ndarray, cells: np.ndarray, density:
 
 
 def main() -> None:
-    """Print a line a step."""
+    """Print a line per step."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kind", choices=("tetrahedra", "hexahedra"), default="tetrahedra")
     parser.add_argument("--side", type=int, default=75, help="hexahedra along an edge of the cube")

@@ -1,7 +1,7 @@
-"""Error against run time and field evaluations, for methods x precisions x interpolants x tolerances on five fields.
+"""Measure error against run time and field evaluations, for methods, precisions, interpolants and tolerances.
 
-The fields and the two kinds of error are those of aerokernels/validation/work_precision. Writes runs.csv, one row for
-each setting; table.md; and for each field two pictures, error against evaluations and against time.
+The five fields and the two kinds of error are those of aerokernels/validation/work_precision. Writes runs.csv, one row
+per setting; table.md; and for each field two pictures, error against evaluations and against time.
 """
 
 import argparse
@@ -28,7 +28,7 @@ QUICK_FIELDS = ("radial", "shock")
 
 
 def say(text: str) -> None:
-    """Progress, at once."""
+    """Print progress at once."""
     print(text, flush=True)
 
 

@@ -7,6 +7,7 @@ import importlib
 import importlib.util
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -54,6 +55,32 @@ def test_scripts_import_names_that_are_there(root: Path):
                     and importlib.util.find_spec(f"{node.module}.{alias.name}") is None
                 ]
     assert not missing
+
+
+def test_each_link_is_to_a_script(root: Path):
+    """`scripts/NAME` runs NAME.py in the environment; modules that scripts import have no link."""
+    links = {path.name for path in (root / "scripts").iterdir() if path.is_symlink()}
+    scripts = {path.stem for path in (root / "scripts").glob("*.py")} - {"mutants", "mutant_forks"}
+    assert links == scripts
+    assert {str(os.readlink(root / "scripts" / name)) for name in links} == {"in_environment"}
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
+def test_a_link_runs_its_script_in_the_environment(root: Path, tmp_path: Path):
+    """The environment is ready: nothing is installed, and arguments arrive as they were given, in any folder."""
+    folder, binaries = tmp_path / "scripts", tmp_path / ".venv" / "bin"
+    folder.mkdir()
+    binaries.mkdir(parents=True)
+    (binaries / "python").symlink_to(sys.executable)
+    for name in ("environment.sh", "in_environment"):
+        shutil.copy2(root / "scripts" / name, folder / name)
+    shutil.copy2(root / "pyproject.toml", tmp_path)
+    (folder / "given").symlink_to("in_environment")
+    (folder / "given.py").write_text("import sys; print(sys.argv[1:])", encoding="utf-8")
+    stamp = 'source scripts/environment.sh; environment_key > ".venv/.aerokernels-installed[dev]"'
+    subprocess.run(["bash", "-c", stamp], cwd=tmp_path, check=True)
+    done = subprocess.run([folder / "given", "--a", "b c"], cwd="/", capture_output=True, encoding="utf-8")
+    assert (done.returncode, done.stdout) == (0, "['--a', 'b c']\n"), done.stderr
 
 
 @pytest.fixture(scope="module")
@@ -253,8 +280,9 @@ def test_modules_that_are_mutated_and_their_tests_are_there():
     root = Path(__file__).resolve().parents[1]
     modules = tomllib.loads((root / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))["modules"]
     assert [module for module in modules if not (root / "aerokernels" / module).is_file()] == []
-    tests = json.loads((root / "scripts" / "mutated_tests.json").read_text(encoding="utf-8"))["tests"]
-    assert [file for file in tests if not (root / file).is_file()] == []
+    listed = json.loads((root / "scripts" / "mutated_tests.json").read_text(encoding="utf-8"))
+    assert [file for file in listed["tests"] if not (root / file).is_file()] == []
+    assert {name.partition("::")[0] for name in listed["functions"]} <= set(modules)
     judged = tomllib.loads((root / "scripts" / "mutants_without_effect.toml").read_text(encoding="utf-8"))
     for module, rows in judged.items():
         lines = {line.strip() for line in (root / "aerokernels" / module).read_text(encoding="utf-8").splitlines()}

@@ -1,1 +1,1 @@
-"""What people read: numbers with their errors, objects in a few lines, and text that is safe to show."""
+"""Format output for people: numbers with their errors, objects in a few lines, and text that is safe to show."""

@@ -1,4 +1,4 @@
-"""Texts that others wrote, to be shown: they must not command a terminal, or turn a line round."""
+"""Make foreign text safe to show: it must not control a terminal, or reverse the direction of a line."""
 
 import re
 
@@ -6,12 +6,12 @@ _HIDDEN = re.compile(r"[^\n -~]")
 
 
 def cut(text: str, most: int = 60) -> str:
-    """A text of that many characters at most, with dots in place of the rest."""
+    """Return a text of at most that many characters, with dots in place of the rest."""
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 def plain(text: str) -> str:
-    """A text without control characters, but for line ends and tabs: others by their numbers."""
+    """Return a text with control characters, except line ends and tabs, replaced by their codes."""
     return _HIDDEN.sub(lambda found: found[0] if found[0] == "\t" or found[0].isprintable() else _code(found[0]), text)
 
 
@@ -20,7 +20,7 @@ def _code(character: str) -> str:
 
 
 def plain_json(text: str) -> str:
-    """JSON of the same values without control characters: within its texts they have escapes of their own."""
+    """Return JSON of the same values with control characters escaped."""
     return _HIDDEN.sub(lambda found: found[0] if found[0].isprintable() else _units(found[0]), text)
 
 

@@ -1,23 +1,23 @@
-"""A number with its error, written so that no digit stands beyond the error, and what an error makes of its number.
+"""Format a number with its error (digits beyond the error are dropped), and judge if it is meaningful given the error.
 
-    0.978 +- 0.004        the error has one digit where that is 3 or more, else two; the value ends where the error ends
-    (2.15 +- 0.12)e-08    one power of ten for both, where plain digits would be zeros
+    0.978 +- 0.004        the error has one digit if that is 3 or more, else two; the value ends where the error ends
+    (2.15 +- 0.12)e-08    one power of ten for both, if plain digits would need many zeros
     0.978, error not known
     1, error below rounding
 
-An error is the greatest deviation from the exact answer that the causes measured can make, root sum of squares of all
-of them; it is no standard deviation unless its source says so.
+An error is the greatest deviation from the exact answer that the measured causes can make: the root sum of squares of
+all of them. It is not a standard deviation unless its source says so.
 """
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-# Significant digits of a value whose error says nothing, and the most that any value is written with.
+# Significant digits of a value without a usable error, and the most that any value is written with.
 PLAIN_DIGITS, MOST_DIGITS = 6, 9
-# Powers of ten at which plain digits give way to a common power.
+# Powers of ten beyond which value and error are written with a common power.
 LEAST_POWER, GREATEST_POWER = -4, 6
-# A Strehl ratio's error that is a warning, whatever the ratio; and an effect of which no sign can be asked.
+# Error of a Strehl ratio above which there is always a warning; and effect below which the flow counts as having none.
 GREAT_ERROR, NO_EFFECT = 0.1, 1e-6
 
 FINE, WARNING, WORTHLESS = "fine", "warning", "worthless"
@@ -28,10 +28,10 @@ class Quantity:
     """A number, its error and its unit.
 
     Attributes:
-        value: The number; NaN where there is none.
-        error: What it may be off by, of the same unit; NaN: not known; infinite: without bound; 0: below rounding;
-            None: the number is no estimate (a count, a setting) and has none.
-        unit: Unit of both, as it is to be written.
+        value: The number; NaN if there is none.
+        error: Its error, in the same unit; NaN: not known; infinite: without bound; 0: below rounding; None: the
+            number is no estimate (a count, a setting) and has no error.
+        unit: Unit of both, as it is written.
     """
 
     value: float
@@ -39,7 +39,7 @@ class Quantity:
     unit: str = ""
 
     def __post_init__(self) -> None:
-        """Check.
+        """Check the error.
 
         Raises:
             ValueError: A negative error.
@@ -48,12 +48,12 @@ class Quantity:
             raise ValueError(f"an error is not negative, got {self.error!r} for the value {self.value!r}")
 
     def scaled(self, factor: float, unit: str) -> "Quantity":
-        """The same in another unit: value and error times `factor`."""
+        """Return the quantity in another unit: value and error times `factor`."""
         error = None if self.error is None else abs(factor) * self.error
         return Quantity(factor * self.value, error, unit)
 
     def text(self, signed: bool = False) -> str:
-        """The quantity in words; `signed` writes the plus of a positive value too."""
+        """Return the quantity as text; `signed` writes the plus of a positive value too."""
         unit = f" {self.unit}" if self.unit else ""
         if math.isnan(self.value):
             return "none"
@@ -70,12 +70,12 @@ class Quantity:
         return _joined(self.value, self.error, sign, self.unit)
 
     def __str__(self) -> str:
-        """The quantity in words."""
+        """Return the quantity as text."""
         return self.text()
 
 
 def listed(quantities: Sequence[Quantity], signed: bool = False) -> str:
-    """Quantities of one unit in a row, the unit once: "+4.00 +- 0.14, +2.00 +- 0.14 urad"."""
+    """Return quantities of one unit in a row, with the unit once: "+4.00 +- 0.14, +2.00 +- 0.14 urad"."""
     unit = quantities[0].unit
     if all(one.error is not None and 0.0 < one.error < math.inf for one in quantities):
         return ", ".join(replace(one, unit="").text(signed) for one in quantities) + (f" {unit}" if unit else "")
@@ -88,11 +88,11 @@ def listed(quantities: Sequence[Quantity], signed: bool = False) -> str:
 
 
 def _joined(value: float, error: float, sign: str, unit: str) -> str:
-    """Value and error to the same decimal place."""
+    """Return value and error, both to the same decimal place."""
     last = last_place(error)
     top = max(_power(value), _power(error))
     least = top - MOST_DIGITS + 1
-    small = f"{error:.2g}" if last < least else None  # an error beyond the digits that a value is written with
+    small = f"{error:.2g}" if last < least else None  # an error smaller than the last digit of the value
     last = max(last, least)
     after = f" {unit}" if unit else ""
     if LEAST_POWER < top < GREATEST_POWER:
@@ -108,7 +108,7 @@ def _joined(value: float, error: float, sign: str, unit: str) -> str:
 
 
 def last_place(error: float) -> int:
-    """Power of ten of the last digit that an error leaves: its first from 3 on, its second below, once rounded."""
+    """Return the power of ten of an error's last shown digit: the first digit if that is 3 or more, else the second."""
     power = _power(error)
     return power - 1 if error / 10.0**power < 2.95 else power  # 2.95 rounds up to 3
 
@@ -118,17 +118,17 @@ def _power(number: float) -> int:
 
 
 def root_sum_square(errors: Iterable[float]) -> float:
-    """Error of a number from those of independent causes, as an error budget adds them up."""
+    """Return the error of a number from the errors of independent causes."""
     return math.sqrt(sum(error * error for error in errors))
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What an error makes of its number.
+    """Whether a number is meaningful given its error.
 
     Attributes:
-        level: "fine"; "warning": read the number with its error in mind; "worthless": the number answers nothing.
-        reason: Why, in one sentence; empty where the level is "fine".
+        level: "fine"; "warning": read the number with its error in mind; "worthless": the number is not meaningful.
+        reason: Why, in one sentence; empty if the level is "fine".
     """
 
     level: str = FINE
@@ -136,24 +136,24 @@ class Verdict:
 
     @property
     def worthless(self) -> bool:
-        """Whether the number answers nothing."""
+        """Whether the number is not meaningful."""
         return self.level == WORTHLESS
 
     def __bool__(self) -> bool:
-        """Whether there is something to say."""
+        """Return whether there is a warning or worse."""
         return self.level != FINE
 
 
 def judge_strehl(ratio: Quantity, main_cause: str = "") -> Verdict:
-    """The verdict on a Strehl ratio, the one place where it is made.
+    """Return the verdict on a Strehl ratio; no other code makes one.
 
-    Worthless: an error that is not known, above 1 (every ratio lies between 0 and 1), or above the ratio itself.
-    A warning: an error above a tenth of 1, or above the effect 1 - ratio, so that the flow may have done nothing.
-    An effect below 1e-6 is none, and no error is held against it that is as small.
+    Worthless: an error that is not known, above 1 (every ratio is between 0 and 1), or above the ratio itself.
+    A warning: an error above a tenth of 1, or above the effect 1 - ratio, so that the flow may have no effect.
+    An effect below 1e-6 counts as none, and an error of that size gives no warning.
 
     Args:
         ratio: The Strehl ratio.
-        main_cause: What the greatest part of the error comes from, with the remedy, in words.
+        main_cause: The main cause of the error, with the remedy, in words.
     """
     value, error = ratio.value, ratio.error
     cause = f"; {main_cause}" if main_cause else ""

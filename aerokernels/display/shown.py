@@ -1,7 +1,7 @@
-"""Objects of arrays, shown in a few lines: what they hold, of which size, between which values, with units.
+"""Show objects of arrays in a few lines: the fields with their sizes, ranges and units.
 
-`@shown` gives a class a short `__repr__` where it has none of its own, and the same to notebooks as `_repr_html_`. What
-is written of a field is its first line of numbers: an array's shape and range, another object's name, a plain value.
+`@shown` gives a class a short `__repr__` if it has none of its own, and the same text to notebooks as `_repr_html_`.
+Each field is one line: an array's shape and range, another object's class, or a plain value.
 """
 
 import dataclasses
@@ -14,14 +14,14 @@ from ..inputs.arguments import units_in
 from .plain_text import cut
 
 C = TypeVar("C", bound=type)
-MOST_NUMBERS = 4  # of an array that are written out
-MOST_TEXT = 70  # characters of any other value
+MOST_NUMBERS = 4  # greatest number of an array's values that are written out
+MOST_TEXT = 70  # greatest number of characters of any other value
 
 
 def shown(target: C) -> C:
-    """The class, whose objects show themselves in a few lines; see the head of this file."""
+    """Return the class with a `__repr__` of a few lines; see this module's docstring."""
     own = vars(target).get("__repr__")
-    if own is None or hasattr(own, "__wrapped__"):  # dataclasses wrap the one that they make
+    if own is None or hasattr(own, "__wrapped__"):  # the __repr__ that dataclasses generate is wrapped
         target.__repr__ = _brief  # type: ignore[assignment]
     target._repr_html_ = _as_html  # type: ignore[attr-defined]
     return target
@@ -39,7 +39,7 @@ def _brief(thing: Any) -> str:
 
 
 def described(value: Any) -> str:
-    """One value in a line: an array by its shape and range, an object of fields by its class."""
+    """Return one value as a line: an array by its shape and range, a dataclass by its name."""
     if isinstance(value, np.ndarray):
         if value.size <= MOST_NUMBERS or value.dtype.kind not in "fiub":
             text = np.array2string(value, precision=6, separator=", ", threshold=20)
@@ -53,7 +53,7 @@ def described(value: Any) -> str:
 
 
 def drawn_on(axes: Any) -> Any:
-    """Matplotlib axes: those given, or where there are none those of a new figure."""
+    """Return the given Matplotlib axes, or those of a new figure if there are none."""
     if axes is not None:
         return axes
     from matplotlib import pyplot
@@ -62,7 +62,7 @@ def drawn_on(axes: Any) -> Any:
 
 
 def extent_of(x: Any, y: Any) -> tuple[float, float, float, float]:
-    """Outer edges of a picture whose pixels have their middles at even x and y: what matplotlib calls its extent."""
+    """Return the outer edges of a picture whose pixel centres are evenly spaced at x and y: matplotlib's `extent`."""
     ends: list[float] = []
     for middles in (x, y):
         half = 0.5 * float(middles[-1] - middles[0]) / max(len(middles) - 1, 1)

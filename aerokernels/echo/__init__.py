@@ -1,4 +1,4 @@
-"""The laser echo of a target behind a flow: radiometry, waveform, detector, ranging."""
+"""Simulate the laser echo of a target behind a flow: radiometry, waveform, detector and ranging."""
 
 from ..callable_module import make_callable
 from .chain import DetectorChain

@@ -1,11 +1,11 @@
-"""The detector chain: light to recorded volts, with and without noise.
+"""Model the detector chain, from received power to recorded volts, with and without noise.
 
     power -> APD current, with its shot noise -> + background, dark and thermal noise -> transimpedance low-pass
-          -> amplifier's saturation -> sampling -> digitiser
+          -> saturation of the amplifier -> sampling -> digitiser
 
-Power is given at times that resolve the pulse and the low-pass; every `stride`-th of them is a sample. The noise is
-white before the low-pass, which shapes it. It is filtered circularly, the end of the record preceding its beginning, so
-that it is stationary from the first sample on.
+The power is given at times that resolve the pulse and the low-pass. Every `stride`-th of these times is a sample. The
+noise is white ahead of the low-pass, which shapes its spectrum. The noise is filtered circularly (the end of the record
+precedes its beginning), so that it is stationary from the first sample on.
 """
 
 from dataclasses import dataclass, field
@@ -29,18 +29,18 @@ class DetectorChain:
     """A receiver's electronics.
 
     Attributes:
-        volts_per_watt: Volts for a watt at 0 Hz: responsivity x gain x transimpedance [V/W].
-        sources: Its noise.
+        volts_per_watt: Gain at 0 Hz: responsivity x multiplication x transimpedance [V/W].
+        sources: The noise sources.
         bandwidth: -3 dB bandwidth of the transimpedance amplifier [Hz]; None: unlimited, and the noise fills the band
             up to half the sample rate.
-        response: Its low-pass: "bessel", "butterworth", "first-order" or "gaussian".
-        order: Number of poles of the first two.
+        response: The amplifier's low-pass: "bessel", "butterworth", "first-order" or "gaussian".
+        order: Number of poles of "bessel" and "butterworth".
         saturation: Greatest voltage of the amplifier [V]; None: unlimited.
         digitiser: Quantises the samples; None: no quantisation.
 
     Raises:
         ValueError: A number that is not positive, an unknown response, an order out of range.
-        TypeError: Sources or a digitiser of another kind.
+        TypeError: `sources` that are no NoiseSources, or a `digitiser` that is no Digitiser.
     """
 
     volts_per_watt: float
@@ -52,7 +52,7 @@ class DetectorChain:
     digitiser: Digitiser | None = None
 
     def __post_init__(self):
-        """Check."""
+        """Check the numbers and the kinds of the parts."""
         check_positive(self.volts_per_watt, "volts_per_watt", "V/W")
         check_choice(self.response, "response", RESPONSES)
         check_order(self.order)
@@ -69,11 +69,11 @@ class DetectorChain:
 
     @property
     def transimpedance(self) -> float:
-        """Volts for an ampere behind the multiplication [Ohm]."""
+        """Volts per ampere of multiplied current [Ohm]."""
         return self.volts_per_watt / self.sources.amperes_per_watt
 
     def linear_voltage(self, time, power) -> np.ndarray:
-        """Voltage [V] of a power [W] at even times [s], shape (n,), without noise, limits or digitiser."""
+        """Return the voltage [V] for a power [W] at even times [s], shape (n,), without noise or limits."""
         return detect(
             time,
             power,
@@ -84,35 +84,35 @@ class DetectorChain:
         )
 
     def voltage(self, time, power) -> np.ndarray:
-        """Voltage [V] behind the amplifier's saturation, without noise: the mean of many records, shape (n,)."""
+        """Return the voltage [V] after saturation, without noise or digitiser, shape (n,)."""
         return self._limited(self.linear_voltage(time, power))
 
     def record(self, time, power, seed: int | np.random.Generator = 0, stride: int = 1) -> np.ndarray:
-        """One noisy record.
+        """Simulate one noisy record.
 
         Args:
             time: Times [s], shape (n,), in even steps.
             power: Received power [W], shape (n,).
-            seed: Seed of the noise, or a generator to take it from.
-            stride: Number of given times from one sample to the next.
+            seed: Seed of the noise, or the generator to use.
+            stride: Number of given times per sample.
 
         Returns:
             Samples [V], shape (ceil(n / stride),).
 
         Raises:
-            ValueError: Uneven times, shapes that disagree, a stride that is no positive whole number.
+            ValueError: Uneven times, shapes that disagree, a stride that is not a positive whole number.
         """
         _, watts, period = as_waveform(time, power, least_count=2)
         check_count(stride, "stride", 1)
         volts = self.linear_voltage(time, power)
-        if self.bandwidth is None:  # no low-pass bounds the noise: it fills the band of the samples
+        if self.bandwidth is None:  # without a low-pass the noise fills the band of the samples
             volts = volts[::stride] + self.noise(watts[::stride], stride * period, seed)
         else:
             volts = (volts + self.noise(watts, period, seed))[::stride]
         return self.digitise(self._limited(volts))
 
     def noise(self, power: np.ndarray, period: float, seed: int | np.random.Generator = 0) -> np.ndarray:
-        """Noise [V] behind the low-pass while a power [W] is received at even steps of `period` [s], shape (n,)."""
+        """Return noise [V] after the low-pass for a received power [W] at even steps of `period` [s], shape (n,)."""
         from scipy.fft import irfft, rfft, rfftfreq
 
         current = white_noise(self.sources.density(power), period, np.random.default_rng(seed))
@@ -123,32 +123,37 @@ class DetectorChain:
         return irfft(rfft(volts) * sampled_noise_gain(rfftfreq(volts.size, period), *low_pass), volts.size)
 
     def noise_rms(self, power: float, sample_rate: float) -> float:
-        """Standard deviation of a sample [V] under a steady power [W], the digitiser's left out.
+        """Standard deviation of a sample [V] under a steady power [W], without the digitiser's quantisation.
 
         Args:
-            power: Received power [W], 0 for the noise between echoes.
-            sample_rate: Rate of the samples [Hz]; it bounds the noise of a chain of unlimited bandwidth.
+            power: Received power [W]; 0 gives the noise between echoes.
+            sample_rate: Rate of the samples [Hz]; it limits the noise band of a chain of unlimited bandwidth.
         """
         top = 0.5 * check_positive(sample_rate, "sample_rate", "Hz")
         if self.bandwidth is None:
             band = top
-        else:  # the amplifier's noise beyond half the sample rate is folded back into the samples
+        else:  # sampling aliases the noise above half the sample rate
             band = noise_bandwidth(self.bandwidth, self.response, self.order, max(top, 1e3 * self.bandwidth))
         return float(self.transimpedance * np.sqrt(self.sources.density(power) * band))
 
+    def clipped(self, voltage: np.ndarray) -> np.ndarray:
+        """Limit voltages [V] to the amplifier's saturation and to the digitiser's range, without quantisation."""
+        limited = self._limited(voltage)
+        return limited if self.digitiser is None else np.clip(limited, self.digitiser.low, self.digitiser.high)
+
     def digitise(self, voltage: np.ndarray) -> np.ndarray:
-        """Samples as the digitiser records them [V]."""
+        """Return the samples [V] as the digitiser records them."""
         return voltage if self.digitiser is None else self.digitiser.record(voltage)
 
     def cramer_rao_range(self, time, power) -> float:
-        """Least standard deviation of an unbiased range [m] from a record of this power [W] at fine times [s].
+        """Return the least standard deviation [m] of an unbiased range (Cramér-Rao), for a power [W] at times [s].
 
-        The noise is white before the low-pass, and the low-pass changes signal and noise alike, so the bound is that of
-        the current I in its noise of density S: c / 2 / sqrt(integral of (dI/dt)^2 / (S / 2) dt). Saturation, the
-        digitiser, and the information in the level of the shot noise are neglected.
+        The noise is white ahead of the low-pass, and the low-pass acts on signal and noise alike. The bound is
+        therefore that of the current I in noise of density S: c / 2 / sqrt(integral of (dI/dt)^2 / (S / 2) dt).
+        Saturation, the digitiser, and the information in the level of the shot noise are neglected.
 
         Raises:
-            ValueError: Uneven times, shapes that disagree, a power without a slope.
+            ValueError: Uneven times, shapes that disagree, a power that is constant.
         """
         _, watts, period = as_waveform(time, power)
         slope = self.sources.amperes_per_watt * PulseCurve(watts).slope / period
@@ -162,7 +167,7 @@ class DetectorChain:
 
 
 def chain_of(scene: "Scene") -> DetectorChain:
-    """A scene's detector chain."""
+    """Return the detector chain of a scene."""
     table = scene.detector
     return DetectorChain(
         volts_per_watt=table.volts_per_watt,

@@ -1,4 +1,4 @@
-"""From received power to volts without noise: responsivity and bandwidth; and the digitiser's clock.
+"""Convert received power to volts without noise: responsivity, bandwidth, and the sample times of the digitiser.
 
 The receiver's electronics are a low-pass of unit gain at 0 Hz and -3 dB at `bandwidth`:
 
@@ -7,9 +7,9 @@ The receiver's electronics are a low-pass of unit gain at 0 Hz and -3 dB at `ban
     "bessel"        Bessel sections, flat group delay
     "butterworth"   Butterworth sections, flat gain
 
-It is applied by its exact transfer function in the frequency domain, on a record padded until nothing wraps around: a
-digital filter of the same name would warp the response where the sample rate is low. All but the Gaussian delay the
-pulse; a rangefinder is calibrated for that, and so is `simulate.echo`.
+The exact transfer function is applied in the frequency domain, to a record padded until nothing wraps around: a digital
+filter of the same name would distort the response at a low sample rate. All responses but the Gaussian delay the pulse;
+a rangefinder is calibrated for this delay, and so is `simulate.echo`.
 """
 
 import math
@@ -21,9 +21,9 @@ from ..process.opened import OPENED
 
 RESPONSES = ("first-order", "gaussian", "bessel", "butterworth")
 GREATEST_ORDER = 10
-# Samples of padding at most: a gigabyte.
+# Greatest number of samples of padding: a gigabyte.
 GREATEST_PADDING = 1 << 27
-# What is left of the slowest pole's memory at the end of the padding.
+# Decay of the slowest pole's response by the end of the padding.
 _FORGOTTEN = 1e-16
 
 
@@ -31,7 +31,7 @@ def check_order(order: int) -> int:
     """Return `order`, a whole number of poles from 1 to 10.
 
     Raises:
-        ValueError: It is none.
+        ValueError: `order` is not such a number.
     """
     if isinstance(order, bool) or not isinstance(order, (int, np.integer)) or not 1 <= order <= GREATEST_ORDER:
         raise ValueError(f"order must be a whole number from 1 to {GREATEST_ORDER}, got {order!r}")
@@ -39,7 +39,7 @@ def check_order(order: int) -> int:
 
 
 def _poles(response: str, order: int) -> np.ndarray:
-    """Poles of the analogue filter [2 pi x bandwidth]; by hand, since scipy.signal takes a second to import."""
+    """Poles of the analogue filter [2 pi x bandwidth]; computed here, because scipy.signal takes a second to import."""
     if response == "first-order":
         return np.array([-1.0])
     if response == "butterworth":
@@ -60,13 +60,13 @@ def _bessel_poles(order: int) -> np.ndarray:
 
 
 def low_pass_gain(frequency, bandwidth: float, response: str = "bessel", order: int = 4) -> np.ndarray:
-    """Complex gain at the frequencies given.
+    """Return the complex gain of a low-pass at the given frequencies.
 
     Args:
         frequency: Frequencies [Hz], any shape.
         bandwidth: Frequency at which the power gain is one half [Hz].
         response: "first-order", "gaussian", "bessel" or "butterworth".
-        order: Poles of the last two, 1 to 10.
+        order: Number of poles of "bessel" and "butterworth", 1 to 10.
 
     Returns:
         Gain, complex, of the shape of `frequency`.
@@ -83,7 +83,7 @@ def low_pass_gain(frequency, bandwidth: float, response: str = "bessel", order: 
 
 
 def memory_time(bandwidth: float, response: str = "bessel", order: int = 4) -> float:
-    """Time after which the low-pass has forgotten a pulse [s]; arguments as for `low_pass_gain`."""
+    """Time [s] after which the low-pass's response to a pulse has decayed; arguments as for `low_pass_gain`."""
     check_choice(response, "response", RESPONSES)
     # The Gaussian's impulse response is 1e-16 of its peak after 1.6 / B.
     slowest = 4.0 if response == "gaussian" else float(-_poles(response, check_order(order)).real.max())
@@ -99,15 +99,15 @@ def detect(
     response: str = "bessel",
     order: int = 4,
 ) -> np.ndarray:
-    """Voltage that the receiver makes of the power on its pupil.
+    """Return the receiver's voltage for the power on its pupil.
 
     Args:
         time: Sample times [s], shape (n,), in even steps short enough for the pulse (a tenth of its width will do).
-        power: Received power [W], shape (n,); taken to be nothing before and after the record.
+        power: Received power [W], shape (n,); assumed to be 0 before and after the record.
         volts_per_watt: Responsivity times gain [V/W].
-        bandwidth: -3 dB bandwidth [Hz]; None for electronics that follow at once.
+        bandwidth: -3 dB bandwidth [Hz]; None: electronics without delay or low-pass.
         response: Kind of low-pass: "first-order", "gaussian", "bessel" or "butterworth".
-        order: Poles of the last two, 1 to 10.
+        order: Number of poles of "bessel" and "butterworth", 1 to 10.
 
     Returns:
         Voltage [V], shape (n,).
@@ -131,7 +131,7 @@ def detect(
 
 
 def low_pass(values: np.ndarray, period: float, bandwidth: float, response: str, order: int) -> np.ndarray:
-    """Samples behind the low-pass, of the same shape (n,), filtered circularly: the end precedes the beginning."""
+    """Filter samples with the low-pass circularly (the end precedes the beginning); returns the same shape (n,)."""
     from scipy.fft import irfft, rfft, rfftfreq
 
     gain = low_pass_gain(rfftfreq(values.size, period), bandwidth, response, order)
@@ -139,7 +139,7 @@ def low_pass(values: np.ndarray, period: float, bandwidth: float, response: str,
 
 
 def sample_times(start: float, stop: float, sample_rate: float) -> np.ndarray:
-    """Times k / sample_rate [s] that cover start to stop [s], shape (n,): the digitiser's clock runs from t = 0.
+    """Return the times k / sample_rate [s] that cover start to stop [s], shape (n,); the clock counts from t = 0.
 
     Raises:
         ValueError: A sample rate that is not positive, or a stop that is not after the start.

@@ -1,4 +1,4 @@
-"""The digitiser: clipped to its range and rounded to its codes."""
+"""Model the digitiser, which clips voltages to its range and rounds them to its codes."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -18,12 +18,12 @@ class Digitiser:
     """An analogue-to-digital converter.
 
     Attributes:
-        bit_count: Bits, 1 to 24.
+        bit_count: Number of bits, 1 to 24.
         low: Voltage of the lowest code [V].
         high: Voltage of the highest code [V].
 
     Raises:
-        ValueError: Bits out of range, or a lowest voltage that is not below the highest.
+        ValueError: A number of bits out of range, or a `low` that is not below `high`.
     """
 
     bit_count: int
@@ -31,7 +31,7 @@ class Digitiser:
     high: float = 4.5
 
     def __post_init__(self):
-        """Check."""
+        """Check the number of bits and the range."""
         if isinstance(self.bit_count, bool) or not isinstance(self.bit_count, (int, np.integer)):
             raise ValueError(f"bit_count must be a whole number, got {self.bit_count!r}")
         if not 1 <= self.bit_count <= GREATEST_BIT_COUNT:
@@ -45,16 +45,16 @@ class Digitiser:
         return (self.high - self.low) / (2**self.bit_count - 1)
 
     def codes(self, voltage) -> np.ndarray:
-        """The nearest codes, 0 to 2^bit_count - 1, of voltages [V]; what lies beyond the range is clipped."""
+        """Return the nearest codes, 0 to 2^bit_count - 1, of voltages [V], clipped to the digitiser's range."""
         volts = np.clip(as_finite_array(voltage, "voltage"), self.low, self.high)
         return np.rint((volts - self.low) / self.step).astype(np.int64)
 
     def record(self, voltage) -> np.ndarray:
-        """Voltages [V] that the codes stand for."""
+        """Return voltages [V] rounded to those of the nearest codes."""
         return self.low + self.step * self.codes(voltage)
 
 
 def digitiser_of(scene: "Scene") -> Digitiser | None:
-    """A scene's digitiser; None where its bits are unlimited."""
+    """Return the digitiser of a scene; None if the scene sets no number of bits."""
     table = scene.detector
     return None if table.bit_count is None else Digitiser(table.bit_count, table.adc_low, table.adc_high)

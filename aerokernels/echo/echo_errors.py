@@ -1,17 +1,20 @@
-r"""The errors of an echo's numbers.
+r"""Compute the errors of an echo's numbers.
 
-    Strehl ratio   the greatest change of S that a phase error of rms e over the pupil can cause (strehl_errors.py; it
-                   is concave in S, so its mean over the target points is at most its value at the mean S), the error
-                   of the interpolation over the target, and the change of S when half of the pupil's rays are left out
-    peak power     P is proportional to the return factor: P x (error of the factor) / factor; and the change with the
-                   position of the samples on the pulse
-    peak voltage   as for the power; and the standard deviation of the noise, and half a code of the digitiser
-    range          systematic: the effect of the peak's error on the reading (range walk of a fixed threshold, read off
-                   the waveform scaled by 1 +- the relative error), the effect of the position of the samples, that
-                   of the digitiser's codes on this waveform where there is no noise to blur them, and e as a length;
+    Strehl ratio   the greatest change of S that a phase error of rms e over the pupil can cause (strehl_errors.py; this
+                   bound is concave in S, so its mean over the target points is at most its value at the mean S), the
+                   error of the interpolation over the target, and the change of S when half of the pupil's rays are
+                   left out
+    peak power     P is proportional to the return factor: P x (error of the factor) / factor; and the change of the
+                   peak with the position of the samples on the pulse
+    peak voltage   as for the power; and the standard deviation of the noise at the peak, and half a digitiser code
+    range          systematic: the change of the reading with the error of the peak, read off the waveform scaled by
+                   1 +- the relative error (range walk of a fixed threshold; every method if the peak is cut off); the
+                   change of the reading with the position of the samples; the change by rounding this waveform to the
+                   digitiser's codes if there is no noise to dither them; and e as a length.
                    random: the standard deviation of the range over noisy records
 
-A number's error is the root sum of squares of its parts. Return factors "bucket" and "none" do not depend on phases.
+The error of a number is the root sum of squares of its parts. The return factors "bucket" and "none" do not depend on
+phases.
 """
 
 import math
@@ -34,29 +37,29 @@ from .uncertainty import EchoErrors, RangeUncertainty
 from .vacuum import VacuumEcho
 from .waveform import SPEED_OF_LIGHT
 
-# The sum over the beam's points is that good (target_points.py).
+# Relative error of the sum over the beam's points (target_points.py).
 QUADRATURE = 1e-7
-# Shares of a sample by which the echo is moved to see what the samples' place does.
+# Fractions of a sample period by which the echo is delayed to measure the effect of the samples' position.
 SHIFTS = (0.25, 0.5, 0.75)
-# Noise above this share of a code blurs the codes: their errors are random ones then.
+# Noise above this fraction of a code dithers the codes: their errors are then random.
 DITHER = 0.5
-# Noisy records that the random error is read off where the scene asks for none.
+# Noisy records from which the random error is measured.
 TRIAL_COUNT = 32
 
 
 @dataclass(frozen=True, eq=False)
 class EchoProbe:
-    """What an echo was made of, from which its errors are computed on demand.
+    """Everything an echo was computed from, to compute its errors on demand.
 
     Attributes:
         field: The refractive index of the flow.
-        known_phase_error: Rms phase error of rays over the receiver's pupil [rad], or an estimate that knows it; None
-            for one of its own.
+        known_phase_error: Rms phase error of rays over the receiver's pupil [rad], or a Strehl estimate that provides
+            it; None: a small estimate is made.
         vacuum: The echo without flow.
         time: Sample times [s].
         fine: Times at which power is computed [s], shape (n,).
-        stride: How many of these make one sample period.
-        power: Received power at them [W], shape (n,).
+        stride: Number of these times per sample period.
+        power: Received power at the times `fine` [W], shape (n,).
         clean: Voltage of the samples without noise [V].
         rangefinder: Reads ranges.
         vacuum_peaks: Peak power [W] and voltage [V] of the echo in vacuum.
@@ -92,23 +95,31 @@ class EchoProbe:
         return own_phase_error(self.scene, self.field) if known is None else float(known)
 
     def pupil_error(self) -> float:
-        """Change of the Strehl ratio of the view straight ahead when half of the pupil's rays are left out."""
+        """Change of the Strehl ratio at the target's centre when half of the pupil's rays are left out."""
         return pupil_error(self.scene, self.field)
 
     def read_scaled(self, *factors: float) -> list[dict[str, float]]:
-        """Ranges [m] of the noise-free waveform times each factor, by the methods that depend on the amplitude."""
-        return self._read([factor * self.clean for factor in factors], AMPLITUDE_METHODS)
+        """Return the ranges [m] of the noise-free waveform times each factor, by methods that depend on amplitude.
+
+        If the amplifier or the digitiser cuts one of these waveforms off, that is every method.
+        """
+        chain = self.vacuum.chain
+        linear = self.clean if chain.saturation is None else chain.linear_voltage(self.fine, self.power)[:: self.stride]
+        scaled = [factor * linear for factor in factors]
+        clipped = [chain.clipped(volts) for volts in scaled]
+        is_cut = not all(map(np.array_equal, clipped, scaled))
+        return self._read(clipped, RANGING_METHODS if is_cut else AMPLITUDE_METHODS)
 
     def read_digitised(self) -> dict[str, float]:
-        """By method, what the digitiser's codes change of the range of the noise-free waveform [m]; 0 without one."""
+        """Return the change of the noise-free waveform's range by the rounding to codes [m], by method."""
         chain = self.vacuum.chain
         if chain.digitiser is None:
             return {}
-        read = self._read([chain.digitise(self.clean), self.clean])
+        read = self._read([chain.digitise(self.clean), chain.clipped(self.clean)])
         return {method: abs(value - read[1][method]) for method, value in read[0].items()}
 
     def read_shifted(self, *shares: float) -> list[tuple[tuple[float, float], dict[str, float]]]:
-        """Readings of the echo in vacuum when it arrives a fraction of a sample later, for each fraction.
+        """Read the echo in vacuum when it arrives a fraction of a sample later, for each fraction.
 
         Returns:
             Relative changes of its peak power and voltage, and the errors of its ranges by method [m].
@@ -129,7 +140,7 @@ class EchoProbe:
         return found
 
     def _read(self, records: list[np.ndarray], methods: Sequence[str] = RANGING_METHODS) -> list[dict[str, float]]:
-        """Ranges of records by method [m]."""
+        """Return the ranges of records by method [m]."""
         curves = PulseCurve.of_each(records)
         return [
             self.rangefinder.ranges(self.time, record, methods, curve)[0]
@@ -137,13 +148,13 @@ class EchoProbe:
         ]
 
     def random_errors(self, count: int) -> dict[str, float]:
-        """Standard deviation of the range by method [m], read off this many noisy records."""
+        """Return the standard deviation of the range by method [m] over `count` noisy records."""
         found = self.rangefinder.statistics(self.scene, self.fine, self.power, self.stride, count)
         return {name: one.random_error for name, one in found.items()}
 
 
 def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
-    """Compute the errors of an echo's numbers, by the formulas at the head of this file."""
+    """Compute the errors of an echo's numbers by the rules in this module's docstring."""
     phase = probe.phase_error()
     interpolation = float(result.information["strehl_error"])
     if probe.scene.receiver.return_factor == "strehl":
@@ -162,8 +173,10 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
         math.hypot(share, height) * peak
         for height, peak in zip(heights, (result.peak_power, result.peak_voltage), strict=True)
     )
-    noise = float(result.noise_rms)
-    voltage = root_sum_square((voltage, noise, 0.5 * probe.code_step))
+    noise, peak_noise = float(result.noise_rms), 0.0
+    if noise > 0.0:  # the signal's own shot noise may be many times the noise between echoes
+        peak_noise = probe.vacuum.chain.noise_rms(result.peak_power, probe.scene.detector.sample_rate)
+    voltage = root_sum_square((voltage, peak_noise, 0.5 * probe.code_step))
     random = probe.random_errors(TRIAL_COUNT) if noise > 0.0 else {}
     scaled = probe.read_scaled(*(1.0 + sign * share for sign in (0.0, 1.0, -1.0))) if 0.0 < share < 1.0 else []
     codes = probe.read_digitised() if noise < DITHER * probe.code_step else {}
@@ -173,9 +186,9 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
             ranges[method] = RangeUncertainty(math.nan, math.nan)
             continue
         walk = 0.0 if scaled else math.nan
-        if method in AMPLITUDE_METHODS and scaled:
+        if scaled and method in scaled[0]:
             walk = max(abs(one[method] - scaled[0][method]) for one in scaled)
-            if any(math.isnan(one[method]) for one in scaled):  # within its error the echo may be lost
+            if any(math.isnan(one[method]) for one in scaled):  # an echo weaker by the error may give no range
                 walk = math.inf
         place = max(abs(found.get(method, math.nan)) for _, found in moved)
         path = 0.5 * probe.scene.flow.wavelength * phase / math.pi

@@ -1,12 +1,13 @@
-"""Noise of an avalanche photodiode and its transimpedance amplifier.
+"""Compute the noise of an avalanche photodiode and its transimpedance amplifier.
 
-One-sided spectral density of the noise current behind the multiplication, white up to the amplifier's bandwidth:
+One-sided spectral density of the noise current after multiplication, white up to the amplifier's bandwidth:
 
     S = 2 q M^2 F (I_signal + I_background + I_dark) + 4 k T / R + i_n^2        [A^2/Hz]
     F = k M + (1 - k) (2 - 1 / M)
 
-I: primary currents, responsivity times power; M: multiplication; F: excess noise factor for electron injection, k the
-ratio of the ionisation coefficients; R: the resistor that makes volts of the current; i_n: the amplifier's input noise.
+I: primary currents, responsivity times power; M: multiplication; F: excess noise factor for electron injection (k: the
+ratio of the ionisation coefficients); R: the resistor that converts the current to volts; i_n: the amplifier's input
+noise.
 
 R. J. McIntyre, Multiplication noise in uniform avalanche diodes, IEEE Trans. Electron Devices 13 (1966).
 """
@@ -25,11 +26,11 @@ if TYPE_CHECKING:
 
 ELEMENTARY_CHARGE = 1.602176634e-19  # [C], exact
 BOLTZMANN_CONSTANT = 1.380649e-23  # [J/K], exact
-FOLDS = 4  # images of the band either side; from two poles on the next is 1e-3 of the noise even at a rate of 1 / B
+FOLDS = 4  # aliased bands on either side; with two poles the next holds 1e-3 of the noise even at a rate of 1 / B
 
 
 def excess_noise_factor(gain: float, ionisation_ratio: float) -> float:
-    """McIntyre's factor F: 1 without multiplication, and for a ratio of 1 equal to the gain.
+    """McIntyre's excess noise factor F: 1 without multiplication; equal to the gain for an ionisation ratio of 1.
 
     Raises:
         ValueError: A gain below 1, or a ratio outside 0 to 1.
@@ -43,17 +44,17 @@ class NoiseSources:
     """A receiver's noise sources.
 
     Attributes:
-        responsivity: Primary photocurrent for a watt [A/W].
+        responsivity: Primary photocurrent per watt [A/W].
         gain: Multiplication, 1 for a PIN diode.
-        ionisation_ratio: k, 0 to 1.
+        ionisation_ratio: Ratio k of the ionisation coefficients, 0 to 1.
         background_power: Steady light besides the signal [W].
         dark_current: Dark current before multiplication [A].
-        temperature: Of the resistor [K].
+        temperature: Temperature of the resistor [K].
         load_resistance: The resistor [Ohm].
         amplifier_noise: Input noise current density [A/rtHz].
 
     Raises:
-        ValueError: One of them is negative, not finite or out of range.
+        ValueError: A number that is negative, not finite or out of range.
     """
 
     responsivity: float = 0.5
@@ -66,7 +67,7 @@ class NoiseSources:
     amplifier_noise: float = 2e-12
 
     def __post_init__(self):
-        """Check."""
+        """Check the numbers."""
         for name, unit in (("responsivity", "A/W"), ("temperature", "K"), ("load_resistance", "Ohm")):
             check_positive(getattr(self, name), name, unit)
         for name in ("background_power", "dark_current", "amplifier_noise"):
@@ -75,16 +76,16 @@ class NoiseSources:
 
     @property
     def amperes_per_watt(self) -> float:
-        """Current behind the multiplication for a watt [A/W]."""
+        """Multiplied current per watt [A/W]."""
         return self.responsivity * self.gain
 
     @property
     def thermal_density(self) -> float:
-        """Noise of resistor and amplifier, one-sided [A^2/Hz]."""
+        """One-sided noise density of resistor and amplifier [A^2/Hz]."""
         return 4.0 * BOLTZMANN_CONSTANT * self.temperature / self.load_resistance + self.amplifier_noise**2
 
     def density(self, power) -> np.ndarray:
-        """One-sided spectral density of the noise current [A^2/Hz] while a power [W] is received, of its shape."""
+        """Return the one-sided noise density [A^2/Hz] for a received power [W], of the shape of `power`."""
         received = np.maximum(as_finite_array(power, "power"), 0.0) + self.background_power
         primary = self.responsivity * received + self.dark_current
         excess = excess_noise_factor(self.gain, self.ionisation_ratio)
@@ -93,7 +94,7 @@ class NoiseSources:
 
 
 def noise_sources_of(scene: "Scene") -> NoiseSources:
-    """A scene's noise sources; without a load resistance the transimpedance's own resistor counts."""
+    """Return the noise sources of a scene; without `load_resistance` the resistor is the transimpedance."""
     table = scene.detector
     transimpedance = table.volts_per_watt / (table.responsivity * table.gain)
     return NoiseSources(
@@ -109,15 +110,15 @@ def noise_sources_of(scene: "Scene") -> NoiseSources:
 
 
 def white_noise(density: np.ndarray, period: float, generator: np.random.Generator) -> np.ndarray:
-    """Samples [A] of white noise of a one-sided density [A^2/Hz] that may change along the record, shape (n,).
+    """Return white noise [A] of a one-sided density [A^2/Hz] that may change along the record, shape (n,).
 
-    A sample of period h holds the band up to 1 / (2 h), so its variance is density / (2 h).
+    Samples of period h hold the band up to 1 / (2 h), so the variance of a sample is density / (2 h).
     """
     return np.sqrt(density / (2.0 * period)) * generator.standard_normal(density.size)
 
 
 def noise_bandwidth(bandwidth: float, response: str, order: int, top: float) -> float:
-    """Bandwidth of white noise [Hz] behind a low-pass, up to the frequency `top` [Hz]: the integral of |gain|^2."""
+    """Noise bandwidth [Hz] of a low-pass up to the frequency `top` [Hz]: the integral of |gain|^2."""
     from scipy.integrate import quad
 
     from .detector import low_pass_gain
@@ -125,14 +126,14 @@ def noise_bandwidth(bandwidth: float, response: str, order: int, top: float) -> 
     def power_gain(ratio: float) -> float:
         return float(np.abs(low_pass_gain(ratio * bandwidth, bandwidth, response, order)) ** 2)
 
-    # In octaves, so that a wide band does not hide the passband from the quadrature.
+    # Integrate octave by octave, so that the quadrature does not miss the passband within a wide band.
     edges = [0.0, *(2.0**k for k in range(math.ceil(math.log2(max(top / bandwidth, 1.0))) + 1))]
     edges = [*(edge for edge in edges if edge < top / bandwidth), top / bandwidth]
     return bandwidth * sum(quad(power_gain, low, high)[0] for low, high in pairwise(edges))
 
 
 def sampled_noise_gain(frequency, period: float, bandwidth: float, response: str, order: int) -> np.ndarray:
-    """Gain of noise behind a low-pass that is sampled: what lies beyond half the sample rate is folded back.
+    """Return the noise gain of a low-pass followed by sampling, which aliases noise above half the sample rate.
 
     Args:
         frequency: Frequencies up to half the sample rate [Hz], any shape.
@@ -142,8 +143,8 @@ def sampled_noise_gain(frequency, period: float, bandwidth: float, response: str
         order: As for `low_pass_gain`.
 
     Returns:
-        The square root of the sum of |gain|^2 over all frequencies that look alike to the samples, of the shape of
-        `frequency`. For a single pole, whose skirt is long, the sum is a closed form.
+        The square root of the sum of |gain|^2 over all frequencies that sampling aliases to `frequency`, of the shape
+        of `frequency`. For a single pole, whose gain falls off slowly, the sum has a closed form.
     """
     from .detector import low_pass_gain
 

@@ -1,8 +1,9 @@
-"""The outward paths, through the flow to the target.
+"""Trace the outward paths, through the flow to the target.
 
-One ray for each target point, from the exit aperture to the tilted target. R_L = integral of n ds inside the traced
-field plus the ambient index times the straight remainder (eq 9, with lengths and optical lengths kept apart). The path
-ends on the tilted plane, so its tilt is in R_L already. Incidence: cos = -d . N in three dimensions.
+One ray per target point leaves the exit aperture and ends on the tilted target. R_L = integral of n ds inside the
+traced field plus the ambient index times the straight remainder (eq 9, with lengths and optical lengths distinguished).
+The path ends on the tilted plane, so R_L includes the effect of the tilt. The incidence is cos = -d . N in three
+dimensions.
 """
 
 from dataclasses import dataclass
@@ -19,15 +20,15 @@ from .target_points import TargetPoints
 
 @dataclass(frozen=True)
 class TransmitPaths:
-    """The outward paths, one for each target point.
+    """The outward paths, one per target point.
 
     Attributes:
         intersection: Where each ray meets the target [m], shape (m, 3).
         direction: Unit tangent there, shape (m, 3).
         deflection: Deflection by the flow, toward x and y [rad], shape (m, 2).
-        path: Optical path R_L from the exit aperture to there [m], shape (m,).
-        incidence_cosine: Cosine of the angle to the target's normal, shape (m,).
-        arrived: Whether the ray got there, shape (m,).
+        path: Optical path R_L from the exit aperture to the target [m], shape (m,).
+        incidence_cosine: Cosine of the angle between ray and target normal, shape (m,).
+        arrived: Whether the ray reached the target, shape (m,).
         trace: The trace, or None in vacuum.
     """
 
@@ -41,13 +42,13 @@ class TransmitPaths:
 
 
 def target_plane(scene: Scene) -> Plane:
-    """The target's plane; its normal points along the axis, turned by the tilt."""
+    """Return the target's plane; its normal is the optical axis turned by the target's tilt."""
     center = (0.0, 0.0, scene.receiver.aperture_z + scene.target.distance)
     return Plane(np.array(center), scene.target.orientation[:, 2])
 
 
 def trace_options(scene: Scene) -> dict:
-    """The options of `trace` that a scene's [trace] and [flow] tables set."""
+    """Return the options of `trace` that a scene's [trace] and [flow] tables set."""
     table = scene.trace
     return {
         "method": table.method,
@@ -62,7 +63,7 @@ def trace_options(scene: Scene) -> dict:
 
 
 def vacuum_paths(points: TargetPoints, plane: Plane) -> TransmitPaths:
-    """The outward paths in vacuum: straight lines."""
+    """Return the outward paths in vacuum, which are straight lines."""
     line = points.aim - points.start
     direction = line / lengths(line)[:, None]
     cosine = direction @ plane.normal
@@ -73,13 +74,13 @@ def vacuum_paths(points: TargetPoints, plane: Plane) -> TransmitPaths:
 
 
 def transmit_paths(scene: Scene, field: IndexField, points: TargetPoints) -> TransmitPaths:
-    """The paths out through the flow. Rays that do not arrive have NaN for a path and an intersection."""
+    """Trace the outward paths through the flow; path and intersection are NaN for rays that do not arrive."""
     plane = target_plane(scene)
     rays = RayBundle(points.start, points.aim - points.start)
     wanted = ("position", "direction", "optical_path", "evaluation_count")
     result = trace(field, rays, until=plane, outputs=wanted, **trace_options(scene))
     position, direction, path = result.position, result.direction, result.optical_path
-    assert position is not None and direction is not None and path is not None  # they were asked for
+    assert position is not None and direction is not None and path is not None  # requested outputs
     intersection, direction = (np.where(result.ok[:, None], values, np.nan) for values in (position, direction))
     return TransmitPaths(
         intersection=intersection,

@@ -1,4 +1,4 @@
-"""What can be said of a scene's echo before tracing any ray: the echo in vacuum, and whether it can be ranged."""
+"""Predict a scene's echo without tracing rays: the echo in vacuum, and whether each method can read a range from it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,9 +18,10 @@ class EchoPrediction:
     Attributes:
         peak_power: Its peak power [W].
         peak_voltage: Its peak voltage [V].
-        reasons: For each ranging method that cannot read this echo, the reason. The scene has no range by it either.
-        least_factor: What the flow must leave of the light, 0 to 1, for the scene's own method to find the echo; NaN
-            where that method does not depend on the amplitude, or finds none even in vacuum.
+        reasons: For each ranging method that cannot read this echo, the reason. The scene's echo through the flow has
+            no range by that method either.
+        least_factor: Least return factor, 0 to 1, with which the scene's own method still finds the echo; NaN if that
+            method does not depend on the amplitude, or finds no echo even in vacuum.
     """
 
     peak_power: float
@@ -30,14 +31,14 @@ class EchoPrediction:
 
 
 def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPrediction:
-    """The echo of a scene in vacuum, which costs no rays.
+    """Compute the echo of a scene in vacuum, without tracing rays.
 
     Args:
         scene: The scene.
-        field: The refractive index, to check that the target lies ahead of it; None: not checked.
+        field: The refractive index, to check that the target is ahead of it; None: not checked.
 
     Raises:
-        ValueError: A scene that has no echo to compute: a target that reaches back to the aperture or into the flow's
+        ValueError: A scene whose echo cannot be computed: a target that reaches back to the aperture or into the flow's
             box, one too deep for its pulse, or a record of millions of samples.
     """
     vacuum = check_echo(scene, field)
@@ -58,14 +59,14 @@ def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPredictio
 
 
 def check_echo(scene: Scene, field: IndexField | None = None) -> VacuumEcho:
-    """What is known of a scene's echo before any ray is traced; a scene that has no echo to compute is refused.
+    """Return the echo of a scene in vacuum, after checking that the scene's echo can be computed.
 
     Raises:
         ValueError: As for `predict_echo`.
     """
     vacuum = VacuumEcho.of(scene)
-    vacuum.times()  # refuses what is no record,
-    _ = vacuum.point_power  # and this what has no power
+    vacuum.times()  # raises for a record of too many samples
+    _ = vacuum.point_power  # raises for a receiver wider than its distance
     if field is not None and scene.receiver.return_factor != "none":
         check_ahead(field, vacuum.paths.intersection)
     return vacuum

@@ -1,10 +1,10 @@
-"""A sampled pulse as a smooth curve: crossings, peak and centroid between the samples.
+"""Represent a sampled pulse by a smooth curve, to find crossings, peak and centroid between the samples.
 
-The curve is the quintic spline through the samples (of lower degree for fewer than six): for a Gaussian pulse of
-1/e half-width tau its error is of order (period / tau)^6, 2e-6 of the peak at six samples per tau, where linear
-interpolation is off by 2e-2. Places are counted in samples from the start of the record, whatever the sample period.
-Between two samples it is one polynomial, by whose coefficients crossings and peaks are found: a call of the spline for
-each trial place takes longer than all the rest of a reading.
+The curve is the quintic spline through the samples (of lower degree for fewer than six). For a Gaussian pulse of
+1/e half-width tau its error is of order (period / tau)^6: 2e-6 of the peak with six samples per tau, where linear
+interpolation has an error of 2e-2. Positions are counted in samples from the start of the record, whatever the sample
+period. Between two samples the curve is one polynomial; crossings and peaks are found from the polynomial's
+coefficients, because evaluating the spline at each trial position takes longer than the rest of a reading.
 """
 
 from collections.abc import Sequence
@@ -16,14 +16,14 @@ import numpy as np
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-# The centroid is taken where the pulse stands above this share of its peak: farther out there is only noise.
+# The centroid is that of the part above this fraction of the peak; below it there is mostly noise.
 CENTROID_FLOOR = 0.1
-# This many equal samples at the top are not a peak between two samples but a level that was not passed.
+# This many equal samples at the top mean that the peak is cut off, not that it is between two samples.
 PLATEAU = 3
 
 
 def _fit_between(degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Chebyshev points of [-1/2, 1/2], and what makes coefficients of a polynomial of its values there."""
+    """Return Chebyshev points of [-1/2, 1/2], and the matrix from a polynomial's values there to its coefficients."""
     node = 0.5 * np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
     return node, np.linalg.inv(np.vander(node, increasing=True))
 
@@ -32,7 +32,7 @@ _PIECES = {degree: _fit_between(degree) for degree in (1, 3, 5)}
 
 
 def _spline_through(samples: np.ndarray) -> "BSpline":
-    """The spline through samples at 0, 1, 2 ..., shape (n,), or through each column of (n, m)."""
+    """Return the spline through samples at 0, 1, 2 ..., shape (n,), or through each column of (n, m)."""
     from scipy.interpolate import make_interp_spline
 
     count = len(samples)
@@ -40,25 +40,26 @@ def _spline_through(samples: np.ndarray) -> "BSpline":
 
 
 class PulseCurve:
-    """The curve through the samples of a pulse, shape (n,); places in samples, values in the samples' unit.
+    """The curve through the samples of a pulse, shape (n,); positions in samples, values in the samples' unit.
 
-    `is_whole` says that there is nothing beyond the samples, as of a template: then they may begin and end within the
-    pulse.
+    `is_whole` says that the pulse is 0 beyond the samples, as for a template: the samples may then begin and end
+    within the pulse.
 
     Raises:
         ValueError: No sample is positive (in `peak_place` and what needs it), or the pulse's peak is cut off.
     """
 
     def __init__(self, samples: np.ndarray, is_whole: bool = False, spline: "BSpline | None" = None):
-        """Fit the spline, unless it was fitted already."""
+        """Fit the spline, unless it is given."""
         self.samples, self.is_whole = samples, is_whole
         self.spline = _spline_through(samples) if spline is None else spline
 
     @classmethod
     def of_each(cls, records: Sequence[np.ndarray]) -> "list[PulseCurve | None]":
-        """The curves of records of one length, to the last bit what each has by itself; None for one that has none.
+        """Return the curves of records of one length, None for a record that has no curve.
 
-        The equations of the splines are factorised once, which takes longer than to solve them.
+        Each curve equals the record's own curve to the last bit. The equations of the splines are factorised only once;
+        the factorisation takes longer than solving them.
         """
         fit = [record.size > 3 and bool(np.isfinite(record).all()) for record in records]
         good = [record for record, fits in zip(records, fit, strict=True) if fits]
@@ -73,7 +74,7 @@ class PulseCurve:
 
     @cached_property
     def peak_place(self) -> float:
-        """Where the curve is greatest, next to the greatest sample."""
+        """Position of the curve's maximum next to the greatest sample."""
         top = int(np.argmax(self.samples))
         if self.samples[top] <= 0.0:
             raise ValueError(f"there is no pulse: the greatest sample is {self.samples[top]:g} V; is the sign turned?")
@@ -83,7 +84,7 @@ class PulseCurve:
         for start, inner in ((top, -0.5), (top - 1, 0.5)):
             piece = self._piece(start)
             slope = [power * factor for power, factor in enumerate(piece)][1:]
-            # The curve rises from the sample on into this piece, and comes down again: it is lower at the other end.
+            # The curve rises from the sample into this piece and falls again: the other end is lower.
             if _horner(slope, inner) * inner < 0.0:
                 place = _root_of(slope, -0.5, 0.5) if _horner(slope, -inner) * inner > 0.0 else _highest(piece)
                 return start + 0.5 + place if _horner(piece, place) > self.samples[top] else float(top)
@@ -95,18 +96,18 @@ class PulseCurve:
         return float(self.spline(self.peak_place))
 
     def _piece(self, start: int) -> list[float]:
-        """Coefficients, from the constant on, of the polynomial between two samples, from the middle between them."""
+        """Coefficients of the polynomial between two samples, constant first, about the middle between them."""
         node, to_coefficients = _PIECES[self.spline.k]
         return (to_coefficients @ self.spline(start + 0.5 + node)).tolist()
 
     def _root(self, level: float, low: float, high: float) -> float:
-        """Where the curve is at a level between two places with no sample between them, on either side of it."""
+        """Position at which the curve crosses a level, between two positions on either side of the level."""
         start = int(0.5 * (low + high))
         constant, *others = self._piece(start)
         return start + 0.5 + _root_of([constant - level, *others], low - start - 0.5, high - start - 0.5)
 
     def first_rise(self, level: float) -> float:
-        """First place at which the curve rises through `level`.
+        """Return the first position at which the curve rises through `level`.
 
         Raises:
             ValueError: The curve starts above the level, or never reaches it.
@@ -126,13 +127,13 @@ class PulseCurve:
                 f"the signal never crosses the threshold: its peak is {top:g} V, the threshold {level:g} V; "
                 "lower the threshold or raise the gain"
             )
-        return self._root(level, np.ceil(self.peak_place) - 1.0, self.peak_place)  # the peak stands between two samples
+        return self._root(level, np.ceil(self.peak_place) - 1.0, self.peak_place)  # the peak is between two samples
 
     def rise_before_peak(self, level: float) -> float:
-        """Last place before the peak at which the curve rises through `level` (below the peak).
+        """Return the last position before the peak at which the curve rises through `level` (below the peak).
 
         Raises:
-            ValueError: The curve stands above the level from the record's start on.
+            ValueError: The curve is above the level from the record's start.
         """
         before = np.flatnonzero(self.samples[: int(np.ceil(self.peak_place))] < level)
         if before.size == 0:
@@ -142,7 +143,7 @@ class PulseCurve:
         return self._root(level, before[-1], min(before[-1] + 1.0, self.peak_place))
 
     def fall_after_peak(self, level: float) -> float:
-        """First place after the peak at which the curve falls through `level`; the record's end if there is none."""
+        """Return the first position after the peak at which the curve falls through `level`; else the record's end."""
         start = int(np.floor(self.peak_place)) + 1
         after = np.flatnonzero(self.samples[start:] < level)
         if after.size == 0:
@@ -152,7 +153,7 @@ class PulseCurve:
 
     @cached_property
     def centroid(self) -> float:
-        """Mean place, weighted with the curve, of the part that stands above `CENTROID_FLOOR` of the peak.
+        """Centroid of the part of the curve above `CENTROID_FLOOR` of the peak.
 
         Raises:
             ValueError: The record begins or ends within that part, and is not whole.
@@ -164,7 +165,7 @@ class PulseCurve:
             raise ValueError(f"the record ends above {level:g} V, within the pulse: end it later or remove its offset")
         area = self.spline.antiderivative(1)
         moment = area.antiderivative(1)
-        # Integration by parts; places counted from the peak, so that long records lose no digits.
+        # Integrate by parts, with positions counted from the peak, so that long records lose no digits.
         lever = (high - self.peak_place) * area(high) - (low - self.peak_place) * area(low)
         return self.peak_place + float((lever - (moment(high) - moment(low))) / (area(high) - area(low)))
 
@@ -182,7 +183,10 @@ def _horner(coefficients: list[float], place: float) -> float:
 
 
 def _root_of(coefficients: list[float], low: float, high: float) -> float:
-    """A root of a polynomial between two places of different sign; by rounding, that of them which is nearer to one."""
+    """Root of a polynomial between two positions with values of different sign.
+
+    If rounding gives both values the same sign, the position of the smaller value is returned.
+    """
     from scipy.optimize import brentq
 
     ends = _horner(coefficients, low), _horner(coefficients, high)
@@ -192,7 +196,7 @@ def _root_of(coefficients: list[float], low: float, high: float) -> float:
 
 
 def _highest(coefficients: list[float]) -> float:
-    """Where a polynomial that rises at both ends of [-1/2, 1/2], or at neither, is greatest within."""
+    """Position of the maximum in [-1/2, 1/2] of a polynomial whose slope has the same sign at both ends."""
     from scipy.optimize import minimize_scalar
 
     options = {"xatol": 1e-10}
@@ -203,10 +207,10 @@ def _highest(coefficients: list[float]) -> float:
 
 
 def peak_height(samples: np.ndarray, made: PulseCurve | None = None) -> float:
-    """Greatest value of the curve through the samples, which may have been made already.
+    """Return the greatest value of the curve through the samples; `made` is that curve, if already computed.
 
-    It is the greatest sample where the record holds no peak, and where an amplifier or a digitiser has cut the peak
-    off: the curve would overshoot at the edges of such a plateau.
+    The greatest sample is returned if the record holds no peak, or if an amplifier or a digitiser has cut the peak off:
+    the curve would overshoot at the edges of such a plateau.
     """
     top = int(np.argmax(samples))
     cut_off = bool((samples[top : top + PLATEAU] == samples[top]).all()) and top + PLATEAU <= samples.size

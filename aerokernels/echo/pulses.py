@@ -1,4 +1,4 @@
-"""Shapes of a laser pulse in time, each of peak 1 at t = 0, the moment at which the pulse's peak leaves.
+"""Define the shapes of a laser pulse in time, each of peak 1 at t = 0, the moment at which the pulse's peak leaves.
 
 | shape    | formula, t from the peak                                        | width at half height | integral       |
 |----------|-----------------------------------------------------------------|----------------------|----------------|
@@ -6,7 +6,7 @@
 | HELIOS   | u^2 exp(-u) e^2 / 4, u = t / tau + 2 (0 before u = 0)           | 3.3947 tau           | e^2 / 2 tau    |
 | sampled  | the spline through given samples, not below 0; 0 outside of them | the samples'         | the spline's   |
 
-The second is (t / tau)^2 exp(-t / tau) with t = 0 shifted to its peak at 2 tau: the laser pulse of T. Carlsson,
+The HELIOS pulse is (t / tau)^2 exp(-t / tau) with t = 0 shifted to its peak at 2 tau, from T. Carlsson,
 O. Steinvall, D. Letalick, Signature simulation and signal analysis for 3-D laser radar, FOI-R-0163-SE (2001), which the
 lidar simulator HELIOS adopted.
 """
@@ -33,8 +33,8 @@ class PulseShape(Protocol):
 
     Attributes:
         support: Times [s] before and after which the shape is negligible, below 1e-12 of the peak.
-        timescale: Time [s] over which the shape changes; eight samples within it resolve the shape.
-        duration: Its integral [s]: energy over peak power.
+        timescale: Time [s] over which the shape changes; eight samples per timescale resolve the shape.
+        duration: Integral of the shape [s]: energy over peak power.
     """
 
     @property
@@ -56,7 +56,7 @@ class _OfTau:
     tau: float
 
     def __post_init__(self):
-        """Check."""
+        """Check tau."""
         check_positive(self.tau, "pulse_tau", "s")
 
     @property
@@ -78,7 +78,7 @@ class GaussianPulse(_OfTau):
 
     @property
     def support(self) -> tuple[float, float]:
-        """2e-16 of the peak is left there [s]."""
+        """Times [s] at which 2e-16 of the peak is left."""
         return -6.0 * self.tau, 6.0 * self.tau
 
     @property
@@ -88,9 +88,9 @@ class GaussianPulse(_OfTau):
 
     @checked
     def __call__(self, time: Numbers) -> np.ndarray:
-        """The shape at times [s] after the peak."""
+        """Return the shape at times [s] after the peak."""
         found = np.array(np.asarray(time, dtype=np.float64) / self.tau)
-        for step in (np.square, np.negative, np.exp):  # in place: an echo is millions of these
+        for step in (np.square, np.negative, np.exp):  # in place: an echo evaluates millions of these
             step(found, out=found)
         return found
 
@@ -108,7 +108,7 @@ class HeliosPulse(_OfTau):
 
     @property
     def support(self) -> tuple[float, float]:
-        """Zero before, 2e-13 of the peak after [s]."""
+        """Times [s] before which the pulse is 0, and after which less than 2e-13 of the peak is left."""
         return -2.0 * self.tau, 34.0 * self.tau
 
     @property
@@ -118,7 +118,7 @@ class HeliosPulse(_OfTau):
 
     @checked
     def __call__(self, time: Numbers) -> np.ndarray:
-        """The shape at times [s] after the peak."""
+        """Return the shape at times [s] after the peak."""
         u = np.maximum(np.asarray(time, dtype=np.float64) / self.tau + 2.0, 0.0)
         return 0.25 * np.square(u) * np.exp(2.0 - u)
 
@@ -154,23 +154,23 @@ class SampledPulse:
 
     @property
     def support(self) -> tuple[float, float]:
-        """From the first sample to the last [s]."""
+        """Times of the first and the last sample [s]."""
         return -self._peak_place * self.period, (self._curve.samples.size - 1 - self._peak_place) * self.period
 
     @property
     def timescale(self) -> float:
-        """The sample period [s]: the curve may change from one sample to the next."""
+        """The sample period [s], since the curve may change from one sample to the next."""
         return self.period
 
     @cached_property
     def duration(self) -> float:
-        """Energy over peak power [s], by the trapezium rule on 256ths of the period: it is cut at 0, with kinks."""
+        """Energy over peak power [s], by the trapezium rule on 256ths of the period: clipping at 0 makes kinks."""
         time = np.linspace(*self.support, 256 * (self._curve.samples.size - 1) + 1)
         return float(np.trapezoid(self(time), x=time))
 
     @checked
     def __call__(self, time: Numbers) -> np.ndarray:
-        """The shape at times [s] after the peak."""
+        """Return the shape at times [s] after the peak."""
         place = np.asarray(time, dtype=np.float64) / self.period + self._peak_place
         last = self._curve.samples.size - 1
         inside = (place >= 0.0) & (place <= last)
@@ -179,7 +179,7 @@ class SampledPulse:
 
 
 def pulse_of(scene: "Scene") -> PulseShape:
-    """The shape of a scene's pulse.
+    """Return the pulse shape of a scene.
 
     Raises:
         ValueError: Samples whose peak is the first or the last of them.
@@ -197,7 +197,7 @@ def as_pulse(pulse: PulseShape | float) -> PulseShape:
 
     Raises:
         ValueError: A number that is not positive and finite.
-        TypeError: Neither.
+        TypeError: Neither a number nor a pulse shape.
     """
     if isinstance(pulse, type):
         raise TypeError(f"pulse_tau must be a time [s] or the shape of a pulse, got the class {pulse.__name__}")

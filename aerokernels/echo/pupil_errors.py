@@ -1,4 +1,4 @@
-"""Errors of the light over the receiver's pupil, for the errors of an echo."""
+"""Compute errors of rays over the receiver's pupil, for the errors of an echo."""
 
 import math
 
@@ -10,20 +10,20 @@ from ..strehl.estimate import estimate_strehl
 from .paths import trace_options
 from .pupil_reduction import reduce_pupils
 
-# Enough for a mean within 1e-3 and an error budget, which takes rays of its own.
+# Enough for a mean within 1e-3; the error budget traces additional rays.
 ESTIMATE_RAYS = 4096
-# Errors that a field keeps: that of the target's centre is the same for all tilts of the target.
+# Errors cached on a field; the target's centre, and so its error, is the same for all tilts.
 KEPT = 8
 
 
 def own_phase_error(scene: Scene, field: IndexField) -> float:
     """Rms phase error [rad] of rays straight ahead through the receiver's pupil, from a small Strehl estimate.
 
-    NaN where that estimate is refused, as where none of its rays arrives: the error is then not known.
+    NaN (not known) if that estimate raises ValueError, for instance because none of its rays arrives.
     """
     pupil = scene.receiver.pupil
     try:
-        # The echo itself was computed: what is lost where the known air ends belongs to its error, and is no refusal.
+        # The echo was computed, so a loss where the known air ends is part of its error, and no reason to raise.
         options = trace_options(scene)
         return estimate_strehl(field, pupil, ray_count=ESTIMATE_RAYS, allow_truncation=True, **options).phase_error
     except ValueError:
@@ -31,9 +31,9 @@ def own_phase_error(scene: Scene, field: IndexField) -> float:
 
 
 def pupil_error(scene: Scene, field: IndexField) -> float:
-    """Change of the Strehl ratio of the target's centre when half of the rays over the pupil are left out.
+    """Change of the Strehl ratio at the target's centre when half of the pupil's rays are left out.
 
-    The rule with all of the rays errs less than this. NaN where no ray gets out.
+    This is more than the error with all rays. NaN if no ray gets out.
     """
     center = (0.0, 0.0, scene.receiver.aperture_z + scene.target.distance)
     key = ("pupil error", repr(scene.receiver), center, tuple(trace_options(scene).items()))

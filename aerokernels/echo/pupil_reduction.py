@@ -1,16 +1,16 @@
-"""Sums of the light from target points over the receiver's pupil, without storing the rays.
+"""Sum the return rays from target points over the receiver's pupil, without storing the rays.
 
 By reciprocity the rays are launched from the pupil toward the target point and traced to a plane just ahead of the
-flow; from there to the point it is a straight line in air at rest. The optical path difference of such a ray is
+flow; from there to the point the path is a straight line in air at rest. The optical path difference of such a ray is
 
     OPD = opd at the plane + n_ambient (|T - r| - |T - r0|)
 
 where r and r0 are the points at which the disturbed and the undisturbed ray cross the plane, and T is the target point.
-Without the second term the angle between plane and ray would contribute: 0.1 wave at 2 degrees off the axis. The effect
-of the ray's missing T is of second order in the deflection (Fermat), 3e-4 wave at 100 urad.
+The second term removes the effect of the angle between plane and ray: 0.1 wave at 2 degrees off the axis. The
+deflected ray misses T; this effect is of second order in the deflection (Fermat), 3e-4 wave at 100 urad.
 
-Millions of pairs of target point and pupil point would not fit in memory as rays: they are traced in chunks, and of
-each chunk only two sums per target point are kept.
+Millions of pairs of target point and pupil point would not fit in memory as rays. They are traced in chunks, and only
+two sums per target point are kept.
 """
 
 from dataclasses import dataclass, field
@@ -24,9 +24,9 @@ from ..scene import Scene
 from ..tracing import Plane, RayStatus, TraceResult, trace
 from .paths import trace_options
 
-# The stop stands this far ahead of the flow's box, clear of rounding at its face.
+# Distance of the stop plane ahead of the flow's box, clear of rounding at the box's face.
 CLEARANCE = 1e-6  # [m]
-# Rays of a chunk: enough for every core or a GPU, 100 MB at most with all that the tracer holds of them.
+# Rays per chunk: enough for every core or a GPU, and at most 100 MB including the tracer's arrays.
 CHUNK_RAYS = 1 << 18  # speed only
 
 
@@ -35,7 +35,7 @@ class PupilSums:
     """Sums over the rays between some target points and the pupil.
 
     Attributes:
-        open_share: Share of the pupil that the light of each point gets through to, 0 to 1, shape (k,).
+        open_share: Fraction of the pupil that each point's rays reach, 0 to 1, shape (k,).
         phasor: Sum of w exp(i k OPD) over those rays, complex, shape (k,).
         ray_count: Rays traced.
         evaluation_count: Field evaluations.
@@ -52,18 +52,18 @@ class PupilSums:
 
     @property
     def strehl(self) -> np.ndarray:
-        """Exact Strehl ratio of the open part of the pupil, tilt kept; 0 where nothing is open, shape (k,)."""
+        """Exact Strehl ratio of the open part of the pupil, tilt not removed; 0 if nothing is open, shape (k,)."""
         open_share = np.where(self.open_share > 0.0, self.open_share, 1.0)
         return np.abs(self.phasor / open_share) ** 2
 
 
 def receiver_pupil(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss points over the receiver's pupil [m], shape (n, 3), and weights that sum to 1, shape (n,)."""
+    """Return Gauss points over the receiver's pupil [m], shape (n, 3), and weights that sum to 1, shape (n,)."""
     return scene.receiver.pupil.sample(scene.receiver.ray_count, "gauss")
 
 
 def upper_half(start: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The half of a pupil's points that represents all of them where y and -y are equivalent."""
+    """Return the half of a pupil's points that represents all of them if y and -y are equivalent."""
     edge = 1e-9 * np.abs(start[:, :2]).max()
     kept = start[:, 1] >= -edge
     return start[kept], np.where(np.abs(start[kept, 1]) <= edge, 1.0, 2.0) * weight[kept]
@@ -72,14 +72,14 @@ def upper_half(start: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.nd
 def reduce_pupils(
     scene: Scene, index: IndexField, target: np.ndarray, start: np.ndarray, weight: np.ndarray
 ) -> PupilSums:
-    """Sums over the pupil of the light of each target point.
+    """Trace rays between target points and the pupil, and sum them over the pupil for each target point.
 
     Args:
         scene: The scene.
         index: The refractive index.
         target: Target points [m], shape (k, 3).
         start: Points of the pupil [m], shape (n, 3).
-        weight: Their shares of the pupil, shape (n,).
+        weight: Fractions of the pupil that these points represent, shape (n,).
 
     Raises:
         ValueError: The target is not ahead of the flow, or no ray gets out toward any of the points.
@@ -91,7 +91,7 @@ def reduce_pupils(
     statuses: dict[str, int] = {}
     ray_count = len(target) * len(start)
     for first in range(0, ray_count, CHUNK_RAYS):
-        # Ray r joins target point r // n to pupil point r % n: a chunk may begin or end within a pupil.
+        # Ray r connects target point r // n with pupil point r % n; a chunk may begin or end within a pupil.
         of_target, of_pupil = np.divmod(np.arange(first, min(first + CHUNK_RAYS, ray_count)), len(start))
         opd, result = _trace_rays(scene, index, start[of_pupil], target[of_target])
         share = np.where(result.ok, weight[of_pupil], 0.0)
@@ -115,10 +115,10 @@ def reduce_pupils(
 
 
 def check_ahead(index: IndexField, target: np.ndarray) -> None:
-    """Refuse target points [m], shape (k, 3), that do not lie ahead of the field's box.
+    """Check that target points [m], shape (k, 3), are ahead of the field's box.
 
     Raises:
-        ValueError: As said.
+        ValueError: One of them is not.
     """
     front = float(index.box[1][2])
     if target[:, 2].min() <= front + CLEARANCE:
@@ -131,13 +131,13 @@ def check_ahead(index: IndexField, target: np.ndarray) -> None:
 def _trace_rays(
     scene: Scene, index: IndexField, position: np.ndarray, point: np.ndarray
 ) -> tuple[np.ndarray, TraceResult]:
-    """OPD [m] of rays from pupil points toward target points, shape (m,), 0 for those that failed; and the trace."""
+    """Return the OPD [m] of rays from pupil points to target points, shape (m,), 0 for failed rays; and the trace."""
     rays = RayBundle(position, point - position)
     stop_z = max(float(index.box[1][2]), scene.receiver.aperture_z) + CLEARANCE
     stop = Plane(np.array([0.0, 0.0, stop_z]), np.array([0.0, 0.0, 1.0]))
     wanted = ("position", "opd", "evaluation_count")
     result = trace(index, rays, until=stop, outputs=wanted, **trace_options(scene))
-    assert result.position is not None and result.opd is not None  # they were asked for
+    assert result.position is not None and result.opd is not None  # requested outputs
     undisturbed = rays.position + ((stop_z - rays.position[:, 2]) / rays.direction[:, 2])[:, None] * rays.direction
     detour = lengths(point - result.position) - lengths(point - undisturbed)
     return np.where(result.ok, result.opd + index.ambient_index * detour, 0.0), result

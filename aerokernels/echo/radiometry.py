@@ -1,24 +1,24 @@
-"""Echo of a tilted plane without flow, in closed form and by quadrature (eq 8 of the paper).
+"""Compute the echo of a tilted plane without flow, in closed form and by quadrature (eq 8 of the paper).
 
     P(t) = P0 D^2 eta_a^2 eta_s / (2 w^2 R^2) f_r cos(b) SR
            * integral of exp(-2 (x^2 + y^2) / w^2) exp(-((t - 2 (R + y tan b) / c) / tau)^2) dx dy
 
 x and y are normal to the beam, w is the beam's 1/e^2 radius at the target, D the receiver's diameter, b the tilt about
-x, f_r = reflectivity / pi for a Lambertian plane (reflectors.py has Phong's; the beam is parallel, so its lobe is seen
-at 2 b). Over the whole plane the integral is a Gaussian once more:
+x, and f_r = reflectivity / pi for a Lambertian plane (reflectors.py has Phong's; for the parallel beam alpha is 2 b).
+Over the whole plane the integral is again a Gaussian:
 
     P(t) = pi P0 D^2 eta_a^2 eta_s f_r cos(b) SR / (4 R^2) * (tau / tau_e) exp(-((t - 2 R / c) / tau_e)^2)
     tau_e^2 = tau^2 + 2 w^2 tan(b)^2 / c^2
 
-With y cut at +-h, a factor [erf(q (h - y0)) + erf(q (h + y0))] / 2 comes to it, where
-q^2 = 2 / w^2 + (2 tan(b) / (c tau))^2 and y0 = 2 tan(b) (t - 2 R / c) / (c tau^2 q^2). The paper's eq 11 cuts at h = w,
-which untilted leaves erf(sqrt 2) = 0.9545; a reflector of height H cuts at h = H cos(b) / 2, and its width W adds a
+If y is limited to +-h, the power has the additional factor [erf(q (h - y0)) + erf(q (h + y0))] / 2, where
+q^2 = 2 / w^2 + (2 tan(b) / (c tau))^2 and y0 = 2 tan(b) (t - 2 R / c) / (c tau^2 q^2). The paper's eq 11 takes h = w,
+which untilted leaves erf(sqrt 2) = 0.9545. A reflector of height H has h = H cos(b) / 2, and its width W adds a
 factor erf(W / (sqrt 2 w)).
 
-For other pulses than the Gaussian the integral over y is done by Gauss-Legendre points on panels short against the
-pulse and the beam.
+For other pulses than the Gaussian the integral over y is done by Gauss-Legendre points on panels that are short against
+the pulse and the beam.
 
-The light travels at c: the echo of a scene (`simulate.py`) has the air's index in its optical paths.
+The light travels at c here; the echo of a scene (`simulate.py`) has the air's index in its optical paths.
 """
 
 import math
@@ -33,12 +33,12 @@ from .waveform import SPEED_OF_LIGHT
 
 LIMITS = ("beam", "paper")
 EVALUATIONS = ("auto", "closed-form", "quadrature")
-SUPPORT = 3.5  # [1/e^2 radii]: 3e-12 of the beam lies outside
+SUPPORT = 3.5  # [1/e^2 radii]: 3e-12 of the beam's power is outside
 PANEL_NODES = 16
 
 
 def tilted_pulse_tau(pulse_tau: float, beam_radius: float, tilt: float) -> float:
-    """1/e half-width [s] of the echo of a plane of any extent: the pulse's own, spread by the tilted plane's depth.
+    """1/e half-width [s] of the echo of a plane of any extent: the pulse's own, broadened by the tilted plane's depth.
 
     Args:
         pulse_tau: 1/e half-width of the pulse that leaves [s].
@@ -63,7 +63,7 @@ def plane_echo_power(
     atmospheric_transmission: float = 1.0,
     system_efficiency: float = 1.0,
 ):
-    """Peak power [W] that returns if the whole beam meets a surface at one distance and one incidence.
+    """Return the peak power [W] of the echo if the whole beam meets a surface at one distance and one incidence.
 
     P0 f_r cos(incidence) * (pi D^2 / 4) / R^2 * eta_a^2 eta_s: the reflector's radiance times the receiver's solid
     angle. `distance` [m], `incidence_cosine` and `reflectance` f_r [1/sr] may be arrays; nothing is checked here.
@@ -94,7 +94,7 @@ def plane_target_echo(
     height: float | None = None,
     evaluation: str = "auto",
 ) -> np.ndarray:
-    """Received power of the echo from a tilted plane without flow (eq 8).
+    """Return the received power of the echo from a tilted plane without flow (eq 8).
 
     Args:
         time: Times after the pulse's peak left [s], any shape.
@@ -103,14 +103,14 @@ def plane_target_echo(
         beam_radius: 1/e^2 intensity radius of the parallel beam [m].
         distance: Distance R to the plane along the axis [m].
         tilt: Angle between the axis and the plane's normal, about x [rad].
-        pulse_tau: 1/e half-width of a Gaussian pulse, FWHM / (2 sqrt(ln 2)) [s], or a shape out of pulses.py.
+        pulse_tau: 1/e half-width of a Gaussian pulse, FWHM / (2 sqrt(ln 2)) [s], or a pulse shape (pulses.py).
         reflectivity: Reflectivity at normal incidence, 0 to 1.
-        atmospheric_transmission: Transmission one way, 0 to 1; it enters squared.
+        atmospheric_transmission: Transmission one way, 0 to 1; the echo has its square.
         system_efficiency: Transmission of the optics, 0 to 1.
         strehl: Strehl ratio of the return path, 0 to 1, one for the whole target.
-        limits: "beam", the beam's full support, or the reflector's edges; "paper", y cut at +-beam_radius whatever the
-            reflector's size, which loses 4.55 % untilted.
-        specular_share: Share of the reflected light in a Phong lobe, 0 to 1; 0: Lambertian.
+        limits: "beam", the beam's full support, or the reflector's edges; "paper", y limited to +-beam_radius whatever
+            the reflector's size, which loses 4.55 % untilted.
+        specular_share: Fraction of the reflected light in a Phong lobe, 0 to 1; 0: Lambertian.
         specular_exponent: The lobe's exponent.
         width: Width of the reflector [m]; None: larger than the beam.
         height: Height of the reflector along its tilted surface [m]; None: larger than the beam.
@@ -120,8 +120,8 @@ def plane_target_echo(
         Received power [W], of the shape of `time`.
 
     Raises:
-        ValueError: A length, time or power that is not positive and finite, a share outside 0 to 1, a tilt of a right
-            angle or more, unknown limits, times that are not finite, a closed form asked of another pulse.
+        ValueError: A length, time or power that is not positive and finite, a fraction outside 0 to 1, a tilt of a
+            right angle or more, unknown limits, times that are not finite, a closed form requested for another pulse.
         TypeError: An argument that is not a number.
 
     Examples:
@@ -164,7 +164,7 @@ def plane_target_echo(
 
 
 def _closed_form(late, radius: float, tilt: float, tau: float, half_width, half_height) -> np.ndarray:
-    """The integral of eq 8, normalised to 1 for an untilted plane at its peak, for times after the axis' echo [s]."""
+    """Return the integral of eq 8, 1 at the peak of an untilted plane, at times [s] after the echo from the axis."""
     from scipy.special import erf
 
     spread = tilted_pulse_tau(tau, radius, tilt)
@@ -180,7 +180,7 @@ def _closed_form(late, radius: float, tilt: float, tau: float, half_width, half_
 
 
 def _integral(late, radius: float, tilt: float, pulse: PulseShape, half_width, half_height) -> np.ndarray:
-    """The same, summed up."""
+    """Return the same integral as `_closed_form`, by quadrature."""
     limit = SUPPORT * radius
     _, x_weight = _beam_panels(min(limit, half_width or limit), radius, radius)
     steepness = 2.0 * abs(math.tan(tilt)) / SPEED_OF_LIGHT
@@ -193,7 +193,7 @@ def _integral(late, radius: float, tilt: float, pulse: PulseShape, half_width, h
 
 
 def _beam_panels(limit: float, panel: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points [m] between -limit and limit on panels no longer than `panel`, and each one's share of the beam."""
+    """Return points [m] between -limit and limit on panels no longer than `panel`, and their fractions of the beam."""
     node, weight = np.polynomial.legendre.leggauss(PANEL_NODES)
     edge = np.linspace(-limit, limit, math.ceil(2.0 * limit / panel) + 1)
     half = 0.5 * np.diff(edge)[:, None]

@@ -1,6 +1,6 @@
-"""Systematic and random errors of a range by Monte Carlo simulation of the noise, and their Cramér-Rao bound.
+"""Measure systematic and random range errors by Monte Carlo simulation of the noise, and compute the Cramér-Rao bound.
 
-For a signal v(t) in white Gaussian noise of standard deviation s in each sample, any unbiased estimate of its arrival
+For a signal v(t) with white Gaussian noise of standard deviation s in each sample, any unbiased estimate of its arrival
 time has a variance of at least s^2 / sum (dv/dt)^2 (Cramer-Rao), so that
 
     range error >= c / 2 * s / sqrt(sum over the samples of (dv/dt)^2)
@@ -31,14 +31,14 @@ class RangeStatistics:
         cramer_rao_bound: Least standard deviation of any unbiased range [m].
         systematic_standard_error: Standard error of `systematic_error`, from the number of trials [m].
         random_standard_error: Standard error of `random_error`, from the number of trials [m].
-        trial_count: Trials made.
-        missed_count: Trials without a range, such as a signal that never crossed the threshold; left out above.
-        confidence: Probability that each of the intervals below covers its quantity.
+        trial_count: Number of trials.
+        missed_count: Trials without a range, such as a signal that never crossed the threshold; left out of the errors.
+        confidence: Probability that each of the intervals below contains its quantity.
         systematic_interval: Confidence interval of `systematic_error` [m], Student's t.
         random_interval: Confidence interval of `random_error` [m], chi-squared.
-        sampling_error: Greatest systematic error [m] due to the position of the pulse between the samples, 0 where
-            there are enough samples. `systematic_error` contains it for one position, or not at all if it is relative
-            to the method's own reading. NaN where it was not measured. See sampling_error.py.
+        sampling_error: Greatest systematic error [m] due to the position of the pulse between the samples, 0 if there
+            are enough samples. `systematic_error` contains this error for one position, or not at all if it is relative
+            to the method's own reading. NaN if it was not measured. See sampling_error.py.
     """
 
     systematic_error: float
@@ -55,7 +55,7 @@ class RangeStatistics:
 
 
 def cramer_rao_range(time, voltage, noise_rms: float) -> float:
-    """Least standard deviation [m] of an unbiased range in white noise.
+    """Cramér-Rao bound: the least standard deviation [m] of an unbiased range in white noise.
 
     Args:
         time: Sample times [s], shape (n,), in even steps.
@@ -63,7 +63,7 @@ def cramer_rao_range(time, voltage, noise_rms: float) -> float:
         noise_rms: Standard deviation of the noise in each sample [V].
 
     Raises:
-        ValueError: Uneven times, a noise that is not positive, a signal without a slope.
+        ValueError: Uneven times, a noise that is not positive, a signal that is constant.
     """
     _, volts, period = as_waveform(time, voltage)
     noise = check_positive(noise_rms, "noise_rms", "V")
@@ -88,7 +88,7 @@ def range_statistics(
     fraction: float = 0.5,
     confidence: float = 0.95,
 ) -> RangeStatistics:
-    """Systematic and random error of a ranging method in white Gaussian noise.
+    """Measure the systematic and random error of a ranging method in white Gaussian noise.
 
     Args:
         time: Sample times [s], shape (n,), in even steps.
@@ -121,7 +121,7 @@ def range_statistics(
         true_range = check_at_least(true_range, "true_range")
 
     reading = Reading(method, threshold, template, fraction)
-    clean = reading.range(times, volts)  # an argument that is wrong shows here, and passes for no missed trial
+    clean = reading.range(times, volts)  # a wrong argument raises here instead of counting as missed trials
     sampling = reading.warn(volts, period)
     generator = np.random.default_rng(seed)
     ranges = _trials(
@@ -145,21 +145,22 @@ def chain_range_statistics(
     seed: int = 0,
     confidence: float = 0.95,
 ) -> RangeStatistics:
-    """Systematic and random error of a rangefinder behind a whole detector chain.
+    """Measure the systematic and random error of a rangefinder behind a detector chain.
 
     Args:
-        chain: The chain, whose noise, limits and digitiser every record goes through.
+        chain: The chain; every record passes its noise, saturation and digitiser.
         time: Times [s], shape (n,), in even steps fine enough for the pulse and the low-pass.
         power: Received power [W], shape (n,).
-        read: Range [m] from sample times [s] and samples [V]; an echo that it refuses by a ValueError is missed.
+        read: Returns the range [m] from sample times [s] and samples [V]; an echo for which it raises ValueError counts
+            as missed.
         true_range: The range by the geometry [m].
-        stride: Number of given times from one sample to the next.
+        stride: Number of given times per sample.
         trial_count: Records to range, at least two.
         seed: Seed of the noise.
         confidence: Probability of the confidence intervals, between 0 and 1.
 
     Returns:
-        The errors. The bound is that of the current before the low-pass, see `DetectorChain.cramer_rao_range`.
+        The errors. The bound is that of the current ahead of the low-pass, see `DetectorChain.cramer_rao_range`.
 
     Raises:
         ValueError: Arguments out of range, or fewer than two trials that gave a range.
@@ -178,10 +179,10 @@ def chain_range_statistics(
 
 
 def check_trials(trial_count: int, confidence: float) -> None:
-    """Refuse fewer than two trials, and a confidence that is no probability.
+    """Check that there are at least two trials, and that the confidence is between 0 and 1.
 
     Raises:
-        ValueError: As said.
+        ValueError: One of them is out of range.
     """
     check_count(trial_count, "trial_count", 2)
     if not 0.0 < check_share(confidence, "confidence") < 1.0:
@@ -189,7 +190,7 @@ def check_trials(trial_count: int, confidence: float) -> None:
 
 
 def _trials(read: Callable[[np.ndarray], float], record: Callable[[], np.ndarray], trial_count: int) -> list[float]:
-    """Ranges [m] of those records that gave one."""
+    """Return the ranges [m] of those records that gave one."""
     ranges = []
     for _ in range(trial_count):
         samples = record()
@@ -201,7 +202,7 @@ def _trials(read: Callable[[np.ndarray], float], record: Callable[[], np.ndarray
 def summarise_ranges(
     ranges: list[float], trial_count: int, true_range: float, bound: float, confidence: float
 ) -> RangeStatistics:
-    """Mean and spread of the ranges [m] that trials gave, with their confidence intervals.
+    """Return mean and spread of the ranges [m] of trials, with their confidence intervals.
 
     Raises:
         ValueError: Fewer than two ranges.

@@ -1,9 +1,9 @@
-"""Range walk: the dependence of a fixed threshold's range on the amplitude, and its correction by a curve.
+"""Compute the range walk of a fixed threshold (the dependence of its range on amplitude), and correct ranges by it.
 
-A threshold T is crossed earlier by a higher pulse. For a Gaussian of peak V and 1/e half-width tau the crossing lies
+A higher pulse crosses a threshold T earlier. For a Gaussian of peak V and 1/e half-width tau the crossing is
 tau sqrt(ln(V / T)) before the peak, so its range is short by c tau sqrt(ln(V / T)) / 2. For any other pulse the curve
 is measured: the waveform is scaled to a series of amplitudes, each of which is ranged. A rangefinder takes the
-amplitude of an echo from its peak or, where the amplifier saturates, from the time for which it stays above the
+amplitude of an echo from its peak or, if the amplifier saturates, from the time for which the echo is above the
 threshold.
 """
 
@@ -15,19 +15,19 @@ from ..inputs.checks import as_waveform, check_positive
 from .pulse_curve import PulseCurve, peak_height
 from .waveform import SPEED_OF_LIGHT
 
-# The curve's points lie evenly in sqrt(ln(V / T)), in which the walk of a Gaussian is a straight line.
+# The curve's points are evenly spaced in sqrt(ln(V / T)), in which the walk of a Gaussian is a straight line.
 POINT_COUNT = 128
 LEAST_RATIO, GREATEST_RATIO = 1.0005, 1000.0
 
 
 @dataclass(frozen=True, eq=False)
 class RangeWalk:
-    """Error of a leading-edge range against the height and the width of the pulse.
+    """Error of a leading-edge range as a function of the pulse's height, or of its width.
 
     Attributes:
         threshold: Level of the discriminator [V].
         peak: Peaks of the echo [V], increasing, shape (n,).
-        width: Time that such an echo stays above the threshold [s], increasing, shape (n,).
+        width: Time for which an echo of that peak is above the threshold [s], increasing, shape (n,).
         error: Range by the threshold minus the range by the time of the peak [m], shape (n,); negative, decreasing.
     """
 
@@ -37,10 +37,10 @@ class RangeWalk:
     error: np.ndarray
 
     def at_peak(self, peak: float) -> float:
-        """Error [m] of an echo of this peak [V].
+        """Return the error [m] of an echo of this peak [V].
 
         Raises:
-            ValueError: The peak lies outside of the curve.
+            ValueError: The peak is outside the curve.
         """
         volts = check_positive(peak, "peak", "V")
         if not self.peak[0] <= volts <= self.peak[-1]:
@@ -51,10 +51,10 @@ class RangeWalk:
         return float(self._interpolated(_stretched(self.peak / self.threshold), _stretched(volts / self.threshold)))
 
     def at_width(self, width: float) -> float:
-        """Error [m] of an echo that stays above the threshold for this time [s].
+        """Return the error [m] of an echo that is above the threshold for this time [s].
 
         Raises:
-            ValueError: The time lies outside of the curve.
+            ValueError: The time is outside the curve.
         """
         time = check_positive(width, "width", "s")
         if not self.width[0] <= time <= self.width[-1]:
@@ -64,16 +64,16 @@ class RangeWalk:
         return float(self._interpolated(self.width, time))
 
     def correct(self, time, voltage, reading: float, *, peak: float | None = None) -> float:
-        """A leading-edge range [m] less the error of an echo of this waveform's peak.
+        """Subtract from a leading-edge range [m] the error of an echo of this waveform's peak.
 
         Args:
             time: Sample times [s], shape (n,), in even steps.
             voltage: Samples [V], shape (n,).
-            reading: What the leading edge reads [m].
-            peak: Height of the pulse [V], where it is known better than from the samples.
+            reading: The leading-edge range [m].
+            peak: Height of the pulse [V], if it is known better than from the samples.
 
         Raises:
-            ValueError: A peak outside of the curve, a waveform without a peak.
+            ValueError: A peak outside the curve, a waveform without a peak.
         """
         _, volts, _ = as_waveform(time, voltage)
         return reading - self.at_peak(peak_height(volts) if peak is None else peak)
@@ -89,16 +89,16 @@ def _stretched(ratio):
 
 
 def range_walk(time, voltage, threshold: float) -> RangeWalk:
-    """The range walk curve of a threshold for pulses of one shape.
+    """Compute the range walk curve of a threshold for pulses of one shape.
 
     Args:
         time: Sample times of a clean pulse [s], shape (n,), in even steps.
-        voltage: Its samples [V], shape (n,); its height does not matter.
+        voltage: Its samples [V], shape (n,), of any height.
         threshold: Level of the discriminator [V].
 
     Returns:
-        The curve, for peaks from just above the threshold to 1000 times that. A pulse that the record cuts off before
-        it has fallen to a thousandth gives a shorter one.
+        The curve, for peaks from just above the threshold to 1000 times the threshold; up to lower peaks if the record
+        cuts the pulse off before it has fallen to a thousandth.
 
     Raises:
         ValueError: Uneven times, no pulse, or a pulse that is cut off at half its height.

@@ -1,4 +1,4 @@
-"""A scene's rangefinder: the four ranging methods, each calibrated on the echo of the same scene in vacuum."""
+"""Read ranges from a scene's echo by the four ranging methods, each calibrated on the same scene's echo in vacuum."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ from .shaped_curve import Shape, shaped_curve
 
 
 class _Record(NamedTuple):
-    """A record as `as_waveform` gives it, and what `shaped_curve` made of it, if it was asked and could."""
+    """A record as `as_waveform` returns it, and the result of `shaped_curve` if there is one."""
 
     times: np.ndarray
     volts: np.ndarray
@@ -38,12 +38,12 @@ class Rangefinder:
 
     Attributes:
         threshold: Level of the leading edge [V].
-        fraction: Share of the peak of the constant fraction.
-        shape: The echo in vacuum as a function of time [s], zero at its greatest sample: the template of the matched
-            filter, and the interpolant of all methods where there are few samples.
-        calibration: What is subtracted from each method's reading [m]; methods that cannot read the
-            reference are absent.
-        walk: The curve that the leading edge is corrected by, or None.
+        fraction: Fraction of the peak for "constant-fraction".
+        shape: The echo in vacuum as a function of time [s], with zero at its greatest sample: the template of the
+            matched filter, and the interpolant of all methods if there are few samples.
+        calibration: Offset that is subtracted from each method's reading [m]; methods that cannot read the reference
+            are absent.
+        walk: The curve that corrects the leading edge, or None.
         unreadable: For each method that cannot read the reference, the reason.
     """
 
@@ -69,16 +69,16 @@ class Rangefinder:
             scene: The scene.
             time: Sample times [s], shape (n,).
             reference: Samples [V], shape (n,).
-            fine: Times [s] and voltage [V] of the same echo where it was computed, fine enough to show all of the
-                pulse however slow the digitiser; None: the samples.
-            curve: The curve through the samples, where it was made already.
+            fine: Times [s] and voltage [V] at which the same echo was computed, fine enough to resolve the pulse
+                whatever the digitiser's sample rate; None: the samples.
+            curve: The curve through the samples, if it was computed already.
         """
         detector = scene.detector
         known = (time, reference) if fine is None else fine
         walk, unreadable = None, {}
         methods = dict.fromkeys(RANGING_METHODS, 0.0)
         try:
-            itself = known[1].size == reference.size  # the samples are where the echo was computed
+            itself = known[1].size == reference.size  # the echo was computed at the samples themselves
             shape = template_curve(known[1], as_waveform(*known)[2], curve if itself else None)
         except ValueError as fault:
             reason = f"the echo in vacuum, without flow, cannot be ranged: {fault}"
@@ -97,7 +97,7 @@ class Rangefinder:
         return cls(detector.threshold, detector.fraction, shape, offsets, walk, unreadable)
 
     def range(self, time: np.ndarray, voltage: np.ndarray, method: str) -> float:
-        """Range by one method [m].
+        """Return the range by one method [m].
 
         Raises:
             ValueError: The method finds no echo.
@@ -122,14 +122,15 @@ class Rangefinder:
         methods: Sequence[str] = RANGING_METHODS,
         curve: PulseCurve | None = None,
     ) -> tuple[dict[str, float], dict[str, str]]:
-        """Ranges by all methods [m], NaN for those that find no echo or are not calibrated, and the reasons.
+        """Return ranges by method [m], NaN for methods without a range, and for each of these the reason.
 
-        `curve` is the one through the voltage, where it was made already.
+        A method has no range if it finds no echo or is not calibrated. `curve` is the one through the voltage, if it
+        was computed already.
         """
         readable = [method for method in methods if method not in self.unreadable]
         found, faults = self._readings(time, voltage, readable, curve)
         told = dict(self.unreadable)
-        for method, fault in faults.items():  # the flow, or the noise, left too little of the echo for this method
+        for method, fault in faults.items():  # flow or noise left too weak an echo for this method
             told[method] = f"the echo cannot be ranged: {fault}"
         reasons = {method: told[method] for method in methods if method in told}
         return {method: found.get(method, math.nan) for method in methods}, reasons
@@ -137,13 +138,13 @@ class Rangefinder:
     def _readings(
         self, time: np.ndarray, voltage: np.ndarray, methods: Sequence[str], curve: PulseCurve | None
     ) -> tuple[dict[str, float], dict[str, str]]:
-        """Ranges by those methods that read a record [m], and what is wrong with it for each of the others."""
+        """Return the ranges [m] by method, and the reason for each method that cannot read the record."""
         try:
             times, volts, period = as_waveform(time, voltage)
         except ValueError as fault:
             return {}, dict.fromkeys(methods, str(fault))
         made = None
-        with suppress(ValueError):  # a record without a curve: each method says why
+        with suppress(ValueError):  # a record without a curve: each method reports the reason
             made = shaped_curve(volts, self.shape, period, curve)
         found, faults = {}, {}
         for method in methods:
@@ -156,14 +157,14 @@ class Rangefinder:
     def statistics(
         self, scene: Scene, time: np.ndarray, power: np.ndarray, stride: int, trial_count: int
     ) -> dict[str, RangeStatistics]:
-        """Errors of each calibrated method over noisy records; of those methods that read enough of them.
+        """Return the errors over noisy records of each calibrated method that reads at least two of the records.
 
         Args:
             scene: The scene, whose detector makes the records.
             time: Times at which power is computed [s], shape (n,).
             power: Received power [W], shape (n,).
-            stride: How many of these times make one sample period.
-            trial_count: Records; 0 for none.
+            stride: Number of these times per sample period.
+            trial_count: Number of records; 0 for none.
         """
         found = {}
         for method in self.calibration if trial_count else ():

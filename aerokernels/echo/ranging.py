@@ -1,13 +1,13 @@
-"""From the waveform of an echo to a range: four definitions of its arrival time.
+"""Convert the waveform of an echo to a range, by one of four definitions of its arrival time.
 
 t = 0 is the moment at which the pulse's peak leaves, and range = c t / 2.
 
 | method              | arrival time                                                       | depends on the amplitude |
 |---------------------|--------------------------------------------------------------------|--------------------------|
 | "leading-edge"      | first rise through a fixed threshold                               | yes: range walk          |
-| "constant-fraction" | last rise, before the peak, through `fraction` of the peak         | where it is cut off      |
-| "centroid"          | centroid of the part above a tenth of the peak                     | no                       |
-| "matched-filter"    | greatest correlation with a template: least variance in white noise | no                       |
+| "constant-fraction" | last rise, before the peak, through `fraction` of the peak         | if the peak is cut off   |
+| "centroid"          | centroid of the part above a tenth of the peak                     | if the peak is cut off   |
+| "matched-filter"    | greatest correlation with a template: least variance in white noise | if the peak is cut off  |
 
 A Gaussian pulse of peak V and 1/e half-width tau, arriving at t0, crosses a threshold T at t0 - tau sqrt(ln(V / T)).
 All four interpolate between the samples: with the spline through them (`pulse_curve.py`) or, if the pulse's shape is
@@ -33,10 +33,10 @@ from .waveform import SPEED_OF_LIGHT
 
 RANGING_METHODS = ("leading-edge", "constant-fraction", "centroid", "matched-filter")
 
-AMPLITUDE_METHODS = ("leading-edge",)  # those whose reading hangs on the amplitude
+AMPLITUDE_METHODS = ("leading-edge",)  # methods whose reading depends on the amplitude
 
 Template = Shape | np.ndarray
-# Of a sampled template at the places of a record: how many records' are kept, and up to how many numbers of each.
+# Shifted samples of a template that are cached: for how many kinds of records, and at most how many numbers for each.
 KEPT, MOST_KEPT = 4, 1 << 18  # speed only
 
 
@@ -50,7 +50,7 @@ def estimate_range(
     template: Template | None = None,
     fraction: float = 0.5,
 ) -> float:
-    """Range that a rangefinder reads off an echo.
+    """Return the range that a rangefinder reads from an echo.
 
     Args:
         time: Sample times after the pulse's peak left [s], shape (n,), in even steps.
@@ -61,20 +61,20 @@ def estimate_range(
             waveform's own period, whose time zero is the greatest sample. Its amplitude does not matter. Needed by
             "matched-filter". "constant-fraction" and "centroid" subtract the template's own reading, so that an echo
             of the template's shape reads the time of its zero; without a template they give the bare time of the
-            crossing or of the centroid. "leading-edge" subtracts nothing: its offset depends on the amplitude, so that
-            it is calibrated against a known echo instead. A function is also what all of them go by between the samples
-            of a record that has few across its pulse.
-        fraction: Share of the peak at which "constant-fraction" triggers, between 0 and 1.
+            crossing or of the centroid. "leading-edge" subtracts nothing: its offset depends on the amplitude, so
+            calibrate it against a known echo instead. All methods use a template function to interpolate a record that
+            has few samples across its pulse.
+        fraction: Fraction of the peak at which "constant-fraction" triggers, between 0 and 1.
 
     Returns:
         Range [m].
 
     Warns:
-        CoarseSamplingWarning: Too few samples across the pulse for the method, with the error that this makes.
-        SaturatedRecordWarning: A peak that is cut off, of which "constant-fraction" takes its share, with the error.
+        CoarseSamplingWarning: Too few samples across the pulse for the method; states the resulting error.
+        SaturatedRecordWarning: A peak that is cut off, with "constant-fraction"; states the resulting error.
 
     Raises:
-        ValueError: The signal never crosses the threshold (the message says its peak), the record cuts the pulse, an
+        ValueError: The signal never crosses the threshold (the message states its peak), the record cuts the pulse, an
             argument that the method needs is missing, uneven times, shapes that disagree, an unknown method.
         TypeError: An argument that is not a number.
 
@@ -94,15 +94,15 @@ def estimate_range(
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """How ranges are read off records of one kind.
+    """How ranges are read from records of one kind.
 
     Attributes:
         method: As for `estimate_range`.
         threshold: As for `estimate_range` [V].
         template: As for `estimate_range`.
         fraction: As for `estimate_range`.
-        shape: The pulse as a function of time [s], by which the samples are interpolated; None: the template, where
-            that is a function.
+        shape: The pulse as a function of time [s], used to interpolate the samples; None: the template, if it is a
+            function.
 
     Raises:
         ValueError: An unknown method.
@@ -116,20 +116,20 @@ class Reading:
     shape: Shape | None = None
 
     def __post_init__(self):
-        """Check."""
+        """Check method and template."""
         check_choice(self.method, "method", RANGING_METHODS)
         if isinstance(self.template, type):
             name = self.template.__name__
             raise TypeError(f"template must be a function of time [s], or samples, got the class {name}")
 
     def range(self, time, voltage) -> float:
-        """Range [m] of samples [V] at times [s], without a warning; raises as `estimate_range`."""
+        """Return the range [m] of samples [V] at times [s], without a warning; raises as `estimate_range`."""
         return self.range_of(as_waveform(time, voltage))
 
     def range_of(
         self, waveform: tuple[np.ndarray, np.ndarray, float], curve: tuple[PulseCurve, int] | None = None
     ) -> float:
-        """As `range`, of what `as_waveform` gave; `curve` is what `shaped_curve` made of it by `shape`, or None."""
+        """Return the range [m] of a waveform from `as_waveform`; `curve` is the result of `shaped_curve`, or None."""
         times, volts, period = waveform
         return 0.5 * SPEED_OF_LIGHT * (float(times[0]) + self._place(volts, period, curve) * period)
 
@@ -145,7 +145,7 @@ class Reading:
         return sampling_error(volts, period, read, template, self.method != "leading-edge")
 
     def warn(self, volts: np.ndarray, period: float) -> float:
-        """Warn where the sampling error [m] is more than is tolerated, and return it; and of a peak that is cut off."""
+        """Warn of a sampling error above the tolerated one or of a peak that is cut off; return the former [m]."""
         error = self.sampling_error(volts, period)
         if self.method == "constant-fraction":
             shape = self.shape or (self.template if callable(self.template) else None)
@@ -155,7 +155,7 @@ class Reading:
         return error
 
     def _place(self, volts: np.ndarray, period: float, made: tuple[PulseCurve, int] | None = None) -> float:
-        """Place of arrival [samples]."""
+        """Position of arrival [samples]."""
         template = self.template
         if self.method == "matched-filter":
             if template is None:
@@ -173,7 +173,7 @@ class Reading:
         return place - (self._arrival(PulseCurve(samples, is_whole=True)) - zero) / finer
 
     def _arrival(self, curve: PulseCurve) -> float:
-        """Place of arrival [samples] by one of the methods that need no template."""
+        """Position of arrival [samples] by one of the methods that need no template."""
         if self.method == "leading-edge":
             if self.threshold is None:
                 raise ValueError("method 'leading-edge' needs a threshold [V]")
@@ -187,7 +187,7 @@ class Reading:
 
 
 def _check_whole(template: Shape, place: float, count: int, period: float) -> None:
-    """Refuse a match whose pulse the record cuts: the part that is there matches best elsewhere."""
+    """Check that the record does not cut the matched pulse: a part of a pulse matches best elsewhere."""
     peak, first, last = np.abs(template((np.array([place, 0.0, count - 1.0]) - place) * period))
     for height, when, remedy in ((first, "begins", "begin earlier"), (last, "ends", "end later")):
         if height >= CENTROID_FLOOR * peak:
@@ -196,12 +196,12 @@ def _check_whole(template: Shape, place: float, count: int, period: float) -> No
 
 @dataclass(frozen=True, eq=False)
 class SampledTemplate(Derived):
-    """A template's samples as a function of time [s], zero at the greatest of them; 0 outside of them.
+    """A template's samples as a function of time [s], zero at the greatest sample; 0 outside the samples.
 
     Attributes:
         samples: The samples, shape (k,).
         period: Sample period [s].
-        made: The curve through the samples, where it was made already.
+        made: The curve through the samples, if it was computed already.
     """
 
     samples: np.ndarray
@@ -214,19 +214,19 @@ class SampledTemplate(Derived):
         return self.made or PulseCurve(self.samples)
 
     def __call__(self, time: np.ndarray) -> np.ndarray:
-        """The template at times [s]."""
+        """Return the template at times [s]."""
         last = self.samples.size - 1
         place = np.asarray(time) / self.period + int(np.argmax(self.samples))
         inside = (place >= 0.0) & (place <= last)
         return np.where(inside, self.curve.spline(np.clip(place, 0.0, last)), 0.0)
 
     def transform(self, count: int, period: float) -> tuple[np.ndarray, float]:
-        """See `shaped_curve.template_transform`; that of the last record's samples is kept."""
+        """See `shaped_curve.template_transform`; the latest result is cached."""
         return self.derive(("transform", count, period), lambda: template_transform(self, count, period), 1)
 
     def shifted(self, places: np.ndarray, shifts: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-        """See `shaped_curve.shifted_samples`; those of the last records' places are kept: echoes are much alike."""
-        if not 1 < shifts.size <= MOST_KEPT // places.size:  # a single shift is that of one record
+        """See `shaped_curve.shifted_samples`; the latest results are cached, because echoes of a scene are alike."""
+        if not 1 < shifts.size <= MOST_KEPT // places.size:  # a single shift belongs to one record only
             return shifted_samples(self, places, shifts, period)
         key = ("shifted", places.size, int(places[0]), shifts.tobytes(), period)
         return self.derive(key, lambda: shifted_samples(self, places, shifts, period), KEPT)
@@ -235,12 +235,12 @@ class SampledTemplate(Derived):
 def template_curve(
     template: Template, period: float, curve: PulseCurve | None = None
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """The template as a function of time [s], zero at its peak; 0 outside of given samples.
+    """Return the template as a function of time [s], zero at its peak; 0 outside given samples.
 
     Args:
-        template: A function, returned as it is, or samples, shape (k,), at the period given.
+        template: A function, returned unchanged, or samples, shape (k,), at the period given.
         period: Sample period [s].
-        curve: The curve through the samples, where it was made already.
+        curve: The curve through the samples, if it was computed already.
 
     Raises:
         ValueError: Samples that are not finite, not a list, fewer than four, or without a positive value.
@@ -260,7 +260,7 @@ def _checked_samples(template) -> np.ndarray:
 
 
 def _template_samples(template: Template, count: int, period: float, finer: int) -> tuple[np.ndarray, int, int]:
-    """The template's samples, the place of its time zero, and how many of them make one period of the waveform."""
+    """Return the template's samples, the position of its time zero, and the number of samples per waveform period."""
     if callable(template):
         places = np.arange(-count * finer, count * finer + 1)
         return _checked_samples(template(places * (period / finer))), count * finer, finer

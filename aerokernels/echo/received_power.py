@@ -1,4 +1,4 @@
-"""The power that comes back to the receiver from each target point."""
+"""Compute the power that returns to the receiver from each target point."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from .reflectors import lobe_cosine, reflector_of
 
 
 def point_power(scene: Scene, weight: np.ndarray, paths: TransmitPaths, factor: np.ndarray) -> np.ndarray:
-    """Peak power of each point's pulse at the receiver [W], shape (m,)."""
+    """Return the peak power of each point's pulse at the receiver [W], shape (m,)."""
     check_aperture(scene.receiver.diameter, scene.target.distance)
     to_receiver = np.array([0.0, 0.0, scene.receiver.aperture_z]) - paths.intersection
     to_receiver = to_receiver / lengths(to_receiver)[:, None]

@@ -1,4 +1,4 @@
-"""The result of an echo simulation."""
+"""Hold the result of an echo simulation."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -26,32 +26,32 @@ class EchoResult:
     Attributes:
         time: Sample times after the pulse's peak left [s], shape (n,).
         power: Power on the receiver's pupil [W], shape (n,).
-        voltage: Recorded voltage [V], shape (n,): with noise and digitiser where the scene has them.
-        clean_voltage: Voltage without noise and digitiser [V], the mean of many records, shape (n,).
-        noise_rms: Standard deviation of the noise between echoes [V]; 0 where the scene has none.
-        target_point: Where each ray of the beam lands on the target [m], shape (m, 3); NaN for rays that do not.
+        voltage: Recorded voltage [V], shape (n,): with noise and digitiser if the scene has them.
+        clean_voltage: Voltage without noise and digitiser [V], shape (n,).
+        noise_rms: Standard deviation of the noise between echoes [V]; 0 if the scene has no noise.
+        target_point: Where each ray of the beam meets the target [m], shape (m, 3); NaN for rays that do not.
         path: Optical path R_L of each ray from the exit aperture to the target [m], shape (m,).
         deflection: Deflection of each ray by the flow, toward x and y [rad], shape (m, 2).
         incidence: Angle between each ray and the target's normal [rad], shape (m,).
-        strehl: Strehl ratio of each point's return path over the receiver's pupil, shape (m,); NaN where the scene's
+        strehl: Strehl ratio of each point's return path over the receiver's pupil, shape (m,); NaN if the scene's
             return factor is "none".
-        return_factor: Share of each point's light that the flow leaves on the return path, 0 to 1, shape (m,).
-        beam_share: Share of the beam's power that each ray stands for, shape (m,).
+        return_factor: Fraction of each point's light that the flow transmits on the return path, 0 to 1, shape (m,).
+        beam_share: Fraction of the beam's power that each ray represents, shape (m,).
         point_power: Peak of each point's own pulse at the receiver [W], shape (m,); `power` is the sum of the pulses.
         distance: True distance of the target [m].
         ranging: The scene's ranging method.
-        ranges: Range by method [m], calibrated; NaN where a method finds no echo, or cannot be calibrated.
-        reasons: Why, for each method whose range is NaN.
-        calibration: What is subtracted from each method's reading [m]: its error on the echo that the same scene has
-            in vacuum; methods that cannot read that echo are absent.
+        ranges: Range by method [m], calibrated; NaN if a method finds no echo, or cannot be calibrated.
+        reasons: The reason for each method whose range is NaN.
+        calibration: Offset that is subtracted from each method's reading [m]: its error on the same scene's echo in
+            vacuum; methods that cannot read that echo are absent.
         statistics: Systematic and random error by method, over the scene's `detector.trial_count` noisy records.
-        vacuum_peak_power: Peak power of that echo [W].
-        vacuum_peak_voltage: Peak voltage of that echo [V].
-        information: Numbers about the computation: "beam_share" (of the beam's power that arrives on the target),
-            "lost_share" (of the power aimed at the target, in rays that failed), "strehl_error" (bound on the error
-            of interpolating the return factor), "pair_count" (of target and pupil points, that the rays traced back
-            stand for), "ray_count" (traced), "evaluation_count", "trace_seconds".
-        budget: Measures the errors of the numbers; `errors` calls it.
+        vacuum_peak_power: Peak power of the echo in vacuum [W].
+        vacuum_peak_voltage: Peak voltage of the echo in vacuum [V].
+        information: Numbers about the computation: "beam_share" (fraction of the beam's power that arrives on the
+            target), "lost_share" (fraction aimed at the target, in rays that failed), "strehl_error" (bound on the
+            error of interpolating the return factor), "pair_count" (pairs of target and pupil points that the return
+            rays represent), "ray_count" (traced), "evaluation_count", "trace_seconds".
+        budget: Computes the errors of the numbers; called by `errors`.
     """
 
     time: np.ndarray
@@ -80,14 +80,14 @@ class EchoResult:
 
     @cached_property
     def errors(self) -> EchoErrors:
-        """What the numbers may be off by, see echo_errors.py; some rays are traced for it when it is first read."""
+        """Errors of the numbers, see echo_errors.py; some rays are traced for them at the first access."""
         return EchoErrors() if self.budget is None else self.budget(self)
 
     @cached_property
     def quantities(self) -> dict[str, Quantity]:
         """Numbers with errors: "strehl", "peak_power" [W], "peak_voltage" [V], "range" and "range_error" [m].
 
-        The error of "range" holds both its systematic and its random error; `errors.ranges` has them apart.
+        The error of "range" combines its systematic and its random error; `errors.ranges` has them separately.
         """
         errors = self.errors
         within = errors.of_range(self.ranging)
@@ -100,7 +100,7 @@ class EchoResult:
         }
 
     def plot(self, axes=None):
-        """Draw the recorded voltage, and that without noise, over time [ns] on matplotlib axes; returns the axes."""
+        """Plot the recorded and the noise-free voltage [V] over time [ns] on matplotlib axes; returns the axes."""
         axes = drawn_on(axes)
         axes.plot(1e9 * self.time, self.voltage, label="recorded")
         if self.noise_rms > 0.0:
@@ -110,7 +110,7 @@ class EchoResult:
         return axes
 
     def __repr__(self) -> str:
-        """The numbers with their errors. Some rays are traced for them when first asked for."""
+        """Return the numbers with their errors as text; some rays are traced for the errors at the first call."""
         found = self.quantities
         lines = [
             f"EchoResult, target at {self.distance:g} m, {len(self.beam_share)} points, {len(self.time)} samples",
@@ -142,7 +142,7 @@ class EchoResult:
 
     @property
     def reason(self) -> str | None:
-        """Why the scene's own method gives no range; None where it gives one."""
+        """Why the scene's own method gives no range; None if it gives one."""
         return self.reasons.get(self.ranging) if math.isnan(self.range) else None
 
     @property
@@ -152,13 +152,13 @@ class EchoResult:
 
     @property
     def mean_strehl(self) -> float:
-        """Strehl ratio as the echo sees it: the mean over the target points, weighted with their share of the beam."""
+        """Mean Strehl ratio over the target points, weighted with their fractions of the beam's power."""
         share = self.beam_share
         good = np.isfinite(self.strehl) & (share > 0.0)
         return float(share[good] @ self.strehl[good] / share[good].sum()) if good.any() else float("nan")
 
     def to_xarray(self) -> "xarray.Dataset":
-        """The echo as a dataset with units: `echo_power`, `echo_voltage` over "time", the rest over "point"."""
+        """Return the echo as a dataset with units: `echo_power`, `echo_voltage` over "time", the rest over "point"."""
         import xarray
 
         def point(values: np.ndarray, units: str, words: str) -> tuple:

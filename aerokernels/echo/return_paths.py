@@ -1,15 +1,15 @@
-"""The return factor: the share of the light that the flow leaves on the return path, for every target point.
+"""Compute the return factor of every target point: the fraction of its light that the flow transmits to the receiver.
 
-"strehl"  the share of the receiver's pupil that the light gets through to, times the Strehl ratio over that part, tilt
+"strehl"  the fraction of the receiver's pupil that the point's rays reach, times the Strehl ratio over that part, tilt
           kept, piston removed (the paper's factor; a Strehl ratio is a peak intensity, not a power)
-"bucket"  that share alone: all light that reaches the pupil falls on a detector larger than the spot. Refraction moves
-          light into the pupil or out of it only by focusing, some 1e-4 here, which is left out
+"bucket"  that fraction alone: all light that reaches the pupil falls on a detector larger than the spot. Refraction
+          moves light into the pupil or out of it only by focusing, some 1e-4 here, which is neglected
 "none"    1, and no ray is traced
 
-Both vary smoothly over the target, so they are computed at Chebyshev-Lobatto points on the target and interpolated by
-the polynomial through them; leaving every other point out gives the error. Where field, pupil and target are symmetric
-about the axis, they depend on the distance from it alone: the points lie along one radius, and half of the pupil
-represents all of it.
+Fraction and Strehl ratio vary smoothly over the target. They are computed at Chebyshev-Lobatto points on the target and
+interpolated by the polynomial through them; leaving every other point out gives the error. If field, pupil and target
+are symmetric about the axis, both depend on the distance from the axis alone: the points are then on one radius, and
+half of the pupil represents all of it.
 """
 
 import math
@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..medium import IndexField
+from ..rays import Pupil
 from ..scene import Scene
 from ..tracing import Plane
 from .pupil_reduction import PupilSums, receiver_pupil, reduce_pupils, upper_half
@@ -27,16 +28,16 @@ EVERY = "every"
 
 @dataclass(frozen=True, eq=False)
 class ReturnPaths:
-    """The return paths, one for each intersection with the target; NaN where there is none, or none was traced.
+    """The return paths, one per intersection with the target; NaN if there is no intersection or no traced ray.
 
     Attributes:
         factor: The return factor, 0 to 1, shape (m,).
         strehl: Strehl ratio of the open part of the pupil, shape (m,).
-        open_share: Share of the pupil that the light gets through to, shape (m,).
+        open_share: Fraction of the pupil that the point's rays reach, shape (m,).
         error: Greatest change of `factor` when every other interpolation point is left out, an upper bound of its
             error.
         pair_count: Pairs of target point and pupil point that the sums represent.
-        sums: The rays behind it; None for factor "none".
+        sums: The sums over the rays; None for factor "none".
     """
 
     factor: np.ndarray
@@ -55,15 +56,16 @@ def return_paths(
     node_count: int | str = 9,
     symmetry: bool = True,
 ) -> ReturnPaths:
-    """Return factor at the intersections of rays with the target.
+    """Return the return factor at the intersections of rays with the target.
 
     Args:
         scene: The scene.
         field: The refractive index.
-        intersection: Where rays meet the target [m], shape (m, 3); NaN where they do not.
+        intersection: Where rays meet the target [m], shape (m, 3); NaN for rays that do not.
         plane: The target's plane.
-        node_count: Points a side at which the factor is computed, odd and at least 3; "every": at all intersections.
-        symmetry: Whether to use the symmetry about the axis where there is one.
+        node_count: Number of points along each side of the target at which the factor is computed, odd and at least 3;
+            "every": at all intersections.
+        symmetry: Whether to use the symmetry about the axis if there is one.
 
     Raises:
         ValueError: As `reduce_pupils`; also a `node_count` that is even or too small.
@@ -86,7 +88,7 @@ def return_paths(
         sums = reduce_pupils(scene, field, place, *pupil)
         found, error = (sums.strehl, sums.open_share), 0.0
         pair_count = sums.ray_count
-    elif symmetry and is_symmetric(field, plane):
+    elif symmetry and is_symmetric(field, plane, scene.receiver.pupil):
         sums, found, error = _along_a_radius(scene, field, place, pupil, int(node_count), kind)
         pair_count = int(node_count) ** 2 * len(pupil[0])
     else:
@@ -97,9 +99,10 @@ def return_paths(
     return ReturnPaths(_factor(kind, strehl, open_share), strehl, open_share, error, pair_count, sums)
 
 
-def is_symmetric(field: IndexField, plane: Plane) -> bool:
-    """Whether field and target are symmetric about the axis, and so the return path to a pupil on it."""
-    return field.geometry == "axisymmetric" and float(np.hypot(plane.normal[0], plane.normal[1])) < 1e-12
+def is_symmetric(field: IndexField, plane: Plane, pupil: Pupil) -> bool:
+    """Return whether field, target and pupil, and so the return paths, are symmetric about the axis."""
+    faces_axis = float(np.hypot(plane.normal[0], plane.normal[1])) < 1e-12
+    return field.geometry == "axisymmetric" and faces_axis and pupil.inner_ratio is not None
 
 
 def _factor(kind: str, strehl: np.ndarray, open_share: np.ndarray) -> np.ndarray:
@@ -107,21 +110,21 @@ def _factor(kind: str, strehl: np.ndarray, open_share: np.ndarray) -> np.ndarray
 
 
 def _along_a_radius(scene, field, place, pupil, node_count: int, kind: str):
-    """Sums at points of one radius, and their even polynomial at the intersections' distances from the axis."""
+    """Sum at points on one radius, and interpolate by an even polynomial in the intersections' distance to the axis."""
     node = _lobatto(node_count)
     reach = max(float(np.hypot(place[:, 0], place[:, 1]).max()), 1e-9)
     half = node_count // 2
     target = np.zeros((half + 1, 3))
     target[:, 0], target[:, 2] = reach * node[half:], place[0, 2]
     sums = reduce_pupils(scene, field, target, *upper_half(*pupil))
-    # The middle node is the axis; those before it mirror those after it.
+    # The middle node is on the axis; the nodes before it mirror the nodes after it.
     tables = [np.concatenate([values[:0:-1], values]) for values in (sums.strehl, sums.open_share)]
     distance = np.hypot(place[:, 0], place[:, 1])[:, None] / reach
     return sums, *_interpolate(tables, node, distance, kind)
 
 
 def _over_the_target(scene, field, place, plane, pupil, node_count: int, kind: str):
-    """Sums at a grid of points over the rectangle around the intersections, and their polynomial there."""
+    """Sum at a grid of points over the rectangle around the intersections, and interpolate by a polynomial."""
     node = _lobatto(node_count)
     low, high = place[:, :2].min(axis=0), place[:, :2].max(axis=0)
     center, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-9)
@@ -138,7 +141,7 @@ def _lobatto(count: int) -> np.ndarray:
 
 
 def _interpolate(tables: list[np.ndarray], node: np.ndarray, place: np.ndarray, kind: str):
-    """Strehl ratio and open share at the places, and the change of the factor from leaving every other node out."""
+    """Return Strehl ratio and open share at the positions, and the factor's change without every other node."""
     found = [interpolate_polynomial(table, node, place) for table in tables]
     every_other = (slice(None, None, 2),) * tables[0].ndim
     coarse = [interpolate_polynomial(table[every_other], node[::2], place) for table in tables]
@@ -147,7 +150,7 @@ def _interpolate(tables: list[np.ndarray], node: np.ndarray, place: np.ndarray, 
 
 
 def interpolate_polynomial(table: np.ndarray, node: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """The polynomial through a table at nodes in [-1, 1].
+    """Evaluate the polynomial through a table at nodes in [-1, 1].
 
     Args:
         table: Values, shape (k,) or (k, k).

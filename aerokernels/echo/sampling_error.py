@@ -1,15 +1,15 @@
-"""The error of a range due to too few samples across a pulse, measured on a pulse of the record's own widths.
+"""Measure the error of a range due to too few samples across a pulse, on a test pulse of the record's own widths.
 
-A test pulse is sampled at eight phases between two samples, and ranged by the method in question; the truth is the
-reading of the pulse itself. The test pulse is the template where that is a function. Otherwise it is
+A test pulse is sampled at eight phases between two samples and ranged by the method; the reference is the reading of
+the pulse itself. The test pulse is the template if that is a function. Otherwise it is
 
     2^(-|t / half width|^p)
 
-to either side of the peak, with the record's half widths before and after it. The power p is 2, as of a Gaussian, or
-more where the record's widths at a fifth and at four fifths of the peak are as near as those of steep edges, or 1 where
-those near the top say that it is a corner. Records with noise have p = 2, since noise makes corners of its own. The
-record's widths come from too
-few samples themselves, so the test pulse is narrowed until its samples look as wide as the record's.
+on either side of the peak, with the record's half widths before and after the peak. The power p is 2, as of a Gaussian;
+more if the record's widths at a fifth and at four fifths of the peak are as close together as those of steep edges; or
+1 if its widths near the top indicate a corner. Records with noise have p = 2, because noise itself makes corners. The
+record's widths are measured from the same few samples, so the test pulse is narrowed until its samples look as wide as
+the record's.
 """
 
 import warnings
@@ -22,22 +22,22 @@ from .pulse_curve import PulseCurve
 from .waveform import SPEED_OF_LIGHT
 
 PHASE_COUNT = 8
-# The widths of a few samples are misjudged by up to a third of the error that they make.
+# Widths from few samples misjudge the error by up to a third.
 SAFETY = 1.5
-# Samples across a pulse's width at half height from which on every method reads it rightly, nothing is measured: of
-# pulses that are Gaussian on either side, and of all others.
+# Samples across a pulse's width at half height from which every method reads it correctly and no error is measured: for
+# pulses that are Gaussian on either side, and for all others.
 ENOUGH_SAMPLES, ENOUGH_OF_ANY = 8.0, 64.0
-# Levels of the peak whose widths tell how steep an edge is, and whether the top is a corner; powers that count as a
-# Gaussian's, and the greatest one.
+# Fractions of the peak at which the width shows how steep an edge is, and whether the top is a corner; range of powers
+# that count as a Gaussian's, and the greatest power.
 FOOT, TOP, GAUSSIAN, STEEPEST = (0.2, 0.8), (0.6, 0.9), (1.6, 2.6), 16.0
-# Rms of the record beside its pulse over the peak, above which it has noise.
+# Rms of the record beside its pulse, relative to the peak, above which the record counts as noisy.
 NOISE = 2e-3
-# Error above which a reading is warned of, over the range that the pulse's width stands for: 0.45 mm for one of 10 ns.
+# Error above which a warning is issued, relative to the pulse's width as a range: 0.45 mm for a width of 10 ns.
 TOLERATED = 3e-4
-# Samples of the pulse itself to one of the record's.
+# Samples of the finely sampled test pulse per sample of the record.
 _FINE = 32
 
-# (samples, template or None) -> place of arrival [samples].
+# (samples, template or None) -> position of arrival [samples].
 Reader = Callable[[np.ndarray, Callable | np.ndarray | None], float]
 
 
@@ -46,7 +46,7 @@ class CoarseSamplingWarning(UserWarning):
 
 
 def half_widths(volts: np.ndarray) -> tuple[float, float] | None:
-    """Half widths at half the peak, before and after it [samples]; None where the record cuts the pulse."""
+    """Return the half widths at half the peak, before and after it [samples]; None if the record cuts the pulse."""
     try:
         curve = PulseCurve(volts)
         level = 0.5 * curve.peak
@@ -57,7 +57,10 @@ def half_widths(volts: np.ndarray) -> tuple[float, float] | None:
 
 
 def edge_powers(volts: np.ndarray, before: float, after: float) -> tuple[float, float]:
-    """Powers p of a record's edges before and after its peak, of these half widths [samples]; 2 where it has noise."""
+    """Return the powers p of a record's edges before and after its peak, of these half widths [samples].
+
+    A record with noise has the powers 2.
+    """
     curve = PulseCurve(volts)
     place = np.arange(volts.size) - curve.peak_place
     beside = volts[(place < -6.0 * before) | (place > 6.0 * after)]
@@ -70,7 +73,7 @@ def edge_powers(volts: np.ndarray, before: float, after: float) -> tuple[float, 
 
 
 def _powers(curve: PulseCurve, low: float, high: float) -> tuple[float, float]:
-    """Powers p of the edges before and after the peak whose widths at two levels of it are those of the curve."""
+    """Return the powers p of the edges before and after the peak, from the widths at two fractions of the peak."""
     place, scale = curve.peak_place, np.log(np.log(low) / np.log(high))
     lower, upper = low * curve.peak, high * curve.peak
     before = (place - curve.rise_before_peak(lower)) / (place - curve.rise_before_peak(upper))
@@ -85,12 +88,12 @@ def sampling_error(volts: np.ndarray, period: float, read: Reader, template, com
     Args:
         volts: The record, shape (n,).
         period: Sample period [s].
-        read: The method: the place of arrival [samples] in samples of a pulse, by a template.
-        template: What the caller gave: a function of time [s], samples, or None.
+        read: The method: returns the position of arrival [samples] in samples of a pulse, by a template.
+        template: The caller's template: a function of time [s], samples, or None.
         compensated: Whether the method subtracts the template's own reading.
 
     Returns:
-        The error; 0 where there are enough samples; nan where it cannot be measured, as for a pulse that is cut.
+        The error; 0 if there are enough samples; NaN if it cannot be measured, for instance for a pulse that is cut.
     """
     sides = half_widths(volts)
     if sides is None:
@@ -134,7 +137,7 @@ def sampling_error(volts: np.ndarray, period: float, read: Reader, template, com
 
 
 def warn_of_sampling(volts: np.ndarray, period: float, method: str, error: float, shape_given: bool) -> None:
-    """Warn that a reading has an error of up to `error` [m], if that is more than is tolerated."""
+    """Warn that a reading has an error of up to `error` [m], if the error exceeds the tolerated one."""
     sides = half_widths(volts)
     if sides is None or not error > TOLERATED * 0.5 * SPEED_OF_LIGHT * period * sum(sides):
         return
@@ -143,5 +146,5 @@ def warn_of_sampling(volts: np.ndarray, period: float, method: str, error: float
         f"the record has {sum(sides):.2g} samples across its pulse, too few for method {str(method)!r}: the pulse's "
         f"place between the samples moves the range by up to {1e3 * error:.2g} mm; sample faster{remedy}",
         CoarseSamplingWarning,
-        stacklevel=5,  # who called the public function, which is looked at by `checked`
+        stacklevel=5,  # the caller of the public function, which `checked` wraps
     )

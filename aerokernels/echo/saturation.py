@@ -1,8 +1,8 @@
-"""Records whose peak an amplifier or a digitiser has cut off, and what that does to a fraction of the peak.
+"""Detect records whose peak an amplifier or a digitiser has cut off, and estimate the error of a fraction of that peak.
 
-A Gaussian pulse of peak P that is cut off at V has at the level L the width w(L)^2 = 4 tau^2 ln(P / L), so that its
-widths at two levels below V tell P. A constant fraction of V is crossed earlier than one of P. Where that fraction of P
-lies above V, nobody sees its crossing: it lies before the middle of the plateau.
+A Gaussian pulse of peak P that is cut off at V has, at the level L, the width w(L)^2 = 4 tau^2 ln(P / L), so P follows
+from the widths at two levels below V. The pulse crosses a fraction of V earlier than the same fraction of P. If that
+fraction of P is above V, its crossing is not in the record: it is before the middle of the plateau.
 """
 
 import math
@@ -14,20 +14,20 @@ import numpy as np
 from .pulse_curve import PLATEAU, PulseCurve
 from .waveform import SPEED_OF_LIGHT
 
-# Levels of the plateau whose widths tell the peak; above the higher one the curve feels the plateau's edge.
+# Fractions of the plateau's level at which the widths are measured; above them the plateau's edge distorts the curve.
 LEVELS = 0.9, 0.5
 # The pulse is not quite a Gaussian.
 SAFETY = 1.5
-# Shift above which a reading is warned of, over the width of the pulse: as for too few samples.
+# Shift above which a warning is issued, relative to the width of the pulse: as for too few samples.
 TOLERATED = 3e-4
 
 
 class SaturatedRecordWarning(UserWarning):
-    """A record's peak is cut off, and the ranging method goes by it."""
+    """A record's peak is cut off, and the ranging method depends on the peak."""
 
 
 def plateau(volts: np.ndarray) -> int:
-    """How many samples on end have a record's greatest value, 0 where they are too few to be a cut."""
+    """Return the number of consecutive samples at a record's greatest value; 0 if they are too few to be a cut."""
     top = int(np.argmax(volts))
     after = np.flatnonzero(volts[top:] != volts[top])
     count = int(after[0]) if after.size else volts.size - top
@@ -35,7 +35,7 @@ def plateau(volts: np.ndarray) -> int:
 
 
 def saturation_shift(volts: np.ndarray, fraction: float) -> float:
-    """How much too early a constant fraction of a cut-off peak may be [samples]; 0 where none is cut off."""
+    """Return how much too early a constant fraction of a cut-off peak may be [samples]; 0 for a peak that is whole."""
     count = plateau(volts)
     if not count:
         return 0.0
@@ -53,22 +53,22 @@ def saturation_shift(volts: np.ndarray, fraction: float) -> float:
             late = curve.rise_before_peak(math.exp(wanted) * level)
         else:
             late = int(np.argmax(volts)) + 0.5 * (count - 1)
-    except ValueError:  # the record cuts the pulse: other words tell of it
+    except ValueError:  # the record cuts the pulse, which is reported elsewhere
         return 0.0
     return SAFETY * abs(late - read)
 
 
 def warn_of_saturation(volts: np.ndarray, period: float, fraction: float, shape: Callable | None) -> bool:
-    """Warn where the peak of a record is cut off and a constant fraction of it is off by more than is tolerated.
+    """Warn if a record's peak is cut off and the error of a constant fraction exceeds the tolerated one.
 
     Args:
         volts: The record, shape (n,).
         period: Sample period [s].
-        fraction: Share of the peak.
-        shape: The pulse as a function of time [s], where it is known: its own top may be flat.
+        fraction: Fraction of the peak.
+        shape: The pulse as a function of time [s], if it is known: its own top may be flat.
 
     Returns:
-        Whether it did.
+        Whether a warning was issued.
     """
     count, shift = plateau(volts), saturation_shift(volts, fraction)
     half = int(np.count_nonzero(volts > LEVELS[1] * float(volts.max())))
@@ -84,6 +84,6 @@ def warn_of_saturation(volts: np.ndarray, period: float, fraction: float, shape:
         f"{0.5 * SPEED_OF_LIGHT * period * shift:.2g} m too little; attenuate the signal, raise the digitiser's range, "
         "or take 'leading-edge'",
         SaturatedRecordWarning,
-        stacklevel=5,  # who called the public function, which is looked at by `checked`
+        stacklevel=5,  # the caller of the public function, which `checked` wraps
     )
     return True

@@ -1,11 +1,11 @@
-"""A sampled pulse of known shape as a smooth curve: the shape supplies what the samples alone cannot.
+"""Represent a sampled pulse of known shape by a smooth curve that uses the shape between the samples.
 
-If there are few samples across the pulse, no interpolation of the samples alone is accurate: what the pulse contains
-above half the sample rate is lost. (A Gaussian with two samples across its width at half height, 10 ns: the crossing of
-half the height is off by up to 24 mm with the quintic spline, and by 15 mm with the best series for band-limited
-records.) With a known shape s it is
+If there are few samples across the pulse, no interpolation of the samples alone is accurate, because the pulse's
+content above half the sample rate is lost. (For a Gaussian with two samples across its width at half height, 10 ns, the
+crossing of half the height has an error of up to 24 mm with the quintic spline, and of 15 mm with the best series for
+band-limited records.) With a known shape s it is
 
-    v(t) = A s(t - t0) + what is left,    A and t0 by least squares,
+    v(t) = A s(t - t0) + remainder,    A and t0 by least squares,
 
 and only the remainder, noise and a small difference of shapes, is interpolated by the spline.
 """
@@ -18,11 +18,11 @@ import numpy as np
 
 from .pulse_curve import PulseCurve
 
-# Samples across the pulse from which on the spline through them is right to 1e-6 of the peak.
+# Samples across the pulse from which the spline through them is accurate to 1e-6 of the peak.
 ENOUGH_SAMPLES = 16
 GREATEST_FACTOR = 32
 ROUNDING = 1e-13
-# Places at which a match is looked up at once, and the share of it that the polynomial through them may be off by.
+# Positions at which a match is evaluated in one call, and the tolerated relative error of the polynomial through them.
 POINTS, SAME = 12, 1e-12
 
 Shape = Callable[[np.ndarray], np.ndarray]
@@ -31,20 +31,20 @@ Shape = Callable[[np.ndarray], np.ndarray]
 def shaped_curve(
     volts: np.ndarray, shape: Shape | None, period: float, made: PulseCurve | None = None
 ) -> tuple[PulseCurve, int]:
-    """The curve of a pulse, and the number of its points per sample period.
+    """Return the curve of a pulse, and the number of the curve's points per sample period.
 
     Args:
         volts: Samples, shape (n,).
         shape: The pulse as a function of time [s], of any amplitude and time zero; None: not known.
         period: Sample period [s].
-        made: The curve through the samples alone, where it was made already.
+        made: The curve through the samples alone, if it was computed already.
     """
     factor = _finer(volts)
     if shape is None or factor == 1:
         return made or PulseCurve(volts), 1
     try:
         place, height = best_match(volts, shape, period)
-    except ValueError:  # nothing of that shape is there
+    except ValueError:  # no pulse of that shape
         return PulseCurve(volts), 1
     samples = np.arange(volts.size)
     dense = np.arange((volts.size - 1) * factor + 1) / factor
@@ -53,7 +53,7 @@ def shaped_curve(
 
 
 def _finer(volts: np.ndarray) -> int:
-    """How many times finer the samples must lie to have enough of them across the pulse about the greatest."""
+    """Return the factor by which samples must be finer to have enough of them across the pulse at the greatest one."""
     top = int(np.argmax(volts))
     below = np.flatnonzero(volts < 0.5 * volts[top])
     first = int(below[below < top].max(initial=-1))
@@ -62,13 +62,13 @@ def _finer(volts: np.ndarray) -> int:
 
 
 def best_match(volts: np.ndarray, curve: Shape, period: float) -> tuple[float, float]:
-    """The delay at which a pulse correlates best with the samples, and its amplitude there.
+    """Return the delay at which a pulse correlates best with the samples, and its amplitude there.
 
     Returns:
-        Place of the pulse's time zero [samples], and the factor that makes the pulse fit best.
+        Position of the pulse's time zero [samples], and the factor by which the pulse fits best.
 
     Raises:
-        ValueError: As for `best_place`, whose arguments it takes.
+        ValueError: As for `best_place`, which has the same arguments.
     """
     start, found = _best_place(volts, curve, period)
     expected = curve((np.arange(volts.size) - start - found) * period)
@@ -76,7 +76,7 @@ def best_match(volts: np.ndarray, curve: Shape, period: float) -> tuple[float, f
 
 
 def best_place(volts: np.ndarray, curve: Shape, period: float) -> float:
-    """The delay at which a pulse correlates best with the samples.
+    """Return the delay at which a pulse correlates best with the samples.
 
     Args:
         volts: Samples, shape (n,).
@@ -84,7 +84,7 @@ def best_place(volts: np.ndarray, curve: Shape, period: float) -> float:
         period: Sample period [s].
 
     Returns:
-        Place of the pulse's time zero [samples].
+        Position of the pulse's time zero [samples].
 
     Raises:
         ValueError: A pulse that is not finite, or no positive correlation anywhere.
@@ -93,17 +93,17 @@ def best_place(volts: np.ndarray, curve: Shape, period: float) -> float:
 
 
 def _best_place(volts: np.ndarray, curve: Shape, period: float) -> tuple[int, float]:
-    """The sample nearest to the best place, and how far from it the place is [samples]."""
+    """Return the sample nearest to the best position, and the position's distance from it [samples]."""
     from scipy.fft import irfft, next_fast_len, rfft
 
     count = volts.size
     kept = getattr(curve, "transform", None)
     transform, norm = template_transform(curve, count, period) if kept is None else kept(count, period)
-    # Entry k of "valid" is the sum over i of volts[i] template(i - (count - 1 - k)): turned round, entry j is delay j.
+    # Entry k of "valid" is the sum over i of volts[i] template(i - (count - 1 - k)): reversed, entry j is delay j.
     size = next_fast_len(2 * count - 1, real=True)
     coarse = irfft(transform * np.conj(rfft(volts, size)), size)[:count][::-1]
     start = int(np.argmax(coarse))
-    # Less than this is rounding of the sum.
+    # A correlation below this is rounding of the sum.
     least = ROUNDING * float(np.linalg.norm(volts)) * norm
     if np.ptp(volts) <= ROUNDING * float(np.abs(volts).max()):
         raise ValueError(f"there is no pulse: the record is {volts[0]:g} V throughout")
@@ -113,7 +113,7 @@ def _best_place(volts: np.ndarray, curve: Shape, period: float) -> tuple[int, fl
     shifted = getattr(curve, "shifted", None) or partial(shifted_samples, curve)
 
     def match(shifts: np.ndarray) -> np.ndarray:
-        # Over its norm: a pulse of few samples has more or less of them near its peak as it moves between the samples.
+        # Normalised: the norm of a pulse of few samples changes with its position between the samples.
         expected, norm = shifted(places, shifts, period)
         return np.asarray(expected @ volts / np.where(norm > 0.0, norm, 1.0))
 
@@ -124,7 +124,7 @@ def _best_place(volts: np.ndarray, curve: Shape, period: float) -> tuple[int, fl
 def shifted_samples(
     curve: Shape, places: np.ndarray, shifts: np.ndarray, period: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A pulse at the places of samples, shape (n,), moved by each of some shifts [samples], shape (s,).
+    """Return a pulse at the positions of samples, shape (n,), moved by each of some shifts [samples], shape (s,).
 
     Returns:
         Its samples, shape (s, n), and the norm of each row, shape (s,).
@@ -134,15 +134,15 @@ def shifted_samples(
 
 
 def greatest_within(values: Callable[[np.ndarray], np.ndarray], low: float, high: float) -> float:
-    """Where a smooth function is greatest between two places: by the polynomial through Chebyshev points.
+    """Return the position of a smooth function's maximum between two positions, from a polynomial at Chebyshev points.
 
-    All of them are one call. Where the polynomial does not tell the function at the place that it finds, as that of a
-    pulse of hardly a sample, the function itself is searched.
+    The function is evaluated at all points in one call. If the polynomial does not reproduce the function at the
+    maximum, as for a pulse of about one sample, the function itself is searched.
 
     Args:
-        values: The function of places, shape (n,) for (n,).
-        low: From here.
-        high: To here.
+        values: The function of positions, shape (n,) for (n,).
+        low: Lower end.
+        high: Upper end.
     """
     from numpy.polynomial import chebyshev
 
@@ -153,7 +153,7 @@ def greatest_within(values: Callable[[np.ndarray], np.ndarray], low: float, high
     coefficients = 2.0 / POINTS * np.cos(order[:, None] * angle) @ found
     coefficients[0] *= 0.5
     size = float(np.abs(found).max())
-    # Rounding makes no roots: orders that hold nothing are left out.
+    # Leave out negligible orders, so that rounding makes no roots.
     held = chebyshev.chebtrim(coefficients, ROUNDING * size)
     if len(held) < POINTS - 1 and np.isfinite(held).all():
         roots = chebyshev.chebroots(chebyshev.chebder(held)) if len(held) > 2 else np.zeros(0)
@@ -171,7 +171,7 @@ def greatest_within(values: Callable[[np.ndarray], np.ndarray], low: float, high
 
 
 def template_transform(curve: Shape, count: int, period: float) -> tuple[np.ndarray, float]:
-    """The Fourier transform of a pulse at all delays of a record of `count` samples, and the norm of these samples.
+    """Return the Fourier transform of a pulse at all delays of a record of `count` samples, and the samples' norm.
 
     Raises:
         ValueError: A pulse that is not finite.

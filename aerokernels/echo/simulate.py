@@ -1,18 +1,18 @@
-"""The echo of a scene: eq 9-12 of the paper as a sum over the beam in two dimensions.
+"""Simulate the echo of a scene: eq 9-12 of the paper as a sum over the beam in two dimensions.
 
     P(t) = sum over the rays i of  w_i P0 f_r cos(phi_i) (pi D^2 / 4) / R_i^2 eta_a^2 eta_s F_i s(t - 2 R_i / c)
 
-w_i is the share of the beam's power in ray i, R_i its optical path to the tilted target, phi_i its incidence there, f_r
-the reflectance toward the receiver (reflectors.py), s the pulse's shape (pulses.py), and F_i the return factor of the
-point where the ray meets the target: the Strehl ratio of its return path, as in the paper, or another
+w_i is the fraction of the beam's power in ray i, R_i its optical path to the tilted target, phi_i its incidence there,
+f_r the reflectance toward the receiver (reflectors.py), s the pulse's shape (pulses.py), and F_i the return factor of
+the point where the ray meets the target: the Strehl ratio of its return path, as in the paper, or another
 (return_paths.py). The return path has the same optical length as the outward path. R_i in R_i^2 is an optical path too,
 as in eq 10: 5e-4 of the power at sea level. Path, incidence and return factor are those of the point where the
-refracted ray lands; which rays the reflector catches is decided without the flow, whose displacement of 0.1 mm matters
-at the edges only.
+refracted ray meets the target. Which rays meet the reflector is decided without the flow: the flow displaces rays by
+0.1 mm, which matters at the edges only.
 
-Like a real rangefinder, each method is calibrated on a known echo, that of the same scene in vacuum: the error of its
-reading there is subtracted. What remains is due to air and flow: above all the range walk of a fixed threshold with the
-amplitude, and the air's optical path (0.4 mm over 1.5 m at sea level).
+Like a real rangefinder, each method is calibrated on a known echo, the same scene's echo in vacuum: the error of the
+reading of this echo is subtracted. The remaining error is due to air and flow: mainly the range walk of a fixed
+threshold with the amplitude, and the air's optical path (0.4 mm over 1.5 m at sea level).
 """
 
 from functools import partial
@@ -43,26 +43,27 @@ def echo(
     symmetry: bool = True,
     phase_error: float | StrehlEstimate | None = None,
 ) -> EchoResult:
-    """The echo that a scene's laser rangefinder receives, and the range that it reads.
+    """Simulate the echo that a scene's laser rangefinder receives, and the range that it reads.
 
     Args:
         scene: The scene.
-        field: The refractive index, if it is made already; None: `prepare_field(scene).field`.
-        limits: "beam": the beam's full support, or the reflector's edges where nearer; "paper": eq 11's cut at one
+        field: The refractive index, if it is prepared already; None: `prepare_field(scene).field`.
+        limits: "beam": the beam's full support, or the reflector's edges where nearer; "paper": eq 11's limit of one
             radius either way in y, the whole beam in x; None: the scene's `target.limits`.
-        strehl_node_count: Points a side of the target at which the return factor is computed, odd; it is interpolated
-            between them, with its error in `information`. "every": at each target point. None: the scene's.
-        symmetry: Whether to exploit the symmetry of field, pupil and target about the axis, where there is one.
+        strehl_node_count: Number of points along each side of the target at which the return factor is computed, odd;
+            the factor is interpolated between them, with the error in `information`. "every": at each target point.
+            None: the scene's.
+        symmetry: Whether to use the symmetry of field, pupil and target about the axis, if there is one.
         phase_error: The rms phase error of rays over the receiver's pupil [rad], or a Strehl estimate of the scene,
             from which it is taken when `errors` is first read; None: an estimate is made then.
 
     Returns:
         The echo, with a range or the reason why there is none. `receiver.ray_count` x `strehl_node_count`^2 pairs of
-        pupil and target points are traced back, in chunks of which nothing is kept but sums, or fewer where symmetry
-        makes one stand for many; `beam.ray_count` rays go out.
+        pupil and target points are traced back, in chunks of which only sums are stored; fewer pairs are traced if
+        symmetry allows it. `beam.ray_count` rays go out.
 
     Raises:
-        ValueError: The target lies inside the flow or reaches back to the aperture, no ray gets out or arrives, or a
+        ValueError: The target is inside the flow or reaches back to the aperture, no ray gets out or arrives, or a
             record of millions of samples.
     """
     flow = prepare_field(scene).field if field is None else field
@@ -76,7 +77,7 @@ def echo_through(
     symmetry: bool = True,
     phase_error: float | StrehlEstimate | None = None,
 ) -> EchoResult:
-    """The echo through a field of what is known of it in vacuum; the other arguments and errors are those of `echo`."""
+    """Simulate the echo through a field from the echo in vacuum; the other arguments and errors are those of `echo`."""
     scene, points, pulse, chain = vacuum.scene, vacuum.points, vacuum.pulse, vacuum.chain
     out = transmit_paths(scene, flow, points)
     if not out.arrived.any():
@@ -144,7 +145,7 @@ def echo_through(
 
 
 def _information(weight: np.ndarray, share: np.ndarray, out: TransmitPaths, back) -> dict[str, float]:
-    """Numbers about the computation."""
+    """Return numbers about the computation."""
     outward = out.trace
     assert outward is not None  # the flow was traced
     evaluations = 0 if outward.evaluation_count is None else int(np.sum(outward.evaluation_count))

@@ -1,4 +1,4 @@
-"""The simulated echo in the result.nc of a run, read back."""
+"""Read the simulated echo from the result.nc of a run."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,14 +14,15 @@ LEAST_SAMPLES = 2
 
 
 def echo_of_result(path: Path, result: "xarray.Dataset") -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and voltages [V] of the echo in a result, both of shape (n,).
+    """Return times [s] and voltages [V] of the echo in a result, both of shape (n,).
 
     Args:
-        path: Its file, for messages.
-        result: What it holds, times as numbers.
+        path: The result's file, for messages.
+        result: The dataset, with times as numbers.
 
     Raises:
-        ValueError: It holds none, or one whose times do not increase, or that is not finite; names the file.
+        ValueError: The dataset has no echo, or one that is not finite or whose times do not increase; the message names
+            the file.
     """
     if not {"time", "echo_voltage"} <= set(result.variables) or not (
         result["echo_voltage"].dims == result["time"].dims == result["time"].dims[:1] != ()

@@ -1,15 +1,16 @@
-"""Quadrature points across the beam, each with the share of the beam's power that it represents.
+"""Place quadrature points across the beam, each with the fraction of the beam's power that it represents.
 
 The points are those at which the undisturbed rays of the beam would cross the plane through the target's centre normal
-to the axis (x and y of eq 8-12). The beam's support is cut at three 1/e^2 radii (4e-9 of the power lies outside), and
-at the reflector's edges where those are nearer. What is left is a convex polygon; it is cut into bands at the heights
+to the axis (x and y of eq 8-12). The beam's support is limited to three 1/e^2 radii (4e-9 of the power is outside), and
+to the reflector's edges where those are nearer. The result is a convex polygon. It is divided into bands at the heights
 of its corners, and each band, a trapezium, gets a tensor product of Gauss-Legendre points. With 20 points across or
-more the shares add up to the power within 1e-7.
-A tilted reflector spreads the echo by its depth. Where this spread is long compared with the pulse, points are added
-until four of them fall within the pulse's time scale; otherwise the echo would be a series of separate pulses.
+more the fractions add up to the power within 1e-7.
+A tilted reflector spreads the echo in time by its depth. If this spread is long compared with the pulse, points are
+added until four of them fall within the pulse's timescale; otherwise the echo would be a series of separate pulses.
 
-A ray leaves the exit aperture at the homologous point: as far from the axis, in exit radii, as it arrives in radii at
-the target. So a point (X, Y, Z) of the tilted reflector, from its centre, is seen by the diverging beam at
+A ray leaves the exit aperture at the homologous point: its distance from the axis in exit radii equals its distance at
+the target in beam radii. The diverging beam therefore sees a point (X, Y, Z) of the tilted reflector, relative to the
+reflector's centre, at
 
     (x, y) = (X, Y) / (1 + q Z),  q = (1 - exit_radius / radius) / distance
 
@@ -33,10 +34,10 @@ from .waveform import SPEED_OF_LIGHT
 SUPPORT = 3.0  # [1/e^2 radii]
 LEAST_SIDE = 20  # points across the whole beam
 LEAST_BAND = 8  # points across a band, however narrow
-LEAST_PER_TIMESCALE = 4.0  # points within the depth that light passes, out and back, while the pulse changes
+LEAST_PER_TIMESCALE = 4.0  # points within the depth that light travels, out and back, in one timescale of the pulse
 GREATEST_POINT_COUNT = 1 << 22
-PANEL_NODES = 64  # Gauss-Legendre points in one piece at most: their computation takes the cube of their number
-# Corners whose heights differ by less than this share of the whole count as level: a band between would hold nothing.
+PANEL_NODES = 64  # greatest number of Gauss-Legendre points in one piece; computing n points takes a time of order n^3
+# Corners whose heights differ by less than this fraction of the whole count as level: no band is made between them.
 _SAME_CORNER = 1e-9
 
 
@@ -47,7 +48,7 @@ class TargetPoints:
     Attributes:
         aim: Where the undisturbed rays cross the plane normal to the axis at the target's centre [m], shape (m, 3).
         start: Where they leave the exit aperture [m], shape (m, 3).
-        weight: Share of the beam's power, sums to what the reflector catches, shape (m,).
+        weight: Fraction of the beam's power, shape (m,); the sum is the fraction that meets the reflector.
     """
 
     aim: np.ndarray
@@ -56,17 +57,17 @@ class TargetPoints:
 
 
 def target_points(scene: Scene, limits: str | None = None) -> TargetPoints:
-    """The rays of a scene's beam that its echo is summed over.
+    """Return the rays of a scene's beam over which its echo is summed.
 
     Args:
-        scene: The scene; `beam.ray_count` is rounded up to a square, at least 400, and more where the reflector's
-            edges cut the beam into bands or a tilt spreads the echo over many pulse lengths.
+        scene: The scene; `beam.ray_count` is rounded up to a square, at least 400, and more if the reflector's edges
+            divide the beam into bands or a tilt spreads the echo over many pulse lengths.
         limits: "beam": the beam's support, or the reflector's edges where those are nearer; "paper": the whole beam
             in x and one radius either way in y (eq 11), whatever the reflector's size; None: the scene's own.
 
     Raises:
         ValueError: Unknown limits, a target that reaches back to the aperture's plane, or one so deep against the pulse
-            that millions of points were needed.
+            that millions of points would be needed.
     """
     chosen = check_choice(scene.target.limits if limits is None else limits, "limits", LIMITS)
     beam = scene.beam
@@ -88,18 +89,18 @@ def target_points(scene: Scene, limits: str | None = None) -> TargetPoints:
 
 
 def _rays(scene: Scene, flat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where rays through points of the plane at the target's centre, shape (m, 2), aim and start [m], (m, 3) each."""
+    """Return aim and start [m], (m, 3) each, of rays through points (m, 2) of the plane at the target's centre."""
     start_z, ratio = scene.receiver.aperture_z, scene.beam.exit_radius / scene.beam.radius
     aim = np.column_stack([flat, np.full(len(flat), start_z + scene.target.distance)])
     return aim, np.column_stack([ratio * flat, np.full(len(flat), start_z)])
 
 
 def _resolving_counts(scene: Scene, outline: np.ndarray) -> tuple[int, int]:
-    """Points in x and in y at which the echo's spread over the reflector's depth is resolved."""
+    """Return the numbers of points in x and in y that resolve the echo's spread over the reflector's depth."""
     flat, _ = polygon_points(outline, LEAST_BAND)
     aim, start = _rays(scene, flat)
     ray, normal = aim - start, scene.target.orientation[:, 2]
-    # From the exit to the tilted plane, which passes the axis where the aims' plane does.
+    # From the exit to the tilted plane, which crosses the axis at the centre of the plane of `aim`.
     center = np.array([0.0, 0.0, aim[0, 2]])
     path = lengths(ray) * ((center - start) @ normal) / (ray @ normal)
     sides = np.column_stack([np.ones(len(flat)), flat])
@@ -117,7 +118,7 @@ def _rectangle(half_width: float, half_height: float) -> np.ndarray:
 
 
 def seen_outline(scene: Scene) -> np.ndarray:
-    """The reflector's corners as the beam sees them in the plane of its centre [m], in turn, shape (4, 2).
+    """Return the reflector's corners as the beam sees them in the plane of its centre [m], in order, shape (4, 2).
 
     Raises:
         ValueError: The reflector reaches back to the aperture's plane.
@@ -135,9 +136,10 @@ def seen_outline(scene: Scene) -> np.ndarray:
 
 
 def clip_polygon(outline: np.ndarray, window: np.ndarray) -> np.ndarray:
-    """The part of a convex polygon inside a convex window, both counterclockwise, shape (n, 2); empty if there is none.
+    """Return the part of a convex polygon inside a convex window, both counterclockwise, shape (n, 2); it may be empty.
 
-    I. Sutherland, G. Hodgman, Reentrant polygon clipping, Comm. ACM 17 (1974): one edge of the window after the other.
+    I. Sutherland, G. Hodgman, Reentrant polygon clipping, Comm. ACM 17 (1974): clip at one edge of the window after the
+    other.
     """
     kept = outline
     for first, second in zip(window, np.roll(window, -1, axis=0), strict=True):
@@ -157,15 +159,15 @@ def clip_polygon(outline: np.ndarray, window: np.ndarray) -> np.ndarray:
 
 
 def polygon_points(outline: np.ndarray, across: int, along: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre points in a convex polygon.
+    """Return Gauss-Legendre points in a convex polygon.
 
     Args:
         outline: Its corners [m], counterclockwise, shape (n, 2).
         across: Points across its width, in x.
-        along: Points across its height, in y; None: as many.
+        along: Points across its height, in y; None: as many as across.
 
     Returns:
-        Points [m], shape (m, 2), and the area that each stands for [m2], shape (m,).
+        Points [m], shape (m, 2), and the area that each represents [m2], shape (m,).
     """
     rows = across if along is None else along
     levels = np.sort(outline[:, 1])
@@ -184,16 +186,16 @@ def polygon_points(outline: np.ndarray, across: int, along: int | None = None) -
 
 
 def _gauss_points(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """At least `count` Gauss-Legendre points in [-1, 1] and their weights, in equal pieces where they are many."""
+    """Return at least `count` Gauss-Legendre points in [-1, 1] and their weights, in equal pieces if there are many."""
     piece_count = math.ceil(count / PANEL_NODES)
-    rule = math.ceil(count / piece_count)  # at most PANEL_NODES of them are ever made
+    rule = math.ceil(count / piece_count)  # at most PANEL_NODES rules are cached
     node, weight = OPENED.once(("Gauss-Legendre", rule), lambda: np.polynomial.legendre.leggauss(rule))
     middle = (2.0 * np.arange(piece_count) + 1.0) / piece_count - 1.0
     return (middle[:, None] + node / piece_count).ravel(), np.tile(weight / piece_count, piece_count)
 
 
 def _width_at(outline: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Leftmost and rightmost x [m] of a convex polygon at heights between its corners' [m]."""
+    """Return the leftmost and rightmost x [m] of a convex polygon at heights between its corners [m]."""
     left, right = np.full(y.shape, np.inf), np.full(y.shape, -np.inf)
     for first, second in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         rise = second[1] - first[1]

@@ -1,4 +1,4 @@
-"""The errors of an echo's numbers as results hold them; echo_errors.py computes them."""
+"""Hold the errors of an echo's numbers, which echo_errors.py computes."""
 
 import math
 from collections.abc import Mapping
@@ -10,8 +10,8 @@ class RangeUncertainty:
     """The error of a range.
 
     Attributes:
-        systematic: The same in every record of the scene [m].
-        random: Standard deviation between records [m]; 0 where the scene has no noise.
+        systematic: Error common to all records of the scene [m].
+        random: Standard deviation between records [m]; 0 if the scene has no noise.
     """
 
     systematic: float
@@ -25,13 +25,13 @@ class RangeUncertainty:
 
 @dataclass(frozen=True)
 class EchoErrors:
-    """The errors of an echo's numbers; NaN where they are not known.
+    """The errors of an echo's numbers; NaN if not known.
 
     Attributes:
         strehl: Error of the mean Strehl ratio.
-        peak_power: Of the peak power [W].
-        peak_voltage: Of the peak voltage [V].
-        ranges: By method.
+        peak_power: Error of the peak power [W].
+        peak_voltage: Error of the peak voltage [V].
+        ranges: Errors of the range by method.
     """
 
     strehl: float = math.nan
@@ -40,5 +40,5 @@ class EchoErrors:
     ranges: Mapping[str, RangeUncertainty] | None = None
 
     def of_range(self, method: str) -> float:
-        """Error of the range by a method [m]."""
+        """Return the error of the range by a method [m]."""
         return self.ranges[method].total if self.ranges and method in self.ranges else math.nan

@@ -1,6 +1,6 @@
-"""The echo of a scene in vacuum: what it is summed over, its times, and the record that a rangefinder is calibrated on.
+"""Compute the echo of a scene in vacuum: target points, record times, and the record that calibrates the rangefinder.
 
-No ray is traced for any of it, and a scene whose echo cannot be computed shows here.
+No ray is traced for it. A scene whose echo cannot be computed raises ValueError here.
 """
 
 import math
@@ -19,13 +19,13 @@ from .received_power import point_power
 from .target_points import TargetPoints, target_points
 from .waveform import SPEED_OF_LIGHT, sum_of_pulses
 
-# The detector's low-pass rings for a few 1 / bandwidth.
+# Time for which the detector's low-pass rings [1 / bandwidth].
 FILTER_MARGIN = 3.0
-# Power is computed at least this many times a pulse's time scale and a period of the amplifier's bandwidth, however
-# slow the digitiser: nothing of the pulse is aliased, and all noise that is folded into the samples is there.
+# Least number of power values per timescale of the pulse and per 1 / bandwidth of the amplifier, however slow the
+# digitiser: the pulse is not aliased, and all noise that sampling aliases is computed.
 LEAST_RATE = 8.0
-# Light that comes earlier or later than in vacuum by more than this share of a pulse's time scale moves the record's
-# ends. Less leaves the sample times as they are, so that scenes that differ in their flow have the same.
+# The record's ends move if light arrives earlier or later than in vacuum by more than this fraction of the pulse's
+# timescale. Smaller delays leave the sample times unchanged, so that scenes that differ only in their flow share them.
 LEAST_MOVE = 0.1
 GREATEST_SAMPLE_COUNT = 1 << 22
 
@@ -38,9 +38,9 @@ class VacuumEcho:
         scene: The scene.
         pulse: The shape of its pulse.
         chain: Its detector chain.
-        points: The points of the beam that the echo is summed over.
+        points: The points of the beam over which the echo is summed.
         plane: The target's plane.
-        paths: The straight ways to the target.
+        paths: The straight paths to the target.
     """
 
     scene: Scene
@@ -52,7 +52,7 @@ class VacuumEcho:
 
     @classmethod
     def of(cls, scene: Scene, limits: str | None = None) -> "VacuumEcho":
-        """That of a scene; `limits` as for `target_points`, which says what is refused."""
+        """Compute the points and paths of a scene; `limits` and errors as for `target_points`."""
         points, plane = target_points(scene, limits), target_plane(scene)
         return cls(scene, pulse_of(scene), chain_of(scene), points, plane, vacuum_paths(points, plane))
 
@@ -62,17 +62,17 @@ class VacuumEcho:
         return point_power(self.scene, self.points.weight, self.paths, np.ones(len(self.points.weight)))
 
     def power(self, time: np.ndarray, later: float = 0.0) -> np.ndarray:
-        """Received power [W], of the shape of `time` [s]; `later` by that time [s]."""
+        """Return the received power [W], of the shape of `time` [s], for an echo delayed by `later` [s]."""
         return sum_of_pulses(time, 2.0 * self.paths.path / SPEED_OF_LIGHT + later, self.point_power, self.pulse)
 
     def times(self, path: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, int]:
-        """Sample times [s], times at which power is computed, and how many of these make one sample period.
+        """Return sample times [s], times at which power is computed [s], and the number of these per sample period.
 
-        They follow from the paths in vacuum alone, but where air over kilometres, or glass, makes a long way of it.
+        They follow from the paths in vacuum alone, unless air over kilometres, or glass, delays the light noticeably.
 
         Args:
-            path: Optical path of each ray to the target [m], shape (m,), NaN for one that does not arrive; None: those
-                in vacuum.
+            path: Optical path of each ray to the target [m], shape (m,), NaN for one that does not arrive; None:
+                vacuum.
 
         Raises:
             ValueError: A record of millions of samples.
@@ -102,7 +102,7 @@ class VacuumEcho:
 
 
 def vacuum_echo(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """The echo of a scene in vacuum, without noise or digitiser, on which its rangefinder is calibrated.
+    """Compute the echo of a scene in vacuum, without noise or digitiser, on which its rangefinder is calibrated.
 
     Returns:
         Sample times after the pulse's peak left [s], and voltage [V], each of shape (n,).

@@ -1,4 +1,4 @@
-"""Widths and energy of a Gaussian laser pulse, and the sum of many delayed pulses of any shape (pulses.py).
+"""Convert widths and energy of a Gaussian laser pulse, and sum many delayed pulses of any shape (pulses.py).
 
     p(t) = P0 exp(-(t / tau)^2),   FWHM = 2 sqrt(ln 2) tau,   energy = P0 tau sqrt(pi)
 
@@ -13,16 +13,16 @@ from ..inputs.checks import as_finite_array, check_positive
 from .pulses import GaussianPulse, PulseShape, as_pulse
 
 SPEED_OF_LIGHT = 299_792_458.0  # in vacuum [m/s], exact
-# Points are left out of samples this many supports away: a record cut at the support has no step at its ends.
+# Pulses are summed over this many supports, so that a record cut at the support has no step at its ends.
 _REACH = 1.5
-# Largest block of (time, point) pairs held at once: 16 MiB of float64.
+# Greatest number of (time, point) pairs in memory at a time: 16 MiB of float64.
 _BLOCK = 1 << 21  # speed only
-# Pulses that may stand for many, and the error of that, over the sum of the peaks.
+# Greatest number of pulses that replace many, and the error of the replacement relative to the sum of the peaks.
 MOST_PULSES, INTERPOLATED = 32, 1e-17
 
 
 def pulse_tau_from_fwhm(fwhm: float) -> float:
-    """The 1/e half-width tau [s] of a Gaussian pulse of full width at half maximum `fwhm` [s].
+    """Return the 1/e half-width tau [s] of a Gaussian pulse of full width at half maximum `fwhm` [s].
 
     Raises:
         ValueError: `fwhm` is not positive and finite.
@@ -31,7 +31,7 @@ def pulse_tau_from_fwhm(fwhm: float) -> float:
 
 
 def fwhm_from_pulse_tau(pulse_tau: float) -> float:
-    """The full width at half maximum [s] of a Gaussian pulse of 1/e half-width `pulse_tau` [s].
+    """Return the full width at half maximum [s] of a Gaussian pulse of 1/e half-width `pulse_tau` [s].
 
     Raises:
         ValueError: `pulse_tau` is not positive and finite.
@@ -40,7 +40,7 @@ def fwhm_from_pulse_tau(pulse_tau: float) -> float:
 
 
 def pulse_energy(peak_power: float, pulse_tau: float) -> float:
-    """Energy [J] of a Gaussian pulse of peak power [W] and 1/e half-width [s].
+    """Return the energy [J] of a Gaussian pulse of peak power [W] and 1/e half-width [s].
 
     Raises:
         ValueError: One of them is not positive and finite.
@@ -51,7 +51,7 @@ def pulse_energy(peak_power: float, pulse_tau: float) -> float:
 
 
 def gaussian_pulse(time, pulse_tau: float) -> np.ndarray:
-    """A pulse of peak 1 at t = 0, of the shape of `time` [s].
+    """Return a Gaussian pulse of peak 1 at t = 0, of the shape of `time` [s].
 
     Raises:
         ValueError: `pulse_tau` is not positive and finite, or `time` is not finite.
@@ -60,16 +60,16 @@ def gaussian_pulse(time, pulse_tau: float) -> np.ndarray:
 
 
 def sum_of_pulses(time, delay, peak, pulse: PulseShape | float) -> np.ndarray:
-    """Sum of delayed pulses, one a point: the right-hand side of eq 12 for given delays and peaks.
+    """Return the sum of delayed pulses, one per point: the right-hand side of eq 12 for given delays and peaks.
 
     Args:
         time: Times [s], any shape.
-        delay: When each point's pulse peaks [s], shape (point_count,).
-        peak: Peak power of each point's pulse [W], shape (point_count,).
+        delay: Time of each pulse's peak [s], shape (point_count,).
+        peak: Peak power of each pulse [W], shape (point_count,).
         pulse: The pulse's shape; a number is the 1/e half-width of a Gaussian [s].
 
     Returns:
-        Power [W], of the shape of `time`. 0 far from all of them.
+        Power [W], of the shape of `time`. 0 far from all pulses.
 
     Raises:
         ValueError: Shapes that disagree, numbers that are not finite, a `pulse` that is not positive.
@@ -92,22 +92,25 @@ def sum_of_pulses(time, delay, peak, pulse: PulseShape | float) -> np.ndarray:
         for start in range(0, near.size, rows):
             block = near[start : start + rows]
             power[block] = shape(flat[block, None] - delays) @ peaks
-        if positive:  # a few pulses that stand for many have peaks of either sign: nothing is below zero by rounding
+        if positive:  # pulses that replace many have peaks of either sign, and rounding could make the sum negative
             np.maximum(power, 0.0, out=power)
     return power.reshape(times.shape)
 
 
 def fewer_gaussians(delay: np.ndarray, peak: np.ndarray, tau: float) -> tuple[np.ndarray, np.ndarray]:
-    r"""Delays and peaks of a few Gaussian pulses whose sum is that of many to rounding, where they lie close together.
+    r"""Replace many Gaussian pulses by a few with the same sum to rounding, if they are close together.
 
-    A pulse is a smooth function of its delay, so that the polynomial through those at k Chebyshev points stands for it.
-    Over a half range of R tau its error is at most 2.2 sqrt(2^k / k!) (R / 2)^k of the peak, since a Gaussian's k-th
+    A pulse is a smooth function of its delay, so the polynomial through the pulses at k Chebyshev points represents it.
+    Over a half range of R tau the error is at most 2.2 sqrt(2^k / k!) (R / 2)^k of the peak, since a Gaussian's k-th
     derivative is at most 1.09 sqrt(2^k k!) / tau^k (H. Cramer's bound of Hermite's functions).
 
     Args:
-        delay: When each pulse peaks [s], shape (n,).
-        peak: Its peak, shape (n,).
+        delay: Time of each pulse's peak [s], shape (n,).
+        peak: Peak of each pulse, shape (n,).
         tau: 1/e half-width [s].
+
+    Returns:
+        Delays [s] and peaks of the few pulses; unchanged if a few do not suffice.
     """
     middle, half = 0.5 * (delay.min() + delay.max()), 0.5 * float(np.ptp(delay))
     for count in range(2, min(delay.size // 4, MOST_PULSES) + 1):

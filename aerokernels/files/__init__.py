@@ -1,1 +1,1 @@
-"""Files that are written whole or not at all, by one process at a time, and NetCDF files, read and written."""
+"""Write files whole or not at all, by one process at a time, and read and write NetCDF files."""

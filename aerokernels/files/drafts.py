@@ -1,7 +1,7 @@
-"""Names of files and folders that are being written beside those that they replace, and what becomes of abandoned ones.
+"""Name the drafts of files and folders, written beside those they will replace, and remove abandoned drafts.
 
-A process that is killed leaves its draft. Whoever writes to the same place next removes it: a draft names the machine
-and the process that make it, and one whose process is no more is nobody's.
+A process that is killed leaves its draft, and the next process to write to the same place removes it. A draft's name
+contains the machine and the process that writes it; a draft whose process has ended is abandoned.
 """
 
 import errno
@@ -16,19 +16,19 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class OutputError(OSError):
-    """There is no room for results; the message names the place and the remedy."""
+    """There is no space for results; the message names the place and the remedy."""
 
     def __init__(self, place: Path, fault: OSError, name: str = "--out "):
-        """Say it in one line; `name` is what the place is called."""
+        """Make a message of one line; `name` precedes the place in it."""
         super().__init__(f"{name}{place}: {os.strerror(fault.errno or 0)}: make room, or choose another place")
         self.errno = fault.errno
 
 
 def draft_of(path: Path) -> Path:
-    """Where this process writes what `path` is to become: hidden, beside it. Abandoned drafts of it are removed."""
+    """Return this process's draft of `path`, a hidden name beside it, after removing abandoned drafts of `path`."""
     here = _machine()
     pattern = re.compile(rf"{re.escape(f'.{path.name}.partial-{here}-')}(\d+)")
-    with suppress(OSError):  # a folder that is not there yet, or cannot be looked into, has none
+    with suppress(OSError):  # a folder that does not exist or cannot be listed has no drafts
         for other in path.parent.iterdir():
             found = pattern.fullmatch(other.name)
             if found and not _lives(int(found[1])):
@@ -37,7 +37,7 @@ def draft_of(path: Path) -> Path:
 
 
 def _machine() -> str:
-    """This machine, as a part of a file's name."""
+    """Return this machine's name as a part of a file name."""
     return re.sub(r"[^A-Za-z0-9.]", "_", socket.gethostname())[:40]
 
 
@@ -46,7 +46,7 @@ def _lives(process: int) -> bool:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except (OSError, OverflowError):  # somebody else's, or no number of a process: left alone
+    except (OSError, OverflowError):  # another user's process, or not a process number: keep the draft
         return True
     return True
 

@@ -1,7 +1,7 @@
-"""Reading NetCDF of the classic form: what it holds by SciPy, and its values from the file when they are asked for.
+"""Read NetCDF files of the classic format: the header by SciPy, values from the file when they are needed.
 
-SciPy maps the file into memory, and a file that is cut short then ends the process that looks at what is gone. Here
-the map only says where the values lie; they are read.
+SciPy maps the file into memory; if the file is later cut short, reading the missing part ends the process. Here the map
+is used only to find the positions of the values, which are then read from the file.
 """
 
 import math
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 def is_classic(path: Path) -> bool:
-    """Whether a file is NetCDF in its classic form."""
+    """Return whether a file is NetCDF of the classic format."""
     with path.open("rb") as stream:
         return stream.read(3) == b"CDF"
 
 
 class Place(NamedTuple):
-    """Where the values of a variable lie in a file: their first byte, the bytes from row to row, shape and type."""
+    """Position of a variable's values in a file: first byte, bytes from row to row, shape and type."""
 
     begin: int
     step: int
@@ -32,14 +32,14 @@ class Place(NamedTuple):
     dtype: np.dtype
 
     def rows(self, path: Path, first: int, count: int) -> np.ndarray:
-        """Some rows along the first axis; a number is one row.
+        """Read some rows along the first axis; a scalar is one row.
 
         Raises:
             EOFError: The file ends before them.
         """
         inner = self.shape[1:]
         length = math.prod(inner) * self.dtype.itemsize
-        together = count if self.step == length else 1  # in records, other variables lie between the rows
+        together = count if self.step == length else 1  # in records, other variables are between the rows
         found = np.empty((count, *inner), self.dtype)
         with path.open("rb") as file:
             for row in range(0, count, together):
@@ -51,7 +51,7 @@ class Place(NamedTuple):
         return found.astype(self.dtype.newbyteorder("="))
 
     def values(self, path: Path, key: tuple) -> np.ndarray:
-        """What an outer index takes: whole numbers, slices, and no more than one array of numbers."""
+        """Read the values at an outer index: whole numbers, slices, and at most one array of numbers."""
         if not self.shape:
             return self.rows(path, 0, 1)[0][key]
         wanted = np.arange(self.shape[0])[key[0]]
@@ -63,10 +63,11 @@ class Place(NamedTuple):
 
 
 def open_classic(path: Path, decode_times: bool = True) -> "xarray.Dataset":
-    """A file of the classic form as a data set whose values are read when they are asked for.
+    """Open a file of the classic format as a dataset whose values are read when they are needed.
 
     Raises:
-        ValueError: A damaged file, or one that changes while it is read: names it; so do its arrays.
+        ValueError: A damaged file, or one that changes while it is read; the message names the file. Reading its arrays
+            raises the same.
     """
     with told_of(path):
         state = state_of(path)
@@ -83,7 +84,7 @@ def _described(path: Path) -> tuple[dict[str, FarVariable], dict[str, Place], di
     from scipy.io import netcdf_file
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # that arrays refer to the map still: nobody looks at them
+        warnings.simplefilter("ignore", RuntimeWarning)  # arrays still refer to the map, but are not used
         with netcdf_file(path, "r", mmap=True) as file:
             start = _address(file._mm_buf) if file.variables else 0
             variables, places = {}, {}
@@ -101,6 +102,6 @@ def _address(array: np.ndarray) -> int:
 
 
 def _decoded(attributes: dict[str, Any]) -> dict[str, Any]:
-    """Attributes as xarray has them: bytes as texts, where they do not stand for no value."""
+    """Return attributes as xarray has them: bytes as text, except fill values."""
     return {key: value.decode("utf-8", "replace") if isinstance(value, bytes) and key != "_FillValue" else value
             for key, value in attributes.items()}  # fmt: skip

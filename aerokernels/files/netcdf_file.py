@@ -1,4 +1,4 @@
-"""Writing NetCDF-4, on a full disk too: HDF5 gets a file that does not fail there, but says so afterwards."""
+"""Write NetCDF-4 files, with a clear error on a full disk: HDF5 writes to a file object that never fails."""
 
 import io
 from collections.abc import Mapping
@@ -10,10 +10,10 @@ if TYPE_CHECKING:
 
 
 def write_netcdf(path: Path, dataset: "xarray.Dataset", encoding: Mapping[str, Any] | None = None) -> None:
-    """Write a dataset as NetCDF-4; `encoding` by variable, as xarray has it.
+    """Write a dataset as NetCDF-4; `encoding` by variable, as in xarray.
 
     Raises:
-        OSError: The disk is full, or fails; what was written by then is no whole file.
+        OSError: The disk is full, or fails; the file is then incomplete.
     """
     import h5netcdf
     from xarray.backends import H5NetCDFStore
@@ -26,20 +26,20 @@ def write_netcdf(path: Path, dataset: "xarray.Dataset", encoding: Mapping[str, A
 
 
 class RetryingFile(io.FileIO):
-    """Takes every byte; bytes for which there is no room are dropped, and the reason is kept.
+    """A file that accepts every byte, drops the bytes that cannot be written, and stores the reason.
 
-    HDF5 cannot close a file to which it cannot write: it complains at length, and ends the process with a segmentation
-    fault. With this file it can, and its user raises `failure` instead.
+    HDF5 cannot close a file to which it cannot write: it prints many errors and ends the process with a segmentation
+    fault. With this file it can close, and the caller raises `failure` instead.
 
     Args:
-        path: the file, made or emptied.
+        path: The file, created or emptied.
     """
 
     def __init__(self, path: Path) -> None:
-        """Make the file."""
+        """Create or empty the file."""
         super().__init__(path, "w+")
         self.failure: OSError | None = None
-        """What went wrong first."""
+        """The first error."""
 
     def write(self, data: Any) -> int:
         """Write all of `data`, or drop it."""
@@ -53,7 +53,7 @@ class RetryingFile(io.FileIO):
         return size
 
     def truncate(self, size: int | None = None) -> int:
-        """Cut or lengthen the file, where there is room."""
+        """Shorten or lengthen the file, if there is space."""
         try:
             return super().truncate(size)
         except OSError as error:
@@ -61,7 +61,7 @@ class RetryingFile(io.FileIO):
             return size or 0
 
     def readinto(self, buffer: Any) -> int:
-        """What was written; zeros where it was dropped."""
+        """Read what was written, with zeros for dropped bytes."""
         room = memoryview(buffer).cast("B")
         count = super().readinto(room)
         room[count:] = bytes(len(room) - count)

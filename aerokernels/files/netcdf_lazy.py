@@ -1,4 +1,4 @@
-"""A NetCDF file that stays still as a data set of xarray's, whose large arrays are read when they are asked for."""
+"""Represent an unchanging NetCDF file as an xarray dataset whose large arrays are read when they are needed."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,17 +26,17 @@ class FarVariable(NamedTuple):
 
 
 def state_of(path: Path) -> tuple[int, int]:
-    """What tells that a file is still the one that was opened: its size, and when it was written."""
+    """Return size and modification time of a file, to detect that it has changed."""
     found = path.stat()
     return found.st_size, found.st_mtime_ns
 
 
 @contextmanager
 def held_still(path: Path, state: tuple[int, int]) -> Iterator[None]:
-    """Hold what is read of a file against what it was when it was opened: values of two files would be mixed.
+    """Check before and after a block that a file is the one that was opened, so that no values of two files are mixed.
 
     Raises:
-        ValueError: It is gone, or another one; instead of what reading it raised.
+        ValueError: The file is gone, or has changed; replaces the block's own error.
     """
     _check_state(path, state)
     try:
@@ -56,7 +56,7 @@ def _check_state(path: Path, state: tuple[int, int]) -> None:
 
 @contextmanager
 def told_of(path: Path) -> Iterator[None]:
-    """What the libraries say of a damaged file becomes a ValueError that names it; they meet one with any error."""
+    """Convert the various errors that libraries raise for a damaged file to a ValueError that names the file."""
     try:
         yield
     except (LibraryEndedError, NoRoomError):
@@ -78,7 +78,7 @@ def dataset_of(
     decode_times: bool,
     read: Callable[[str, tuple], np.ndarray] | None = None,
 ) -> "xarray.Dataset":
-    """The data set of what `describe` found; `read` gives values of a variable that did not come with it, by a key."""
+    """Return the dataset of the given variables; `read` reads values of a variable without them, by name and index."""
     import xarray
     from xarray.backends import AbstractDataStore, BackendArray
     from xarray.core.indexing import IndexingSupport, LazilyIndexedArray, explicit_indexing_adapter

@@ -1,8 +1,8 @@
-"""Reading NetCDF that somebody gives: by HDF5 in a child process (fragile.py), as a data set of xarray's in this one.
+"""Read foreign NetCDF files: by HDF5 in a child process (fragile.py), as an xarray dataset in this process.
 
-HDF5 computes for ever on some damaged files and ends the process on others. The child needs no xarray, which takes
-longer to start than everything else; it sends what the file holds, and large arrays as they are asked for. The classic
-form of NetCDF is no HDF5: it is read here (netcdf_classic.py).
+HDF5 computes for ever on some damaged files and ends the process on others. The child does not import xarray, which
+takes longer than everything else; it sends a description of the file, and large arrays when they are needed. Files of
+the classic format are not HDF5, and are read in this process (netcdf_classic.py).
 """
 
 import pickle
@@ -19,27 +19,27 @@ from .netcdf_lazy import FarVariable, dataset_of, held_still, state_of, told_of
 if TYPE_CHECKING:
     import xarray
 
-SMALL = 2.0**16  # [bytes]: arrays up to this size come with the description of the file
-TEXT = "text"  # in place of the type of texts of any length, whose own does not travel
+SMALL = 2.0**16  # [bytes]: arrays up to this size are sent with the description of the file
+TEXT = "text"  # replaces the type of variable-length text, which cannot be pickled
 
 
 def open_netcdf(
     path: Path, what: str, *, most_axes: float = float("inf"), decode_times: bool = True, whole: bool = False
 ) -> "xarray.Dataset":
-    """A NetCDF file as a data set whose large arrays are read, in the child, when they are asked for.
+    """Open a NetCDF file as a dataset whose large arrays are read, in the child, when they are needed.
 
     Args:
         path: The file.
-        what: It in words, for the message that it announces more than there is memory.
-        most_axes: Arrays of more axes do not count there: 1 for those that are read when the file is opened.
+        what: The file in words, for the message that it announces more data than fit in memory.
+        most_axes: Arrays of more axes do not count as such data: 1 for those that are read when the file is opened.
         decode_times: Whether times become dates.
-        whole: All of it is read at once, into memory.
+        whole: Whether to read all of it at once, into memory.
 
     Raises:
         NoRoomError: As `room.check_file`.
-        LibraryEndedError: HDF5 ended its process on it, or was ended.
-        ValueError: A damaged file, or of another format: names it, and says what HDF5 does; so do its arrays when they
-            are read.
+        LibraryEndedError: HDF5 ended the child, or the child exceeded its limits.
+        ValueError: A damaged file, or one of another format; the message names it and quotes HDF5. Reading its arrays
+            raises the same.
     """
     with told_of(path):
         if is_classic(path):
@@ -57,14 +57,14 @@ def open_netcdf(
 
 
 def describe(path: Path, what: str, most_axes: float, greatest: float) -> tuple[dict[str, FarVariable], dict[str, Any]]:
-    """What a file holds, and its attributes, in the child; values of arrays of up to `greatest` bytes."""
+    """Return, in the child, a file's variables and attributes, with the values of arrays of up to `greatest` bytes."""
     check_file(path, what, most_axes)
     with _opened(path) as file:
         return {name: _described(own, greatest) for name, own in file.variables.items()}, _attributes(file)
 
 
 def values(path: Path, name: str, key: tuple) -> np.ndarray:
-    """Some values of a variable, in the child."""
+    """Read, in the child, some values of a variable."""
     with _opened(path) as file:
         return _checked(name, file.variables[name][key])
 
@@ -86,12 +86,12 @@ def _described(variable: Any, greatest: float) -> FarVariable:
 def _checked(name: str, found: Any) -> np.ndarray:
     found = np.asarray(found)
     if found.dtype.kind == "O":
-        pickle.dumps(found)  # texts travel, and references of HDF5 raise a TypeError here
+        pickle.dumps(found)  # texts can be sent; HDF5 references raise a TypeError here
     return found
 
 
 def _attributes(holder: Any) -> dict[str, Any]:
-    """Attributes as xarray has them: bytes as texts, where they are none of the numbers that stand for no value."""
+    """Return attributes as xarray has them: bytes as text, except fill values."""
     found = {}
     for key, value in holder.attrs.items():
         if isinstance(value, bytes) and key not in ("_FillValue", "missing_value"):

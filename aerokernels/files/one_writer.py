@@ -1,4 +1,4 @@
-"""One process at a time writes to a place: a lock beside it, which ends with its process, however that ends."""
+"""Let one process at a time write to a place, by a lock beside it that ends with its process."""
 
 import errno
 import os
@@ -11,25 +11,25 @@ from pathlib import Path
 from ..process.opened import OPENED
 
 WRITING = "writing"
-# Faults of a place where no file can be made, whatever is done about it: a file system such as /proc has the first.
+# Errors of a place where no file can ever be made; a file system such as /proc raises the first.
 NO_FILES = (errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR,
             errno.EISDIR, errno.ENXIO)  # fmt: skip
 
 
 @contextmanager
 def only_writer(path: Path, name: str = "--out") -> Iterator[None]:
-    """Hold a place against other processes, and other threads, that would write there.
+    """Lock a place against other processes and threads that would write there.
 
-    Whoever holds it already may ask again. Folders on the way to it are made; they and the lock go at the end, where
-    nothing else was put there. What a killed process leaves is an empty hidden file, which holds nobody off. A file
-    system without locks, and Windows, hold nobody off either.
+    The holder may lock it again. Missing parent folders are made; they and the lock are removed at the end, unless the
+    folders contain something else. A killed process leaves an empty hidden file, which locks nobody out. A file system
+    without locks, and Windows, lock nobody out either.
 
     Args:
-        path: The file or folder that is written; it need not be there.
-        name: What the place is called in the message.
+        path: The file or folder that is written; it need not exist.
+        name: The name of the place in the message.
 
     Raises:
-        ValueError: Another process is at work there.
+        ValueError: Another process is writing there.
     """
     place = Path(os.path.realpath(path))
     mine = WRITING, place, os.getpid(), threading.get_ident()
@@ -54,7 +54,7 @@ def only_writer(path: Path, name: str = "--out") -> Iterator[None]:
 
 
 def _locked(place: Path, told: str) -> TextIOWrapper | None:
-    """The lock of a place; None where there are no locks."""
+    """Return the lock of a place; None if the system has no locks."""
     try:
         import fcntl
     except ImportError:
@@ -67,13 +67,13 @@ def _locked(place: Path, told: str) -> TextIOWrapper | None:
             file = path.open("w")
         except OSError as fault:
             if fault.errno == errno.ENOENT and not place.parent.exists():
-                continue  # another process has just removed the folder, which it had made
+                continue  # another process has just removed the folder that it had made
             if fault.errno in NO_FILES:
                 raise ValueError(f"{told}: no file can be made there ({fault.strerror}); take another") from None
             raise
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            # Its last holder may have removed the file before it was locked here: then it is no lock.
+            # If the last holder removed the file before it was locked here, it is no lock.
             if path.exists() and path.stat().st_ino == os.fstat(file.fileno()).st_ino:
                 return file
         except FileNotFoundError:

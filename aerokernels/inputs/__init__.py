@@ -1,1 +1,1 @@
-"""What callers give: kinds of arguments, their values, units and wavelengths, checked before any work."""
+"""Check the caller's input before any work: kinds of arguments, their values, units and wavelengths."""

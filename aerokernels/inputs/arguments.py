@@ -1,14 +1,14 @@
-"""One look at the arguments of a public function or class: a mistake of kind is answered in words, before any work.
+"""Check the kinds of a public function's or class's arguments before it runs, so that a mistake gets a clear message.
 
-`@checked` reads what a function says of its parameters: their annotations, and the units in its docstring ("[m]"). An
-argument of another kind is a TypeError that names the parameter, what it takes and what was given, so that none of
-NumPy's own messages about casts reaches a user:
+`@checked` reads a function's annotations, and the units of its parameters in its docstring ("[m]"). An argument of
+another kind raises a TypeError that names the parameter, what it accepts and what was given, instead of one of NumPy's
+messages about casts:
 
     Disc("6 mm")            radius must be a number of metres, got '6 mm': give 0.006 (in Disc)
     zernike_modes("a", ...) count must be a whole number, got 'a' (in zernike_modes)
 
-Numbers that are of the right kind and yet overflow what is computed from them (1e300) are a ValueError that names them.
-Whether a number makes sense is for the function itself to judge, and so is a parameter that takes an object of a class.
+Numbers of the right kind that make a computation overflow (1e300) raise a ValueError that names them. The function
+itself checks whether a number makes sense, and checks parameters that are objects of a class.
 """
 
 import functools
@@ -32,22 +32,22 @@ if TYPE_CHECKING:
 else:
 
     class Numbers:
-        """Annotation of a parameter: real numbers in an array of any shape, or what NumPy makes one of."""
+        """Annotation of a parameter: real numbers in an array of any shape, or anything NumPy converts to one."""
 
 
 F = TypeVar("F", bound=Callable[..., Any])
-# Beyond it squares and products of four leave float64's range; no quantity of physics comes near.
+# Beyond these, squares and products of four numbers leave float64's range; no physical quantity is near them.
 GREAT, SMALL = 1e60, 1e-60
 _PACKAGE = str(Path(__file__).resolve().parents[1])
 _SHOWN = 60  # characters of a value in a message
 _UNIT = re.compile(r"^\s*`{0,2}(\w+)`{0,2}:[^\[\n]*\[([^\]\d,][^\],]*)\]", re.MULTILINE)
-# What Python and NumPy say where a number is none any more, without a name.
+# Messages of Python and NumPy for numbers out of range, which name no argument.
 _BARE = re.compile(r"cannot convert float (NaN|infinity) to integer|int too large|Maximum allowed (size|dimension)|"
                    r"array is too big|negative dimensions")  # fmt: skip
 
 
 def checked(target: F) -> F:
-    """The same function, or class, whose arguments are looked at first; see the head of this file."""
+    """Return the function, or class, with a check of its arguments before each call; see this module's docstring."""
     if isinstance(target, type):
         own = target.__init__  # type: ignore[misc]
         target.__init__ = _looking(own, target.__name__, lambda: own, target)  # type: ignore[misc]
@@ -60,8 +60,8 @@ def _readable(function: Any) -> str:
 
 
 def _looking(function: Callable, name: str, described: Callable, documented: Any) -> Callable:
-    takes: dict[str, _Kinds] = {}  # parameters of numbers, texts and switches
-    objects: dict[str, _Kinds] = {}  # those that take objects of classes
+    takes: dict[str, _Kinds] = {}  # parameters that are numbers, texts or booleans
+    objects: dict[str, _Kinds] = {}  # parameters that are objects of classes
     signature: inspect.Signature | None = None
 
     @functools.wraps(function)
@@ -76,7 +76,7 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
         except TypeError:
             if wrong := _unknown_name(signature, named):
                 raise TypeError(f"{name} has no argument {wrong}") from None
-            return function(*given, **named)  # Python's own words for what is missing or too much
+            return function(*given, **named)  # raises Python's own message for missing or extra arguments
         _refuse_shuffled(arguments)
         for parameter, value in arguments.items():
             refuse_masked(value, parameter)
@@ -92,7 +92,7 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
         except (AttributeError, TypeError, ValueError, IndexError) as error:
             if _in_words(error):
                 raise
-            # Asked only now: many a function says of its objects more than their class.
+            # Checked last, because many functions report more about an object than its class.
             for parameter, value in arguments.items():
                 if parameter in objects and (wrong := objects[parameter].mistake(value, parameter, name)):
                     raise TypeError(wrong) from error
@@ -104,10 +104,10 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
 
 
 def refuse_masked(value: Any, name: str) -> None:
-    """Refuse an array of which some numbers are masked: NumPy would go on with what lies under the mask.
+    """Reject an array with masked numbers, because NumPy would compute with the values under the mask.
 
     Raises:
-        ValueError: It is one; `name` is what it is called.
+        ValueError: Some numbers are masked; the message names the array `name`.
     """
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         count = int(np.ma.count_masked(value))
@@ -118,7 +118,7 @@ def refuse_masked(value: Any, name: str) -> None:
 
 
 def _refuse_shuffled(arguments: dict[str, Any]) -> None:
-    """Refuse columns of pandas with the same labels in different orders: their numbers are paired by place here."""
+    """Reject pandas columns with the same labels in different orders: their numbers would be paired by position."""
     labelled = [(name, value.index) for name, value in arguments.items() if hasattr(value, "iloc")]
     for name, index in labelled[1:]:
         first, order = labelled[0]
@@ -130,7 +130,7 @@ def _refuse_shuffled(arguments: dict[str, Any]) -> None:
 
 
 def _unknown_name(signature: inspect.Signature, named: Iterable[str]) -> str:
-    """The first named argument that a function does not take, and what it may have been; empty where it takes all."""
+    """Return the first named argument that a function does not take, with a suggestion; empty if it takes all."""
     known = [one.name for one in signature.parameters.values() if one.kind is not one.POSITIONAL_ONLY]
     if any(one.kind is one.VAR_KEYWORD for one in signature.parameters.values()):
         return ""
@@ -156,7 +156,7 @@ def _is_extreme(value: Any) -> bool:
 
 
 class _Kinds:
-    """What a parameter takes: kinds of its annotation that are known here; one that is not lets everything pass."""
+    """The kinds of value that a parameter accepts; an annotation that is not known here accepts everything."""
 
     def __init__(self, members: Iterable[Any], unit: str):
         self.unit = unit
@@ -164,13 +164,13 @@ class _Kinds:
 
     @property
     def has_classes(self) -> bool:
-        """Whether it takes objects of classes, or tuples."""
+        """Whether the parameter accepts objects of classes, or tuples."""
         return any(isinstance(kind, tuple) for kind in self.members) or any(
             isinstance(kind, type) and kind not in _NOUNS and kind not in (float, int) for kind in self.members
         )
 
     def mistake(self, value: Any, parameter: str, owner: str) -> str:
-        """What is wrong with a value that none of the kinds takes, in words; empty where one does."""
+        """Return a message for a value that none of the kinds accepts; empty for an accepted one."""
         if any(_takes(kind, value) for kind in self.members):
             return ""
         wanted = " or ".join(dict.fromkeys(_described(kind, self.unit) for kind in self.members))
@@ -181,9 +181,9 @@ class _Kinds:
 
 
 def _out_of_proportion(value: Any, members: Sequence[Any], parameter: str, owner: str) -> str:
-    """What no number may be: out of all proportion, or, of a seed, broken or negative."""
+    """Return a message for a number too large for any computation, or for a seed that is broken or negative."""
     if {float, int} & set(members) and _is_number(value):
-        if math.isfinite(value) and abs(float(value)) > GREAT and parameter != "tolerance":  # as loose as wanted
+        if math.isfinite(value) and abs(float(value)) > GREAT and parameter != "tolerance":  # may be any
             return f"{parameter} = {_shown(value)} is out of all proportion (in {owner}): give at most {GREAT:g}"
         if parameter == "seed" and not (value >= 0 and float(value).is_integer()):
             return f"seed must be a whole number that is not negative, got {_shown(value)} (in {owner})"
@@ -191,18 +191,18 @@ def _out_of_proportion(value: Any, members: Sequence[Any], parameter: str, owner
 
 
 def _in_words(error: Exception) -> bool:
-    """Whether an error was raised by a statement of this package, and not by Python or NumPy for it."""
+    """Return whether a `raise` statement of this package raised the error, and not Python or NumPy."""
     where = traceback.extract_tb(error.__traceback__)[-1]
     return where.filename.startswith(_PACKAGE) and (where.line or "").startswith("raise")
 
 
 def units_in(text: str) -> dict[str, str]:
-    """The units of parameters or attributes, by name, out of a docstring's lines like `radius: Radius [m]`."""
+    """Return the units of parameters or attributes, by name, from a docstring's lines like `radius: Radius [m]`."""
     return {name: unit for name, unit in _UNIT.findall(text) if len(unit) <= 24 and " of " not in unit}
 
 
 def _taken(function: Callable, documented: Any) -> dict[str, _Kinds]:
-    """The kinds that each parameter takes, where all of them are known."""
+    """Return the kinds that each parameter accepts, if all of them are known."""
     units = units_in("\n".join(filter(None, [documented.__doc__, function.__doc__])))
     found = {}
     for name, annotation in _annotations(function, documented).items():
@@ -215,7 +215,7 @@ def _taken(function: Callable, documented: Any) -> dict[str, _Kinds]:
 def _annotations(function: Callable, documented: Any) -> dict[str, Any]:
     found: dict[str, Any] = dict(getattr(function, "__annotations__", {}))
     names = getattr(inspect.unwrap(function), "__globals__", {})
-    if isinstance(documented, type):  # a dataclass's __init__ knows its module's names only through the class
+    if isinstance(documented, type):  # a dataclass's __init__ does not have its module's globals
         names = vars(inspect.getmodule(documented))
     for name, annotation in found.items():
         if isinstance(annotation, str):
@@ -227,7 +227,7 @@ def _annotations(function: Callable, documented: Any) -> dict[str, Any]:
 
 
 def _members(annotation: Any) -> list[Any] | None:
-    """The kinds of an annotation, a union taken apart; None where one of them is not known here."""
+    """Return the kinds of an annotation, a union as its members; None if one of them is not known here."""
     if annotation in (Numbers, ArrayLike):
         return [np.ndarray]
     origin = typing.get_origin(annotation)
@@ -251,7 +251,7 @@ def _takes(kind: Any, value: Any) -> bool:
     if kind is float:
         return _is_number(value)
     if kind is int:
-        return _is_number(value)  # 1e4 for a count is a number: whether it is whole is the function's own to say
+        return _is_number(value)  # 1e4 may be a count: the function itself checks that it is whole
     if kind is bool:
         return isinstance(value, (bool, np.bool_)) or (type(value) is int and value in (0, 1))
     if kind is np.ndarray:
@@ -273,10 +273,10 @@ def _is_number(value: Any) -> bool:
 
 
 def are_numbers(value: Any) -> bool:
-    """Whether NumPy makes an array of real numbers of it."""
+    """Return whether NumPy converts a value to an array of real numbers."""
     kind = getattr(getattr(value, "dtype", None), "kind", None)
     if kind is None:
-        if hasattr(value, "__dlpack__"):  # of whatever library, on whatever device: its taker says what it needs
+        if hasattr(value, "__dlpack__"):  # an array of another library or device: the function that uses it checks it
             return True
         if isinstance(value, (str, bytes, dict, set, type)) or callable(value):
             return False
@@ -312,7 +312,7 @@ def _described(kind: Any, unit: str) -> str:
 
 
 def _shown(value: Any) -> str:
-    """A value in a message: shortened, on one line, and never failing."""
+    """Return a value for a message: shortened, on one line, without ever raising."""
     if isinstance(value, type):
         return f"the class {value.__name__}"
     if isinstance(value, np.ndarray):
@@ -327,7 +327,7 @@ def _shown(value: Any) -> str:
 
 
 def _remedy(value: Any, members: Sequence[Any]) -> str:
-    """What a text with a unit is in SI, for a number that was written as in a scene file."""
+    """Return the SI number for a text with a unit, given where a number is needed, as a suggestion."""
     if not (isinstance(value, str) and {float, int} & set(members)):
         return ""
     from .units import DIMENSIONS, quantity
@@ -341,7 +341,7 @@ def _remedy(value: Any, members: Sequence[Any]) -> str:
 
 
 def seconds(values: np.ndarray) -> np.ndarray:
-    """Dates as the time since the first of them, spans of time and numbers of seconds, as float64 [s]."""
+    """Return dates as float64 seconds since the first of them; spans of time and numbers as float64 seconds [s]."""
     if values.dtype.kind not in "mM":
         return np.asarray(values, dtype=np.float64)
     since = values - values[:1] if values.dtype.kind == "M" else values

@@ -1,4 +1,4 @@
-"""Checks of arguments: each refuses a value by name and says what would do."""
+"""Check arguments: each function rejects a value by its name and states the remedy."""
 
 import math
 import os
@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-# Spacing of samples may differ by this share of a sample period before the record counts as uneven.
+# Deviation of the sample spacing, relative to the sample period, above which a record counts as uneven.
 UNEVENNESS = 1e-3
-# A sample period above this is no rangefinder's: nanoseconds, or sample numbers, that were taken for seconds.
+# No rangefinder has a longer sample period [s]: the times are in nanoseconds, or are sample numbers.
 LONGEST_PERIOD = 1e-3
 
 
 def check_path(value: Any, name: str) -> Path:
-    """Return `value` as a path: it is a text or path-like, of texts.
+    """Return `value`, a text or path-like of texts, as a path.
 
     Raises:
         TypeError: It is something else.
-        ValueError: It has a zero character, which no path has.
+        ValueError: It has a zero character, which no path may have.
     """
     if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
         raise TypeError(f"{name} must be a text or a Path, got {type(value).__name__}")
@@ -70,7 +70,7 @@ def check_share(value: float, name: str) -> float:
     """Return `value` as a float in [0, 1].
 
     Raises:
-        ValueError: It lies outside.
+        ValueError: It is outside.
         TypeError: It is no number.
     """
     number = _as_number(value, name)
@@ -83,7 +83,7 @@ def check_tilt(value: float) -> float:
     """Return a tilt as a float in (-pi/2, pi/2) [rad].
 
     Raises:
-        ValueError: It lies outside.
+        ValueError: It is outside.
         TypeError: It is no number.
     """
     number = _as_number(value, "tilt")
@@ -93,10 +93,10 @@ def check_tilt(value: float) -> float:
 
 
 def check_aperture(diameter: float, distance: float) -> None:
-    """Refuse a receiver that is wider than its target is far: more light would come back than left.
+    """Check that a receiver is not wider than its target is far, because more light would return than was sent.
 
     Raises:
-        ValueError: As said.
+        ValueError: It is wider.
     """
     if diameter > distance:
         raise ValueError(
@@ -138,19 +138,19 @@ def as_finite_array(values, name: str) -> np.ndarray:
 
 
 def as_waveform(time, voltage, least_count: int = 4) -> tuple[np.ndarray, np.ndarray, float]:
-    """Check a sampled waveform.
+    """Check a sampled waveform, and return it as float64 with its sample period.
 
     Args:
         time: Sample times [s], shape (n,), increasing in even steps.
         voltage: Samples, shape (n,).
-        least_count: Fewest samples that will do.
+        least_count: Least number of samples.
 
     Returns:
         Times [s] and samples as float64, shape (n,) each, and the sample period [s].
 
     Raises:
         ValueError: Shapes that disagree, too few samples, numbers that are not finite, times that do not increase
-            evenly, or in steps that are no seconds.
+            evenly, or steps too long to be in seconds.
         TypeError: Values that are not real numbers.
     """
     times, values = as_finite_array(time, "time"), as_finite_array(voltage, "voltage")

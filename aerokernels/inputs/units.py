@@ -1,13 +1,13 @@
-"""Quantities with units, such as "905 nm", turned into SI numbers.
+"""Convert quantities with units, such as "905 nm", to SI numbers.
 
-Units are accepted at the edges (scene files, command line) and nowhere else: inside, every number is SI.
+Units are accepted at the edges (scene files, command line) and nowhere else: all internal numbers are SI.
 """
 
 import math
 import re
 from decimal import Decimal, DecimalException
 
-# Each dimension: what it is called in messages, the SI unit, and the factor that turns one of each unit into SI.
+# For each dimension: its noun in messages, its SI unit, and the factor from each unit to SI.
 _DIMENSIONS: dict[str, tuple[str, str, dict[str, float]]] = {
     "length": (
         "a length",
@@ -49,7 +49,7 @@ _DIMENSIONS: dict[str, tuple[str, str, dict[str, float]]] = {
 }
 # Added after scaling.
 _OFFSET = {"degC": 273.15}
-# Other ways to write the same unit: the micro sign and the Greek mu, exponents, degrees, roots, the ohm and omega.
+# Other spellings of the same unit: the micro sign and the Greek mu, exponents, degrees, roots, the ohm and omega.
 _SPELLING = {"µ": "u", "μ": "u", "³": "3", "^": "", "°C": "degC", "°": "deg", "percent": "%"}
 _SPELLING |= {"sqrt(Hz)": "rtHz", "√Hz": "rtHz", "\u03a9": "Ohm", "\u2126": "Ohm", "ohm": "Ohm"}
 _PATTERN = re.compile(r"([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL)
@@ -58,10 +58,10 @@ DIMENSIONS = tuple(_DIMENSIONS)
 
 
 def quantity(value: float | str, dimension: str) -> float:
-    """A quantity as an SI number.
+    """Return a quantity as an SI number.
 
     Args:
-        value: A number, taken to be SI already, or a text: a number, a blank if wanted, and a unit ("905 nm", "10deg",
+        value: A number, which is SI already, or a text: a number, an optional blank, and a unit ("905 nm", "10deg",
             "0.63 MPa", "30 %"). A text without a unit is SI.
         dimension: One of `DIMENSIONS`, such as "length" or "angle".
 
@@ -94,7 +94,7 @@ def quantity(value: float | str, dimension: str) -> float:
     if unit and unit not in units:
         raise ValueError(f"{value!r} is not {noun}, {_what_unit_is(unit)}: {_accepted(dimension)}")
     try:
-        # In decimals, so that "6 ns" is the float 6e-9 and not its neighbour.
+        # Multiply as decimals, so that "6 ns" is the float 6e-9 and not its neighbour.
         number = float(Decimal(match[1]) * Decimal(repr(units.get(unit, 1.0))) + Decimal(repr(_OFFSET.get(unit, 0.0))))
     except (DecimalException, OverflowError):
         number = math.inf
@@ -102,7 +102,7 @@ def quantity(value: float | str, dimension: str) -> float:
 
 
 def si_unit(dimension: str) -> str:
-    """The SI unit of one of `DIMENSIONS`, as `quantity` writes it: "m" for "length", "" for "dimensionless"."""
+    """Return the SI unit of one of `DIMENSIONS`, as `quantity` writes it: "m" for "length", "" for "dimensionless"."""
     return _DIMENSIONS[dimension][1]
 
 

@@ -1,24 +1,24 @@
-"""The vacuum wavelength: what is none is refused, and a field is evaluated at the one it was made for."""
+"""Check vacuum wavelengths, and choose the wavelength at which a field is evaluated."""
 
 import math
 from typing import SupportsFloat
 
 import numpy as np
 
-# The laser of the source paper; what calls take where neither they nor the field name one.
+# The source paper's laser; the default if neither the call nor the field has a wavelength.
 DEFAULT_WAVELENGTH = 905e-9
-# Air is opaque below, and no laser rangefinder works beyond. The range mostly catches a wavelength in the wrong unit.
+# Air is opaque below, and no laser rangefinder works above. The limits mostly catch wavelengths in a wrong unit.
 SHORTEST, LONGEST = 0.1e-6, 20e-6
-# Two wavelengths that differ by less than this share are the same number written in two ways, as 905e-9 and 0.905e-6.
+# Wavelengths with a smaller relative difference are the same number written in two ways, as 905e-9 and 0.905e-6.
 SAME = 1e-6
 
 
 def check_wavelength(wavelength: SupportsFloat) -> float:
-    """A vacuum wavelength [m], or a refusal that says which unit it was perhaps given in.
+    """Return a vacuum wavelength [m]; the message for a wrong one suggests the unit it may be in.
 
     Raises:
         TypeError: It is not one number.
-        ValueError: It is not a positive length, or lies outside 0.1 to 20 um.
+        ValueError: It is not a positive length, or is outside 0.1 to 20 um.
     """
     if isinstance(wavelength, (bool, str, bytes)):
         raise TypeError(f"wavelength must be a number of metres, got {wavelength!r}: give 905e-9 for 905 nm")
@@ -36,7 +36,7 @@ def check_wavelength(wavelength: SupportsFloat) -> float:
 
 
 def _meant(length: float) -> str:
-    """The wavelength that a number outside the range was perhaps meant to be."""
+    """Return the wavelength that a number outside the range may have been meant to be."""
     for unit, size in (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("angstrom", 1e-10)):
         if SHORTEST <= length * size <= LONGEST:
             return f"{length * size:g} for {length:g} {unit}"
@@ -44,11 +44,11 @@ def _meant(length: float) -> str:
 
 
 def field_wavelength(made_for: float | None, asked: SupportsFloat | None) -> float:
-    """The wavelength [m] that a field is evaluated at: its own, the one asked for, or that of the paper's laser.
+    """Return the wavelength [m] at which a field is evaluated: its own, the requested one, or the paper's laser's.
 
     Args:
-        made_for: The field's own [m], or None where it is made of contrasts that belong to no wavelength.
-        asked: What the caller gave [m], or None.
+        made_for: The field's own [m], or None if it was made from contrasts without a wavelength.
+        asked: The requested wavelength [m], or None.
 
     Raises:
         TypeError: As `check_wavelength`.
@@ -68,12 +68,12 @@ def field_wavelength(made_for: float | None, asked: SupportsFloat | None) -> flo
 
 
 def check_spectrum(wavelengths, weights=None, colours: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Vacuum wavelengths [m], shape (n,), and shares of the light that sum to 1.
+    """Return vacuum wavelengths [m], shape (n,), and weights that sum to 1.
 
     Args:
         wavelengths: One or several.
-        weights: Shares of the light's energy, shape (n,), of any sum; with `colours`, (n, colours) too. None: equal.
-        colours: Columns that the weights may have.
+        weights: Fractions of the light's energy, shape (n,), of any sum; with `colours`, (n, colours) too. None: equal.
+        colours: Number of columns that the weights may have.
 
     Raises:
         TypeError: As `check_wavelength`.

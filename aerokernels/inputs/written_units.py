@@ -1,14 +1,14 @@
-"""Units as files write them: "kg m-3", "kilogram / meter ** 3", "hPa", "degC", "lb/ft^3", in attributes and in names.
+"""Parse units as files write them in attributes and names: "kg m-3", "kilogram / meter ** 3", "hPa", "lb/ft^3".
 
-`units.quantity` reads what a user types, a number and one unit of a short list. What programs write beside their arrays
-is products and quotients of units, in many spellings; here they become a factor to SI.
+`units.quantity` reads what a user types: a number and one unit of a short list. Programs write products and quotients
+of units beside their arrays, in many spellings; this module converts them to a factor to SI.
 """
 
 import re
 from dataclasses import dataclass
 from fractions import Fraction
 
-LONGEST = 200  # letters of a unit, which an attribute may hold millions of
+LONGEST = 200  # characters of a unit; an attribute may have millions
 LEAST = Fraction(1, 10**100)  # factor of a unit to SI, and the inverse of the greatest
 NONE = (0, 0, 0, 0)
 # Exponents of metre, kilogram, second and kelvin.
@@ -17,7 +17,7 @@ DIMENSIONS = {"length": (1, 0, 0, 0), "density": (-3, 1, 0, 0), "pressure": (-1,
 ARTICLES = {name: f"a {name}" for name in DIMENSIONS}
 _FORCE = (1, 1, -2, 0)
 _POUND, _INCH = 0.45359237, 0.0254
-# Units that take a prefix, by their symbols and by their names.
+# Units that accept a prefix, by their symbols and by their names.
 _SYMBOLS: dict[str, tuple[float, tuple[int, int, int, int]]] = {
     "m": (1.0, DIMENSIONS["length"]), "g": (1e-3, (0, 1, 0, 0)), "s": (1.0, DIMENSIONS["time"]),
     "K": (1.0, DIMENSIONS["temperature"]), "Pa": (1.0, DIMENSIONS["pressure"]), "bar": (1e5, DIMENSIONS["pressure"]),
@@ -47,7 +47,7 @@ _OTHERS = {
     "degK": (1.0, DIMENSIONS["temperature"]),
     "degR": (5.0 / 9.0, DIMENSIONS["temperature"]), "rankine": (5.0 / 9.0, DIMENSIONS["temperature"]),
 }  # fmt: skip
-# Temperatures from another zero: factor, and what is added after it.
+# Temperature scales with another zero: factor, and the offset added after scaling.
 _CELSIUS, _FAHRENHEIT = (1.0, 273.15), (5.0 / 9.0, 459.67 * 5.0 / 9.0)
 _FROM_ANOTHER_ZERO = {
     **dict.fromkeys(("degc", "c", "celsius", "degreescelsius", "degreecelsius", "degreesc", "degreec"), _CELSIUS),
@@ -63,12 +63,12 @@ _TOKEN = re.compile(r"(?P<over>/)|(?P<open>\()|(?P<close>\))|(?P<one>1(?![\d.]))
 
 @dataclass(frozen=True)
 class WrittenUnit:
-    """A unit: a value v in it is factor v + offset in SI.
+    """A unit: a value v in this unit is factor v + offset in SI.
 
     Attributes:
-        factor: What one of it is in SI.
-        offset: What its zero is.
-        exponents: Of metre, kilogram, second and kelvin.
+        factor: Scale to SI.
+        offset: SI value of the unit's zero.
+        exponents: Exponents of metre, kilogram, second and kelvin.
     """
 
     factor: float
@@ -77,14 +77,14 @@ class WrittenUnit:
 
 
 def written_unit(text: str) -> WrittenUnit | None:
-    """The unit that a text names; None for a text that names none that is known."""
+    """Return the unit that a text names; None for a text without a known unit."""
     if len(text) > LONGEST:
         return None
     plain = text.strip().translate(_SPELLING).replace("**", "^").replace("°", "deg")
     if (found := _FROM_ANOTHER_ZERO.get(re.sub(r"[\s_]", "", plain.lower()))) is not None:
         return WrittenUnit(*found, DIMENSIONS["temperature"])
     plain = re.sub(r"\s*(\^|/)\s*", r"\1", re.sub(r"\bper\b", "/", plain))
-    factor, exponents, at = Fraction(1), list(NONE), 0  # so that a g/cm3 is 1000 kg/m3 and not its neighbour
+    factor, exponents, at = Fraction(1), list(NONE), 0  # exact, so that a g/cm3 is 1000 kg/m3 and not its neighbour
     sign, group = 1, [1]
     while at < len(plain):
         match = _TOKEN.match(plain, at)
@@ -116,15 +116,15 @@ def written_unit(text: str) -> WrittenUnit | None:
 
 
 def is_no_unit(text: str) -> bool:
-    """Whether a text says that there is no unit, or nothing."""
+    """Return whether a text is empty or says that there is no unit."""
     return text.strip().lower().replace(" ", "") in _NO_UNIT
 
 
 def unit_of(text: str, dimension: str) -> WrittenUnit:
-    """The unit of a `dimension` that a text names; nothing, or "1", stands for SI.
+    """Return the unit of a `dimension` that a text names; an empty text, or "1", means SI.
 
     Raises:
-        ValueError: No unit that is known, or one of another dimension.
+        ValueError: No known unit, or a unit of another dimension.
     """
     if is_no_unit(text):
         return WrittenUnit(1.0, 0.0, DIMENSIONS[dimension])
@@ -135,14 +135,14 @@ def unit_of(text: str, dimension: str) -> WrittenUnit:
 
 
 def in_brackets(name: str) -> str:
-    """What the name of an array has in brackets at its end, as in "x [mm]"; empty for nothing."""
-    end = name[-LONGEST:]  # what is looked for takes the square of the length
+    """Return the text in brackets at the end of an array's name, as in "x [mm]"; empty if there is none."""
+    end = name[-LONGEST:]  # the search takes a time proportional to the square of the length
     match = re.search(r"[\[(<{]([^\[\](){}<>]*(?:\([^()]*\))?[^\[\](){}<>]*)[\])>}]\s*$", end)
     return match[1].strip() if match else ""
 
 
 def _one(word: str) -> tuple[float, tuple[int, ...]] | None:
-    """A unit with or without a prefix."""
+    """Return a single unit with or without a prefix."""
     if word in _OTHERS:
         return _OTHERS[word]
     if word in _SYMBOLS:

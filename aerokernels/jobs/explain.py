@@ -161,7 +161,7 @@ def _return_path(scene: Scene, field: IndexField) -> str:
     start = f"return factor {receiver.return_factor} at "
     if nodes == "every":
         return f"{start}each target point, {receiver.ray_count:,} rays over the pupil each"
-    if is_symmetric(field, target_plane(scene)):
+    if is_symmetric(field, target_plane(scene), receiver.pupil):
         count = int(nodes) // 2 + 1
         return f"{start}{count} points of a radius, by symmetry half of {receiver.ray_count:,} rays over the pupil each"
     return f"{start}{nodes} x {nodes} points, {receiver.ray_count:,} rays over the pupil each"

@@ -1,1 +1,1 @@
-"""The process and its machine: cores, memory, threads, children, interrupts, clocks, and caches of compiled kernels."""
+"""Manage the process and its machine: cores, memory, threads, children, interrupts, clocks, and kernel caches."""

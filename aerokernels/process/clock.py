@@ -1,8 +1,8 @@
-"""One clock: the wall time of what is computed, by stage, each moment counted once; and the processor time of all.
+"""Measure the wall time of a computation by stage, each moment counted once, and its processor time in total.
 
 A stage that begins within another one interrupts it: a kernel compiled while a plan is made counts as "compile". Times
-are the host's; that of a launch ends when the device is done. So the stages of a mapping of seconds, STAGES, add up to
-at most its "total", which is the wall time of the whole call; what lies between them is Python.
+are the host's; a launch ends when the device is done. The entries of a mapping of seconds (STAGES) therefore add up to
+at most its "total", the wall time of the whole call; the rest is Python between the stages.
 """
 
 import time
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-# What the entries of a mapping `seconds` mean.
+# Meaning of the entries of a mapping `seconds`.
 STAGES = {
     "plan": "checks, and choosing how to trace, the tables for that included",
     "upload": "fields and rays to the device",
@@ -24,7 +24,7 @@ STAGES = {
     "total": "wall time of the call",
 }
 
-# The clocks that run, and for the stage that is open the time that stages within it took.
+# The running clocks, and for the open stage the time that stages within it took.
 _running: ContextVar[tuple[dict[str, float], ...]] = ContextVar("running", default=())
 _within: ContextVar[list[float] | None] = ContextVar("within", default=None)
 _processor: ContextVar[list[float] | None] = ContextVar("processor", default=None)
@@ -32,7 +32,7 @@ _processor: ContextVar[list[float] | None] = ContextVar("processor", default=Non
 
 @contextmanager
 def clocked() -> Iterator[dict[str, float]]:
-    """The seconds of every stage in this block, and when it ends their "total"; those of an inner block count too."""
+    """Measure the seconds of every stage in this block, inner blocks included, and at its end their "total"."""
     seconds = dict.fromkeys(("plan", "upload", "compile", "kernel", "download"), 0.0)
     begin, running = time.perf_counter(), _running.get()
     token = _running.set((*running, seconds))
@@ -45,7 +45,7 @@ def clocked() -> Iterator[dict[str, float]]:
 
 @contextmanager
 def processor_clocked() -> Iterator[list[float]]:
-    """Processor seconds, of all threads, of all stages in this block; one number that grows."""
+    """Measure the processor seconds of all threads and all stages in this block, as one growing number."""
     seconds = [0.0]
     token = _processor.set(seconds)
     try:
@@ -56,7 +56,7 @@ def processor_clocked() -> Iterator[list[float]]:
 
 @contextmanager
 def stage(name: str) -> Iterator[None]:
-    """This block is that stage, but for the stages within it."""
+    """Count this block as the named stage, except for the stages within it."""
     begin, outer, within = time.perf_counter(), _within.get(), [0.0]
     processor = _processor.get() if outer is None else None
     busy = 0.0 if processor is None else time.process_time()

@@ -1,8 +1,8 @@
-"""Functions that stand on fragile libraries, called in a child process: a damaged file cannot harm this one.
+"""Run readers that depend on crash-prone libraries in a child process: a damaged file cannot end the calling process.
 
-A library in C or C++ may print and go on, call exit, crash, eat the memory or compute for ever on a damaged file. In
-the child it harms nobody: its end becomes an error that names the file. The child lives on between files, since
-starting it takes as long as reading many; what it may take of memory and time goes by the size of the file.
+On a damaged file a library in C or C++ may print and go on, call exit, crash, exhaust the memory or compute for ever.
+In the child this does no harm: the child's end becomes an error that names the file. The child stays alive between
+files, because starting it takes as long as reading many files. Its limits of memory and time depend on the file's size.
 """
 
 import atexit
@@ -21,23 +21,23 @@ from typing import IO, Any, NamedTuple
 from .machine import child_environment, host_memory
 from .opened import OPENED
 
-# A damaged file may announce more than it holds: what the child may take goes by the size of the file, compressed data
-# allowed for, and so does the time. Files that only list others may take as much as the machine can give.
+# A damaged file may announce more than it holds. The limits of memory and time are therefore proportional to the file's
+# size, with room for compressed data. Files that only list other files may use most of the machine's memory.
 MEMORY_SHARE = 0.8
-LEAST_MEMORY, MEMORY_FOR_BYTE = 2.0e9, 200.0  # [bytes], and for each byte of the file
-LEAST_TIME, TIME_FOR_BYTE = 20.0, 1e-6  # [s], and for each byte: a twentieth of what a slow disk reads
-# A library that goes round in circles on a damaged file is ended by the time that it computes: a small file takes 2 s.
-LEAST_COMPUTING = 6.0  # [s], and for each byte as above
+LEAST_MEMORY, MEMORY_FOR_BYTE = 2.0e9, 200.0  # [bytes], and bytes per byte of the file
+LEAST_TIME, TIME_FOR_BYTE = 20.0, 1e-6  # [s], and s per byte: a twentieth of a slow disk's speed
+# A library in an endless loop on a damaged file is ended by its computing time; a small file takes 2 s.
+LEAST_COMPUTING = 6.0  # [s], and TIME_FOR_BYTE per byte
 LISTS, TIME_FOR_LISTS = (".pvd", ".series", ".vtm", ".vtmb", ".pvti", ".pvtr", ".pvts", ".pvtu"), 600.0  # [s]
 DAMAGED = "the file is damaged or of another format: write it again"
 
 
 class LibraryEndedError(ValueError):
-    """The library that reads a file ended its process, or was ended by the bounds on it; names the file."""
+    """The library that reads a file ended its process, or exceeded its limits; the message names the file."""
 
 
 class Bounds(NamedTuple):
-    """What the child may take for a file: memory [bytes], time that it computes [s], and time in all [s]."""
+    """Limits of the child for a file: memory [bytes], computing time [s], and total time [s]."""
 
     memory: float
     computing: float
@@ -45,7 +45,7 @@ class Bounds(NamedTuple):
 
 
 def bounds_of(path: Path) -> Bounds:
-    """The bounds for a file; where the system does not tell its memory, that is not bounded."""
+    """Return the limits for a file; memory is unlimited if the system does not report how much it has."""
     total = MEMORY_SHARE * host_memory()
     if path.suffix.lower() in LISTS:
         return Bounds(total, LEAST_COMPUTING - LEAST_TIME + TIME_FOR_LISTS, TIME_FOR_LISTS)
@@ -67,7 +67,7 @@ class _Child:
         )
 
     def ask(self, request: Any, time_limit: float) -> Any:
-        """Send a request and wait for the answer; EOFError where the child ends, or is ended, before it answers."""
+        """Send a request and return the answer; raises EOFError if the child ends, or is ended, before it answers."""
         assert self.process.stdin is not None and self.process.stdout is not None
         watch = threading.Timer(time_limit, self.process.kill)
         watch.start()
@@ -81,7 +81,7 @@ class _Child:
             watch.cancel()
 
     def end(self) -> int:
-        """End the child: its exit status, negative for a signal."""
+        """End the child, and return its exit status, negative for a signal."""
         for pipe in filter(None, (self.process.stdin, self.process.stdout)):
             with suppress(OSError):
                 pipe.close()
@@ -93,7 +93,7 @@ class _Child:
 
 
 def _idle() -> list[_Child]:
-    """The children of this process that wait for a file to read."""
+    """Return the children of this process that wait for a file to read."""
     children: list[_Child] = OPENED.once(("file readers", os.getpid()), list)
     return children
 
@@ -102,22 +102,22 @@ def in_child(path: Path, function: str, *arguments: Any) -> Any:
     """Call a function of this package in the child.
 
     Args:
-        path: The file that it reads: by its size the child is bounded, and messages name it.
+        path: The file that the function reads: its size sets the child's limits, and messages name it.
         function: "package.module:name".
-        arguments: What it is called with; they and what it returns are pickled.
+        arguments: Its arguments; they and the returned value are pickled.
 
     Raises:
-        LibraryEndedError: The child ended, or was ended by its bounds.
-        Exception: Whatever the function raises.
+        LibraryEndedError: The child ended, or exceeded its limits.
+        Exception: Any exception of the function.
     """
     bounds = bounds_of(path)
     with OPENED.lock:
-        idle = _idle()  # a forked process begins with none: the children, and the pipes to them, are its parent's
+        idle = _idle()  # empty in a forked process: the parent's children stay the parent's
         used = idle.pop() if idle else None
         if used is not None and used.process.poll() is not None:
             used.end()
             used = None
-    # What a library did to its memory with one damaged file may end it with the next: that one gets a child of its own.
+    # A damaged file may corrupt a library's memory and end the child at the next file: try that file in a new child.
     for child in (used, None) if used is not None else (None,):
         child = child or _Child()
         try:
@@ -131,7 +131,7 @@ def in_child(path: Path, function: str, *arguments: Any) -> Any:
     else:
         cause = f"signal {-status}" if status < 0 else f"status {status}"
         raise LibraryEndedError(f"{path}: the library that reads it ended with {cause}: {DAMAGED}")
-    if open_still:  # HDF5 holds a lock on it, and nobody could write it again
+    if open_still:  # HDF5 keeps a lock on it, so that nobody could write the file again
         child.end()
     else:
         with OPENED.lock:
@@ -149,9 +149,9 @@ def _end_idle() -> None:
 
 
 def limit(bounds: Bounds, inherited: float = 0.0) -> None:
-    """Bound the memory that this process may take, and how much longer it may compute.
+    """Limit this process's memory, and its remaining computing time.
 
-    A forked process has `inherited` bytes of its parent's addresses, which are granted beside the file's.
+    A forked process has `inherited` bytes of its parent's address space, which are added to the limit.
     """
     try:
         import resource
@@ -181,13 +181,13 @@ def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:
         except Exception as fault:
             raised, answer = True, _sent(fault)
         if raised:
-            gc.collect()  # what was half opened keeps its file until it goes
+            gc.collect()  # half-opened objects keep their file open until they are collected
         pickle.dump((raised, answer, _has_open(path)), answers, protocol=5)
         answers.flush()
 
 
 def _has_open(path: Path) -> bool:
-    """Whether this process has a file open, where the system tells."""
+    """Return whether this process has a file open; False if the system does not tell."""
     with suppress(OSError):
         own = os.stat(path)
         for name in os.listdir("/proc/self/fd"):
@@ -198,15 +198,15 @@ def _has_open(path: Path) -> bool:
 
 
 def _sent(fault: Exception) -> Any:
-    """The fault, or one of the same words where it cannot be pickled."""
+    """Return the exception, or one with the same text if it cannot be pickled."""
     try:
-        return pickle.loads(pickle.dumps(fault))  # without the frames, which hold what was opened
+        return pickle.loads(pickle.dumps(fault))  # without the frames, which refer to open files
     except Exception:
         return RuntimeError(f"{type(fault).__name__}: {fault}")
 
 
 def _main() -> None:
-    # Libraries print to the standard output: the answers go through a copy of it that they do not know.
+    # Libraries print to the standard output, so the answers go through a private copy of it.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     _serve(sys.stdin.buffer, answers)

@@ -1,9 +1,9 @@
-"""Interrupts where they do no harm: as an exception that never breaks into an import, or as a flag.
+"""Turn signals into an exception that never interrupts an import or a file being written, or into a flag.
 
-A handler runs between any two steps of Python. An exception that it raises within an import can leave Python's import
-lock taken, for which other threads then wait for ever; raised in a callback, it is printed and lost; raised in code
-that `exec` was given as text, it makes Python end by SIGINT whatever status it is told to leave with. Libraries whose C
-code calls Python back may crash when they are left by it.
+Python runs a signal handler between any two of its steps. An exception raised by the handler within an import can leave
+Python's import lock taken, so that other threads wait for ever. Raised in a callback, the exception is printed and
+lost. Raised in code that `exec` got as text, it makes Python end by SIGINT whatever exit status was requested.
+Libraries whose C code calls Python may crash if an exception passes through them.
 """
 
 import atexit
@@ -17,28 +17,28 @@ from types import FrameType
 from typing import Any
 
 STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""Signals by which a user, a batch system or a terminal that closes asks a command to end."""
+"""Signals by which a user, a batch system or a closing terminal requests a command to end."""
 
-RUN_TEXT = "<module>", "<string>"  # name and file of code that `exec` was given as text
-# Libraries that are left to finish: a crash while results are written leaves them half-written.
+RUN_TEXT = "<module>", "<string>"  # name and file of code that `exec` got as text
+# Libraries that may finish first: a crash while they write results leaves the results half-written.
 FINISHING = tuple(f"{os.sep}{name}{os.sep}" for name in ("h5py", "h5netcdf", "matplotlib"))
-AGAIN = 0.02  # seconds after which a signal that came at a bad moment is looked at again
+AGAIN = 0.02  # [s] after which a postponed signal is tried again
 
 
 def heeded(number: int) -> bool:
-    """Whether a signal counts: `nohup` has that of a terminal that closes ignored from the start.
+    """Return whether a signal counts: under `nohup` a closing terminal's signal is ignored from the start.
 
-    An interrupt always counts. Scripts have it ignored in what they start in the background, which would leave `kill`
-    with SIGTERM alone to end a recording there.
+    An interrupt always counts. Scripts start background commands with interrupts ignored, which would leave only
+    SIGTERM to end a recording there.
     """
     return number in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(number) is not signal.SIG_IGN
 
 
 def raise_interrupts() -> list[int]:
-    """Have the signals that count raise KeyboardInterrupt in the caller, for the rest of the process.
+    """Make the signals that count raise KeyboardInterrupt in the caller, for the rest of the process.
 
     Returns:
-        A list to which the number of each signal is added as it is raised.
+        A list to which each signal's number is added when it is raised.
     """
     raised: list[int] = []
     waiting: list[int] = []
@@ -70,13 +70,13 @@ def raise_interrupts() -> list[int]:
         signal.signal(number, stop)
     if hasattr(signal, "setitimer"):
         signal.signal(signal.SIGALRM, again)
-        atexit.register(signal.setitimer, signal.ITIMER_REAL, 0.0)  # when Python leaves it forgets its handlers
+        atexit.register(signal.setitimer, signal.ITIMER_REAL, 0.0)  # at its exit Python forgets its handlers
     sys.unraisablehook = lost
     return raised
 
 
 def _would_harm(frame: FrameType | None, base: FrameType) -> bool:
-    """Whether an exception in this frame would break into what it must not break into, above `base`."""
+    """Return whether an exception in this frame would interrupt protected code above `base`."""
     while frame is not None and frame is not base:
         code = frame.f_code
         if code.co_filename.startswith("<frozen importlib") or (code.co_name, code.co_filename) == RUN_TEXT:
@@ -89,10 +89,10 @@ def _would_harm(frame: FrameType | None, base: FrameType) -> bool:
 
 @contextmanager
 def interrupt_flag() -> Iterator[threading.Event]:
-    """An event that Ctrl-C, SIGTERM and a terminal that closes set; their former handlers come back afterwards."""
+    """Yield an event that Ctrl-C, SIGTERM and a closing terminal set; restore their former handlers afterwards."""
     flag = threading.Event()
     if threading.current_thread() is not threading.main_thread():
-        yield flag  # only the main thread may take signals; elsewhere the caller sets the flag
+        yield flag  # only the main thread may handle signals; elsewhere the caller sets the flag
         return
     former = {number: signal.signal(number, lambda *_: flag.set()) for number in STOPPING if heeded(number)}
     try:

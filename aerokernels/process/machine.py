@@ -1,7 +1,4 @@
-"""What this process may use of the machine: cores and memory, as its container, batch job or shell grants them.
-
-And what a process that it starts is given.
-"""
+"""Determine the cores and memory that container, batch job or shell grant this process, and set up child processes."""
 
 import math
 import os
@@ -17,7 +14,7 @@ MEMBERSHIP = Path("/proc/self/cgroup")
 
 
 def core_count() -> int:
-    """Cores that this process may use: those it is bound to, or as many as its control group's time comes to."""
+    """Number of cores that this process may use: those it is bound to, or its control group's share of time."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
     quota = OPENED.once("core quota", lambda: min(_core_quotas(), default=math.inf))
     return cores if quota >= cores else max(1, math.ceil(quota))
@@ -25,16 +22,17 @@ def core_count() -> int:
 
 @contextmanager
 def patient_threads() -> Iterator[None]:
-    """Threads that start in this block, of libraries as well, take no core from the thread that wakes them.
+    """Start threads in this block, including those of libraries, that take no core from the thread that wakes them.
 
-    Linux lets a thread that is woken take the core of the one that woke it, which here may hold Python's lock. Those
-    of its class SCHED_BATCH wait for a core that is free, and get no less of one. Elsewhere nothing changes.
+    Linux may give a woken thread the core of the thread that woke it, which here may hold Python's lock. Threads of the
+    scheduling class SCHED_BATCH wait for a free core instead, with the same share of time. On other systems nothing
+    changes.
     """
     is_usual = hasattr(os, "sched_setscheduler") and os.sched_getscheduler(0) == os.SCHED_OTHER
     try:
         if is_usual:
             os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
-    except OSError:  # a container may refuse it
+    except OSError:  # a container may forbid it
         is_usual = False
     try:
         yield
@@ -44,7 +42,7 @@ def patient_threads() -> Iterator[None]:
 
 
 def host_memory() -> float:
-    """Memory that this process may have [bytes], if no other needs it; infinite where the system does not say."""
+    """Memory that this process may use [bytes] if no other process needs it; infinite if the system gives no limit."""
     try:
         whole = float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
     except (ValueError, OSError, AttributeError):  # not on this system
@@ -53,16 +51,16 @@ def host_memory() -> float:
 
 
 def free_memory() -> float:
-    """Memory that can be had without ending other processes [bytes]; infinite where the system does not say."""
+    """Memory available without ending other processes [bytes]; infinite if the system does not report it."""
     limit, used = _address_space()
     free = [limit - used, *(limit - used for limit, used in _group_memory())]
     return max(0.0, min(_available(), *free))
 
 
 def child_environment(own: Mapping[str, str] | None = None) -> dict[str, str]:
-    """The environment of a Python process started here: this one's and `own`, with all to be found that this one finds.
+    """Return the environment of a child Python process: this one's and `own`, with this process's `sys.path`.
 
-    Packages may have been added to `sys.path` while this process ran; this package itself may be one of them.
+    Packages may have been added to `sys.path` while this process ran; this package may be one of them.
     """
     paths = dict.fromkeys([*filter(None, sys.path), str(Path(__file__).resolve().parents[2])])
     return {**os.environ, **(own or {}), "PYTHONPATH": os.pathsep.join(paths)}
@@ -80,7 +78,7 @@ def _available() -> float:
 
 
 def _address_space() -> tuple[float, float]:
-    """How much address space the process may have (ulimit -v), and how much it has [bytes]."""
+    """Return the limit of the process's address space (ulimit -v), and the address space in use [bytes]."""
     try:
         import resource
 
@@ -94,9 +92,9 @@ def _address_space() -> tuple[float, float]:
 
 
 def _folders(controller: str) -> Iterator[Path]:
-    """Folders of the control groups that this process is in, and of those above them, that may limit a resource.
+    """Return the folders of this process's control groups, and of their parents, that may limit a resource.
 
-    In a container the path may be the host's, of which only the group at the root is seen.
+    In a container the path may be the host's; then only the group at the root is visible.
     """
     try:
         lines = MEMBERSHIP.read_text(encoding="utf-8", errors="replace").splitlines()
@@ -112,7 +110,7 @@ def _folders(controller: str) -> Iterator[Path]:
 
 
 def _number(folder: Path, name: str, field: int = 0) -> float:
-    """A number of a control group's file; not a number where there is none, infinite for "max"."""
+    """Return a number in a control group's file; NaN if there is none, infinite for "max"."""
     try:
         word = (folder / name).read_text(encoding="ascii").split()[field]
         return math.inf if word == "max" else float(word)
@@ -131,7 +129,7 @@ def _core_quotas() -> Iterator[float]:
 
 
 def _group_memory() -> Iterator[tuple[float, float]]:
-    """Limits of memory, and what is used of each beside files that can be dropped [bytes]."""
+    """Yield each control group's memory limit and its memory in use, without droppable file caches [bytes]."""
     for folder in _folders("memory"):
         for limit_name, used_name, dropped in (
             ("memory.max", "memory.current", "inactive_file"),

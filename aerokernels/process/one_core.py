@@ -1,17 +1,17 @@
-"""Matrix products that stay on the core that asks for them.
+"""Multiply matrices on the calling thread's core alone.
 
-BLAS shares a large product out among threads of its own. Those wait for one another, and for ours: a product that one
-core does in 0.1 ms takes ten times its processor time so, and rounds at the seams in another order on more cores.
+BLAS divides a large product among its own threads, which wait for each other and for ours. A product that takes one
+core 0.1 ms then takes ten times that processor time, and its rounding depends on the number of cores.
 """
 
 import numpy as np
 
-# Multiplications of a product of real matrices up to which OpenBLAS takes one thread; of complex ones an eighth of it.
+# Multiplications in a product of real matrices up to which OpenBLAS uses one thread; an eighth of it for complex ones.
 SHARED_OUT = 1 << 18  # speed only
 
 
 def product_on_one_core(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Products of stacks of matrices (..., rows, n) and (..., n, columns), in pieces that BLAS does not share out."""
+    """Multiply stacks of matrices (..., rows, n) and (..., n, columns) in pieces that BLAS does not divide."""
     rows, inner, columns = left.shape[-2], left.shape[-1], right.shape[-1]
     most = SHARED_OUT // 8 if np.iscomplexobj(left) or np.iscomplexobj(right) else SHARED_OUT
     step = max(1, most // max(inner * columns, 1))  # speed only

@@ -1,7 +1,7 @@
-"""Starting Warp, once and without a word.
+"""Start Warp once, without output.
 
-AEROKERNELS_WARP_FLAGS, where it is set, takes the place of Warp's compiler flags on the CPU. With "-march=native" alone
-kernels compile in two thirds of the time, give the same bits, and run 15 to 45 % slower: of use where little is traced.
+AEROKERNELS_WARP_FLAGS, if set, replaces Warp's compiler flags on the CPU. With "-march=native" alone kernels compile in
+two thirds of the time, give the same bits, and run 15 to 45 % slower: useful if little is traced.
 """
 
 import os
@@ -19,7 +19,7 @@ FLAGS = "AEROKERNELS_WARP_FLAGS"
 
 
 def start_warp() -> None:
-    """Start Warp without its banner; a missing CUDA driver is no news on a machine without a GPU."""
+    """Start Warp without its banner, and without its warning about a missing CUDA driver."""
     OPENED.once("Warp", _start)
 
 
@@ -30,14 +30,14 @@ def _start() -> None:
         wp.config.cpu_compiler_flags = os.environ[FLAGS]
     try:
         _silently(wp.init)
-    except OSError as error:  # the folder that Warp keeps kernels in cannot be made
+    except OSError as error:  # Warp's kernel cache folder cannot be made
         wp.config.kernel_cache_dir = spare_cache("warp", f"Warp's kernel cache cannot be made ({error})")
         _silently(wp.init)
     remove_damaged(Path(wp.config.kernel_cache_dir))
 
 
 def _silently(call: Callable[[], None]) -> None:
-    """Without what native code prints, past any Python stream."""
+    """Call a function with the output of native code to stderr suppressed."""
     sys.stderr.flush()
     silent, spoken = os.open(os.devnull, os.O_WRONLY), os.dup(2)
     try:

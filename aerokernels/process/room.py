@@ -1,7 +1,7 @@
-"""Whether there is room in memory for what a file announces, asked before it is allocated.
+"""Check that the arrays a file announces fit in memory before allocating them.
 
-A damaged or hostile file of some bytes may announce terabytes. Left to the allocation, the system grants what it cannot
-give and ends the process when it is written to; so a size is held against the memory first.
+A damaged or hostile file of a few bytes may announce terabytes. The system grants such an allocation and ends the
+process when the memory is written to, so the size is compared with the free memory first.
 """
 
 from contextlib import suppress
@@ -13,22 +13,22 @@ import numpy as np
 
 from .machine import free_memory
 
-SHARE = 0.5  # of the memory that is free, which one reading may take
+SHARE = 0.5  # fraction of the free memory that one reading may take
 
 
 class NoRoomError(ValueError):
-    """What a file announces does not go into memory."""
+    """The arrays that a file announces do not fit in memory."""
 
 
 def check_room(size: float, what: str) -> None:
-    """Refuse what does not go into memory.
+    """Check that data fit in memory.
 
     Args:
-        size: Of it [bytes].
-        what: What it is, with its place: begins the message.
+        size: Size of the data [bytes].
+        what: The data and their place, in words: begins the message.
 
     Raises:
-        NoRoomError: It takes more than half of the memory that is free.
+        NoRoomError: The data take more than half of the free memory.
     """
     room = SHARE * free_memory()
     if size > room:
@@ -39,7 +39,7 @@ def check_room(size: float, what: str) -> None:
 
 
 def check_file(path: Path, what: str, most_axes: float = float("inf")) -> None:
-    """Refuse an HDF5 file, or a Zarr store, whose arrays do not go into memory together; none is read for that.
+    """Check that the arrays of an HDF5 file or a Zarr store fit in memory together, without reading them.
 
     Args:
         path: The file; one that cannot be opened is left to its reader.

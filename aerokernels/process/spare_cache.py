@@ -1,4 +1,4 @@
-"""A folder for compiled kernels where the usual one cannot be written, for this process alone."""
+"""Make a temporary folder for compiled kernels, for this process alone, if the usual folder cannot be written."""
 
 import atexit
 import os
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def why_unwritable(folder: Path) -> str:
-    """Why a folder, which is made if it is not there, takes no files; empty where it does."""
+    """Return why no files can be written to a folder, which is made if missing; empty if they can."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -18,11 +18,11 @@ def why_unwritable(folder: Path) -> str:
 
 
 def spare_cache(engine: str, why: str) -> str:
-    """Path of a new folder beside other temporary files, removed when the process ends; a RuntimeWarning says so.
+    """Make a new temporary folder, removed when the process ends, warn by a RuntimeWarning, and return its path.
 
     Args:
-        engine: What builds the kernels.
-        why: Why they do not go where they usually do.
+        engine: The engine that builds the kernels.
+        why: Why the usual folder is not used.
     """
     place = tempfile.mkdtemp(prefix=f"aerokernels-{engine}-")
     atexit.register(shutil.rmtree, place, ignore_errors=True)

@@ -1,4 +1,4 @@
-"""Work by some threads at a time: NumPy, SciPy and Warp's kernels release Python's lock where they compute."""
+"""Run work in several threads: NumPy, SciPy and Warp's kernels release Python's lock while they compute."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -12,7 +12,7 @@ R = TypeVar("R")
 
 
 def in_threads(work: Callable[[T], None], pieces: Sequence[T]) -> None:
-    """Do the work of each piece, on all cores that this process may use; no two pieces may write to one place."""
+    """Process each piece, on all cores that this process may use; no two pieces may write to the same memory."""
     threads = min(core_count(), len(pieces))
     if threads < 2:
         for piece in pieces:
@@ -23,10 +23,10 @@ def in_threads(work: Callable[[T], None], pieces: Sequence[T]) -> None:
 
 
 def in_turn(work: Callable[[T], R], things: Iterable[T], threads: int) -> Iterator[R]:
-    """What `work` gives for each thing, in their order; an error is raised in its turn, and nothing follows it.
+    """Yield `work(thing)` for each thing, in order; an error is raised in its turn, and nothing follows it.
 
-    A thing is taken when a thread is free for it, so that no more than `threads` of them, or of results that nobody
-    has asked for, are held. With one thread nothing is done before it is asked for.
+    A thing is taken when a thread is free for it, so that at most `threads` things or unread results exist at a time.
+    With one thread each result is computed when it is requested.
     """
     if threads < 2:
         yield from map(work, things)

@@ -1,7 +1,7 @@
-"""Warp's kept kernels: what a crash of the machine left of them is removed, and they are compiled again.
+"""Remove damaged modules from Warp's kernel cache after a crash of the machine, so that they are compiled again.
 
-Warp takes what lies in its folder for whole. A machine that loses its power leaves files without a byte, at which every
-later run would end.
+Warp does not check the files in its cache. A machine that loses power can leave empty files, at which every later run
+would fail.
 """
 
 import json
@@ -10,17 +10,17 @@ import shutil
 from contextlib import suppress
 from pathlib import Path
 
-BEING_MADE = re.compile(r"_p\d+_t\d+$")  # by a process that compiles now, which gives it its name at the end
+BEING_MADE = re.compile(r"_p\d+_t\d+$")  # folder in which a process is compiling; it is renamed at the end
 
 
 def remove_damaged(cache: Path) -> list[Path]:
-    """Remove the modules of a cache that are not whole: a file of them is empty, or their description is no JSON.
+    """Remove the modules of a cache that have an empty file or a description that is not JSON.
 
     Returns:
         The folders that were removed.
     """
     removed = []
-    with suppress(OSError):  # no cache yet, or another process cleans up as well
+    with suppress(OSError):  # no cache yet, or another process is removing modules too
         for folder in cache.glob("wp_*"):
             if folder.is_dir() and not BEING_MADE.search(folder.name) and not _is_whole(folder):
                 shutil.rmtree(folder, ignore_errors=True)

@@ -1,4 +1,4 @@
-"""The Strehl ratio: of a wavefront, and estimated over a pupil of millions of rays (`estimate`)."""
+"""Compute the Strehl ratio of a wavefront, or estimate it over a pupil of millions of rays (`estimate`)."""
 
 from ..callable_module import make_callable
 from .ratio import StrehlEstimate, strehl, strehl_marechal

@@ -1,4 +1,4 @@
-"""The error budget of a Strehl ratio over a pupil: OPD errors of some of its rays, as errors of the ratio.
+"""Compute the error budget of a Strehl ratio over a pupil, from the OPD errors of some of its rays.
 
 strehl_errors.py bounds the change of the ratio by a phase error. The sampling error is STANDARD_ERRORS standard errors.
 """
@@ -19,14 +19,14 @@ from ..wavefront.strehl_errors import STANDARD_ERRORS, strehl_error
 
 @dataclass(frozen=True, eq=False)
 class StrehlBudget:
-    """What the errors of an estimate are measured with: what was asked of it. Called when they are read.
+    """Compute the error budget of a StrehlEstimate when its `error` is read.
 
     Attributes:
         field: The refractive index.
         pupil: The pupil.
-        look: Direction in which its rays leave, unit vector of shape (3,).
+        look: Direction in which the rays leave, unit vector of shape (3,).
         seed: Seed of the rays that are traced again.
-        until: Where they stop.
+        until: Plane on which the rays stop.
         wavelength: Vacuum wavelength [m].
         air: What the pupil may lose where the known air ends.
     """
@@ -40,7 +40,7 @@ class StrehlBudget:
     air: PupilAir
 
     def __call__(self, found) -> dict[str, float]:
-        """The errors of an estimate's value by cause, and "total"; some rays of the pupil are traced again for them.
+        """Trace some rays of the pupil again, and return the errors of an estimate's value by cause, and "total".
 
         Args:
             found: The StrehlEstimate.
@@ -51,7 +51,7 @@ class StrehlBudget:
         spread = {
             cause: SAFETY * float(np.std(error)) if len(error) else float("nan") for cause, error in errors.items()
         }
-        # Neither a column's error nor the model's is a sample of a few: they are root mean squares already.
+        # The column's and the refractivity model's errors are root mean squares, not samples of a few rays.
         spread["resampling"] = float(np.hypot(spread["resampling"], SAFETY * column_error(self.field)))
         spread["refractivity"] /= SAFETY
         spread["precision"] += float64_rounding(self.field, probe)

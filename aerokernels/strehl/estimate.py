@@ -1,4 +1,4 @@
-"""The Strehl ratio of a pupil, estimated over millions of rays that are traced and summed on the device."""
+"""Estimate the Strehl ratio of a pupil over millions of rays that are traced and summed on the device."""
 
 import sys
 import threading
@@ -48,31 +48,31 @@ def estimate_strehl(
     bundle: str = "auto",
     allow_truncation: bool = False,
 ) -> StrehlEstimate:
-    """Strehl ratio of a plane wave seen through a field by a pupil.
+    """Estimate the Strehl ratio of a plane wave seen through a field by a pupil.
 
-    Rays leave the pupil along its normal (or `direction`) and stop on a plane across that line, beyond the field's box.
-    Light is reversible: the wavefront is that of light from a distant point on the line.
+    Rays leave the pupil along its normal (or `direction`) and stop on a plane normal to that direction, beyond the
+    field's box. Light is reversible: the wavefront is that of light from a distant point in that direction.
 
     Args:
         field: The refractive index.
         pupil: The pupil; it looks along its normal.
-        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
-        ray_count: Rays over the pupil, in 16 replicates. Where the wavefront is symmetric or smooth (see symmetry and
+        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm if it has none.
+        ray_count: Rays over the pupil, in 16 replicates. If the wavefront is symmetric or smooth (see symmetry and
             bundle) fewer are traced, for at least the same accuracy or one of 1e-5.
-        tolerance: OPD error asked for [waves].
-        remove: Terms taken out of the wavefront: "piston", "tilt", "focus".
+        tolerance: Requested OPD error [waves].
+        remove: Terms removed from the wavefront: "piston", "tilt", "focus".
         backend: See `trace`; likewise device, precision, method, step and max_steps.
         device: Device of the backend.
         precision: "float32" or "float64".
         method: Tracing method.
         step: Step of method "fixed" [m].
-        max_steps: Steps after which a ray is given up.
+        max_steps: Number of steps after which a ray fails.
         direction: Look direction, if not along the pupil's normal.
         seed: Seed of the scrambling.
-        symmetry: "auto" takes radial quadrature in place of the disc where field, pupil and rays are symmetric about
-            the z axis; "off" or False never does; True refuses a set-up that is not symmetric.
-        bundle: "auto" takes as many rays as the wavefront needs for an error of 1e-5 (three standard errors), the
-            points of shifted lattices, where that is fewer: see tracing/lattice_quadrature.py. "off" takes `ray_count`.
+        symmetry: "auto" uses radial quadrature instead of the disc if field, pupil and rays are symmetric about the z
+            axis; "off" or False never does; True raises ValueError for a set-up that is not symmetric.
+        bundle: "auto" traces as many rays as the wavefront needs for an error of 1e-5 (three standard errors), at the
+            points of shifted lattices, if those are fewer: see tracing/lattice_quadrature.py. "off" traces `ray_count`.
         allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that ends at the
             field's box, or pass beside it there. A warning is issued then, and error["truncation"] bounds the loss.
 
@@ -105,7 +105,7 @@ def estimate_strehl(
 
 
 def prepare_strehl(field: IndexField, pupil: Pupil, **options) -> "PreparedStrehl":
-    """Plan, upload and compile a pupil's Strehl ratio once, for a caller who estimates it repeatedly.
+    """Plan, upload and compile the estimate of a pupil's Strehl ratio once, to run it repeatedly.
 
     Args:
         field: The refractive index.
@@ -126,7 +126,7 @@ def prepare_strehl(field: IndexField, pupil: Pupil, **options) -> "PreparedStreh
 
 
 def plan_strehl(field: IndexField, pupil: Pupil, **options) -> tuple[TracePlan, int]:
-    """The plan that `estimate_strehl` would follow with these options, and how many rays it would start with.
+    """Return the plan that `estimate_strehl` would follow with these options, and its initial number of rays.
 
     Only a pilot bundle of some hundred rays is traced.
 
@@ -140,15 +140,14 @@ def plan_strehl(field: IndexField, pupil: Pupil, **options) -> tuple[TracePlan, 
 
 @checked
 class PreparedStrehl:
-    """What `prepare_strehl` returns: a call with a seed gives a StrehlEstimate.
+    """The result of `prepare_strehl`: a call with a seed returns a StrehlEstimate.
 
-    The field is on the device and the kernels are built; a call launches, sums and returns. Threads may share it: they
-    take turns, because a call's rays lie where those of the call before lay. Pickled, it is made ready anew where it
-    is read.
+    The field is on the device and the kernels are compiled; a call launches, sums and returns. Threads may share it:
+    their calls run one at a time, because they use the same buffers. Unpickling prepares it again.
 
     Attributes:
         plan: What was chosen, skipped and why.
-        seconds: Wall time by stage of making it ready: see STAGES in clock.py.
+        seconds: Wall time of the preparation by stage: see STAGES in clock.py.
     """
 
     def __init__(
@@ -196,7 +195,7 @@ class PreparedStrehl:
         }
         self.ray_count = int(ray_count)
         self.seconds: dict[str, float] = {}
-        self._turn = threading.Lock()  # of calls: they share the buffers of a job
+        self._turn = threading.Lock()  # held during a call, because calls share the buffers of the job
         self._make_job(None)
 
     def __reduce__(self):
@@ -210,7 +209,7 @@ class PreparedStrehl:
         return partial(prepare_strehl, **options), (self.field, self.pupil)
 
     def __repr__(self) -> str:
-        """What it is ready for."""
+        """Return ray count, pupil, wavelength and backend as text."""
         pupil, backend = type(self.pupil).__name__, self.plan.backend
         return f"PreparedStrehl of {self.ray_count:,} rays, {pupil}, {self.wavelength * 1e9:.6g} nm, by {backend}"
 
@@ -230,10 +229,10 @@ class PreparedStrehl:
         self.plan = self.job.plan
 
     def with_field(self, field: IndexField) -> "PreparedStrehl":
-        """The same pupil made ready for other values of the field, as of another instant of a flow.
+        """Prepare the same pupil for other values of the field, such as another instant of a flow.
 
-        Kernels are kept. What was chosen for this field, the number of samples and of rays, is confirmed for the other
-        one instead of being sought again, and sought where it does not hold; so the rays may be others than those of
+        Kernels are reused. The numbers of samples and of rays chosen for this field are checked for the other one, and
+        searched for again only if they do not suffice there. The rays may therefore differ from those of
         `prepare_strehl`, within the same errors.
 
         Raises:
@@ -242,7 +241,7 @@ class PreparedStrehl:
         """
         if not isinstance(field, IndexField):
             raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
-        made = object.__new__(PreparedStrehl)  # a copy that is not made ready anew
+        made = object.__new__(PreparedStrehl)  # a copy without preparing again
         vars(made).update(vars(self))
         made._turn = threading.Lock()
         with clocked() as seconds:
@@ -253,23 +252,23 @@ class PreparedStrehl:
         return made
 
     def for_fields(self, fields: Iterable[IndexField], seed: int = 0) -> Iterator[StrehlEstimate]:
-        """The ratio for each of many other values of the field, in their order: `with_field(field)(seed)`.
+        """Return the estimates for many other values of the field, in order: `with_field(field)(seed)`.
 
-        By OpenCL on a processor two are at work at a time, so that one is planned while the rays of the other are
-        traced, and the wall times of their stages hold what they waited for each other. Fields are taken as they are
-        needed, two of them ahead at most.
+        By OpenCL on a processor two fields are in work at a time: one is planned while the rays of the other are
+        traced. The wall times of their stages then include the time that they waited for each other. Fields are taken
+        when they are needed, at most two ahead.
 
         Raises:
             TypeError: One of the fields is no IndexField.
             ValueError: As for `estimate_strehl`.
         """
-        plan = self.job.planned  # makes what all of them look at
+        plan = self.job.planned  # prepares what all of them share
         overlaps = plan.backend == "opencl" and not engine_of(plan.backend, plan.device).is_gpu
         return in_turn(lambda field: self.with_field(field)(seed), fields, 2 if overlaps else 1)
 
     @checked
     def __call__(self, seed: int = 0) -> StrehlEstimate:
-        """Launch the points of a seed, trace them and sum.
+        """Launch the points of a seed, trace and sum them.
 
         Raises:
             ValueError: No ray arrived beyond the field.
@@ -328,7 +327,7 @@ class PreparedStrehl:
 
 
 def _warn(message: str) -> None:
-    """Warn whoever called into this module."""
+    """Warn, with the stack level of the first caller outside this module."""
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_globals["__name__"] == __name__:
         level, frame = level + 1, frame.f_back

@@ -1,11 +1,11 @@
-r"""The Strehl ratio: exact, by Marechal's approximation, and estimated over millions of rays on the device.
+r"""Compute the Strehl ratio, exactly and by Marechal's approximation, and hold the estimate over a pupil.
 
     exact       |sum w exp(i k OPD)|^2                   (M. Born, E. Wolf, Principles of Optics, 9.1)
     Marechal    exp(-(k sigma)^2), sigma the rms OPD     fails for shocks, where the OPD is not small
 
-`estimate_strehl` (estimate.py) launches scrambled Sobol points over the pupil in independent replicates, traces
-and reduces them where the rays are; the spread of the replicates gives the standard error. A symmetric set-up is traced
-by radial quadrature, with far fewer rays (tracing/radial_quadrature.py).
+`estimate_strehl` (estimate.py) launches scrambled Sobol points over the pupil in independent replicates, and traces and
+reduces them on the device; the spread of the replicates gives the standard error. A symmetric set-up is traced by
+radial quadrature, with far fewer rays (tracing/radial_quadrature.py).
 """
 
 from collections.abc import Iterable
@@ -38,15 +38,15 @@ def strehl(
     Args:
         opd: Optical path difference [m], any shape.
         wavelength: Wavelength [m].
-        weights: Share of each sample, or None for equal shares; samples of weight 0 (outside the pupil) may be NaN.
-        remove: Terms taken out before: "piston" (which changes nothing), "tilt" and "focus".
+        weights: Weight of each sample, or None for equal weights; samples of weight 0 (outside the pupil) may be NaN.
+        remove: Terms removed first: "piston" (which changes nothing), "tilt" and "focus".
         points: Pupil coordinates of the samples [m], shape (n, 2); "tilt" and "focus" need them unless `opd` is a map,
             a two-axis array of equal pixels.
 
     Raises:
         TypeError: The wavelength is not one number.
         ValueError: A wavelength outside 0.1 to 20 um, numbers that are not finite, an OPD of so many waves that its
-            unit must be another one, shapes that disagree, an unknown term.
+            unit cannot be metres, shapes that disagree, an unknown term.
 
     Examples:
         >>> import numpy as np
@@ -90,23 +90,23 @@ def strehl_marechal(
 @shown
 @dataclass(frozen=True, eq=False, repr=False)
 class StrehlEstimate:
-    """A Strehl ratio and what belongs to it.
+    """A Strehl ratio estimated over a pupil, with its errors and its plan.
 
     Attributes:
         value: Exact Strehl ratio of the rays that arrived.
         standard_error: Standard error of `value` from the spread of independent replicates.
         marechal: Marechal's approximation.
-        opd_rms: Rms OPD after the terms removed [m].
+        opd_rms: Rms OPD after removing the terms [m].
         boresight: Deflection of the beam along the pupil's two axes [rad], shape (2,): slopes of the OPD's plane.
-        ray_count: Rays that the estimate stands for: those asked for, rounded up to whole replicates.
-        traced_ray_count: Rays really traced; far fewer where a symmetric set-up was traced by radial quadrature, whose
+        ray_count: Rays that the estimate represents: the requested number, rounded up to whole replicates.
+        traced_ray_count: Rays actually traced; far fewer if a symmetric set-up was traced by radial quadrature, whose
             sampling error is no greater, or a smooth wavefront on lattices.
-        blocked: Share of the rays that did not arrive; they carry no light into `value`'s mean.
+        blocked: Fraction of the rays that did not arrive; the mean in `value` does not include them.
         plan: What was chosen, skipped and why.
         seconds: Wall time by stage: see STAGES in clock.py.
-        evaluation_count: Field evaluations in all.
-        budget: Makes the error budget from the estimate; `error` calls it.
-        spread: Makes the numbers with their errors from the estimate; `quantities` calls it.
+        evaluation_count: Total number of field evaluations.
+        budget: Computes the error budget from the estimate; called by `error`.
+        spread: Computes the numbers with their errors from the estimate; called by `quantities`.
     """
 
     value: float
@@ -125,9 +125,9 @@ class StrehlEstimate:
 
     @cached_property
     def error(self) -> dict[str, float]:
-        """Error budget, each entry an error of `value`; computed when first read, in the time of seconds["error"].
+        """Error budget, each entry an error of `value`; computed at the first access, in the time seconds["error"].
 
-        "step", "interpolation", "resampling" and "precision" from rays traced again, see tracing/budget.py, "sampling"
+        "step", "interpolation", "resampling" and "precision" from rays traced again (tracing/budget.py), "sampling"
         from the replicates, "truncation" from what rays may have lost where the known air ends (known_air.py), and
         "total", their root sum of squares.
         """
@@ -140,7 +140,7 @@ class StrehlEstimate:
     def quantities(self) -> dict[str, Quantity]:
         """The numbers with their errors: "value", "marechal", "opd_rms" [m], "boresight_x", "boresight_y" [rad].
 
-        What each error consists of: see strehl_errors.py. Computed when first read, from `error`.
+        The parts of each error: see strehl_errors.py. Computed at the first access, from `error`.
         """
         if self.spread is not None:
             return self.spread(self)
@@ -154,16 +154,16 @@ class StrehlEstimate:
 
     @cached_property
     def phase_error(self) -> float:
-        """Rms phase error of the rays [rad] that the budget stands for, but for the sampling; NaN if not known."""
+        """Rms phase error of the rays [rad] according to the budget without the sampling error; NaN if not known."""
         return phase_error(self.value, self.error)
 
     @property
     def verdict(self) -> Verdict:
-        """What the error makes of the value: fine, a warning or worthless, and why; see quantities.py."""
+        """Whether the value is meaningful given its error, and why: see quantities.py."""
         return judge_strehl(self.quantities["value"], main_cause(self.error))
 
     def __repr__(self) -> str:
-        """The numbers with their errors and the plan. Some rays are traced for the errors, when first asked for."""
+        """Return the numbers with their errors, and the plan; the first call traces some rays for the errors."""
         found = self.quantities
         boresight = listed([found[f"boresight_{axis}"].scaled(1e6, "urad") for axis in "xy"])
         lines = [

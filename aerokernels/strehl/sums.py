@@ -1,4 +1,4 @@
-"""What the sums over a pupil's rays say: its Strehl ratio, and whether any ray met something."""
+"""Compute the Strehl ratio from the sums over a pupil's rays, and detect rays that met no disturbed air."""
 
 import numpy as np
 
@@ -7,12 +7,12 @@ from ..tracing.lines import box_size
 from ..tracing.meeting import greatest_contrast
 from ..tracing.pupil_fit import fit_terms
 
-# The share of the tolerance below which an optical path difference is none.
+# Fraction of the tolerance below which an optical path difference counts as zero.
 UNSEEN = 1e-3
 
 
 def combined(total: np.ndarray, phasor: np.ndarray, wavelength: float, remove: tuple[str, ...]) -> dict[str, float]:
-    """Values from the sum of all replicates' moments, and their phasors.
+    """Return ratio, Marechal's approximation and rms OPD from the sum of all replicates' moments and their phasors.
 
     Raises:
         ValueError: No ray arrived beyond the field.
@@ -32,7 +32,7 @@ def combined(total: np.ndarray, phasor: np.ndarray, wavelength: float, remove: t
 
 
 def met_nothing(field: IndexField, size: float, wavelength: float, tolerance: float) -> bool:
-    """Whether no ray saw any of the field's contrast, though that could count; `size` of the rays' OPD [m]."""
+    """Return whether no ray met the field's contrast although it could matter; `size` is the rays' OPD [m]."""
     if size > UNSEEN * tolerance * wavelength:
         return False
     return greatest_contrast(field) * box_size(field) > tolerance * wavelength

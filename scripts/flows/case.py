@@ -1,8 +1,8 @@
 """Write an OpenFOAM case: inviscid supersonic air over the wind-tunnel model, in a wedge of 5 degrees about the axis.
 
 The solver is rhoCentralFoam (Kurganov's central-upwind flux) with local time steps. Two stages share a case and differ
-in their `Stage`: plain local time steps put the bow shock in its place quickly but never settle; a cap on the step
-does that.
+in their `Stage`: plain local time steps move the bow shock to its position quickly but never settle; with a limit on
+the step the solution settles.
 """
 
 from collections.abc import Mapping

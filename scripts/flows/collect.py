@@ -1,4 +1,4 @@
-"""Read an OpenFOAM case's mesh and dumps (ASCII) and put them in order: nodes (i, j), cell averages over the dumps."""
+"""Read an OpenFOAM case's mesh and dumps (ASCII) and order them: nodes (i, j), and cell averages over the dumps."""
 
 import re
 from pathlib import Path

@@ -1,9 +1,10 @@
-"""Compute the dome of the wind-tunnel model at an angle of attack, in space, as flow/data/dome-alpha10.npz was.
+"""Compute the dome of the wind-tunnel model at an angle of attack, in space, like flow/data/dome-alpha10.npz.
 
     .venv/bin/python scripts/flows/incidence.py OUT.npz [--mach 3] [--alpha 10] [--folder CASE] [--from-folder]
 
-The dome and the beginning of the cone behind it; one half, as the flow is symmetric. 32,000 hexahedra, some ten minutes
-of one core. The half is drawn into a uniform grid about the dome. Needs OpenFOAM, as make.py does.
+The region is the dome and the beginning of the cone behind it, and one half of it, because the flow is symmetric:
+32,000 hexahedra, some ten minutes of one core. The half is interpolated to a uniform grid about the dome. Needs
+OpenFOAM, as make.py does.
 """
 
 import argparse

@@ -1,11 +1,11 @@
-"""Compute a flow field of the wind-tunnel model, as those in aerokernels/flow/data were.
+"""Compute a flow field of the wind-tunnel model, like those in aerokernels/flow/data.
 
     .venv/bin/python scripts/flows/make.py MACH OUT.npz [--scale 1] [--folder CASE] [--mesh-only]
         [--stagnation-pressure PA] [--stagnation-temperature K]
 
-MACH is any from 1.5 to 8; at 2, 3 and 4 the source paper's stagnation conditions are taken unless others are given, at
-another one that of the nearest of them. --scale 0.5 takes a quarter of the cells and half a
-minute; 1 takes the 250 x 80 of the shipped fields and 4 to 8 minutes of one core. Needs OpenFOAM (made with 1912;
+MACH is any number from 1.5 to 8. At 2, 3 and 4 the default stagnation conditions are the source paper's; at other Mach
+numbers they are those of the nearest of the three. --scale 0.5 takes a quarter of the cells and half a minute; 1 takes
+the 250 x 80 cells of the shipped fields and 4 to 8 minutes of one core. Needs OpenFOAM (made with 1912;
 `apt-get install openfoam`) and this package.
 
 Run at Mach 3 and scale 1, it gives the nodes of the shipped mach3.npz to its float32 rounding, its density to 0.23 % of

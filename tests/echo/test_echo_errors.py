@@ -7,6 +7,7 @@ import pytest
 
 from aerokernels import IndexField, echo
 from aerokernels.echo.prediction import predict_echo
+from aerokernels.echo.pulse_curve import peak_height
 from aerokernels.scene import Scene
 
 FEW = {"beam.ray_count": 64, "receiver.ray_count": 64, "detector.volts_per_watt": 5558.7, "detector.threshold": 1.0}
@@ -58,6 +59,27 @@ def test_coarse_codes_move_the_range():
         assert fine.errors.ranges[method].systematic < 1e-4 < told.systematic
 
 
+@pytest.mark.parametrize("limit", [{"detector.saturation": 0.8}, {"detector.adc_high": 0.8, "detector.bit_count": 12}])
+def test_a_peak_that_is_cut_off_makes_every_method_depend_on_the_amplitude(limit):
+    """Set-up: a peak of 2 V cut off at 0.8 V, by the amplifier or the digitiser, and 8 % of error in the peak.
+
+    Expected: the error of each method covers its change when the received power changes by that error, and is at most
+    twice that. A constant fraction moves by centimetres; its reported error was half a millimetre.
+    """
+    found = echo(scene(**limit, **{"detector.threshold": 0.4}), field=lump(2e-5), phase_error=0.2)
+    share = found.errors.peak_power / found.peak_power
+    probe = found.budget.keywords["probe"]
+    chain = probe.vacuum.chain
+    for method, one in found.errors.ranges.items():
+        read = [
+            probe.rangefinder.range(probe.time, chain.clipped(chain.voltage(probe.fine, factor * probe.power)), method)
+            for factor in (1.0, 1.0 + share, 1.0 - share)
+        ]
+        change = max(abs(read[1] - read[0]), abs(read[2] - read[0]))
+        assert change <= one.systematic <= 2.0 * change + 1e-4, method
+    assert found.errors.ranges["constant-fraction"].systematic > 0.02
+
+
 def test_its_own_phase_error_is_that_of_its_rays():
     """Without a Strehl estimate at hand the echo makes one: some error, and small in a smooth field."""
     found = echo(scene(), field=lump(2e-5))
@@ -99,6 +121,20 @@ def test_noise_is_the_random_part():
         assert one.random == pytest.approx(many.statistics[method].random_error, rel=0.5), method
         assert one.total == pytest.approx(math.hypot(one.systematic, one.random))
     assert found.quantities["peak_voltage"].error >= found.noise_rms > 0.0
+
+
+def test_the_peak_has_the_shot_noise_of_its_own_light():
+    """Set-up: 0.36 mW on an avalanche photodiode, whose shot noise is 25 times the noise between echoes.
+
+    Expected: the spread of the peaks of 200 records, within a fifth: the reported error was a twentieth of it.
+    """
+    noisy = {"detector.noise": True, "detector.bandwidth": "200 MHz", "detector.sample_rate": "2 GHz"}
+    found = echo(scene(**noisy), field=lump(0.0), phase_error=0.0)
+    probe = found.budget.keywords["probe"]
+    records = (probe.vacuum.chain.record(probe.fine, probe.power, seed, probe.stride) for seed in range(200))
+    spread = float(np.std([peak_height(record) for record in records]))
+    assert spread > 20.0 * found.noise_rms
+    assert found.errors.peak_voltage == pytest.approx(spread, rel=0.2)
 
 
 @pytest.mark.parametrize(

@@ -93,6 +93,18 @@ def test_a_radius_stands_for_the_target():
     assert return_paths(tilted, field, intersection, target_plane(tilted), 5).sums.ray_count == 25 * 64
 
 
+def test_a_rectangle_is_not_symmetric_about_the_axis():
+    """Set-up: the same through a slit 12 mm by 3 mm. It sees points in x and in y differently, by more than errors."""
+    setting = scene(receiver__ray_count=256, receiver__shape="rectangle", receiver__height="3 mm")
+    field, intersection, plane = blob_field(5e-5), target_intersections(), target_plane(setting)
+    found = return_paths(setting, field, intersection, plane, 9)
+    every = return_paths(setting, field, intersection, plane, "every")
+    assert found.sums.ray_count == 81 * 256
+    assert np.abs(found.factor - every.factor).max() < found.error + 1e-6
+    in_x = np.abs(intersection[:, 0]) > np.abs(intersection[:, 1])
+    assert abs(every.factor[in_x].mean() - every.factor[~in_x].mean()) > 1e-3
+
+
 def test_every_target_point_may_have_its_own_pupil():
     """Set-up: the same. Every point by itself against the interpolation, and against the rays' own OPDs."""
     setting, field, intersection = scene(), blob_field(5e-5), target_intersections(20)
