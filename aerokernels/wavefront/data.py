@@ -80,8 +80,12 @@ class WavefrontMap:
         if not (np.isfinite(radius) and radius > 0.0):
             raise ValueError(f"the radius must be a positive length [m], got {self.radius!r}")
         intensity = weight**2 if self.intensity is None else np.where(lit, np.array(self.intensity, np.float64), 0.0)
-        if intensity.shape != weight.shape or not (intensity >= weight**2 * (1.0 - 1e-9)).all():
-            raise ValueError("the intensity must be of the weights' shape and nowhere below their square")
+        if (
+            intensity.shape != weight.shape
+            or not np.isfinite(intensity).all()
+            or not (intensity >= weight**2 * (1.0 - 1e-9)).all()
+        ):
+            raise ValueError("the intensity must be finite, of the weights' shape and nowhere below their square")
         if not (np.ndim(self.blocked) == 0 and 0.0 <= self.blocked <= 1.0):
             raise ValueError(f"blocked must be a share of the pupil's weight, 0 to 1, got {self.blocked!r}")
         if self.direction is not None and not (np.shape(self.direction) == (3,) and np.isfinite(self.direction).all()):

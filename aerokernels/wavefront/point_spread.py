@@ -162,6 +162,8 @@ def point_spread_function(
         raise ValueError(f"pixel and padding must be positive, got {pixel!r} m and {padding!r}")
     if half_width is not None and not half_width >= 0.0:
         raise ValueError(f"half_width must be an angle of at least 0 rad, or None, got {half_width!r}")
+    if not np.isfinite(mask).all() or (mask < 0.0).any():
+        raise ValueError("the mask must be finite and not negative: it is the transmission of the pupil, 0 to 1")
     lit = mask > 0.0
     if not lit.any() or not np.isfinite(opd[lit]).all():
         raise ValueError("the pupil must not be empty and the wavefront in it must be finite")

@@ -10,6 +10,7 @@ import numpy as np
 from ..display.quantities import Quantity
 from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import check_count
 from ..pupils import Pupil
 from .data import WavefrontMap
 from .image_errors import encircled_errors, grid_errors, transfer_errors
@@ -82,9 +83,15 @@ class Wavefront(WavefrontMap):
         return replace(self, opd=flat, removed=tuple(dict.fromkeys((*self.removed, *terms))))
 
     def without_zernike(self, *indices: int) -> "Wavefront":
-        """The wavefront less Zernike polynomials of these Noll indices, of a fit of all up to the greatest of them."""
+        """The wavefront less Zernike polynomials of these Noll indices, of a fit of all up to the greatest of them.
+
+        Raises:
+            ValueError: An index below 1, or more polynomials than the pupil's samples tell apart.
+        """
         if not indices:
             return self
+        for index in indices:
+            check_count(index, "a Noll index")
         coefficients = self.zernike(max(indices))
         kept = np.zeros(len(coefficients))
         for index in indices:
@@ -229,12 +236,13 @@ class Wavefront(WavefrontMap):
         """Numbers with their errors: "strehl", "opd_rms" [m], "peak_to_valley" [m], "tilt_x", "tilt_y" [rad].
 
         From the OPD's budget, and from the pixels, each of which has one sample: pixel_errors.py. A plane's slope
-        changes by the OPD error over the rms extent of the pupil at most.
+        changes by the OPD error over the rms extent of the pupil at most; where the pupil has no extent, that is NaN.
         """
         error, value = self.opd_error, self.strehl()
         _, weight = self.samples
         extent = np.sqrt(weighted_mean(weight, (self.points - weighted_mean(weight, self.points)) ** 2))
         tilt, pixels = self.tilt, pixel_errors(self)
+        slopes = [error / float(one) if one > 0.0 else float("nan") for one in extent]
 
         def number(name: str, value: float, error: float, unit: str = "") -> Quantity:
             return Quantity(float(value), float(np.hypot(error, pixels[name])), unit)
@@ -243,8 +251,8 @@ class Wavefront(WavefrontMap):
             "strehl": number("strehl", value, strehl_error(value, self.phase_error())),
             "opd_rms": number("opd_rms", self.rms, error, "m"),
             "peak_to_valley": number("peak_to_valley", self.peak_to_valley, 2.0 * error, "m"),
-            "tilt_x": number("tilt_x", tilt[0], error / float(extent[0]), "rad"),
-            "tilt_y": number("tilt_y", tilt[1], error / float(extent[1]), "rad"),
+            "tilt_x": number("tilt_x", tilt[0], slopes[0], "rad"),
+            "tilt_y": number("tilt_y", tilt[1], slopes[1], "rad"),
         }
 
     def image_quantities(self, fried: float = np.inf) -> dict[str, Quantity]:

@@ -9,6 +9,10 @@ on the other. Waves that do not travel (K > k) die out.
 
 import numpy as np
 
+from ..inputs.arguments import checked
+from ..inputs.checks import check_at_least, check_positive
+from ..inputs.wavelength import check_wavelength
+
 
 def transfer_exponent(
     shape: tuple[int, int], pixel: float, wavelength: float, ambient_index: float, paraxial: bool
@@ -24,6 +28,7 @@ def transfer_exponent(
     return np.asarray(-1j * square / (root + wave_number))
 
 
+@checked
 def angular_spectrum(
     amplitude,
     pixel: float,
@@ -45,13 +50,17 @@ def angular_spectrum(
         paraxial: Whether the paraxial equation is solved, Fresnel's, in place of Helmholtz's.
 
     Raises:
-        ValueError: An amplitude that is no two-axis array.
+        TypeError: A text or the like for a number.
+        ValueError: An amplitude that is no two-axis array of finite numbers, a wavelength outside 0.1 to 20 um, a pixel
+            or an index that is not positive, a distance that is not finite.
     """
     from scipy.fft import fft2, ifft2
 
     amplitude = np.asarray(amplitude, dtype=np.complex128)
-    if amplitude.ndim != 2:
-        raise ValueError(f"the amplitude must have two axes [y, x], got shape {amplitude.shape}")
+    if amplitude.ndim != 2 or not np.isfinite(amplitude).all():
+        raise ValueError(f"the amplitude must be finite and have two axes [y, x], got shape {amplitude.shape}")
+    wavelength, distance = check_wavelength(wavelength), check_at_least(distance, "distance")
+    pixel, ambient_index = check_positive(pixel, "pixel", "m"), check_positive(ambient_index, "ambient_index")
     exponent = transfer_exponent(amplitude.shape, pixel, wavelength, ambient_index, paraxial)
     if distance < 0.0:  # evanescent waves do not grow
         exponent = 1j * exponent.imag

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..display.shown import drawn_on, shown
+from ..inputs.checks import check_positive
 from ..inputs.wavelength import check_wavelength
 from ..pupils import as_unit_vector, as_vector, transverse_axes
 from ..wavefront import PointSpread
@@ -59,6 +60,7 @@ class Wave:
             )
         if not (np.ndim(self.pixel) == 0 and np.isfinite(self.pixel) and self.pixel > 0.0):
             raise ValueError(f"the pixel must be a positive length [m], got {self.pixel!r}")
+        check_positive(self.ambient_index, "ambient_index")
         amplitude.setflags(write=False)
         checked = {
             "amplitude": amplitude,
@@ -102,17 +104,31 @@ class Wave:
     def strehl(self) -> float:
         """Strehl ratio: intensity far away along the axis over that of the wave that it began as.
 
-        The amplitude's sum over the plane, which free space leaves alone.
+        The amplitude's sum over the plane, which free space leaves alone. NaN where the wave began with no light along
+        its axis, as an odd mode does.
         """
+        with np.errstate(invalid="ignore"):
+            return float(abs(self.amplitude.sum() / self._reference) ** 2)
+
+    @property
+    def _reference(self) -> complex:
+        """The sum that far fields are compared with; NaN where it is nothing but rounding."""
         assert self.incident is not None
-        return float(abs(self.amplitude.sum() / self.incident) ** 2)
+        rounding = 1e-12 * float(np.abs(self.amplitude).sum())
+        return complex(self.incident) if abs(self.incident) > rounding else complex("nan")
 
     def psf(self, angle) -> PointSpread:
-        """Intensity far away at angles of rows and columns [rad], shape (m,), over the undisturbed peak."""
-        assert self.incident is not None
+        """Intensity far away at angles of rows and columns [rad], shape (m,), over the undisturbed peak.
+
+        Raises:
+            ValueError: Angles that are not finite, or of more than one axis.
+        """
         angle = np.atleast_1d(np.asarray(angle, dtype=np.float64))
+        if angle.ndim != 1 or not np.isfinite(angle).all():
+            raise ValueError(f"angle must be finite angles [rad], shape (m,), got shape {angle.shape}")
         spectrum = far_field(self.amplitude, self.coordinates, angle, self.wavelength)
-        return PointSpread(np.abs(spectrum / self.incident) ** 2, angle)
+        with np.errstate(invalid="ignore"):
+            return PointSpread(np.abs(spectrum / self._reference) ** 2, angle)
 
     def plot(self, axes=None):
         """Draw the intensity over the window [mm] on matplotlib axes; returns the axes."""

@@ -10,6 +10,8 @@ import numpy as np
 from ...pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle
 from ..data import SIGN_CONVENTION, WavefrontMap
 
+# Coordinates may be off their pixels' centres by this share of a pixel: a file may hold them in single precision.
+SAME_PLACE = 1e-3
 PUPILS: dict[str, Any] = {kind.__name__: kind for kind in (Annulus, Disc, Mask, Polygon, Rectangle)}
 
 
@@ -58,7 +60,8 @@ def from_xarray(dataset) -> dict[str, Any]:
 
     Raises:
         TypeError: What is no dataset.
-        ValueError: A dataset that is none of `to_xarray`, or of another sign.
+        ValueError: A dataset that is none of `to_xarray`, of another sign or unit, or of which pixels were left out or
+            turned round since.
     """
     if not hasattr(dataset, "attrs") or not hasattr(dataset, "data_vars"):
         raise TypeError(f"dataset must be an xarray.Dataset, as `to_xarray` makes one, got {type(dataset).__name__}")
@@ -70,9 +73,14 @@ def from_xarray(dataset) -> dict[str, Any]:
     attributes = dataset.attrs
     if str(attributes["sign_convention"]) != SIGN_CONVENTION:
         raise ValueError(f"the dataset's sign convention is {attributes['sign_convention']!r}, not {SIGN_CONVENTION!r}")
+    unit = str(dataset["opd"].attrs.get("units", "m"))
+    if unit != "m":
+        raise ValueError(f"the dataset's opd is in {unit!r}: convert it to metres, and set its units to 'm'")
     error = _number(attributes, "opd_error", np.nan)
+    opd = _map(dataset, "opd")
+    _check_coordinates(dataset, opd.shape, _number(attributes, "pixel"))
     return {
-        "opd": _map(dataset, "opd"),
+        "opd": opd,
         "weight": _map(dataset, "weight"),
         "pixel": _number(attributes, "pixel"),
         "wavelength": _number(attributes, "wavelength"),
@@ -124,6 +132,23 @@ def _map(dataset, name: str) -> np.ndarray:
         axes = ", ".join(map(str, own.dims))
         raise ValueError(f"the dataset's {name} must be numbers over (y, x), got {own.dtype} over ({axes})")
     return np.asarray(own.variable.transpose("y", "x"))  # without its coordinates, whose axes nobody asks for
+
+
+def _check_coordinates(dataset, shape: tuple[int, ...], pixel: float) -> None:
+    """Check that x and y, where the dataset has them, are those of pixels about the pupil's centre, ascending.
+
+    Raises:
+        ValueError: They are not: the map was cut, thinned out or turned round, and its numbers belong elsewhere.
+    """
+    for name, count in zip(("y", "x"), shape, strict=True):
+        if name not in dataset.coords:
+            continue
+        found, expected = np.asarray(dataset[name]), pixel * (np.arange(count) - 0.5 * (count - 1))
+        if found.dtype.kind not in "iuf" or not np.abs(found - expected).max(initial=0.0) <= SAME_PLACE * pixel:
+            raise ValueError(
+                f"the dataset's {name} must ascend about the pupil's centre in steps of its pixel, {pixel:g} m: give "
+                "the whole map, neither cut nor thinned out nor turned round"
+            )
 
 
 def _numbers(attributes, name: str, shape: tuple[int, ...]) -> np.ndarray:
