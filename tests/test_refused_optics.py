@@ -54,6 +54,7 @@ FIELD = IndexField.from_samples(np.zeros((3, 3)), origin=(0.0, 0.0), spacing=(0.
         (lambda tmp: angular_spectrum(np.full((4, 4), math.nan), 1e-3, 1e-6, 1.0), "the amplitude must be finite"),
         (lambda tmp: Wave(np.ones((4, 4)), 1e-3, 1e-6, ambient_index=math.nan), "ambient_index must be positive"),
         (lambda tmp: Wave(np.ones((4, 4)), 1e-3, 1e-6).psf([math.nan]), "angle must be finite angles [rad]"),
+        (lambda tmp: check_view(FIELD, CAMERA, {"tolerance": -1.0}), "tolerance must be positive and finite [waves]"),
         (lambda tmp: check_wavelength(905.0), "give metres, 9.05e-07 for 905 nm"),
         (lambda tmp: check_wavelength(1e9), "give metres, 905e-9 for 905 nm"),
         (lambda tmp: check_spectrum(None, [1.0]), "weights need their wavelengths"),

@@ -76,12 +76,16 @@ class DeviceArray:
             if step == 1 and last > first:
                 return np.asarray(self.buffer[first:last].numpy())
             rows = np.arange(first, last, step)
-        rows = np.asarray(rows)
+        rows, count = np.asarray(rows), len(self)
         if rows.dtype == bool:
+            if rows.shape != (count,):
+                raise IndexError(f"a mask of shape {rows.shape} is not one of {count} rows")
             rows = np.flatnonzero(rows)
         if not len(rows):
             return np.zeros((0, *self.host_shape[1:]), self.dtype)
-        return np.asarray(self._at(rows % len(self)).contiguous().numpy())
+        if not (-count <= rows.min() and rows.max() < count):
+            raise IndexError(f"rows {rows.min()} to {rows.max()} are not all among {count}")
+        return np.asarray(self._at(rows % count).contiguous().numpy())
 
     def __setitem__(self, rows: Any, values: "np.ndarray | DeviceArray") -> None:
         """Write some rows, by an array of their numbers, NumPy's or Warp's."""
@@ -96,7 +100,7 @@ class DeviceArray:
         warp.copy(self._at(rows), given)
         if self._coming is not None:  # nobody has read it yet
             self._coming.arrived()[plain_array(rows)] = np.asarray(values)
-        self._host = None
+        self._host = self.extremes = None
 
     def part(self, rows: Any) -> "DeviceArray":
         """Some rows, by an array of their numbers, NumPy's or Warp's, in an array of their own on the device."""

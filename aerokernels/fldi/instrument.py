@@ -117,7 +117,9 @@ class FLDI:
 
         assert self.divergence is not None
         wave_number = np.asarray(wave_number, dtype=np.float64)
-        grown = wave_number * np.tan(self.divergence) * check_positive(half_length, "half_length") / np.sqrt(8.0)
+        grown = (
+            np.abs(wave_number) * np.tan(self.divergence) * check_positive(half_length, "half_length") / np.sqrt(8.0)
+        )
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = np.where(grown > 1e-9, 0.5 * np.sqrt(np.pi) * erf(grown) / grown, 1.0)
         return np.asarray(mean * self.transfer(wave_number, 0.0, angle=angle))

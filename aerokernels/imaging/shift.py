@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..inputs.arguments import checked
+from ..inputs.checks import check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..tracing.pupil_air import GREATEST_SHARE
@@ -296,6 +297,7 @@ def check_view(field: IndexField, camera: Camera, options: dict[str, Any]) -> No
     tolerance = options.get("tolerance", DEFAULT_TOLERANCE)
     if isinstance(tolerance, bool) or not isinstance(tolerance, Real):
         raise TypeError(f"tolerance must be a number of waves, got {tolerance!r}")
+    check_positive(float(tolerance), "tolerance", "waves")
 
 
 def _others(count: int, many: int) -> int:
