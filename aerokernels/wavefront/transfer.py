@@ -176,7 +176,7 @@ def encircled(transfer: Transfer, angle: np.ndarray, center: np.ndarray) -> np.n
 
 
 def _in_corners(even: np.ndarray, half: float, angle: float) -> float:
-    """Return the light of a square period, of half width `half`, outside a circle of an angle [rad] about its middle."""
+    """Return the light of a square period, half width `half`, outside the circle of an angle [rad] about its middle."""
     from scipy.fft import fftshift, ifft2, ifftshift
 
     if angle >= np.sqrt(2.0) * half:

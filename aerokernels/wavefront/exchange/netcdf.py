@@ -95,7 +95,7 @@ def from_xarray(dataset) -> dict[str, Any]:
 
 
 def _pupil_numbers(pupil: Pupil | None) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return a pupil's numbers as a dataset's variables (two-axis arrays) and attributes (all others, and its class)."""
+    """Return a pupil's numbers as a dataset's variables (of two axes) and attributes (the others, and its class)."""
     variables: dict[str, Any] = {}
     attributes: dict[str, Any] = {}
     if pupil is not None:
