@@ -193,6 +193,25 @@ def test_netcdf_there_and_back(wave: Wavefront, tmp_path):
         Wavefront.from_xarray(xarray.Dataset())
 
 
+def test_a_dataset_that_was_changed_is_refused(wave: Wavefront):
+    """A map turned round had tilts of the other sign, one thinned out tilts twice as large, with no word of it."""
+    data = wave.to_xarray()
+    halves = slice(None, None, -1), slice(None, None, 2), slice(0, len(data.y) // 2)
+    for part in halves:
+        with pytest.raises(
+            ValueError, match="the dataset's y must ascend about the pupil's centre in steps of its pix"
+        ):
+            Wavefront.from_xarray(data.isel(y=part, x=part))
+    with pytest.raises(ValueError, match="the dataset's x must ascend"):
+        Wavefront.from_xarray(data.isel(x=slice(None, None, -1)))
+    single = data.assign_coords(x=data.x.astype("f4"), y=data.y.astype("f4"))
+    assert np.array_equal(Wavefront.from_xarray(single).tilt, wave.tilt)
+    assert np.array_equal(Wavefront.from_xarray(data.drop_vars(["x", "y"])).tilt, wave.tilt)
+    nanometres = data.assign(opd=(1e9 * data.opd).assign_attrs(units="nm"))
+    with pytest.raises(ValueError, match="the dataset's opd is in 'nm': convert it to metres"):
+        Wavefront.from_xarray(nanometres)
+
+
 @pytest.mark.parametrize("engine", ["h5netcdf", "scipy"])
 @pytest.mark.parametrize(
     "pupil",

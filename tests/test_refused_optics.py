@@ -14,7 +14,9 @@ from aerokernels.imaging.shift import check_view
 from aerokernels.inputs.wavelength import check_spectrum, check_wavelength
 from aerokernels.schlieren import Bench
 from aerokernels.sensor import Sensor, write_grey
+from aerokernels.wavefront import point_spread_function
 from aerokernels.wavefront.strehl_errors import _likely_error, main_cause, phase_error
+from aerokernels.waves import Wave, angular_spectrum
 from aerokernels.zernike import nm_to_noll, noll_to_nm
 
 CAMERA = Camera(Disc(0.01), 0.1, 5e-6, 8)
@@ -36,6 +38,23 @@ FIELD = IndexField.from_samples(np.zeros((3, 3)), origin=(0.0, 0.0), spacing=(0.
         (lambda tmp: Sensor(bits=17), "bits = 17"),
         (lambda tmp: write_grey(tmp / "a.jpg", np.ones((2, 2))), "the ending must be one of .tif, .tiff, .png"),
         (lambda tmp: write_grey(tmp / "a.png", np.ones(2)), "a picture must have two axes"),
+        (lambda tmp: FLAT.without_zernike(0, 4), "a Noll index must be a whole number of at least 1, got 0"),
+        (lambda tmp: FLAT.without_zernike(-1, 4), "a Noll index must be a whole number of at least 1, got -1"),
+        (
+            lambda tmp: point_spread_function(np.zeros((2, 2)), [[1.0, math.nan], [1.0, 1.0]], 1e-3, 1e-6),
+            "the mask must be finite and not negative",
+        ),
+        (
+            lambda tmp: Wavefront(np.zeros((2, 2)), np.ones((2, 2)), 1e-3, 1e-6, np.full((2, 2), math.inf)),
+            "the intensity must be finite",
+        ),
+        (lambda tmp: angular_spectrum(np.ones((4, 4)), 1e-3, 905.0, 1.0), "give metres, 9.05e-07 for 905 nm"),
+        (lambda tmp: angular_spectrum(np.ones((4, 4)), 0.0, 1e-6, 1.0), "pixel must be positive and finite [m]"),
+        (lambda tmp: angular_spectrum(np.ones((4, 4)), 1e-3, 1e-6, math.nan), "distance must be finite"),
+        (lambda tmp: angular_spectrum(np.full((4, 4), math.nan), 1e-3, 1e-6, 1.0), "the amplitude must be finite"),
+        (lambda tmp: Wave(np.ones((4, 4)), 1e-3, 1e-6, ambient_index=math.nan), "ambient_index must be positive"),
+        (lambda tmp: Wave(np.ones((4, 4)), 1e-3, 1e-6).psf([math.nan]), "angle must be finite angles [rad]"),
+        (lambda tmp: check_view(FIELD, CAMERA, {"tolerance": -1.0}), "tolerance must be positive and finite [waves]"),
         (lambda tmp: check_wavelength(905.0), "give metres, 9.05e-07 for 905 nm"),
         (lambda tmp: check_wavelength(1e9), "give metres, 905e-9 for 905 nm"),
         (lambda tmp: check_spectrum(None, [1.0]), "weights need their wavelengths"),
@@ -165,3 +184,13 @@ def test_a_package_that_is_not_there_is_told_with_the_remedy(monkeypatch, tmp_pa
     ):
         write()
     assert not list(tmp_path.iterdir())
+
+
+def test_one_pixel_and_light_beside_the_axis_have_no_slope_and_no_strehl_ratio():
+    """Neither divides by zero: their numbers, or the errors of these, are not known."""
+    alone = Wavefront([[0.0]], [[1.0]], 1e-3, 1e-6, budget=lambda: {"total": 1e-9})
+    assert alone.quantities["strehl"].value == 1.0 and math.isnan(alone.quantities["tilt_x"].error)
+    assert "Strehl ratio" in repr(alone)
+    odd = Wave(np.outer(np.ones(16), np.sign(np.arange(16) - 7.5)), 1e-3, 1e-6)
+    for wave in (odd, odd.propagate(0.1)):
+        assert math.isnan(wave.strehl()) and np.isnan(wave.psf([0.0, 1e-4]).intensity).all()

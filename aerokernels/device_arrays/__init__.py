@@ -1,8 +1,8 @@
-"""Arrays on a device: taken from other libraries, made there, kept there, and copied to the host when they are read.
+"""Arrays on a device: imported from other libraries or made there, and copied to the host when they are first read.
 
-Warp holds the memory. `array.py` has one number or three for each ray, `on_touch.py` attributes that are copied to the
-host when they are first read, `pinned.py` the copies, `fetching.py` those that are made ahead, `rays.py` rays checked
-or made on the device, `foreign.py` what comes from other libraries. Nothing here imports Warp before it is used.
+Warp owns the memory. `array.py` has arrays of one number or three per ray, `on_touch.py` attributes that are copied to
+the host when they are first read, `pinned.py` the copies, `fetching.py` copies that start ahead of time, `rays.py` rays
+checked or made on the device, `foreign.py` arrays of other libraries. Nothing here imports Warp before it is used.
 """
 
 from .array import DeviceArray, extremes_of, in_reach, is_one_row, on_host, rows_there, rows_where

@@ -1,4 +1,4 @@
-"""Numbers on a device, one row for each ray, that are copied to the host when they are first read there."""
+"""Array on a device, one row per ray, that is copied to the host when it is first read there."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,18 +11,18 @@ from .pinned import layout_of, to_host
 
 
 class DeviceArray:
-    """An array of Warp's, of numbers or of vectors, that NumPy, DLPack and `__cuda_array_interface__` read.
+    """A Warp array of numbers or vectors that can be read through NumPy, DLPack and `__cuda_array_interface__`.
 
-    It has one row for each ray. `host` is the same as a NumPy array, copied when it is first read, unless it is on its
-    way already, and kept; on Warp's CPU device nothing is copied. It pickles as that.
+    It has one row per ray. `host` is a NumPy array of it, copied when first read, unless the copy has been started
+    before, and cached; on Warp's CPU device nothing is copied. It pickles as this NumPy array.
 
     Attributes:
         buffer: The warp.array.
-        extremes: See `extremes_of`, where it has been asked for.
+        extremes: Result of `extremes_of`, once it has been requested.
     """
 
     def __init__(self, buffer: Any, coming: Coming | None = None):
-        """Take over an array of one dimension, and what of it comes to the host."""
+        """Wrap a one-dimensional array, and its copy that is on the way to the host, if any."""
         self.buffer = buffer
         self._coming = coming
         self._host: np.ndarray | None = None
@@ -46,29 +46,29 @@ class DeviceArray:
         return len(self.buffer)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        """All rows, for NumPy."""
+        """Return all rows, for NumPy."""
         return np.array(self.host, dtype=dtype, copy=copy)
 
     def __dlpack__(self, *, stream: Any = None, **options: Any) -> Any:
-        """The array itself, for whatever library asks; its device is the one to read it on."""
+        """Return the array itself for another library, which must read it on the same device."""
         return self.buffer.__dlpack__(stream)
 
     def __dlpack_device__(self) -> tuple[int, int]:
-        """DLPack's numbers of the device."""
+        """Return DLPack's numbers of the device."""
         kind, number = self.buffer.__dlpack_device__()
         return int(kind), int(number)
 
     @property
     def __cuda_array_interface__(self) -> dict:
-        """The array itself, of a CUDA device."""
+        """The array itself, on a CUDA device."""
         return dict(self.buffer.__cuda_array_interface__)
 
     def __reduce__(self) -> tuple:
-        """Pickled as what the host reads."""
+        """Pickle as the host's NumPy array."""
         return np.array, (self.host,)
 
     def __getitem__(self, rows: Any) -> np.ndarray:
-        """Some rows, a slice or an array of their numbers, as a NumPy array; no other is copied from the device."""
+        """Return rows, given as a slice, numbers or a mask, as a NumPy array; only these are copied from the device."""
         if self._host is not None:
             return np.asarray(self._host[rows])
         if isinstance(rows, slice):
@@ -76,15 +76,19 @@ class DeviceArray:
             if step == 1 and last > first:
                 return np.asarray(self.buffer[first:last].numpy())
             rows = np.arange(first, last, step)
-        rows = np.asarray(rows)
+        rows, count = np.asarray(rows), len(self)
         if rows.dtype == bool:
+            if rows.shape != (count,):
+                raise IndexError(f"a mask of shape {rows.shape} is not one of {count} rows")
             rows = np.flatnonzero(rows)
         if not len(rows):
             return np.zeros((0, *self.host_shape[1:]), self.dtype)
-        return np.asarray(self._at(rows % len(self)).contiguous().numpy())
+        if not (-count <= rows.min() and rows.max() < count):
+            raise IndexError(f"rows {rows.min()} to {rows.max()} are not all among {count}")
+        return np.asarray(self._at(rows % count).contiguous().numpy())
 
     def __setitem__(self, rows: Any, values: "np.ndarray | DeviceArray") -> None:
-        """Write some rows, by an array of their numbers, NumPy's or Warp's."""
+        """Write rows, given by an array of their numbers, NumPy's or Warp's."""
         import warp
 
         if not len(rows):
@@ -94,22 +98,22 @@ class DeviceArray:
         else:
             given = warp.array(np.ascontiguousarray(values, self.dtype), dtype=self.buffer.dtype, device=self.device)
         warp.copy(self._at(rows), given)
-        if self._coming is not None:  # nobody has read it yet
+        if self._coming is not None:  # the host's copy gets the new values too
             self._coming.arrived()[plain_array(rows)] = np.asarray(values)
-        self._host = None
+        self._host = self.extremes = None
 
     def part(self, rows: Any) -> "DeviceArray":
-        """Some rows, by an array of their numbers, NumPy's or Warp's, in an array of their own on the device."""
+        """Return rows, given by an array of their numbers, NumPy's or Warp's, as a new array on the device."""
         return DeviceArray(self._at(rows).contiguous())
 
     @property
     def host_shape(self) -> tuple[int, ...]:
-        """Its shape as a NumPy array."""
+        """Shape as a NumPy array."""
         return layout_of(self.buffer)[0]
 
     @property
     def dtype(self) -> np.dtype:
-        """NumPy's type of its numbers."""
+        """NumPy's type of the numbers."""
         return layout_of(self.buffer)[1]
 
     def _at(self, rows: Any) -> Any:
@@ -122,12 +126,12 @@ class DeviceArray:
 
 @dataclass(frozen=True, eq=False)
 class Extremes:
-    """The ends of places or directions.
+    """Extremes of positions or directions.
 
     Attributes:
-        low: The least of each component, shape (3,).
-        high: The greatest, shape (3,).
-        rows: The rays that have them, the least and the greatest of each component in turn, shape (6,).
+        low: Least value of each component, shape (3,).
+        high: Greatest value of each component, shape (3,).
+        rows: Rays that have them, alternately the least and the greatest of each component, shape (6,).
     """
 
     low: np.ndarray
@@ -136,7 +140,7 @@ class Extremes:
 
 
 def extremes_of(array: np.ndarray | DeviceArray) -> Extremes:
-    """The ends of places or directions, shape (n, 3)."""
+    """Return the extremes of positions or directions, shape (n, 3)."""
     if isinstance(array, DeviceArray):
         if array.extremes is None:
             from .selection import extremes
@@ -149,22 +153,22 @@ def extremes_of(array: np.ndarray | DeviceArray) -> Extremes:
 
 
 def in_reach(array: Any, device: str) -> bool:
-    """Whether it is an array that lies on this device of Warp's."""
+    """Return whether `array` is a DeviceArray on this device of Warp."""
     return isinstance(array, DeviceArray) and array.device == device
 
 
 def is_one_row(array: np.ndarray | DeviceArray) -> bool:
-    """Whether all rows of an array (n, 3) are one in memory: a direction that parallel rays share."""
+    """Return whether all rows of an array (n, 3) are the same memory: the common direction of parallel rays."""
     return isinstance(array, np.ndarray) and array.ndim == 2 and len(array) > 1 and array.strides[0] == 0
 
 
 def on_host(arrays: dict[str, Any]) -> dict[str, np.ndarray]:
-    """Arrays by name as NumPy's, copied from a device where they lie there."""
+    """Return arrays by name as NumPy arrays, copied from the device if necessary."""
     return {name: np.asarray(array) for name, array in arrays.items()}
 
 
 def rows_there(status: np.ndarray | DeviceArray, code: int) -> Any:
-    """Numbers of the rays with a status, ascending, where the status is: a warp.array, or a NumPy array."""
+    """Return the numbers of the rays with a status, ascending, where `status` is: a warp.array or a NumPy array."""
     if isinstance(status, DeviceArray):
         from .selection import rows_on_device
 
@@ -175,13 +179,13 @@ def rows_there(status: np.ndarray | DeviceArray, code: int) -> Any:
 def rows_where(
     status: np.ndarray | DeviceArray, code: int, error: np.ndarray | DeviceArray | None = None, limit: float = 0.0
 ) -> np.ndarray:
-    """Numbers of the rays with a status, ascending; of those, too, whose error is not within a limit, if it is given.
+    """Return the numbers, ascending, of the rays with a status, or with an error that is not within a limit, if given.
 
     Args:
-        status: A code for each ray.
-        code: The one sought.
-        error: A number for each ray, where the status is.
-        limit: What it must not exceed; one that is no number does.
+        status: Status code of each ray.
+        code: Status code to find.
+        error: Error of each ray, on the same device as `status`.
+        limit: Greatest error; NaN counts as greater.
     """
     if isinstance(status, DeviceArray) and (error is None or isinstance(error, DeviceArray)):
         from .selection import selected_rows

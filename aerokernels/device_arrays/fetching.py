@@ -1,7 +1,7 @@
-"""Results that come from a GPU to the host chunk by chunk, while those after them are computed.
+"""Copy results from a GPU to the host chunk by chunk, while later ones are computed.
 
-Copies run on a stream of their own, into pinned memory. Rays that come from the host at the same time take the other
-direction of the same bus.
+Copies run on a separate stream, into pinned memory. Rays copied from the host at the same time use the other direction
+of the bus.
 """
 
 from typing import Any
@@ -12,23 +12,23 @@ from .pinned import Lent, as_kind, layout_of, pinned_memory
 
 
 class Coming:
-    """An array on its way to the host."""
+    """An array that is being copied to the host."""
 
     def __init__(self, lent: Lent):
-        """The memory that it comes to."""
+        """Store the memory that it is copied to."""
         self.lent = lent
 
     def arrived(self) -> np.ndarray:
-        """The array, as soon as it is there."""
+        """Wait for the copy and return the array."""
         self.lent.wait()
         return np.asarray(self.lent)
 
 
 class Fetching:
-    """Brings arrays to the host, rows by rows in the order in which they are finished."""
+    """Copies arrays to the host, rows by rows in the order in which they are finished."""
 
     def __init__(self, buffers: dict[str, Any], memory: dict[str, Lent]):
-        """Prepare for these arrays of a GPU, by name, and memory that was pinned for each."""
+        """Prepare for these arrays of a GPU, by name, and the memory pinned for each."""
         import warp
 
         self.buffers, self.memory = buffers, memory
@@ -38,7 +38,7 @@ class Fetching:
 
     @classmethod
     def of(cls, buffers: dict[str, Any]) -> "Fetching | None":
-        """That of some arrays of a GPU, by name; None where so much memory cannot be pinned."""
+        """Return the Fetching of arrays of a GPU, by name; None if so much memory cannot be pinned."""
         import warp
 
         memory = {}
@@ -50,7 +50,7 @@ class Fetching:
         return cls(buffers, memory)
 
     def rows(self, rows: slice) -> None:
-        """Start to bring rows, as whatever was launched before leaves them."""
+        """Start to copy rows, in the state after everything launched before."""
         import warp
 
         self.stream.wait_stream(self.device.stream)
@@ -59,9 +59,9 @@ class Fetching:
             there = self.there[name]
             warp.copy(there, buffer, dest_offset=first, src_offset=first, count=count, stream=self.stream)
         self.stream.record_event(self.event)
-        for name, lent in self.memory.items():  # neither end of a copy is given up before it has ended
+        for name, lent in self.memory.items():  # keep both ends of a copy alive until it has ended
             lent.event, lent.source = self.event, self.buffers[name]
 
     def coming(self) -> dict[str, Coming]:
-        """The arrays by name, once all rows have been started."""
+        """Return the arrays by name; copies of all rows must have been started."""
         return {name: Coming(lent) for name, lent in self.memory.items()}

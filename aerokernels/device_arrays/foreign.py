@@ -1,18 +1,18 @@
-"""Arrays of other libraries (CuPy, PyTorch, JAX, Warp) by DLPack and `__cuda_array_interface__`."""
+"""Import arrays of other libraries (CuPy, PyTorch, JAX, Warp) by DLPack and `__cuda_array_interface__`."""
 
 from typing import Any
 
 import numpy as np
 
-# DLPack's numbers of memory that the processor reads: its own, and that pinned for a GPU.
+# DLPack's numbers of memory that the CPU reads: its own, and memory pinned for a GPU.
 PROCESSOR, PINNED = 1, 3
 
 
 def host_array(found: Any) -> np.ndarray:
-    """An array of any library as a NumPy array, float32 or float64; one on a device is copied from there.
+    """Return an array of any library as a NumPy array, float32 or float64; one on a device is copied.
 
     Raises:
-        TypeError: No array.
+        TypeError: It is not an array of real numbers.
     """
     array = plain_array(found)
     if array.dtype == object or not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
@@ -21,9 +21,9 @@ def host_array(found: Any) -> np.ndarray:
 
 
 def plain_array(found: Any) -> np.ndarray:
-    """Anything as NumPy has it: one on a device is copied from there, one on the host is not copied where it need not.
+    """Return any object as a NumPy array; arrays on a device are copied, arrays on the host only if necessary.
 
-    What is no array comes as NumPy makes one of it, whatever that is.
+    An object that is not an array is converted by `numpy.asarray`.
     """
     if isinstance(found, np.ndarray):
         return found
@@ -35,9 +35,9 @@ def plain_array(found: Any) -> np.ndarray:
 
 
 def device_array(found: Any, pinned: bool = False) -> Any:
-    """An array on a GPU, or, where wanted, `pinned` for one, as one of Warp's, without a copy.
+    """Return an array on a GPU, or with `pinned` one pinned for a GPU, as a Warp array without a copy.
 
-    None where it is no such array, or of whole numbers.
+    None if it is not such an array, or has whole numbers.
     """
     if isinstance(found, np.ndarray) or not (is_on_device(found) or (pinned and _memory_of(found) == PINNED)):
         return None
@@ -48,25 +48,25 @@ def device_array(found: Any, pinned: bool = False) -> Any:
     except (AssertionError, RuntimeError, TypeError, ValueError, BufferError):
         if is_on_device(found):
             raise
-        return None  # a library that hands out pinned memory as a host's only: it is read as such
+        return None  # a library that exports pinned memory as host memory only: it is read as such
     return array.contiguous() if array.dtype in (warp.float32, warp.float64) else None
 
 
 def is_on_device(found: Any) -> bool:
-    """Whether an array lies where only a GPU reads it: says `__cuda_array_interface__`, or DLPack."""
+    """Return whether an array is in memory that only a GPU reads, by `__cuda_array_interface__` or DLPack."""
     if hasattr(found, "__cuda_array_interface__"):
         return True
     return _memory_of(found) not in (None, PROCESSOR, PINNED)
 
 
 def _memory_of(found: Any) -> int | None:
-    """The kind of memory that an array says through DLPack it is in; None where it does not say."""
+    """Return the kind of memory that an array reports through DLPack; None if it reports none."""
     device = getattr(found, "__dlpack_device__", None)
     return None if device is None else int(device()[0])
 
 
 def _as_warp(found: Any) -> Any:
-    """An array on a device as one of Warp's numbers, not of its vectors."""
+    """Return an array on a device as a Warp array of numbers, not of vectors."""
     import warp
 
     from ..process.quiet_warp import start_warp

@@ -1,15 +1,15 @@
-"""Kernels on the rays of a bundle as a whole: made, checked, counted; every other kernel traces."""
+"""Kernels that make, check and select rays of a bundle."""
 
 import warp as wp
 
 from .pupil_shape import place_on_pupil
 
-# How `make_rays` turns points of a pupil, or of the unit disc, into rays.
+# Ways in which `make_rays` turns points of a pupil, or of the unit disc, into rays.
 COLLIMATED, FROM_POINT, TO_POINT, DIVERGENT = range(4)
 # The bits of a Sobol point, and the weight of its last one.
 _BITS = wp.constant(30)
 _UNIT = wp.constant(wp.float64(2.0**-30))
-# Faults of rays, as `check_rays` counts them: how many, then the first, of each kind.
+# Faults of rays counted by `check_rays`: for each kind the count, then the first ray.
 PLACE, WAY, ZERO, FAULTS = 0, 1, 2, 3
 
 
@@ -23,9 +23,9 @@ def select(
     rows: wp.array(dtype=wp.int32),
     count: wp.array(dtype=wp.int32),
 ):
-    """Numbers of the rays of a status, or whose error is not within the limit, in no order; as many as there is room.
+    """List rays with a status, or with an error that is not within the limit, unordered, as many as there is room for.
 
-    `count` has all of them.
+    `count` is the number of all of them.
     """
     ray = wp.tid()
     found = status[ray] == code
@@ -47,7 +47,7 @@ def find_extremes(
     low_row: wp.array(dtype=wp.vec3i),
     high_row: wp.array(dtype=wp.vec3i),
 ):
-    """Least and greatest of each component, and where they are, of the rows one stride apart from a thread's own on."""
+    """Find the least and greatest of each component, and their rows, among every `stride`-th row of a thread."""
     thread = wp.tid()
     low = values[thread]
     high = values[thread]
@@ -72,23 +72,23 @@ def find_extremes(
 
 @wp.func
 def unit_of(way: wp.vec3d):
-    """A vector that is not zero, normalised; one that is a unit vector already stays as it is, to the last bit."""
+    """Normalise a vector that is not zero; a vector that is a unit vector already keeps its bits."""
     if wp.abs(wp.length(way) - wp.float64(1.0)) <= wp.float64(4e-16):
         return way
-    # Scaled first: the square of a very long or short vector's length would overflow or vanish.
+    # Scaled first: the squared length of a very long or short vector would overflow or underflow.
     scaled = way / wp.max(wp.max(wp.abs(way[0]), wp.abs(way[1])), wp.abs(way[2]))
     return scaled / wp.length(scaled)
 
 
 @wp.func
 def is_finite(value: wp.vec3d):
-    """Whether all three components are numbers."""
+    """Return whether all three components are finite."""
     return wp.isfinite(value[0]) and wp.isfinite(value[1]) and wp.isfinite(value[2])
 
 
 @wp.func
 def note(faults: wp.array(dtype=wp.int32), kind: int, ray: int):
-    """Count a fault, and keep the first ray that has it."""
+    """Count a fault, and record the first ray that has it."""
     wp.atomic_add(faults, kind, 1)
     wp.atomic_min(faults, kind + FAULTS, ray)
 
@@ -101,7 +101,7 @@ def check_rays(
     position_out: wp.array(dtype=wp.vec3d),
     direction_out: wp.array(dtype=wp.vec3d),
 ):
-    """Copies of places and directions, these normalised; what cannot be rays is counted."""
+    """Copy positions and directions, normalise the directions, and count invalid rays."""
     ray = wp.tid()
     row = wp.min(ray, direction.shape[0] - 1)
     place = wp.vec3d(position[ray, 0], position[ray, 1], position[ray, 2])
@@ -120,7 +120,7 @@ def check_rays(
 
 @wp.func
 def sobol_coordinate(index: wp.uint32, start: wp.uint32, directions: wp.array2d(dtype=wp.uint32), axis: int):
-    """A coordinate of a scrambled Sobol point: see aerokernels/sobol.py."""
+    """Return a coordinate of a scrambled Sobol point: see aerokernels/sobol.py."""
     gray = index ^ (index >> wp.uint32(1))
     point = start
     for bit in range(_BITS):
@@ -147,11 +147,11 @@ def make_rays(
     position_out: wp.array(dtype=wp.vec3d),
     direction_out: wp.array(dtype=wp.vec3d),
 ):
-    """Rays of points on a pupil, or in the unit disc: those of `flat`, or of a Sobol sequence where it has none.
+    """Make rays from points on a pupil or in the unit disc: from `flat`, or a Sobol sequence if `flat` is empty.
 
-    `center`, `first` and `second` are the pupil's, or the apex and the axes across that of the cone. `axis` is the
-    direction of parallel rays, the point of those through one, the axis of a cone; `scale` is the pupil's reach, or
-    twice the square of the sine of half the cone's half angle.
+    `center`, `first` and `second` are the pupil's centre and axes, or the apex of a cone and the axes across it. `axis`
+    is the direction of parallel rays, the common point of rays from or to a point, or the axis of a cone. `scale` is
+    the pupil's reach, or twice the squared sine of half the cone's half angle.
     """
     ray = wp.tid()
     place = wp.vec2d()

@@ -1,4 +1,4 @@
-"""Attributes that may hold an array on a device, and are NumPy arrays to whoever reads them."""
+"""Attributes that may hold an array on a device, but read as NumPy arrays."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -9,7 +9,7 @@ C = TypeVar("C", bound=type)
 
 
 class _OnTouch:
-    """An attribute whose array is copied to the host when it is first read; the object's own dictionary holds it."""
+    """Descriptor of an array that is copied to the host when first read; the object's own dictionary holds it."""
 
     def __init__(self, name: str):
         self.name = name
@@ -28,7 +28,7 @@ class _OnTouch:
 
 
 def read_on_touch(*names: str) -> Callable[[C], C]:
-    """Decorate a data class: these of its fields may be given a DeviceArray, which reads as a NumPy array."""
+    """Decorate a data class: these fields may hold a DeviceArray, which reads as a NumPy array."""
 
     def decorate(target: C) -> C:
         for name in names:

@@ -1,7 +1,7 @@
-"""Copies between host and GPU through pinned memory, which the GPU reads and writes by itself, at full speed.
+"""Copies between host and GPU through pinned memory, which the GPU accesses directly at full speed.
 
-To pin memory takes longer than to copy over it: what was pinned is kept for the next copy, within limits, and so is
-what a result's arrays lie in once the result is gone.
+Pinning memory takes longer than copying through it: pinned memory is cached for the next copy, within limits, and so is
+the memory of a result's arrays once the result is deleted.
 """
 
 import os
@@ -16,27 +16,27 @@ import numpy as np
 from ..process.machine import core_count, host_memory
 from ..process.opened import OPENED
 
-# Arrays of fewer bytes are copied as they are.
+# Arrays of fewer bytes are copied without pinned memory.
 LEAST = 1 << 20
-# The share of the host's memory that may be pinned, and how much of it is kept though nothing uses it [bytes].
+# Share of the host's memory that may be pinned, and most unused pinned memory that is cached [bytes].
 PINNED_SHARE, KEPT = 0.25, 4 << 30
-# Memory pinned for one array is taken for a smaller one that fills this share of it.
+# Cached memory is reused for an array that fills at least this share of it.
 FILLED = 0.75
-# Rays that are brought to a GPU together, threads that copy them, and so many together on their way.
+# Rays copied to a GPU together, threads that copy them, and chunks on their way at once.
 ROWS, THREADS, SLOTS = 1 << 19, 12, 16
 
 
 class PinnedMemory:
-    """Pinned memory of this process; thread-safe."""
+    """Cache of this process's pinned memory; thread-safe."""
 
     def __init__(self) -> None:
-        """None yet."""
+        """Start empty."""
         self._free: list[Any] = []
         self._pinned = 0
-        self._lock = threading.RLock()  # an array may end while another one is taken
+        self._lock = threading.RLock()  # reentrant: the garbage collector may delete an array during `take`
 
     def take(self, size: int) -> Any:
-        """A pinned warp.array of at least so many bytes; None where no more may be pinned."""
+        """Return a pinned warp.array of at least so many bytes; None if no more may be pinned."""
         import warp
 
         with self._lock:
@@ -58,14 +58,14 @@ class PinnedMemory:
             return made
 
     def give_back(self, buffer: Any) -> None:
-        """What was taken, and no copy uses any more."""
+        """Return memory that was taken and that no copy uses."""
         with self._lock:
             self._free.append(buffer)
             while sum(each.size for each in self._free) > KEPT:
                 self._pinned -= self._free.pop(0).size
 
     def _drop(self, size: int) -> None:
-        """Unpin memory that nothing uses, so many bytes of it or all."""
+        """Unpin so many bytes of unused memory, or all of it."""
         while self._free and size > 0:
             gone = self._free.pop(0)
             self._pinned -= gone.size
@@ -73,23 +73,23 @@ class PinnedMemory:
 
 
 class Lent:
-    """Pinned memory as NumPy reads it; given back when the last array that lies in it is gone.
+    """Pinned memory as a NumPy array; returned to the cache when the last array on it is deleted.
 
     Attributes:
         buffer: The pinned warp.array.
-        event: Recorded behind the copies that are on their way here; None where there are none.
-        source: What they copy.
+        event: Event recorded after the pending copies to this memory; None if there are none.
+        source: Array that they copy.
     """
 
     def __init__(self, buffer: Any, shape: tuple[int, ...], dtype: np.dtype):
-        """Memory that was taken, for an array of this shape and type."""
+        """Wrap memory that was taken, for an array of this shape and type."""
         self.buffer = buffer
         self.event: Any = None
         self.source: Any = None
         self.__array_interface__ = {"data": (buffer.ptr, False), "shape": shape, "typestr": dtype.str, "version": 3}
 
     def wait(self) -> None:
-        """Wait for the copies that are on their way here."""
+        """Wait for the pending copies to this memory."""
         if self.event is not None:
             import warp
 
@@ -97,22 +97,22 @@ class Lent:
             self.event = self.source = None
 
     def __del__(self) -> None:
-        """Give the memory back."""
+        """Return the memory to the cache."""
         with suppress(Exception):  # the process may be ending
             self.wait()
             pinned_memory().give_back(self.buffer)
 
 
 def pinned_memory() -> PinnedMemory:
-    """That of this process."""
+    """Return this process's cache of pinned memory."""
     memory: PinnedMemory = OPENED.once(("pinned memory", os.getpid()), PinnedMemory)
     return memory
 
 
 def to_host(buffer: Any) -> np.ndarray:
-    """A warp.array as a NumPy array: one of the CPU device itself, one of a GPU copied, through pinned memory if large.
+    """Return a warp.array as a NumPy array: of the CPU device itself, of a GPU a copy (through pinned memory if large).
 
-    Waits for what was launched before.
+    Waits for everything launched before.
     """
     import warp
 
@@ -129,7 +129,7 @@ def to_host(buffer: Any) -> np.ndarray:
 
 
 def layout_of(buffer: Any) -> tuple[tuple[int, ...], np.dtype]:
-    """Shape and type of a warp.array of one dimension, of numbers or of vectors, as NumPy has them."""
+    """Return shape and type in NumPy's terms of a one-dimensional warp.array of numbers or vectors."""
     import warp
 
     kind, width = buffer.dtype, int(getattr(buffer.dtype, "_length_", 1))
@@ -138,15 +138,15 @@ def layout_of(buffer: Any) -> tuple[tuple[int, ...], np.dtype]:
 
 
 def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Iterator[slice]:
-    """Copy rays to a GPU, chunk by chunk through pinned memory; gives each chunk as soon as what follows may use it.
+    """Copy rays to a GPU, chunk by chunk through pinned memory; yield each chunk as soon as kernels may use it.
 
-    What is launched on the device's stream after a chunk was given finds it there, while the next ones are on their
-    way: threads copy as many chunks as there are slots of pinned memory, each thread a chunk of its own.
+    Kernels launched on the device's stream after a chunk was yielded find it there, while the next ones are being
+    copied: threads copy as many chunks as there are slots of pinned memory, one chunk per thread.
 
     Args:
-        arrays: Arrays of as many rows, C-contiguous.
-        buffers: A warp.array for each, as long, on one device.
-        rows: How many go together.
+        arrays: Arrays with the same number of rows, C-contiguous.
+        buffers: A warp.array of the same length for each, on one device.
+        rows: Rows per chunk.
     """
     import warp
 
@@ -161,7 +161,7 @@ def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Ite
             yield chunk
         return
     stream = warp.Stream(device)
-    stream.wait_stream(device.stream)  # the buffers were allocated in its order
+    stream.wait_stream(device.stream)  # the buffers were allocated in the order of the device's stream
     events: list[Any] = []
     jobs: list[Any] = []
     try:
@@ -181,7 +181,7 @@ def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Ite
                 events.append(stream.record_event())
                 device.stream.wait_event(events[-1])
                 yield chunk
-                if number and len(jobs) < len(chunks):  # the slot of the chunk before has been read, or is about to be
+                if number and len(jobs) < len(chunks):  # the previous chunk's slot has been read, or is about to be
                     warp.synchronize_event(events[number - 1])
                     stage_next()
     finally:
@@ -192,7 +192,7 @@ def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Ite
 
 
 def _slots(arrays: list[np.ndarray], rows: int, count: int) -> list[list[Any]]:
-    """Pinned memory for so many rows of each array, `count` times if there is as much; none where there is not any."""
+    """Return pinned memory for so many rows of each array, up to `count` times; empty if there is not enough."""
     memory, slots = pinned_memory(), []
     for _ in range(count):
         slot = [memory.take(array[:1].nbytes * rows) for array in arrays]
@@ -224,7 +224,7 @@ def _views(slot: list[Any], buffers: list[Any], count: int) -> list[Any]:
 
 
 def as_kind(taken: Any, kind: Any, count: int) -> Any:
-    """The first bytes of pinned memory as `count` elements of a type."""
+    """Return the first bytes of pinned memory as `count` elements of a type."""
     import warp
 
     return warp.array(ptr=taken.ptr, dtype=kind, shape=(count,), device="cpu", pinned=True)

@@ -1,4 +1,4 @@
-"""Points of the unit square mapped on a pupil, equal shares on equal shares: see aerokernels/pupils/square_map.py."""
+"""Equal-area map of the unit square to a pupil on the device: see aerokernels/pupils/square_map.py."""
 
 import warp as wp
 
@@ -11,7 +11,7 @@ _HEADER = wp.constant(PIXEL_HEADER)
 
 @wp.func
 def share_of(table_in: wp.array(dtype=wp.float64), begin: int, count: int, value: wp.float64):
-    """Which of `count` intervals of the ascending shares in table_in from `begin` on holds a value."""
+    """Return which of `count` intervals of the ascending shares in table_in from `begin` on contains a value."""
     low = int(0)
     high = int(count)
     while high - low > 1:
@@ -32,7 +32,7 @@ def place_on_pupil(
     u: wp.float64,
     v: wp.float64,
 ):
-    """Where a point (u, v) of the unit square lies on the pupil."""
+    """Return the point of the pupil for a point (u, v) of the unit square."""
     if shape == _RING:
         radius = wp.sqrt(table_in[0] + (wp.float64(1.0) - table_in[0]) * u)
         angle = wp.float64(6.283185307179586) * v

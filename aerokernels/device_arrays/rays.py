@@ -1,4 +1,4 @@
-"""Rays on a device: checked there where another library made them, or made there."""
+"""Rays on a device: checks of rays from other libraries, and rays made there."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,15 +12,15 @@ from .array import DeviceArray
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """How rays are made of points: see kernels.make_rays.
+    """How rays are made from points: see kernels.make_rays.
 
     Attributes:
         kind: "collimated", "from point", "to point" or "divergent".
         center: The pupil's centre, or the apex [m].
         first: First axis across.
         second: Second axis across.
-        axis: Direction of parallel rays, the point of those through one [m], the axis of a cone.
-        scale: The pupil's reach [m], or twice the square of the sine of half the cone's half angle.
+        axis: Direction of parallel rays, the common point of rays from or to a point [m], or the axis of a cone.
+        scale: The pupil's reach [m], or twice the squared sine of half the cone's half angle.
     """
 
     kind: str
@@ -35,14 +35,14 @@ KINDS = ("collimated", "from point", "to point", "divergent")
 
 
 def checked_rays(position: Any, direction: Any) -> tuple[DeviceArray, DeviceArray]:
-    """Copies of rays that lie on a device, directions normalised.
+    """Check and copy rays on a device, with normalised directions.
 
     Args:
-        position: A warp.array of numbers, shape (ray_count, 3), or the same on the host.
-        direction: The same, of as many rays or of one.
+        position: A warp.array of numbers, shape (ray_count, 3), or an array of this shape on the host.
+        direction: Likewise, of as many rays or of one.
 
     Raises:
-        ValueError: Shapes that disagree, arrays on two devices, numbers that are not finite, zero directions.
+        ValueError: Shapes disagree, the arrays are on two devices, numbers are not finite, or a direction is zero.
     """
     import warp as wp
 
@@ -72,7 +72,7 @@ def checked_rays(position: Any, direction: Any) -> tuple[DeviceArray, DeviceArra
 
 
 def _numbers(array: Any, device: Any) -> Any:
-    """Rays as numbers in float64 on a device; what is there already is not copied."""
+    """Return rays as float64 numbers on a device; an array that is there already is not copied."""
     import warp as wp
 
     if not isinstance(array, wp.array):
@@ -87,17 +87,17 @@ def _numbers(array: Any, device: Any) -> Any:
 def made_rays(
     device: str, made: Made, count: int, seed: int, points: SquareMap | np.ndarray
 ) -> tuple[DeviceArray, DeviceArray]:
-    """Places and directions of rays, made on a device of Warp's.
+    """Make positions and directions of rays on a device of Warp.
 
     Args:
-        device: Its name, "cpu" or "cuda:0".
-        made: How.
+        device: Name of the device, "cpu" or "cuda:0".
+        made: How the rays are made.
         count: Number of rays.
-        seed: That of the Sobol points.
-        points: The map of the unit square on which they lie, or points on the pupil, shape (count, 2).
+        seed: Seed of the Sobol points.
+        points: The map of the unit square to the pupil, or points on the pupil, shape (count, 2).
 
     Raises:
-        ValueError: The device is not there.
+        ValueError: The device does not exist.
     """
     import warp as wp
 

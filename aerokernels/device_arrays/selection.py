@@ -1,4 +1,4 @@
-"""Rays picked out on the device: those of a status, and those at the ends of a bundle."""
+"""Selection of rays on the device: rays with a status, and rays at the extremes of a bundle."""
 
 from typing import Any
 
@@ -7,18 +7,18 @@ import warp as wp
 
 from .kernels import find_extremes, select
 
-# Rows for which there is room at once, and threads that look for extremes.
+# Capacity of the first list of rows, and threads that search for extremes.
 ROOM, THREADS = 1 << 12, 1 << 14
 
 
 def selected_rows(status: Any, code: int, error: Any, limit: float) -> np.ndarray:
-    """See `array.rows_where`; `status` and `error` are arrays of Warp's, or no error."""
+    """Return the rows of `array.rows_where`; `status` and `error` are Warp arrays, `error` may be None."""
     rows, found = _selected(status, code, error, limit, 1)
     return np.sort(rows[:found].numpy()) if found else np.zeros(0, np.int32)
 
 
 def rows_on_device(status: Any, code: int) -> Any:
-    """Numbers of the rays with a status, ascending, as a warp.array where the status is."""
+    """Return the numbers of the rays with a status, ascending, as a warp.array on the device of `status`."""
     rows, found = _selected(status, code, None, 0.0, 2)
     if not found:
         return wp.empty(0, dtype=wp.int32, device=status.device)
@@ -28,7 +28,7 @@ def rows_on_device(status: Any, code: int) -> Any:
 
 
 def _selected(status: Any, code: int, error: Any, limit: float, copies: int) -> tuple[Any, int]:
-    """Numbers of rays in no order, in an array with room for at least `copies` of them, and how many they are."""
+    """Return unordered numbers of rays, in an array with room for at least `copies` times as many, and their count."""
     device, room = status.device, ROOM
     while True:
         rows, count = wp.empty(room, dtype=wp.int32, device=device), wp.zeros(1, dtype=wp.int32, device=device)
@@ -41,7 +41,7 @@ def _selected(status: Any, code: int, error: Any, limit: float, copies: int) -> 
 
 
 def extremes(values: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Least and greatest of each component of places or directions, both shape (3,), and the rows with them (6,)."""
+    """Return the least and greatest of each component of vectors, both shape (3,), and the rows that have them (6,)."""
     device, threads = values.device, min(THREADS, len(values))
     low, high = (wp.empty(threads, dtype=wp.vec3d, device=device) for _ in range(2))
     low_row, high_row = (wp.empty(threads, dtype=wp.vec3i, device=device) for _ in range(2))

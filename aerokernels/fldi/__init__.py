@@ -1,4 +1,4 @@
-"""Focused laser differential interferometry: what a given instrument reads of a flow, and its transfer function."""
+"""Focused laser differential interferometry (FLDI): response of an instrument to a flow, and its transfer function."""
 
 from .instrument import FLDI
 from .response import FLDIResponse, fldi_response

@@ -1,12 +1,13 @@
-"""What the field itself makes a phase off by: its grid, a resampling, how it was made from a flow.
+"""Error of a phase due to the field: its grid, a resampling, and its origin from a flow.
 
-The rays of both beams gather their phases along the same lines through the field with every second and every fourth
-node (medium/levels.py), through the field that it was resampled from, and of what the interpolant of cells lacks of
-their averages. What is left of each ray's difference of phases is summed by light, without sign: errors of neighbouring
-cells have any, and would cancel by chance.
+The phases of both beams' rays are integrated along the same lines through the field with every second and every fourth
+node (medium/levels.py), through the field that it was resampled from, and over the deficit of the interpolant against
+cell averages. The errors of each ray's phase difference are summed by light as absolute values: the signs of errors in
+neighbouring cells are random, and they would cancel by chance.
 
-Beams are often narrower than a cell, so that all rays see one place of the grid, where a change may vanish by chance:
-what the change between the two coarser grids foretells at the greatest order is added to what is left of the finer one.
+Beams are often narrower than a cell, so that all rays are in one cell of the grid, where a change may vanish by chance.
+So the error predicted at the greatest order from the change between the two coarser grids is added to the error of the
+finer one.
 """
 
 from collections.abc import Callable
@@ -24,9 +25,9 @@ from ..tracing.stop import Plane
 from .instrument import FLDI
 from .rays import gathered, layer_count, ray_points
 
-# Kinks at the faces of cells, which make slopes of the first order, average out along a beam.
+# Least order of the prediction: kinks at cell faces, which make slopes first order, average out along a beam.
 LEAST_FORETOLD = 2.0
-# Of what is left by orders that are seen at few nodes, where none has settled.
+# Factor on the extrapolated error: orders observed at few nodes have not settled.
 SAFETY = 1.5
 Gather = Callable[[IndexField], np.ndarray]
 
@@ -39,13 +40,13 @@ def grid_error(
     focus: np.ndarray,
     ends: tuple[float, float],
 ) -> float:
-    """What the phase may be off by through the field's samples [rad]; NaN where that is not known.
+    """Return the error of the phase due to the field's samples [rad]; NaN if it is not known.
 
     Args:
         field: The refractive index.
         instrument: The instrument.
-        places: Places of the rays that judge it in units of a beam's radius, shape (n, 2).
-        share: Their shares of the light, shape (n,).
+        places: Positions of the test rays in units of a beam's radius, shape (n, 2).
+        share: Shares of the light of these rays, shape (n,).
         focus: The instrument's focus [m], shape (3,).
         ends: Distances from the focus between which light is in the field's box [m].
     """
@@ -77,9 +78,9 @@ def grid_error(
 
 
 def _interpolation(field: IndexField, difference: Gather, known: np.ndarray | None):
-    """Size of the interpolation error of each ray's difference of phases [rad], None if not known; the difference.
+    """Return the absolute interpolation error of each ray's phase difference [rad], None if not known; the difference.
 
-    `known` is that difference where it was gathered already.
+    `known` is that difference if it was computed already.
     """
     levels = field.refinement
     if levels is None:
@@ -90,7 +91,7 @@ def _interpolation(field: IndexField, difference: Gather, known: np.ndarray | No
     if levels.coarser is None:
         return np.abs(levels.richardson_error(fine, coarse, None)), whole
     before = difference(levels.coarser)
-    order = ORDER[levels.fine.interpolation] - 1.0  # of slopes, which are what close beams see
+    order = ORDER[levels.fine.interpolation] - 1.0  # the order of slopes, which close beams measure
     factor = 2.0 ** max(order, LEAST_FORETOLD)
     foretold = np.abs(coarse - before) / (factor * (factor - 1.0))
     return np.abs(richardson_error(fine, coarse, before, order)) + foretold, whole
@@ -99,9 +100,9 @@ def _interpolation(field: IndexField, difference: Gather, known: np.ndarray | No
 def _lacking(
     field: IndexField, instrument: FLDI, places: np.ndarray, focus: np.ndarray, ends: tuple[float, float]
 ) -> np.ndarray:
-    """What cells lack of their averages, of the first beam's rays less the second's [m], shape (n,).
+    """Return the deficit against cell averages of the first beam's rays minus the second's [m], shape (n,).
 
-    Along straight lines to the focus and from there.
+    It is summed along straight lines to the focus and from there.
     """
     found = np.zeros(len(places))
     if not isinstance(field.samples, MeshSamples) or field.samples.lacking is None:

@@ -1,17 +1,18 @@
 r"""A focused laser differential interferometer, and its response to sine waves in closed form.
 
-Two parallel Gaussian beams, apart by s, meet a flow on their way through a common focus. At the distance z from it
+Two parallel Gaussian beams, a distance s apart, pass through a flow with their foci in a common plane. At the distance
+z from the focus
 
-    w(z)^2 = w_0^2 + (theta z)^2,        theta = lambda / (pi w_0) unless the optics make it another
+    w(z)^2 = w_0^2 + (theta z)^2,        theta = lambda / (pi w_0) unless `divergence` is given
 
-is the radius at which the intensity has fallen to 1 / e^2, and the detector compares the phases of both beams, weighted
-by intensity. A wave sin(K x) along the separation, in a sheet at z, changes the difference of the phases by its own
-slope times s times
+is the radius at which the intensity has fallen to 1 / e^2. The detector compares the phases of both beams, weighted by
+intensity. A wave sin(K x) along the separation, in a sheet at z, changes the phase difference by its slope times s
+times
 
     H(K, z) = sin(K s / 2) / (K s / 2)  exp(-K^2 w(z)^2 / 8)
 
-and waves at the angle a from the separation by the same with K cos a in the first factor (B. E. Schmidt, J. E.
-Shepherd, Analysis of focused laser differential interferometry, Appl. Opt. 54 (2015) 8459).
+and waves at the angle a from the separation by the same expression with K cos a in the first factor (B. E. Schmidt, J.
+E. Shepherd, Analysis of focused laser differential interferometry, Appl. Opt. 54 (2015) 8459).
 """
 
 from dataclasses import dataclass, field
@@ -27,21 +28,21 @@ from ..pupils import as_unit_vector, as_vector, transverse_axes
 @checked
 @dataclass(frozen=True, eq=False)
 class FLDI:
-    """An instrument.
+    """An FLDI instrument.
 
     Attributes:
-        separation: Distance of the two beams [m].
-        waist: Radius of a beam at the focus, to 1 / e^2 of its intensity [m].
+        separation: Distance between the two beams [m].
+        waist: Radius of a beam at the focus, at 1 / e^2 of its intensity [m].
         focus: Point midway between the beams at their focus [m], shape (3,).
-        axis: Direction of the beams, made a unit vector, shape (3,).
-        direction: Direction from the second beam to the first, made a unit vector across the axis, shape (3,); None
-            takes the first transverse axis, x for beams along z.
+        axis: Direction of the beams, normalised, shape (3,).
+        direction: Direction from the second beam to the first, projected across the axis and normalised, shape (3,);
+            None takes the first transverse axis, x for beams along z.
         wavelength: Vacuum wavelength [m].
-        divergence: Half angle at which the radius grows far from the focus [rad]; None: wavelength / (pi waist).
+        divergence: Half angle of the beams far from the focus [rad]; None takes wavelength / (pi waist).
 
     Raises:
-        TypeError: The wavelength is not one number.
-        ValueError: A number that makes no sense, or a direction along the axis.
+        TypeError: The wavelength is not a number.
+        ValueError: A number is out of range, or the direction is along the axis.
     """
 
     separation: float
@@ -53,7 +54,7 @@ class FLDI:
     divergence: float | None = None
 
     def __post_init__(self):
-        """Check and normalise."""
+        """Check and normalise the values."""
         axis = as_unit_vector(self.axis, "axis")
         direction = transverse_axes(axis)[0] if self.direction is None else as_unit_vector(self.direction, "direction")
         across = direction - (direction @ axis) * axis
@@ -78,24 +79,24 @@ class FLDI:
 
     @property
     def normal(self) -> np.ndarray:
-        """The unit vector across axis and direction, shape (3,)."""
+        """Unit vector perpendicular to axis and direction, shape (3,)."""
         assert self.direction is not None
         return np.cross(self.axis, self.direction)
 
     @checked
     def radius(self, distance: Numbers) -> np.ndarray:
-        """Radius of a beam [m] at distances from the focus along the axis [m], of their shape."""
+        """Return the radius of a beam [m] at distances from the focus along the axis [m], of their shape."""
         assert self.divergence is not None
         return np.hypot(self.waist, np.tan(self.divergence) * np.asarray(distance, dtype=np.float64))
 
     @checked
     def transfer(self, wave_number: Numbers, distance: Numbers = 0.0, *, angle: float = 0.0) -> np.ndarray:
-        """H of a sine wave in a sheet, in closed form, of the arguments' common shape.
+        """Return H of a sine wave in a sheet, in closed form, of the arguments' common shape.
 
         Args:
-            wave_number: 2 pi over the wave's length [rad / m].
-            distance: From the focus to the sheet, along the axis [m].
-            angle: Of the direction in which the wave runs, from that of the separation [rad].
+            wave_number: Wave number, 2 pi over the wavelength of the sine [rad / m].
+            distance: Distance from the focus to the sheet along the axis [m].
+            angle: Angle between the wave's direction and the separation [rad].
         """
         wave_number, distance = (np.asarray(each, dtype=np.float64) for each in (wave_number, distance))
         if not (np.isfinite(wave_number).all() and np.isfinite(distance).all() and np.isfinite(angle)):
@@ -112,12 +113,14 @@ class FLDI:
 
     @checked
     def transfer_through(self, wave_number: Numbers, half_length: float, *, angle: float = 0.0) -> np.ndarray:
-        """Mean of H over sheets from -half_length to +half_length about the focus [m], in closed form."""
+        """Return the mean of H over sheets from -half_length to +half_length about the focus [m], in closed form."""
         from scipy.special import erf
 
         assert self.divergence is not None
         wave_number = np.asarray(wave_number, dtype=np.float64)
-        grown = wave_number * np.tan(self.divergence) * check_positive(half_length, "half_length") / np.sqrt(8.0)
+        grown = (
+            np.abs(wave_number) * np.tan(self.divergence) * check_positive(half_length, "half_length") / np.sqrt(8.0)
+        )
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = np.where(grown > 1e-9, 0.5 * np.sqrt(np.pi) * erf(grown) / grown, 1.0)
         return np.asarray(mean * self.transfer(wave_number, 0.0, angle=angle))

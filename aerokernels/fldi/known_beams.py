@@ -1,7 +1,7 @@
-"""How much of an interferometer's light goes through disturbed air that ends with the field's box.
+"""Share of an interferometer's light that goes through disturbed air ending at the field's box.
 
-By straight lines from the focus to either end of the beams, as for a pupil (tracing/pupil_air.py): a line counts where
-it may lose more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing.
+Straight lines from the focus to both ends of the beams are tested, as for a pupil (tracing/pupil_air.py): a line counts
+if it may lose more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing.
 """
 
 import warnings
@@ -15,21 +15,22 @@ from ..tracing.lines import box_size
 from ..tracing.pupil_air import GREATEST_SHARE, TruncationWarning, meets_wall
 from .instrument import FLDI
 
-# Lines across a beam, and what one may lose of its path [waves].
+# Lines across a beam, and path that a line may lose [waves].
 LINES, TOLERANCE = 33, 1e-3
 
 
 def truncated_share(
     field: IndexField, instrument: FLDI, focus: np.ndarray, ends: tuple[float, float] | None, reach: float
 ) -> float:
-    """Share of the light of both beams that may lose more than the tolerance where the known air ends.
+    """Return the share of the light of both beams that may lose more than the tolerance where the known air ends.
 
     Args:
         field: The refractive index.
         instrument: The instrument.
-        focus: Its focus [m], shape (3,).
-        ends: Distances from the focus along the axis between which light is in the field's box [m]; None: it passes by.
-        reach: Radii to which a beam is followed.
+        focus: Focus of the instrument [m], shape (3,).
+        ends: Distances from the focus along the axis between which light is in the field's box [m]; None if it misses
+            the box.
+        reach: Radii up to which a beam is traced.
     """
     if ends is None:
         low, high = field.box
@@ -47,11 +48,11 @@ def truncated_share(
     for beam, side in enumerate((0.5, -0.5)):
         middle = focus + side * instrument.separation * first
         for end in ends:
-            # From the focus; from halfway where that is the end itself.
+            # From the focus; from the middle of the range if the focus is this end.
             begin = 0.0 if abs(end) > 1e-6 * (ends[1] - ends[0]) else 0.5 * (ends[0] + ends[1])
             start = middle + begin * instrument.axis + float(instrument.radius(begin)) * across
             if end * (ends[0] + ends[1]) < 0.0 and ends[0] * ends[1] > 0.0:
-                continue  # the box is all on the other side
+                continue  # the whole box is on the other side of the focus
             way = middle + end * instrument.axis + float(instrument.radius(end)) * across - start
             rays = RayBundle(start, way / np.linalg.norm(way, axis=1)[:, None])
             lost, _ = may_be_lost(field, rays, None, tolerance)
@@ -63,7 +64,7 @@ def truncated_share(
 
 
 def warn_of_truncation(share: float) -> None:
-    """Say so where more than a thousandth of the light is truncated, on behalf of whoever called `fldi_response`."""
+    """Warn the caller of `fldi_response` if more than a thousandth of the light is truncated."""
     if share > GREATEST_SHARE:
         text = (
             f"{100.0 * share:.3g} % of the light goes through disturbed air that ends with the field's box: what lies "

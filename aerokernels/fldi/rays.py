@@ -1,8 +1,8 @@
-"""The rays of an interferometer's two beams, and the phases that they gather.
+"""Rays of an interferometer's two beams, and the optical paths along them.
 
-A ray keeps its share of its beam's light and its place in units of the beam's radius, which grows on both sides of the
-focus. The places are a square grid, whose sums over a Gaussian beam are exact for waves up to its own resolution, so it
-is taken as fine as the field's samples where the beam is widest.
+A ray has a constant share of its beam's light and a constant position in units of the beam's radius, which grows on
+both sides of the focus. The positions form a square grid. Sums over such a grid of a Gaussian beam are exact for waves
+up to the grid's resolution, so the grid is as fine as the field's samples where the beam is widest.
 """
 
 import math
@@ -14,21 +14,18 @@ from ..medium.tensor_points import contrast_without_gradient
 from ..tracing.lines import cell_along, cylinder_span, slab_span
 from .instrument import FLDI
 
-# Radii to which a beam is followed, and the share of its light that lies beyond. Rays across a beam.
+# Radii up to which a beam is traced; fewest and most rays across a beam; share of the light beyond REACH.
 REACH, LEAST_RAYS, MOST_RAYS = 2.6, 20, 192
 BEYOND_REACH = math.exp(-2.0 * REACH**2)
-# Times that the beams' widest radius in the box is found from how far they go in it, and that from the radius.
+# Iterations that find the range of the beams in the box from their widest radius, and that radius from the range.
 BEAM_TURNS = 4
-# Layers along the beams: to a cell of fields with and without kinks, at least and at most; the points in each, and how
-# many points are looked up at once.
+# Layers along the beams: per cell of fields with and without kinks, fewest, most; points interpolated together.
 LAYERS_PER_CELL, LEAST_LAYERS, MOST_LAYERS, BLOCK = (2, 1), 8, 2048, 200_000
 GAUSS = 0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)
 
 
 def crossed(field: IndexField, instrument: FLDI, focus: np.ndarray) -> tuple[float, float] | None:
-    """Distances along the axis from a focus [m], shape (3,), between which any of the light is in the field's box.
-
-    None where none ever is.
+    """Return the distances along the axis from a focus [m] between which light is in the field's box; None if none is.
 
     Raises:
         ValueError: The beams never leave the box.
@@ -49,9 +46,9 @@ def crossed(field: IndexField, instrument: FLDI, focus: np.ndarray) -> tuple[flo
 
 
 def _span_of_disc(field: IndexField, focus: np.ndarray, axis: np.ndarray, reach: float) -> tuple[float, float]:
-    """Where a disc across an axis touches the box while it is moved along it [m]; the first above the second: nowhere.
+    """Return the range in which a disc moved along an axis touches the box [m]; first above second if nowhere.
 
-    By the middle's way through a box that is wider by what the disc reaches along each of its sides.
+    It is the path of the disc's middle through a box extended by the disc's reach along each axis.
     """
     low, high = field.box
     wider = reach * np.sqrt(np.maximum(1.0 - axis**2, 0.0))
@@ -67,10 +64,10 @@ def _span_of_disc(field: IndexField, focus: np.ndarray, axis: np.ndarray, reach:
 
 
 def beam_grid(field: IndexField, instrument: FLDI, ends: tuple[float, float], rays: int | None):
-    """Places of rays in units of the radius, shape (n, 2), and their shares of the light, shape (n,).
+    """Return positions of rays in units of the radius, shape (n, 2), and their shares of the light, shape (n,).
 
     Returns:
-        Places, shares, and the shares that the grid of every other row and column has, 0 for the others.
+        Positions, shares, and the shares on the grid of every other row and column, 0 for the other rays.
     """
     widest = float(instrument.radius(np.asarray(ends)).max())
     assert instrument.direction is not None
@@ -92,7 +89,7 @@ def beam_grid(field: IndexField, instrument: FLDI, ends: tuple[float, float], ra
 
 
 def layer_count(field: IndexField, instrument: FLDI, ends: tuple[float, float]) -> int:
-    """Layers along the beams that a field asks for between its ends [m]."""
+    """Return the number of layers along the beams that a field needs between the ends [m]."""
     cell = float(cell_along(field, instrument.axis[None])[0])
     wanted = LAYERS_PER_CELL[field.interpolation == "cubic"] * (ends[1] - ends[0]) / cell
     return math.ceil(min(max(wanted, LEAST_LAYERS), MOST_LAYERS))
@@ -108,21 +105,21 @@ def gathered(
     coarser: int = 1,
     layers: int | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Optical path [m] that the rays of both beams gather, shape (2, n): first the beam toward `direction`.
+    """Return the optical paths [m] of the rays of both beams, shape (2, n): first the beam toward `direction`.
 
-    By two Gauss points in each layer, of as much of it as lies in the field's box.
+    Two Gauss points are used in the part of each layer that is in the field's box.
 
     Args:
         field: The refractive index.
         instrument: The instrument.
-        places: Places of the rays in units of a beam's radius, shape (n, 2).
-        focus: Its focus [m], shape (3,).
+        places: Positions of the rays in units of a beam's radius, shape (n, 2).
+        focus: Focus of the instrument [m], shape (3,).
         ends: Distances from the focus between which light is in the box [m].
-        coarser: How many times as thick the layers are as the field asks for.
-        layers: How many there are; None: as many as the field asks for.
+        coarser: Factor on the thickness of the layers.
+        layers: Number of layers before that factor; None takes as many as the field needs.
 
     Returns:
-        The paths, and which rays get past the field's body, of the same shape.
+        Optical paths, and a mask of the rays that pass the field's body, of the same shape.
     """
     count = math.ceil((layer_count(field, instrument, ends) if layers is None else layers) / coarser)
     edges = np.linspace(*ends, count + 1)
@@ -149,7 +146,7 @@ def gathered(
 def ray_points(
     instrument: FLDI, places: np.ndarray, focus: np.ndarray, side: float, distance: np.ndarray
 ) -> np.ndarray:
-    """Where the rays of one beam are at distances (m, n) from the focus [m], shape (m, n, 3)."""
+    """Return points on the rays of one beam at distances (m, n) from the focus [m], shape (m, n, 3)."""
     first, second = instrument.direction, instrument.normal
     assert first is not None
     across = places[:, :1] * first + places[:, 1:] * second
@@ -158,7 +155,7 @@ def ray_points(
 
 
 def _in_box(field: IndexField, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """From which to which share of its length each stretch between points (m + 1, n, axes) lies in the box, (m, n)."""
+    """Return the range, as shares of its length, in which each segment between points is in the box, shape (m, n)."""
     low, high = field.box
     if field.geometry == "axisymmetric":
         low, high = np.array([-np.inf, low[2]]), high[[0, 2]]
@@ -176,7 +173,7 @@ def _in_box(field: IndexField, local: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _in_body(field: IndexField, points: np.ndarray) -> np.ndarray:
-    """Which of some points (n, 3) lie in the field's body, shape (n,)."""
+    """Return a mask of the points (n, 3) inside the field's body, shape (n,)."""
     body, local = field.body, field.local_coordinates(points)
     assert body is not None
     low, high = body.box if isinstance(body, SolidBody) else (body.profile.min(axis=0), body.profile.max(axis=0))

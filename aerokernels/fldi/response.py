@@ -1,12 +1,12 @@
-r"""What an interferometer reads of a field or a series of fields.
+r"""Response of an interferometer to a field or a series of fields.
 
-Rays of both beams gather their phases along their undisturbed ways; the detector sees the interference of each ray with
-its twin, all of it at once:
+The phases of both beams' rays are integrated along their undisturbed paths. The detector sees the sum of the
+interference of each ray with its counterpart in the other beam:
 
     visibility exp(i phase) = sum over rays of share exp(i (phi_1 - phi_2))
 
-For weak flows the phase is the mean of phi_1 - phi_2. Deflection is left out: over the few millimetres about a focus it
-moves rays by less than a waist.
+For weak flows the phase is the mean of phi_1 - phi_2. Deflection is neglected: over the few millimetres around a focus
+it displaces rays by less than a waist.
 """
 
 from collections.abc import Iterable
@@ -24,26 +24,26 @@ from .instrument import FLDI
 from .known_beams import truncated_share, warn_of_truncation
 from .rays import BEYOND_REACH, REACH, beam_grid, crossed, gathered
 
-# Rays across a beam that a caller may ask for.
+# Most rays across a beam that a caller may request.
 MOST = 2048
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FLDIResponse:
-    """Phases that an instrument reads. Arrays have the shape (time_count, offset_count), less what was not asked for.
+    """Response of an instrument; arrays have shape (time_count, offset_count) without axes not requested.
 
     Attributes:
-        phase: Phase difference of the detected light [rad], positive where the first beam, that toward the
-            instrument's direction, is delayed; NaN where a body holds back all of the light of either.
-        visibility: Contrast of the interference, 1 where all rays agree; light without its twin, which a body holds
-            back, takes from it.
-        mean_phase: Mean phase difference by light [rad], linear in the field.
-        error: What the phase may be off by through the number of rays and of layers along them [rad]: the difference to
-            half as many rays either way, the greater one to a half and a third of the layers, what the light beyond
-            the outermost rays may change, and what the field's own samples leave (grid_error.py). NaN where the phase
-            is, and of a field whose samples can't be judged.
-        truncated: Share of the light that goes through disturbed air that ends with the field's box, of which the phase
-            holds the known part only.
+        phase: Phase difference of the detected light [rad], positive where the first beam, the one toward the
+            instrument's direction, is delayed; NaN where a body blocks all of the light of either beam.
+        visibility: Contrast of the interference, 1 where all rays have the same phase; light whose counterpart is
+            blocked by a body reduces it.
+        mean_phase: Mean phase difference weighted by light [rad], linear in the field.
+        error: Error of the phase [rad]: the change with half as many rays in both directions, the greater change with a
+            half and a third of the layers along them, the effect of the light beyond the outermost rays, and the error
+            of the field's own samples (grid_error.py). NaN where the phase is NaN, and for fields whose sampling error
+            is not known.
+        truncated: Share of the light through disturbed air that ends at the field's box; the phase includes only the
+            known part of that air.
         time: Times [s], shape (time_count,), or None for one field.
         instrument: The instrument.
     """
@@ -58,17 +58,17 @@ class FLDIResponse:
 
     @checked
     def signal(self, bias: float = 0.5 * np.pi) -> np.ndarray:
-        """Light on a detector over its greatest, (1 + visibility cos(phase - bias)) / 2; pi / 2 is quadrature."""
+        """Return the light on a detector over its maximum, (1 + visibility cos(phase - bias)) / 2."""
         if not np.isfinite(bias):
             raise ValueError(f"bias must be a finite phase [rad], got {bias!r}")
         return 0.5 * (1.0 + self.visibility * np.cos(self.phase - bias))
 
     @checked
     def spectrum(self, segment: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Frequencies [Hz] and the power spectral density of the phase [rad2 / Hz], by Welch's method.
+        """Return frequencies [Hz] and the power spectral density of the phase [rad2 / Hz], by Welch's method.
 
         Raises:
-            ValueError: No series, or times that are not even.
+            ValueError: The response is not one of a series, or its times are not evenly spaced.
         """
         if self.time is None or len(self.time) < 4:
             raise ValueError("a spectrum needs the response to a series of at least 4 snapshots")
@@ -84,7 +84,7 @@ class FLDIResponse:
         return np.asarray(frequency), np.asarray(power)
 
     def to_xarray(self):
-        """The response as a dataset with units."""
+        """Return the response as a dataset with units."""
         import xarray
 
         names = [] if self.time is None else ["time"]
@@ -110,7 +110,7 @@ class FLDIResponse:
         return xarray.Dataset(variables, coordinates, attributes)
 
     def plot(self, axes=None):
-        """Draw the phase on matplotlib axes, over time where there is one; returns the axes."""
+        """Draw the phase on matplotlib axes, over time if there is one; return the axes."""
         axes = drawn_on(axes)
         place = np.arange(len(np.atleast_1d(self.phase))) if self.time is None else 1e6 * self.time
         axes.plot(place, np.atleast_1d(self.phase))
@@ -118,7 +118,7 @@ class FLDIResponse:
         return axes
 
     def __repr__(self) -> str:
-        """Count, size and error."""
+        """Number of phases, their rms and error."""
         seen = np.isfinite(self.phase)
         if not seen.any():
             return f"FLDIResponse of {self.phase.size} phases, none of which is known: a body holds back the light"
@@ -138,23 +138,23 @@ def fldi_response(
     rays: int | None = None,
     **relation: Any,
 ) -> FLDIResponse:
-    """Phase that a focused laser differential interferometer reads.
+    """Compute the phase measured by a focused laser differential interferometer.
 
     Args:
-        field: A field, a series of density fields, or several fields one after another.
+        field: A field, a series of density fields, or several fields in order of time.
         instrument: The instrument.
-        offsets: Where its focus is moved to, less its own [m], shape (n, 3): a scan, or a frozen flow that drifts by.
+        offsets: Displacements of the instrument's focus [m], shape (n, 3): a scan, or a frozen flow that drifts past.
         time: Times of several fields [s]; None numbers them.
-        rays: Rays across a beam; None takes as many as the field's samples ask for, up to 192.
-        **relation: Of a density field or a series, as for its `index_field`: relation, constant, composition ...
+        rays: Rays across a beam; None takes as many as the field's samples need, up to 192.
+        **relation: Arguments of `index_field` for a density field or a series: relation, constant, composition ...
 
     Raises:
-        TypeError: An argument of the wrong kind.
-        ValueError: A number that makes no sense; beams that do not meet the field; another wavelength than its own.
+        TypeError: An argument is of the wrong type.
+        ValueError: A number is out of range, the beams do not meet the field, or the wavelength is not the field's.
 
     Warns:
-        TruncationWarning: More than a thousandth of the light goes through disturbed air that ends with the field's
-            box; `truncated` says how much.
+        TruncationWarning: More than a thousandth of the light goes through disturbed air that ends at the field's box;
+            `truncated` is the share.
     """
     if not isinstance(instrument, FLDI):
         raise TypeError(f"instrument must be an FLDI, got {type(instrument).__name__}")
@@ -198,7 +198,7 @@ def fldi_response(
 
 
 def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, relation: dict[str, Any]) -> np.ndarray:
-    """Phase, visibility, mean phase, error and truncated share for each offset, shape (n, 5)."""
+    """Return phase, visibility, mean phase, error and truncated share for each offset, shape (n, 5)."""
     given = field
     if isinstance(field, DensityField):
         index = field.index_field(wavelength=instrument.wavelength, **relation)
@@ -225,7 +225,7 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
         per_metre = 2.0 * np.pi / instrument.wavelength
         difference = per_metre * (first - second)
         both, lit = passes.all(axis=0), passes.mean(axis=0)
-        if not share @ both > 0.0:  # a body holds back one beam, or both
+        if not share @ both > 0.0:  # a body blocks one beam, or both
             rows.append((np.nan, 0.0, np.nan, np.nan, beyond))
             continue
         whole, half = ((light * both * np.exp(1j * difference)).sum() for light in (share, coarse))
@@ -237,7 +237,7 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
         error = abs(np.angle(half / whole)) if whole and half else np.nan
         error += BEYOND_REACH * float(np.ptp(difference[both]))
         few = np.flatnonzero(coarse * both)
-        if len(few):  # the greater change by twice and by thrice as thick layers: that of one alone vanishes by chance
+        if len(few):  # with layers twice and three times as thick: one change alone may vanish by chance
             changes = []
             for coarser in (2, 3):
                 (first, second), _ = gathered(field, instrument, places[few], focus, ends, coarser=coarser)

@@ -1,4 +1,4 @@
-"""Pictures through a flow: what a camera sees of an extended scene, and the bench of background-oriented schlieren."""
+"""Pictures of an extended scene through a flow, and background-oriented schlieren (BOS)."""
 
 from .bos import BackgroundPictures, bos
 from .camera import Camera

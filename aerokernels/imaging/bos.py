@@ -1,8 +1,8 @@
-"""Background-oriented schlieren: pictures of a dot pattern with and without a flow before it, and the displacement.
+"""Background-oriented schlieren: pictures of a dot pattern with and without a flow in front, and the displacement.
 
-Each pixel is the mean over points of the aperture of what their rays meet of the pattern, so the lens's depth of field
-and the flow's own blur are in the pictures. Correlating them (OpenPIV and its like) gives the displacement back, which
-is there as traced too.
+Each pixel is the mean brightness of the pattern over rays from points of the aperture, so the pictures include the
+lens's depth of field and the blur by the flow. Correlating the pictures (OpenPIV or similar) recovers the displacement,
+which is also available as traced.
 
 Reference: M. Raffel, Background-oriented schlieren (BOS) techniques, Exp. Fluids 56 (2015) 60.
 """
@@ -22,19 +22,19 @@ from .camera import Camera
 from .dots import Background, DotPattern
 from .shift import BackgroundDisplacement, check_view, gather
 
-# Points of the aperture of a picture, and the margin of a pattern [pixels].
+# Points of the aperture for a picture, and margin of a pattern around it [pixels].
 APERTURE_RAYS, MARGIN = 16, 32
 FORMATS = ("tiff", "png")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BackgroundPictures:
-    """Two pictures of a background, and how the flow displaced it.
+    """Two pictures of a background, and its displacement by the flow.
 
     Attributes:
         reference: Brightness without the flow, 0 to 1, axes [y, x], rows from the lowest up.
         picture: Brightness through the flow, of the same shape.
-        traced: The displacement by ray tracing.
+        traced: The ray-traced displacement.
     """
 
     reference: np.ndarray
@@ -47,15 +47,15 @@ class BackgroundPictures:
         return self.traced.displacement
 
     def write(self, folder: str | Path, format: str = "tiff") -> tuple[Path, Path]:
-        """Write both pictures as 16 bits of grey, the uppermost row first, and the displacement as NetCDF beside them.
+        """Write both pictures in 16-bit grey, the uppermost row first, and the displacement as NetCDF beside them.
 
-        A file's rows run downward: a correlation's displacement along its rows is minus that along y.
+        A file's rows run downward: a displacement correlated along increasing row numbers is minus the one along y.
 
         Returns:
             The paths of the reference and of the picture.
 
         Raises:
-            ValueError: Another format than "tiff" or "png".
+            ValueError: `format` is neither "tiff" nor "png".
         """
         check_choice(format, "format", FORMATS)
         folder = Path(folder)
@@ -67,14 +67,14 @@ class BackgroundPictures:
         return paths
 
     def to_xarray(self):
-        """Pictures and displacement as a dataset with units."""
+        """Return pictures and displacement as a dataset with units."""
         words = {"units": "1", "long_name": "brightness, 1 is white"}
         return self.traced.to_xarray().assign(
             reference=(("y", "x"), self.reference, words), picture=(("y", "x"), self.picture, words)
         )
 
     def plot(self, axes=None):
-        """Draw the size of the displacement on matplotlib axes; returns the axes."""
+        """Draw the size of the displacement on matplotlib axes; return the axes."""
         return self.traced.plot(axes)
 
     def __repr__(self) -> str:
@@ -95,25 +95,25 @@ def bos(
     allow_truncation: bool = False,
     **options: Any,
 ) -> BackgroundPictures:
-    """What a bench for background-oriented schlieren records.
+    """Simulate the pictures of a bench for background-oriented schlieren.
 
     Args:
         field: The refractive index.
-        camera: The camera; its scene at a finite distance is where the pattern stands.
+        camera: The camera; the pattern is in the plane of its scene, at a finite distance.
         pattern: A DotPattern, or a picture of brightness 0 to 1, axes [y, x], centred on the camera's axis.
-        pattern_pixel: Side of a pixel of such a picture in the scene [m]; None: as the camera's pixels see it. Pixels
-            of two thirds of the camera's and less are squares, of which a camera's pixel sees the mean; wider ones lie
-            on a spline.
-        sensor: Makes grey levels and noise; None: brightness as it is.
-        seed: Draws the noise; that of the two pictures is independent.
-        aperture_rays: Points of the aperture, about.
-        allow_truncation: As for `background_displacement`.
+        pattern_pixel: Side of a pixel of such a picture in the scene [m]; None takes the camera's. Pixels up to two
+            thirds of the camera's are treated as squares, over which a camera's pixel averages; wider ones are
+            interpolated by a spline.
+        sensor: Adds noise and grey levels; None leaves the brightness as it is.
+        seed: Seed of the noise, which is independent in the two pictures.
+        aperture_rays: Approximate number of points of the aperture.
+        allow_truncation: As in `background_displacement`.
         **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
 
     Raises:
-        TypeError: An argument of the wrong kind, or an unknown option.
-        ValueError: A number that makes no sense, a scene that is infinitely far, no ray that meets the field, a
-            truncated view without `allow_truncation`.
+        TypeError: An argument is of the wrong type, or an option is unknown.
+        ValueError: A number is out of range, the scene is infinitely far, no ray meets the field, or the view is
+            truncated and `allow_truncation` is not set.
     """
     check_view(field, camera, options)
     if not np.isfinite(camera.distance):

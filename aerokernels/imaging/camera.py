@@ -1,12 +1,12 @@
-"""A camera: an entrance pupil that a flow is looked through, a lens in it, and pixels behind.
+"""Camera model: an entrance pupil before a flow, a lens in it, and pixels behind it.
 
-A pixel at the place p of the sensor looks along the tangent t = p / b from the pupil's middle, b the image distance of
-the plane in focus: 1 / b = 1 / f - 1 / focus. A ray of the pixel that starts at the place q of the pupil goes through
-the point of the plane in focus that the pixel looks at:
+A pixel at the position p of the sensor looks along the tangent t = p / b from the pupil's middle, b being the image
+distance of the plane in focus: 1 / b = 1 / f - 1 / focus. A ray of the pixel that starts at the point q of the pupil
+goes through the point of the plane in focus that the pixel looks at:
 
     tangent = t - q / focus,      without a flow it meets a scene at the distance D at D t + q (1 - D / focus)
 
-The second term is the depth of field. Places are along the two axes of the pupil, x and y where it looks along +z.
+The second term is the depth of field. Positions are along the two axes of the pupil, x and y if it looks along +z.
 """
 
 from dataclasses import dataclass
@@ -23,21 +23,21 @@ GREATEST_PIXELS = 100_000_000
 @checked
 @dataclass(frozen=True)
 class Camera:
-    """A camera that looks along its pupil's normal.
+    """A camera looking along its pupil's normal.
 
     Pictures have the axes [y, x], both ascending along the pupil's axes, as maps of wavefronts have.
 
     Attributes:
-        pupil: The entrance pupil, with its place and the direction in which it looks.
+        pupil: The entrance pupil, with its position and viewing direction.
         focal_length: Focal length of the lens [m].
         pixel: Side of a pixel [m].
-        pixel_count: Pixels: rows and columns, or one number for a square; None takes a scene's own.
-        distance: From the pupil to the plane of the scene, along the normal [m]; infinite for a far scene.
-        focus: Distance of the plane in focus [m]; None: the scene's.
+        pixel_count: Number of pixels: rows and columns, or one number for a square; None takes the scene's.
+        distance: Distance from the pupil to the plane of the scene, along the normal [m]; infinite for a far scene.
+        focus: Distance of the plane in focus [m]; None takes the scene's.
 
     Raises:
-        TypeError: `pupil` is no pupil.
-        ValueError: A number that makes no sense.
+        TypeError: `pupil` is not a pupil.
+        ValueError: A number is out of range.
     """
 
     pupil: Pupil
@@ -48,7 +48,7 @@ class Camera:
     focus: float | None = None
 
     def __post_init__(self):
-        """Check."""
+        """Check the values."""
         if not isinstance(self.pupil, Pupil):
             raise TypeError(
                 f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(self.pupil).__name__}"
@@ -74,7 +74,7 @@ class Camera:
 
     @property
     def image_distance(self) -> float:
-        """From the lens to the sensor [m]."""
+        """Distance from the lens to the sensor [m]."""
         return 1.0 / (1.0 / self.focal_length - 1.0 / self.focus_distance)
 
     @property
@@ -88,23 +88,23 @@ class Camera:
         return self.pixel_tangent * self.distance
 
     def shape(self, scene: Any = None) -> tuple[int, int]:
-        """Rows and columns of the picture; those of a scene where the camera says none.
+        """Return rows and columns of the picture; the scene's if the camera has no `pixel_count`.
 
         Raises:
-            ValueError: Neither says any, or numbers that make no sense.
+            ValueError: Neither has any, or a number is out of range.
         """
         if self.pixel_count is None and scene is None:
             raise ValueError("the camera needs a pixel_count: rows and columns")
         return rows_and_columns(np.shape(scene)[:2] if self.pixel_count is None else self.pixel_count, "pixel_count")
 
     def tangents(self, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-        """Tangents toward which the pixels' columns and rows look: x, shape (columns,), and y, shape (rows,)."""
+        """Return the tangents along which the columns and rows look: x, shape (columns,), and y, shape (rows,)."""
         rows, columns = shape
         x, y = (self.pixel_tangent * (np.arange(count) - 0.5 * (count - 1)) for count in (columns, rows))
         return x, y
 
     def directions(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Unit vectors toward tangents x and y, each of shape (n,): shape (n, 3)."""
+        """Return unit vectors along tangents x and y, each of shape (n,): shape (n, 3)."""
         first, second = self.pupil.axes
         size = 1.0 / np.sqrt(1.0 + x**2 + y**2)
         x, y = x * size, y * size
@@ -114,7 +114,7 @@ class Camera:
         return found
 
     def across(self, vectors: np.ndarray) -> np.ndarray:
-        """Components of vectors (n, 3) along the pupil's axes, shape (n, 2)."""
+        """Return the components of vectors (n, 3) along the pupil's axes, shape (n, 2)."""
         found = np.empty((len(vectors), 2))
         for column, axis in enumerate(self.pupil.axes):
             found[:, column] = along(vectors, axis)
@@ -122,15 +122,15 @@ class Camera:
 
 
 def along(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Components of vectors (.., 3) along one; without BLAS, whose own threads would wait for one another in ours."""
+    """Return the components of vectors (.., 3) along an axis; without BLAS, whose threads would compete with ours."""
     return np.asarray(vectors[..., 0] * axis[0] + vectors[..., 1] * axis[1] + vectors[..., 2] * axis[2])
 
 
 def rows_and_columns(counts: Any, name: str) -> tuple[int, int]:
-    """Rows and columns of a picture, of one number or two.
+    """Return rows and columns of a picture from one number or two.
 
     Raises:
-        ValueError: What makes no sense, or too many pixels; `name` is what it is called.
+        ValueError: `counts`, called `name` in the message, is not one or two positive whole numbers, or too large.
     """
     numbers = np.asarray(counts)
     if numbers.dtype.kind not in "iu" or numbers.shape not in ((), (2,)) or (numbers < 1).any():

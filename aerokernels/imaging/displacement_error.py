@@ -1,8 +1,9 @@
-"""What a displacement may be off by: the field's own grid, judged by coarser ones, and the tolerance of the rays.
+"""Error of a displacement due to the field's grid, measured with coarser grids, and of a blur.
 
 The rays of the aperture's middle are traced through the field with every second and every fourth node
 (medium/levels.py). Near a shock the displacement has a pole that a grid smooths, and its error changes sign from pixel
-to pixel: each pixel takes the greatest within four cells around it. Within a cell of the pole itself nothing is told.
+to pixel: each pixel takes the greatest error within four cells around it. Within a cell of the pole itself the error is
+not reliable.
 """
 
 from collections.abc import Callable
@@ -16,22 +17,22 @@ from ..medium.levels import LOWEST_ORDER, ORDER
 from ..tracing.lines import box_size
 from .camera import Camera
 
-# Cells of the field about a pixel over which the greatest error counts.
+# Cells of the field around a pixel over which the greatest error is taken.
 CELLS_AROUND = 4.0
-# What the change by another number of points of the aperture counts.
+# Factor on the change with another number of points of the aperture.
 SAFETY = 1.5
 
 
 def displacement_error(
     field: IndexField, camera: Camera, shape: tuple[int, int], landing: Callable[[IndexField], Any]
 ) -> np.ndarray:
-    """The error of a displacement [pixels], shape (rows, columns); NaN on a mesh that can't be judged.
+    """Return the error of a displacement [pixels], shape (rows, columns); NaN on a mesh without coarser levels.
 
     Args:
         field: The refractive index.
         camera: The camera.
         shape: Rows and columns.
-        landing: Traces a field: shifts [pixels], shape (2, rows, columns), and 1 where rays arrived.
+        landing: Function that traces a field: shifts [pixels], shape (2, rows, columns), and 1 where rays arrived.
     """
     levels = field.refinement
     if levels is None:
@@ -44,9 +45,9 @@ def displacement_error(
 
 
 def by_points(change: np.ndarray) -> np.ndarray:
-    """The error of a mean over points of the aperture [pixels], from its change by another number of them.
+    """Return the error of a mean over points of the aperture [pixels], from its change with another number of them.
 
-    In one pixel it may vanish by chance: the greatest of its neighbours counts.
+    In one pixel the change may vanish by chance: the greatest of its neighbours is taken.
 
     Args:
         change: Along x and y [pixels], shape (rows, columns, 2).
@@ -66,18 +67,20 @@ def blur_error(
     other: int,
     seen: Callable[..., np.ndarray],
 ) -> np.ndarray:
-    """The error of a blur [pixels], shape (rows, columns, 2); NaN on a mesh that can't be judged.
+    """Return the error of a blur [pixels], shape (rows, columns, 2); NaN on a mesh without coarser levels.
 
-    Its change by another number of points of the aperture, and by rays of a tenth of the tolerance in double precision;
-    and what is left of its change between the field's coarser versions, traced so, by the order seen about each pixel.
+    It is the sum of the blur's change with another number of points of the aperture, of its change with rays of a tenth
+    of the tolerance in double precision, and of the error extrapolated from such traces of the field's coarser versions
+    by the order observed around each pixel.
 
     Args:
         field: The refractive index.
         camera: The camera.
         blur: The blur [pixels].
-        count: Points of the aperture that it was taken over.
-        other: Another number of them.
-        seen: Blurs through a field by a number of points of the aperture; `tight` where the rays are to be traced so.
+        count: Number of points of the aperture in `blur`.
+        other: Another number of points.
+        seen: Function that returns the blur of a field with a number of points of the aperture; `tight` sets the
+            tighter tolerance.
     """
     levels = field.refinement
     if levels is None:
@@ -92,7 +95,7 @@ def blur_error(
 
 
 def _left(field: IndexField, camera: Camera, changes: list[np.ndarray], share: float) -> np.ndarray:
-    """What is left of changes between versions of a field, the finest first, each of shape (rows, columns, ...)."""
+    """Extrapolate the error from changes between versions of a field, the finest first, shapes (rows, columns, ...)."""
     from scipy.ndimage import maximum_filter
 
     around = _pixels_around(field, camera, changes[0].shape[:2])
@@ -100,14 +103,14 @@ def _left(field: IndexField, camera: Camera, changes: list[np.ndarray], share: f
     last, *before = (maximum_filter(np.nan_to_num(one), size=size, mode="nearest") for one in changes)
     if not before:
         return np.asarray(share * last)
-    # The order seen about each pixel, where the error is: far from a shock it is the spline's, near it there is none.
+    # The order observed around each pixel: far from a shock it is the spline's, near a shock there is none.
     ratio = before[0] / np.maximum(last, 1e-300)
     order = np.clip(np.log2(np.maximum(ratio, 1e-300)), LOWEST_ORDER, ORDER[field.interpolation])
     return np.asarray(last / (2.0**order - 1.0))
 
 
 def _pixels_around(field: IndexField, camera: Camera, shape: tuple[int, int]) -> int:
-    """Width in pixels of CELLS_AROUND on both sides of one, at the middle of the field's box."""
+    """Return the width in pixels of CELLS_AROUND cells on both sides of a pixel, at the middle of the field's box."""
     if not field.is_uniform:
         return 3
     low, high = (np.where(np.isfinite(corner), corner, camera.pupil.center) for corner in field.box)

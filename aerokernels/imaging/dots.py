@@ -1,4 +1,4 @@
-"""The background of a BOS bench: dots at random, drawn finer than a camera's pixels."""
+"""Background of a BOS bench: random dots, sampled finer than a camera's pixels."""
 
 from dataclasses import dataclass
 
@@ -7,21 +7,21 @@ import numpy as np
 from ..inputs.arguments import checked
 from .camera import Camera
 
-# Samples of the pattern to a pixel, along each side.
+# Samples of the pattern per pixel, along each side.
 OVERSAMPLING = 2
-# Pixels of a picture to one of the camera, along each side, from which on they are squares that are summed up.
+# Pixels of a picture per camera pixel, along each side, from which on they are treated as squares.
 FINE = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """A picture that stands in the plane of the scene.
+    """A picture in the plane of the scene.
 
     Attributes:
-        brightness: 0 to 1, shape (rows, columns), axes [y, x]; continued outside by its border.
-        sample: Distance of its samples in pixels of the camera's picture.
-        squares: Whether samples are squares of even brightness, of which a pixel of the camera takes the exact mean;
-            otherwise they lie on a cubic spline.
+        brightness: Brightness 0 to 1, shape (rows, columns), axes [y, x]; its border is continued outside.
+        sample: Spacing of its samples in pixels of the camera's picture.
+        squares: Whether samples are squares of uniform brightness, over which a pixel of the camera takes the exact
+            mean; otherwise they are interpolated by a cubic spline.
     """
 
     brightness: np.ndarray
@@ -30,7 +30,7 @@ class Background:
 
     @classmethod
     def of_scene(cls, brightness, pixel: float, camera: Camera) -> "Background":
-        """A picture whose pixels have the side `pixel` [m] in the plane of the scene, centred on the camera's axis."""
+        """Make the background of a picture with pixels of `pixel` [m] in the scene's plane, centred on the axis."""
         brightness = np.asarray(brightness, dtype=np.float64)
         if brightness.ndim != 2 or min(brightness.shape) < 2 or not np.isfinite(brightness).all():
             raise ValueError(f"a background must be a finite array [y, x], got shape {brightness.shape}")
@@ -40,7 +40,7 @@ class Background:
         return cls(brightness, sample, squares=sample * FINE <= 1.0)
 
     def prepared(self) -> np.ndarray:
-        """Coefficients of the cubic spline, of the brightness averaged over a pixel of the camera; sums of squares."""
+        """Return spline coefficients of the brightness averaged over a camera pixel; for squares, cumulative sums."""
         if self.squares:
             padded = np.pad(self.brightness, self._edge, mode="edge")
             return np.pad(padded.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
@@ -53,7 +53,7 @@ class Background:
         return np.asarray(spline_filter(smooth, order=3, mode="nearest"))
 
     def seen(self, prepared: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-        """Brightness at places from the middle [pixels], arrays of one shape."""
+        """Return the brightness at positions relative to the middle [pixels], arrays of one shape."""
         from scipy.ndimage import map_coordinates
 
         darkest, brightest = self.brightness.min(), self.brightness.max()
@@ -64,16 +64,16 @@ class Background:
             for values, count in zip((row, column), prepared.shape, strict=True)
         ]
         found = map_coordinates(prepared, place, order=3, mode="nearest", prefilter=False)
-        # A spline overshoots beside hard edges.
+        # A spline overshoots near hard edges.
         return np.asarray(np.clip(found, darkest, brightest, out=found))
 
     @property
     def _edge(self) -> int:
-        """Samples by which squares go on beyond the border: a pixel of the camera that lies outside sees these."""
+        """Samples by which squares are continued beyond the border, for camera pixels outside."""
         return int(np.ceil(1.0 / self.sample)) + 1
 
     def _mean(self, sums: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-        """Mean of the squares over the camera's pixels about places from the middle [pixels], by sums up to corners."""
+        """Return the mean of the squares over camera pixels at positions from the middle [pixels]."""
         from scipy.ndimage import map_coordinates
 
         half = 0.5 / self.sample
@@ -92,15 +92,15 @@ class Background:
 @checked
 @dataclass(frozen=True)
 class DotPattern:
-    """Bright Gaussian dots at random on black.
+    """Random bright Gaussian dots on black.
 
     Attributes:
         diameter: Diameter of a dot, to 1 / e^2 of its brightness [pixels of the picture].
-        density: Dots to a pixel of the picture.
-        seed: Which pattern.
+        density: Dots per pixel of the picture.
+        seed: Seed of the random pattern.
 
     Raises:
-        ValueError: A number that makes no sense.
+        ValueError: A number is out of range.
     """
 
     diameter: float = 2.5
@@ -108,7 +108,7 @@ class DotPattern:
     seed: int = 0
 
     def __post_init__(self):
-        """Check."""
+        """Check the values."""
         for name in ("diameter", "density"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise ValueError(f"{name} = {getattr(self, name)!r}: give a positive number")
@@ -116,7 +116,7 @@ class DotPattern:
             raise ValueError(f"diameter = {self.diameter:g} pixels: dots below one pixel are not resolved")
 
     def background(self, shape: tuple[int, int], margin: float) -> Background:
-        """The pattern over a picture of (rows, columns) and a margin around it [pixels]."""
+        """Return the pattern for a picture of (rows, columns) with a margin around it [pixels]."""
         sample = 1.0 / OVERSAMPLING
         rows, columns = (int(np.ceil((count + 2.0 * margin) / sample)) for count in shape)
         draw = np.random.default_rng(self.seed)
@@ -124,7 +124,7 @@ class DotPattern:
         y, x = draw.random(count) * rows, draw.random(count) * columns
         radius = 0.5 * self.diameter / sample
         reach = int(np.ceil(2.0 * radius))
-        covered = np.zeros(rows * columns)  # -log of what is dark: dots that overlap do not add up beyond white
+        covered = np.zeros(rows * columns)  # -log(1 - brightness): overlapping dots do not exceed white
         i, j = np.floor(y).astype(int), np.floor(x).astype(int)
         for di in range(-reach, reach + 1):
             for dj in range(-reach, reach + 1):
@@ -137,7 +137,7 @@ class DotPattern:
 
 
 def _box(width: float) -> np.ndarray:
-    """Weights of the mean over a width [samples], odd in number: the ends count by their share."""
+    """Return the weights of a mean over a width [samples], odd in number: the end samples count by their share."""
     half = int(np.ceil(0.5 * width - 0.5))
     place = np.arange(-half, half + 1)
     share = np.clip(0.5 * width - np.abs(place) + 0.5, 0.0, 1.0)

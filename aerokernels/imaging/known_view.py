@@ -1,9 +1,9 @@
-"""Which pixels of a camera look through disturbed air that ends with the field's box: what lies beyond is unknown.
+"""Find the pixels of a camera that look through disturbed air ending at the field's box: the air beyond is unknown.
 
-By straight rays from the points of the aperture, as for a pupil (tracing/pupil_air.py): a ray counts where it may lose
-more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing. The rule is that of a
-pupil, by the light of the whole picture: more than a thousandth of it is refused unless the caller allows it. A few
-pixels at a rim are let pass with a warning, since a picture, unlike a Strehl ratio, can say which ones they are.
+Straight rays from the points of the aperture are tested, as for a pupil (tracing/pupil_air.py): a ray counts if it may
+lose more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing. The rule is the one
+of a pupil, applied to the light of the whole picture: more than a thousandth of it is rejected unless the caller allows
+it. Fewer pixels, at a rim, cause a warning only, since a picture, unlike a Strehl ratio, can mark them.
 """
 
 import warnings
@@ -18,20 +18,20 @@ from ..tracing.known_air import may_be_lost
 from ..tracing.pupil_air import GREATEST_SHARE, meets_wall
 from .camera import Camera
 
-# Pixels along a side of the picture that are looked at for a warning.
+# Pixels along a side of the picture that are tested for a warning.
 LOOKED_AT = 32
 
 
 @dataclass(frozen=True, eq=False)
 class KnownView:
-    """A camera before a field.
+    """A camera in front of a field.
 
     Attributes:
         field: The refractive index.
         camera: The camera.
-        points: Points of its aperture along its axes [m], shape (n, 2).
-        weights: Their shares of the light, shape (n,).
-        tolerance: OPD that a ray may lose [m].
+        points: Points of the aperture along its axes [m], shape (n, 2).
+        weights: Shares of the light of these points, shape (n,).
+        tolerance: Greatest OPD that a ray may lose [m].
     """
 
     field: IndexField
@@ -41,7 +41,7 @@ class KnownView:
     tolerance: float
 
     def truncated(self, shape: tuple[int, int], stride: tuple[int, int] = (1, 1)) -> np.ndarray:
-        """Share of the aperture of each pixel that may lose more than the tolerance, of every so many pixels."""
+        """Return the share of the aperture that may lose more than the tolerance, for every `stride`-th pixel."""
         x, y = (axis[step // 2 :: step] for axis, step in zip(self.camera.tangents(shape), stride[::-1], strict=True))
         found = np.zeros((len(y), len(x)))
         across, up = (axis.ravel() for axis in np.meshgrid(x, y))
@@ -55,10 +55,10 @@ class KnownView:
         return found
 
     def check(self, shape: tuple[int, int], allowed: bool) -> None:
-        """Refuse a view of which more than a thousandth is truncated unless that is allowed; warn of less.
+        """Check that at most a thousandth of a view is truncated, unless more is allowed; warn of less.
 
         Raises:
-            ValueError: As said.
+            ValueError: More is truncated.
         """
         if allowed:
             return
@@ -81,7 +81,7 @@ class KnownView:
 
 
 def rays_of(camera: Camera, point: np.ndarray, x: np.ndarray, y: np.ndarray) -> RayBundle:
-    """Rays of a point of the aperture [m] for pixels that look toward tangents x and y, both of shape (n,)."""
+    """Return rays of a point of the aperture [m] for pixels that look along tangents x and y, both of shape (n,)."""
     first, second = camera.pupil.axes
     start = camera.pupil.center + point[0] * first + point[1] * second
     tangent = (t - place / camera.focus_distance for t, place in zip((x, y), point, strict=True))
@@ -89,7 +89,7 @@ def rays_of(camera: Camera, point: np.ndarray, x: np.ndarray, y: np.ndarray) -> 
 
 
 def scene_plane(camera: Camera) -> Plane | None:
-    """Where rays end: the plane of the scene, or where they leave the field, for a far scene."""
+    """Return the plane of the scene, on which rays end; None for a far scene: rays end where they leave the field."""
     pupil = camera.pupil
     far = not np.isfinite(camera.distance)
     return None if far else Plane(pupil.center + camera.distance * pupil.normal, pupil.normal)

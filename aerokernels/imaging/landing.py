@@ -1,7 +1,7 @@
-"""Where the rays of one point of the aperture land in the scene, by blocks of the picture's rows.
+"""Landing points in the scene of the rays of one aperture point, by blocks of the picture's rows.
 
-A picture has millions of rays. Arrays of all of them are written once and read once: whatever comes between stays in a
-core's cache, block by block, and blocks go to threads.
+A picture has millions of rays. Arrays of all rays are written once and read once: intermediate results stay in a core's
+cache, block by block, and blocks are distributed to threads.
 """
 
 from collections.abc import Callable
@@ -19,21 +19,21 @@ from ..tracing.status import reached
 from .camera import Camera, along
 from .known_view import scene_plane
 
-# Rays of a block.
+# Rays per block.
 BLOCK = 1 << 14  # speed only
 
 
 @dataclass(frozen=True, eq=False)
 class Landing:
-    """Traced rays of one point of the aperture, one to each pixel.
+    """Traced rays of one point of the aperture, one per pixel.
 
     Attributes:
         camera: The camera.
         shape: Rows and columns of the picture.
         point: The point of the aperture along its axes [m], shape (2,).
         traced: The rays.
-        ends: Where they end [m], or their directions there where the scene is far, shape (rays, 3).
-        status: Their codes.
+        ends: End points of the rays [m], or their final directions if the scene is far, shape (rays, 3).
+        status: Status codes of the rays.
     """
 
     camera: Camera
@@ -44,11 +44,11 @@ class Landing:
     status: np.ndarray
 
     def moved(self, rows: slice) -> tuple[np.ndarray, np.ndarray]:
-        """Of some rows of the picture, what rays meet less what they meet without a flow, and whether they arrive.
+        """Return the shift by the flow of the scene points seen in some rows of the picture, and which rays arrive.
 
         Returns:
-            Shifts along x and y [pixels], shape (rows, columns, 2), 0 where a ray does not arrive; whether it does,
-            shape (rows, columns).
+            Shifts along x and y [pixels], shape (rows, columns, 2), 0 where a ray does not arrive; mask of the rays
+            that arrive, shape (rows, columns).
         """
         camera, pupil, columns = self.camera, self.camera.pupil, self.shape[1]
         part = slice(rows.start * columns, rows.stop * columns)
@@ -71,7 +71,7 @@ class Landing:
 def land(
     field: IndexField, camera: Camera, shape: tuple[int, int], point: np.ndarray, options: dict[str, Any]
 ) -> Landing:
-    """Trace the rays of one point of the aperture to the scene, with options of `trace`."""
+    """Trace the rays of one point of the aperture to the scene; `options` are those of `trace`."""
     far = not np.isfinite(camera.distance)
     name = "direction" if far else "position"
     rays = pixel_rays(camera, shape, point)
@@ -80,7 +80,7 @@ def land(
 
 
 def pixel_rays(camera: Camera, shape: tuple[int, int], point: np.ndarray) -> RayBundle:
-    """Rays of a point of the aperture [m], one to each pixel, row by row."""
+    """Return the rays of a point of the aperture [m], one per pixel, row by row."""
     first, second = camera.pupil.axes
     x, y = _tangents(camera, shape, point)
     direction = np.empty((*shape, 3))
@@ -97,7 +97,7 @@ def pixel_rays(camera: Camera, shape: tuple[int, int], point: np.ndarray) -> Ray
 
 
 def by_rows(work: Callable[[slice], None], shape: tuple[int, int]) -> None:
-    """Do the work of each block of rows of a picture, in threads."""
+    """Call `work` for each block of rows of a picture, in threads."""
     step = max(1, BLOCK // shape[1])  # speed only
     in_threads(work, [slice(first, min(first + step, shape[0])) for first in range(0, shape[0], step)])
 
@@ -105,12 +105,12 @@ def by_rows(work: Callable[[slice], None], shape: tuple[int, int]) -> None:
 def landing_shift(
     field: IndexField, camera: Camera, shape: tuple[int, int], point: np.ndarray, options: dict[str, Any]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Shifts of the whole picture [pixels], shape (2, rows, columns), 0 where rays do not arrive; whether they do."""
+    """Return shifts of the whole picture [pixels], (2, rows, columns), 0 where rays do not arrive; mask of arrivals."""
     moved, arrived = land(field, camera, shape, point, options).moved(slice(0, shape[0]))
     return np.moveaxis(moved, -1, 0), arrived
 
 
 def _tangents(camera: Camera, shape: tuple[int, int], point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Tangents of the rays of a point of the aperture: x of the columns, y of the rows."""
+    """Return the tangents of the rays of a point of the aperture: x of the columns, y of the rows."""
     x, y = (t - place / camera.focus_distance for t, place in zip(camera.tangents(shape), point, strict=True))
     return x, y

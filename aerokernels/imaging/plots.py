@@ -8,7 +8,7 @@ from ..display.shown import drawn_on
 
 
 def plot_displacement(found: Any, axes: Any = None) -> Any:
-    """The size of a displacement [pixels] over the picture."""
+    """Draw the size of a displacement [pixels] over the picture."""
     axes = drawn_on(axes)
     size = np.hypot(found.displacement[..., 0], found.displacement[..., 1])
     drawn = axes.imshow(size, origin="lower", cmap="viridis")
@@ -18,7 +18,7 @@ def plot_displacement(found: Any, axes: Any = None) -> Any:
 
 
 def plot_picture(brightness: np.ndarray, axes: Any = None) -> Any:
-    """A picture in grey, rows from the lowest up."""
+    """Draw a picture in grey, rows from the lowest up."""
     axes = drawn_on(axes)
     axes.imshow(brightness, origin="lower", cmap="gray")
     axes.set(xlabel="column [pixels]", ylabel="row [pixels]")

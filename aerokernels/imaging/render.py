@@ -1,8 +1,8 @@
-"""The picture of a scene by the point spread functions of nodes over it; through.py has the formula.
+"""Render the picture of a scene from point spread functions at nodes over it; through.py has the formula.
 
-The nodes of a row go together: patches of the scene about them are spread by one batch of transforms, and the shift's
-change within them is followed by a cubic spline. It is the scene's own spline coefficients that are spread, which gives
-those of the spread scene: so no patch has an edge that a spline would feel.
+The nodes of a row are processed together: patches of the scene around them are blurred by one batch of transforms,
+and the variation of the shift within a patch is followed by a cubic spline. The scene's own spline coefficients are
+blurred, which gives the coefficients of the blurred scene: so no spline is affected by the edge of a patch.
 """
 
 from dataclasses import dataclass
@@ -12,23 +12,25 @@ import numpy as np
 from ..process.threads import in_threads
 from .spreads import SpreadGrid
 
-# Changes of the shift over the picture that count as none, and the greatest followed from node to pixel [pixels].
+# Variation of the shift over the picture that counts as none, and the greatest one followed from node to pixel
+# [pixels].
 SAME_SHIFT, GREATEST_CHANGE = 1e-6, 64.0
-# Pixels by which a scene goes on beyond its border: a spline's coefficients feel the border by 0.27 a pixel.
+# Pixels by which a scene is continued beyond its border: the border's effect on spline coefficients decreases by a
+# factor of 0.27 per pixel.
 BORDER = 28
-# Neighbours of a place to either side that its cubic needs; numbers in patches that are transformed together.
+# Neighbours that a cubic needs on either side; array elements of the patches transformed together.
 NEIGHBOURS, TOGETHER = 2, 1 << 18
 # Pixels and their weights.
 Hat = tuple[np.ndarray, np.ndarray]
 
 
 def render(scene: np.ndarray, grid: SpreadGrid, shift: np.ndarray, through: np.ndarray) -> np.ndarray:
-    """The picture of a scene, by the kernels of nodes and the shift of each pixel along x and y.
+    """Return the picture of a scene, from the kernels at nodes and the shift of each pixel along x and y.
 
     Args:
         scene: Brightness, shape (rows, columns) or (rows, columns, colours), at least as large as the picture.
         grid: The kernels.
-        shift: What a pixel sees less what it would see without the flow [pixels], shape (*picture, 2).
+        shift: Scene position seen by each pixel minus the one without the flow [pixels], shape (*picture, 2).
         through: Share of the light that reaches each pixel, of the picture's shape.
     """
     if scene.ndim == 3:
@@ -43,14 +45,14 @@ def render(scene: np.ndarray, grid: SpreadGrid, shift: np.ndarray, through: np.n
             place, weight = across[column]
             picture[pixels[0] : pixels[-1] + 1, place[0] : place[-1] + 1] += up[:, None] * weight * light
 
-    # Every second row of nodes has pixels of its own, which no other thread adds to.
+    # Every second row of nodes affects separate pixels, so that threads do not add to the same ones.
     for first in (0, 1):
         in_threads(add, range(first, len(grid.rows), 2))
     return picture * through
 
 
 def hat(nodes: np.ndarray, index: int, count: int) -> Hat:
-    """Pixels between the neighbours of a node, and its weight there; constant beyond the first and last node."""
+    """Return the pixels between the neighbours of a node and its weight there, constant beyond the outermost nodes."""
     pixels = np.arange(count)
     weight = np.interp(pixels, nodes, np.eye(len(nodes))[index])
     lit = weight > 0.0
@@ -59,13 +61,13 @@ def hat(nodes: np.ndarray, index: int, count: int) -> Hat:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """A scene, and how it is seen.
+    """A scene prepared for rendering.
 
     Attributes:
-        ground: The scene, or its spline's coefficients, and a border that goes on as its edge.
-        edge: Pixels from the border's edge to the picture's, along rows and columns.
-        still: Whether the shift is the same everywhere: then nothing is interpolated.
-        kernel: The nodes' kernels, less rows and columns that are dark in all of them.
+        ground: The scene, or its spline's coefficients, with a border that continues its edge.
+        edge: Pixels from the edge of `ground` to the edge of the picture, along rows and columns.
+        still: Whether the shift is constant: then nothing is interpolated.
+        kernel: The nodes' kernels, without rows and columns that are dark in all of them.
         lead: Rows and columns of a kernel before its middle.
     """
 
@@ -79,7 +81,7 @@ class _View:
 
     @classmethod
     def of(cls, scene: np.ndarray, grid: SpreadGrid, shift: np.ndarray) -> "_View":
-        """Prepared for all nodes."""
+        """Prepare a scene for all nodes."""
         from scipy.ndimage import spline_filter
 
         still = float(np.ptp(shift.reshape(-1, 2), axis=0).max()) <= SAME_SHIFT
@@ -100,7 +102,7 @@ class _View:
         )
 
     def lights(self, row: int, pixels: np.ndarray, across: list[Hat]):
-        """Of each node of a row: its number, and the scene spread by its kernel at its pixels."""
+        """Yield for each node of a row its number, and the scene blurred by its kernel at its pixels."""
         width = max(len(place) for place, _ in across)
         first = np.array([place[0] for place, _ in across])
         columns = np.minimum(first[:, None] + np.arange(width), self.shift.shape[1] - 1)
@@ -108,7 +110,7 @@ class _View:
         if self.still:
             guard, moved = 0, None
         else:
-            # Nodes first, as a view: places are laid out afresh below.
+            # Nodes first, as a view: `_seen` copies the positions.
             near = np.take(self.shift[pixels[0] : pixels[-1] + 1], columns, axis=1)
             moved = np.moveaxis(near - node[:, None], 0, 1)
             moved = np.clip(moved, -GREATEST_CHANGE, GREATEST_CHANGE)
@@ -130,7 +132,7 @@ class _View:
                 yield begin + number, one[:, : len(across[begin + number][0])]
 
     def _spread(self, kernel: np.ndarray, top: np.ndarray, left: np.ndarray, counts: list[int]) -> np.ndarray:
-        """Patches of the ground, from these rows and columns on, spread by kernels: shape (n, less than counts)."""
+        """Correlate patches of the ground, from these rows and columns on, with kernels: shape (n, rows, columns)."""
         from scipy.fft import irfft2, next_fast_len, rfft2
 
         rows, columns = (
@@ -146,12 +148,12 @@ class _View:
 
 
 def _seen(coefficients: np.ndarray, moved: np.ndarray, guard: int) -> np.ndarray:
-    """Splines of coefficients (n, rows + 2 guard, columns + 2 guard) at pixels moved by (x, y): (n, rows, columns)."""
+    """Evaluate splines with coefficients (n, rows + 2 guard, columns + 2 guard) at pixels moved by (x, y)."""
     from scipy.ndimage import map_coordinates
 
     count, rows, columns, _ = moved.shape
     height = coefficients.shape[1]
-    # Laid one above the other: no place is so near to the edge of its own that it feels another one.
+    # The patches are stacked vertically: no position is so near to the edge of its patch that the next one affects it.
     place = np.empty((2, count, rows, columns))
     place[0] = moved[..., 1] + (guard + height * np.arange(count)[:, None] + np.arange(rows))[..., None]
     place[1] = moved[..., 0] + (guard + np.arange(columns))

@@ -1,11 +1,11 @@
-"""Where in the scene the pixels of a camera look through a flow, by rays from points of its aperture.
+"""Displacement of a camera's picture by a flow, from rays of points of its aperture.
 
 Rays of one point of the aperture are a bundle, of which `trace` traces few. A pixel's ray meets the scene at L with the
-flow and at L0 without it; in pixels of the picture, and over the aperture with its weights,
+flow and at L0 without it. In pixels of the picture, averaged over the aperture with its weights,
 
     shift = mean (L - L0) / scene_pixel,      picture with the flow (pixel) = picture without it (pixel + shift)
 
-so what is seen in a pixel was displaced by minus the shift. Of a far scene, tangents take the place of L / D.
+so the content seen in a pixel is displaced by minus the shift. For a far scene, tangents replace L / D.
 """
 
 from collections.abc import Callable
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..inputs.arguments import checked
+from ..inputs.checks import check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..tracing.pupil_air import GREATEST_SHARE
@@ -28,37 +29,37 @@ from .landing import by_rows, land, landing_shift
 if TYPE_CHECKING:
     import xarray
 
-# Points of the aperture: a ring of four has the exact mean of what changes by up to the third power across it.
+# Points of the aperture: a ring of four gives the exact mean of polynomials up to the third order.
 APERTURE_RAYS = 4
-# Points by which the error of a mean over fewer is told; of more, a quarter of them tell it.
+# Points for the error of a mean over fewer points; for more points a quarter of them is used.
 OTHER_RAYS, BLUR_RAYS = 16, 36
-# Of `trace` [waves].
+# Default tolerance of `trace` [waves].
 DEFAULT_TOLERANCE = 1e-3
-# The tolerance of rays that judge others, of theirs.
+# Tolerance of the rays that measure the error of others, as a factor.
 TIGHTER = 0.1
-# Called by threads, each with rows of the picture of its own: (rows, point of the aperture [m], its share of the light,
-# shifts [pixels] of shape (rows, columns, 2), and where rays arrived).
+# Called by threads, each with its own rows of the picture: (rows, point of the aperture [m], its share of the light,
+# shifts [pixels] of shape (rows, columns, 2), mask of the rays that arrived).
 Visit = Callable[[slice, np.ndarray, float, np.ndarray, np.ndarray], None]
-# Options that go on to `trace`.
+# Options passed to `trace`.
 TRACE_OPTIONS = ("method", "tolerance", "wavelength", "backend", "device", "precision", "step", "max_steps")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BackgroundDisplacement:
-    """How a flow displaces what a camera sees, pixel by pixel.
+    """Displacement of a camera's picture by a flow, pixel by pixel.
 
     Attributes:
-        displacement: Displacement of the picture's content through the flow, along x and y [pixels], at the place where
-            it is seen through the flow, shape (rows, columns, 2); NaN where nothing is seen.
-        blur: Root mean square distance of the aperture's rays from their mean in the scene, less what depth of field
-            alone makes, along x and y [pixels], shape (rows, columns, 2).
+        displacement: Displacement of the picture's content by the flow, along x and y [pixels], at the pixel where it
+            is seen through the flow, shape (rows, columns, 2); NaN where nothing is seen.
+        blur: Root mean square distance of the aperture's rays from their mean in the scene, without the spread by depth
+            of field alone, along x and y [pixels], shape (rows, columns, 2).
         through: Share of the aperture whose rays reach the scene, shape (rows, columns).
         camera: The camera.
         wavelength: Vacuum wavelength [m].
         plan: How the rays of one point of the aperture were traced.
         seconds: Wall time by stage: see STAGES in clock.py.
-        view: What was looked at, for `truncated` and `error`, which are computed when first read.
-        options: Options of `trace` that it was looked at with.
+        view: The view, for `truncated` and `error`, which are computed when first read.
+        options: Options of `trace` that were used.
     """
 
     displacement: np.ndarray
@@ -73,11 +74,11 @@ class BackgroundDisplacement:
 
     @cached_property
     def error(self) -> np.ndarray:
-        """What the size of the displacement may be off by [pixels], shape (rows, columns); NaN where it is not known.
+        """Error of the size of the displacement [pixels], shape (rows, columns); NaN if it is not known.
 
-        Through the field's grid (displacement_error.py), and where it is the mean over several points of the aperture,
-        through their number: by its change for OTHER_RAYS of them, in the neighbouring pixels too. Three more bundles
-        and those of the other points are traced when it is first read.
+        It includes the error due to the field's grid (displacement_error.py) and, for a mean over several points of the
+        aperture, due to their number: the change with OTHER_RAYS points, in the neighbouring pixels too. Three more
+        bundles and those of the other points are traced when it is first read.
         """
         if self.view is None:
             return np.full(self.through.shape, np.nan)
@@ -93,10 +94,11 @@ class BackgroundDisplacement:
 
     @cached_property
     def blur_error(self) -> np.ndarray:
-        """What the blur may be off by, along x and y [pixels], shape (rows, columns, 2); NaN where it is not known.
+        """Error of the blur along x and y [pixels], shape (rows, columns, 2); NaN if it is not known.
 
-        Through the field's grid, the rays' tolerance and the number of points of the aperture: see blur_error in
-        displacement_error.py. Pictures of three fields and of 36 points are traced when it is first read.
+        It includes the errors due to the field's grid, the rays' tolerance and the number of points of the aperture:
+        see blur_error in displacement_error.py. Pictures of three fields and of 36 points are traced when it is first
+        read.
         """
         if self.view is None:
             return np.full(self.blur.shape, np.nan)
@@ -114,22 +116,22 @@ class BackgroundDisplacement:
 
     @cached_property
     def truncated(self) -> np.ndarray:
-        """Share of each pixel's aperture that looks through disturbed air that ends with the field's box.
+        """Share of each pixel's aperture that looks through disturbed air ending at the field's box.
 
-        Shape (rows, columns). Of those pixels the displacement is that of the known air alone. Computed when first
-        read, along straight lines.
+        Shape (rows, columns). In those pixels the displacement is due to the known air alone. Computed when first read,
+        along straight lines.
         """
         shape = self.through.shape
         return np.zeros(shape) if self.view is None else self.view.truncated(shape)
 
     @property
     def known(self) -> np.ndarray:
-        """Which pixels see through known air: at most a thousandth of their aperture is truncated."""
+        """Mask of the pixels that look through known air: at most a thousandth of their aperture is truncated."""
         return self.truncated <= GREATEST_SHARE
 
     @property
     def shift(self) -> np.ndarray:
-        """What a pixel sees less what it would see without the flow [pixels]: minus the displacement."""
+        """Scene position seen by a pixel minus the one without the flow [pixels]: minus the displacement."""
         return -self.displacement
 
     @property
@@ -143,7 +145,7 @@ class BackgroundDisplacement:
         return self.displacement * self.camera.scene_pixel
 
     def to_xarray(self) -> "xarray.Dataset":
-        """The maps as a dataset with units over (y, x)."""
+        """Return the maps as a dataset with units over (y, x)."""
         import xarray
 
         pair, one = ("y", "x", "component"), ("y", "x")
@@ -181,7 +183,7 @@ class BackgroundDisplacement:
         )
 
     def plot(self, axes=None):
-        """Draw the size of the displacement on matplotlib axes; returns the axes."""
+        """Draw the size of the displacement on matplotlib axes; return the axes."""
         from .plots import plot_displacement
 
         return plot_displacement(self, axes)
@@ -205,21 +207,21 @@ def background_displacement(
     allow_truncation: bool = False,
     **options: Any,
 ) -> BackgroundDisplacement:
-    """Displacement of a camera's picture by a flow, for every pixel.
+    """Trace the displacement of a camera's picture by a flow, for every pixel.
 
     Args:
         field: The refractive index.
         camera: The camera; its scene may be far.
-        aperture_rays: Points of the aperture, about; 1 takes its middle alone.
-        shape: Rows and columns where the camera says none.
-        allow_truncation: Whether more than a thousandth of the picture's light may come through disturbed air that ends
-            with the field's box. The pixels concerned are marked in `known`; where they are fewer, a warning says so.
+        aperture_rays: Approximate number of points of the aperture; 1 takes only its middle.
+        shape: Rows and columns, which override the camera's.
+        allow_truncation: Whether more than a thousandth of the picture's light may come through disturbed air ending at
+            the field's box. The affected pixels are marked in `known`; if they are fewer, there is only a warning.
         **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
 
     Raises:
-        TypeError: `field` or `camera` of the wrong kind, or an unknown option.
-        ValueError: A number that makes no sense, a camera none of whose rays meets the field, a truncated view without
-            `allow_truncation`.
+        TypeError: `field` or `camera` is of the wrong type, or an option is unknown.
+        ValueError: A number is out of range, no ray of the camera meets the field, or the view is truncated and
+            `allow_truncation` is not set.
     """
     check_view(field, camera, options)
     size = camera.shape() if shape is None else rows_and_columns(shape, "shape")
@@ -235,7 +237,7 @@ def gather(
     visit: Visit | None = None,
     allow_truncation: bool = False,
 ) -> BackgroundDisplacement:
-    """The displacement, and a `visit` for some rows and every point of the aperture, while its rays are there."""
+    """Return the displacement; call `visit` for blocks of rows and each point of the aperture while its rays exist."""
     with clocked() as seconds, stage("landing"):
         points, weights = aperture(camera, aperture_rays)
         tolerance = float(options.get("tolerance", DEFAULT_TOLERANCE))
@@ -244,7 +246,7 @@ def gather(
         view.check(shape, allow_truncation)
         several = len(points) > 1
         through, mean = np.empty(shape), np.empty((*shape, 2))
-        square = np.zeros((*shape, 2))  # the spread of one ray is none
+        square = np.zeros((*shape, 2))  # one ray has no spread
         for number, (point, weight) in enumerate(zip(points, weights, strict=True)):
             landing = land(field, camera, shape, point, options)
             before = None if number == 0 else (through, mean, square)
@@ -285,7 +287,7 @@ def gather(
 
 
 def check_view(field: IndexField, camera: Camera, options: dict[str, Any]) -> None:
-    """Refuse what is no field, no camera or no option of `trace`."""
+    """Check the types of field and camera, and the options of `trace`."""
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
     if not isinstance(camera, Camera):
@@ -296,15 +298,16 @@ def check_view(field: IndexField, camera: Camera, options: dict[str, Any]) -> No
     tolerance = options.get("tolerance", DEFAULT_TOLERANCE)
     if isinstance(tolerance, bool) or not isinstance(tolerance, Real):
         raise TypeError(f"tolerance must be a number of waves, got {tolerance!r}")
+    check_positive(float(tolerance), "tolerance", "waves")
 
 
 def _others(count: int, many: int) -> int:
-    """Points of the aperture by which the error of a mean over some is told: many, or a quarter of more than that."""
+    """Return the number of points for the error of a mean over `count` points: `many`, or a quarter of more."""
     return many if count < many else max(count // 4, 2)
 
 
 def aperture(camera: Camera, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the aperture along its axes [m], shape (n, 2), and weights of their light, which sum to 1."""
+    """Return points of the aperture along its axes [m], shape (n, 2), and weights of their light, which sum to 1."""
     if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
         raise ValueError(f"aperture_rays must be a whole number of at least 1, got {count!r}")
     if count == 1:
@@ -312,6 +315,6 @@ def aperture(camera: Camera, count: int) -> tuple[np.ndarray, np.ndarray]:
     pupil = camera.pupil
     points, weight = pupil.sample(int(count), "gauss")
     flat = camera.across(points - pupil.center)
-    # The weights are those of the amplitude: light counts by its square.
+    # The sampling weights include the amplitude transmission once: light has its square.
     light = weight * pupil.transmission(flat[:, 0], flat[:, 1])
     return flat, light / light.sum()

@@ -21,15 +21,16 @@ class Spectrum:
 
     @classmethod
     def of(cls, wavelengths, weights=None, scene: np.ndarray | None = None) -> "Spectrum":
-        """Checked; for a scene with colours the weights may have a column for each.
+        """Check and make a spectrum; for a scene with colours the weights may have a column for each.
 
         Raises:
-            ValueError: No wavelengths, one outside 0.1 to 20 um, weights of another shape, negative, or all 0.
+            ValueError: There are no wavelengths, one is outside 0.1 to 20 um, or weights have another shape, are
+                negative or all 0.
         """
         colours = scene.shape[2] if scene is not None and scene.ndim == 3 else None
         return cls(*check_spectrum(wavelengths, weights, colours))
 
     @property
     def mean_weights(self) -> np.ndarray:
-        """Shares of the light, over all colours, shape (n,)."""
+        """Shares of the light, averaged over all colours, shape (n,)."""
         return self.weights if self.weights.ndim == 1 else self.weights.mean(axis=1)

@@ -1,9 +1,9 @@
 """Point spread functions of a camera through a flow, at nodes over its picture.
 
-At a node the rays of a grid of the pupil's points go to the point of the scene that the node's pixel looks at. Their
-OPD, less the tilt that the displacement stands for, makes the point spread function by a matrix Fourier transform. It
-is integrated over pixels of the scene and of the camera: squares of even brightness seen by square pixels. Of a ray
-that a flow lands beside its point X, the path to X follows from that to its landing L:
+At a node, rays from a grid of points of the pupil go to the point of the scene that the node's pixel looks at. Their
+OPD, without the tilt that corresponds to the displacement, gives the point spread function by a matrix Fourier
+transform. It is integrated over pixels of the scene and of the camera: squares of uniform brightness seen by square
+pixels. If the flow makes a ray land at L beside its point X, the path to X follows from the path to L:
 
     far scene      opd - n_0 (L - X) d / (d' d)            d, d' its direction without and with the flow
     near scene     opd - n_0 d' (L - X) + n_0 |L - X|^2 / 2 R     across d', R the distance from the pupil
@@ -24,8 +24,8 @@ from ..tracing.status import reached
 from ..wavefront.grid import pupil_grid
 from .camera import Camera, along
 
-# Nodes whose point spread functions are made together; the side of a tile of the pupil's pixels, whose rays follow one
-# another: those that a processor moves in step then share the field's cells (tracing/coherence.py).
+# Nodes whose point spread functions are computed together; side of a tile of the pupil's pixels, whose rays are
+# consecutive: rays that a processor moves in lockstep then share the field's cells (tracing/coherence.py).
 NODES_AT_ONCE, TILE = 16, 4  # speed only
 
 
@@ -36,11 +36,11 @@ class SpreadGrid:
     Attributes:
         rows: Rows of the nodes, shape (m,).
         columns: Columns of the nodes, shape (n,).
-        kernel: Share of the light of a pixel that comes from the scene's pixels around, by node, shape
-            (m, n, size, size), axes [.., y, x]; each sums to 1.
-        offset: The shift of each node in whole pixels, along y and x, shape (m, n, 2): the middle of a kernel, its
-            element size // 2, belongs to the scene's pixel that far from the node.
-        kept: Share of the light that the kernels' size holds, shape (m, n).
+        kernel: Share of a pixel's light that comes from each of the scene's pixels around it, by node, shape (m, n,
+            size, size), axes [.., y, x]; each kernel sums to 1.
+        offset: Shift of each node in whole pixels, along y and x, shape (m, n, 2): the middle of a kernel, its element
+            size // 2, is the scene's pixel at this offset from the node.
+        kept: Share of the light within the size of the kernels, shape (m, n).
     """
 
     rows: np.ndarray
@@ -51,7 +51,7 @@ class SpreadGrid:
 
 
 def nodes_along(count: int, node_count: int) -> np.ndarray:
-    """Pixels of nodes along a side of the picture, from the first to the last, shape (at most node_count,)."""
+    """Return the pixels of nodes along a side of the picture, from the first to the last, at most `node_count`."""
     if count == 1 or node_count == 1:
         return np.array([(count - 1) // 2])
     return np.unique(np.rint(np.linspace(0, count - 1, min(node_count, count))).astype(int))
@@ -69,18 +69,19 @@ def spread_grid(
     options: dict[str, Any],
     wavelengths: np.ndarray | None = None,
 ) -> tuple[SpreadGrid, ...]:
-    """Point spread functions of a camera through a field, at each of some wavelengths of one OPD.
+    """Return point spread functions of a camera through a field, at each of some wavelengths with one OPD.
 
     Args:
         field: The refractive index.
         camera: The camera.
         shape: Rows and columns of the picture.
-        shift: What a pixel sees less what it would see without the flow, along x and y [pixels], shape (*shape, 2).
+        shift: Scene position seen by each pixel minus the one without the flow, along x and y [pixels], shape (*shape,
+            2).
         node_count: Nodes along a side of the picture.
         size: Side of the kernels [pixels].
         pupil_pixels: Rays across the pupil.
         options: Options of `trace`.
-        wavelengths: Vacuum wavelengths [m], shape (n,); None: the one that is traced for.
+        wavelengths: Vacuum wavelengths [m], shape (n,); None takes the wavelength of the trace.
     """
     rows, columns = nodes_along(shape[0], node_count), nodes_along(shape[1], node_count)
     coordinate, step, weight, _ = pupil_grid(camera.pupil, pupil_pixels)
@@ -117,13 +118,13 @@ def spread_grid(
 
 
 def _tiled(row: np.ndarray, column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of pixels, tile by tile."""
+    """Return rows and columns of pixels, ordered tile by tile."""
     order = np.lexsort((column, row, column // TILE, row // TILE))
     return row[order], column[order]
 
 
 def mixed(grids: tuple[SpreadGrid, ...], weights: np.ndarray) -> SpreadGrid:
-    """The point spread functions of light of several wavelengths, with weights (n,) that sum to 1."""
+    """Return the point spread functions of light of several wavelengths, with weights (n,) that sum to 1."""
     if len(grids) == 1:
         return grids[0]
     kernel = np.tensordot(weights, np.stack([grid.kernel for grid in grids]), 1)
@@ -134,10 +135,10 @@ def mixed(grids: tuple[SpreadGrid, ...], weights: np.ndarray) -> SpreadGrid:
 def node_paths(
     field: IndexField | None, camera: Camera, tangent: np.ndarray, q: np.ndarray, options: dict[str, Any]
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """OPD [m] of points q (n, 2) of the pupil [m] for light of the scene at tangents (m, 2), defocus included.
+    """Return the OPD [m] at points q (n, 2) of the pupil [m] for light from the scene at tangents (m, 2), with defocus.
 
     Returns:
-        OPD and whether it is known, both of shape (m, n); the wavelength [m].
+        OPD; 1 where it is known, else 0, both of shape (m, n); the wavelength [m].
     """
     pupil, distance = camera.pupil, camera.distance
     first, second = pupil.axes
@@ -165,7 +166,7 @@ def node_paths(
     plane = Plane(pupil.center + depth * pupil.normal, pupil.normal)
     rays = RayBundle.of_units(position.reshape(-1, 3), aim.reshape(-1, 3))
     traced = trace(field, rays, until=plane, outputs=("opd", "position", "direction"), **options)
-    assert traced.opd is not None and traced.position is not None and traced.direction is not None  # asked for
+    assert traced.opd is not None and traced.position is not None and traced.direction is not None  # requested
     index, arrived = field.ambient_index, reached(traced.traced_status).reshape(defocus.shape)
     opd, ends, ways = (
         array.reshape(*defocus.shape, *array.shape[1:]) for array in (traced.opd, traced.position, traced.direction)
@@ -189,12 +190,12 @@ def node_paths(
 
 
 def _dot(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Scalar products of vectors (.., 3)."""
+    """Return scalar products of vectors (.., 3)."""
     return np.asarray(np.einsum("...i,...i->...", left, right))
 
 
 def _defocus(camera: Camera, tangent: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Path from the scene less path from the plane in focus, both less that to the middle [m], shape (m, n)."""
+    """Return the OPD [m] at points q (n, 2) of the pupil for light from the scene at tangents (m, 2), with defocus."""
     if camera.distance == camera.focus_distance:
         return np.zeros((len(tangent), len(q)))
     ways = []
@@ -203,19 +204,19 @@ def _defocus(camera: Camera, tangent: np.ndarray, q: np.ndarray) -> np.ndarray:
             ways.append(-_cosines(tangent) @ q.T)
             continue
         size = distance * np.sqrt(1.0 + np.sum(tangent**2, axis=1))[:, None]
-        # |X - q| - |X| without a difference of nearly equal numbers
+        # |X - q| - |X|, avoiding a difference of nearly equal numbers
         change = np.sum(q**2, axis=1) - 2.0 * distance * (tangent @ q.T)
         ways.append(change / (np.sqrt(size**2 + change) + size))
     return np.asarray(ways[0] - ways[1])
 
 
 def _cosines(tangent: np.ndarray) -> np.ndarray:
-    """Direction cosines across the axis of tangents (.., 2)."""
+    """Return direction cosines across the axis of tangents (.., 2)."""
     return np.asarray(tangent / np.sqrt(1.0 + np.sum(tangent**2, axis=-1, keepdims=True)))
 
 
 def phasors(phase: np.ndarray) -> np.ndarray:
-    """exp(i phase) of phases [rad], of the same shape."""
+    """Return exp(i phase) of phases [rad], of the same shape."""
     found = np.empty(phase.shape, dtype=np.complex128)
     np.cos(phase, out=found.real)
     np.sin(phase, out=found.imag)
@@ -231,13 +232,13 @@ def pixel_spreads(
     wavelength: float,
     size: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The light from pixels of the scene about nodes, shape (n, size, size), each sums to 1; the shares they are (n,).
+    """Return the light from scene pixels around nodes, shape (n, size, size), each sums to 1; share of all light (n,).
 
     Args:
-        wave: Complex amplitudes over the pupil's pixels, shape (n, y, x); where one is dark all light stays in its
+        wave: Complex amplitudes over the pupil's pixels, shape (n, y, x); if one is zero, all light is in the middle
             pixel.
-        step: Their side [m].
-        fraction: Where the point spread functions are centred, along x and y [pixels], shape (n, 2).
+        step: Side of the pupil's pixels [m].
+        fraction: Centres of the point spread functions along x and y [pixels], shape (n, 2).
         tangent: Tangents of the nodes, shape (n, 2).
         camera: The camera.
         wavelength: Vacuum wavelength [m].
@@ -245,9 +246,9 @@ def pixel_spreads(
     """
     power = np.sum(wave.real**2 + wave.imag**2, axis=(1, 2))
     square = 1.0 + np.sum(tangent**2, axis=1, keepdims=True)
-    # Of direction cosines per tangent, along x and y.
+    # Direction cosines per pixel, along x and y.
     scale = (1.0 - tangent**2 / square) / np.sqrt(square) * camera.pixel_tangent
-    # The transform repeats itself: a kernel as wide as that would hold light twice.
+    # The transform is periodic: a kernel wider than the period would count light twice.
     held = np.clip((wavelength / step / scale.max(axis=1)).astype(int), 1, size)
     kernel, share = np.zeros((len(wave), size, size)), np.ones(len(wave))
     dark = power == 0.0
@@ -263,22 +264,22 @@ def pixel_spreads(
 
 
 def _through_pixels(wave: np.ndarray, fraction: np.ndarray, scale: np.ndarray, held: int) -> np.ndarray:
-    r"""Light between square pixels `held` about each node, shape (n, held, held).
+    r"""Return the light between square pixels around each node, shape (n, held, held).
 
-    The point spread function is the transform of the wave's correlation C with itself, of as many terms as the pupil
-    has pairs of pixels. A pixel of the scene and one of the camera share a triangle of the distance between them, by
-    which its integral is exact, axis by axis:
+    The point spread function is the transform of the wave's autocorrelation C, with as many terms as the pupil has
+    pairs of pixels. The overlap of a scene pixel and a camera pixel is a triangle function of their distance, so that
+    the integral is exact, axis by axis:
 
         \int |A(p)|^2 tri(p - j) dp = sum_d C(d) sinc(scale d)^2 exp(-2 pi i scale d (j - fraction))
 
-    `scale` is in waves to a pixel of the pupil and a pixel of the picture, along x and y, shape (n, 2).
+    `scale` is in waves per pixel of the pupil and pixel of the picture, along x and y, shape (n, 2).
     """
     from scipy.fft import fft2, next_fast_len, rfft2
 
     count = wave.shape[-1]
     length = next_fast_len(2 * count - 1)
     transform = fft2(wave, (length, length))
-    # Of the conjugate, and of the half that has the other one's conjugates.
+    # Of the conjugate; one half only, the other half being conjugate to it.
     correlation = rfft2(transform.real**2 + transform.imag**2)[..., :count] / length**2
     place, apart = np.arange(held) - held // 2, np.arange(count)
     along = []
@@ -291,4 +292,4 @@ def _through_pixels(wave: np.ndarray, fraction: np.ndarray, scale: np.ndarray, h
     both[..., :count], both[..., length - count + 1 :] = rows, rows[..., :0:-1].conj()
     columns[..., 1:] *= 2.0
     light = product_on_one_core(product_on_one_core(both, correlation), columns.transpose(0, 2, 1)).real
-    return np.maximum(light, 0.0)  # rounding where it is dark
+    return np.maximum(light, 0.0)  # rounding in dark pixels

@@ -1,12 +1,12 @@
-"""A picture of an extended scene through a flow.
+"""Render a picture of an extended scene through a flow.
 
-The brightness of a pixel is that of the scene where the pixel looks, spread by the point spread function there:
+The brightness of a pixel is the one of the scene where the pixel looks, blurred by the point spread function there:
 
     picture(p) = sum over nodes of h(p) (K * scene)(p + shift(p) - shift(node)),     K centred on shift(node)
 
-with hats h between the nodes that add up to 1. A shift that is the same everywhere lies in the kernels alone, which the
-Fourier transform moves by fractions of a pixel exactly; only its change from node to pixel is interpolated. Radiance is
-kept along rays, so nothing brightens where the flow magnifies.
+with hat functions h between the nodes, which sum to 1. A constant shift is in the kernels alone, which the Fourier
+transform shifts exactly by fractions of a pixel; only the variation of the shift from node to pixel is interpolated.
+Radiance is conserved along rays, so nothing brightens where the flow magnifies.
 """
 
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ from .shift import APERTURE_RAYS, BackgroundDisplacement, check_view, gather
 from .spectrum import Spectrum
 from .spreads import SpreadGrid, mixed, node_paths, phasors, pixel_spreads, spread_grid
 
-# Nodes and pixels of point spread functions, and rays across the pupil, by default.
+# Defaults: nodes along a side, pixels across a point spread function, rays across the pupil.
 NODE_COUNT, SIZE, PUPIL_PIXELS = 9, 32, 32
 
 
@@ -39,10 +39,10 @@ class ImageThrough:
         image: Brightness through the flow, shape (rows, columns), axes [y, x], rows from the lowest up; a third axis
             of colours where the scene has one.
         scene: The scene.
-        shift: Displacement and what goes with it, by pixel.
-        spreads: Point spread functions at nodes over the picture; of a spectrum, their weighted mean.
+        shift: Displacement of each pixel, with its blur and errors.
+        spreads: Point spread functions at nodes over the picture; for a spectrum, their weighted mean.
         camera: The camera.
-        wavelength: Vacuum wavelength [m] that was traced for.
+        wavelength: Vacuum wavelength [m] of the trace.
         spectrum: The wavelengths and weights of the picture.
         by_wavelength: Point spread functions at each of those wavelengths.
         seconds: Wall time by stage: see STAGES in clock.py.
@@ -65,7 +65,7 @@ class ImageThrough:
 
     @cached_property
     def reference(self) -> np.ndarray:
-        """The picture by the same camera without the flow, of the shape of `image`."""
+        """Picture of the same camera without the flow, of the shape of `image`."""
         shape, size = self.image.shape[:2], self.spreads.kernel.shape[-1]
         coordinate, step, weight, _ = pupil_grid(self.camera.pupil, PUPIL_PIXELS)
         lit = weight > 0.0
@@ -81,21 +81,21 @@ class ImageThrough:
 
     @property
     def known(self) -> np.ndarray:
-        """Which pixels see through known air alone: see BackgroundDisplacement."""
+        """Mask of the pixels that look through known air: see BackgroundDisplacement."""
         return self.shift.known
 
     def monochromatic(self) -> np.ndarray:
-        """The picture at each wavelength of the spectrum, shape (wavelengths, *image.shape), without sensor noise."""
+        """Return the picture at each wavelength, shape (wavelengths, *image.shape), without sensor noise."""
         shift, dark = filled(self.shift.shift)
         through = np.where(dark, 0.0, self.shift.through)
         return np.stack([render(self.scene, grid, shift, through) for grid in self.by_wavelength])
 
     def write(self, path: str | Path) -> None:
-        """Write the picture (a grey one) as 16 bits, TIFF or PNG, the uppermost row first."""
+        """Write a grey picture in 16 bits, TIFF or PNG, the uppermost row first."""
         write_grey(path, self.image)
 
     def to_xarray(self):
-        """Picture, displacement and blur as a dataset with units."""
+        """Return picture, displacement and blur as a dataset with units."""
         dims = ("y", "x", "colour")[: self.image.ndim]
         words = {"units": "1", "long_name": "brightness through the flow"}
         weights = self.spectrum.weights
@@ -105,7 +105,7 @@ class ImageThrough:
         return held.assign_coords(wavelength=length)
 
     def plot(self, axes=None):
-        """Draw the picture on matplotlib axes; returns the axes."""
+        """Draw the picture on matplotlib axes; return the axes."""
         from .plots import plot_picture
 
         return plot_picture(self.image, axes)
@@ -137,7 +137,7 @@ def image_through(
     allow_truncation: bool = False,
     **options: Any,
 ) -> ImageThrough:
-    """A picture of an extended scene through a flow: displaced by the shift map, blurred by its point spread functions.
+    """Render an extended scene through a flow: displaced by the shift map, blurred by point spread functions.
 
     A flow of constant OPD gradient a along x turns light that leaves the camera by +a, so the scene appears displaced
     by -a: see docs/conventions.md.
@@ -146,25 +146,25 @@ def image_through(
         field: The refractive index.
         scene_image: Brightness that the camera's pixels would see of the scene with a perfect lens, shape (rows,
             columns) or (rows, columns, colours), axes [y, x], rows from the lowest up. It may be larger than the
-            picture by an even number of pixels; beyond its border it goes on as there.
+            picture by an even number of pixels; its border is continued outside.
         camera: The camera.
-        psf_nodes: Point spread functions along a side of the picture.
+        psf_nodes: Number of point spread functions along a side of the picture.
         psf_pixels: Side of a point spread function [pixels].
         pupil_pixels: Rays across the pupil for each of them.
-        aperture_rays: Points of the aperture that the shift is the mean of, about.
-        sensor: Makes grey levels and noise; None: brightness as it is.
-        seed: Draws the noise.
-        wavelengths: Vacuum wavelengths of the light [m], shape (n,), all of one OPD: what air disperses is left out.
-            None: the one that is traced for.
-        weights: Shares of the light, its energy, at those wavelengths, shape (n,), or (n, colours) where the scene has
-            colours; made to sum to 1. None: equal ones.
-        allow_truncation: As for `background_displacement`.
+        aperture_rays: Approximate number of points of the aperture for the mean shift.
+        sensor: Adds noise and grey levels; None leaves the brightness as it is.
+        seed: Seed of the noise.
+        wavelengths: Vacuum wavelengths of the light [m], shape (n,), with one OPD: dispersion of air is ignored. None
+            takes the wavelength of the trace.
+        weights: Shares of the light's energy at those wavelengths, shape (n,), or (n, colours) if the scene has
+            colours; normalised to sum to 1. None: equal shares.
+        allow_truncation: As in `background_displacement`.
         **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
 
     Raises:
-        TypeError: An argument of the wrong kind, or an unknown option.
-        ValueError: A number that makes no sense, a scene of a shape that does not fit, no ray that meets the field, a
-            truncated view without `allow_truncation`.
+        TypeError: An argument is of the wrong type, or an option is unknown.
+        ValueError: A number is out of range, the scene's shape does not fit, no ray meets the field, or the view is
+            truncated and `allow_truncation` is not set.
     """
     check_view(field, camera, options)
     for name, count, least in (
@@ -211,11 +211,11 @@ def image_through(
 
 
 def _brightness(scene_image: Any) -> np.ndarray:
-    """A scene as float64, shape (rows, columns) or (rows, columns, colours).
+    """Return a scene as float64, shape (rows, columns) or (rows, columns, colours).
 
     Raises:
-        TypeError: What is no array of real numbers.
-        ValueError: Another shape, or numbers that are not finite.
+        TypeError: It is not an array of real numbers.
+        ValueError: It has another shape, or numbers that are not finite.
     """
     refuse_masked(scene_image, "scene_image")
     given = np.asarray(scene_image)
@@ -232,7 +232,7 @@ def _brightness(scene_image: Any) -> np.ndarray:
 
 
 def filled(shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shifts with those of the nearest pixel where nothing is seen, and where that is."""
+    """Fill shifts where nothing is seen with those of the nearest pixel; also return a mask of where that is."""
     from scipy.ndimage import distance_transform_edt
 
     dark = ~np.isfinite(shift).all(axis=-1)
@@ -247,7 +247,7 @@ def filled(shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def render_colours(
     scene: np.ndarray, grids: tuple[SpreadGrid, ...], light: Spectrum, shift: np.ndarray, through: np.ndarray
 ) -> np.ndarray:
-    """The picture of a scene in light of a spectrum: kernels are mixed, which is the mean of pictures, and quicker."""
+    """Render a scene in light of a spectrum: mixing kernels is equal to averaging pictures, and faster."""
     if light.weights.ndim == 1:
         return render(scene, mixed(grids, light.weights), shift, through)
     colours = zip(np.moveaxis(scene, 2, 0), light.weights.T, strict=True)

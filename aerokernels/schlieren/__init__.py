@@ -1,4 +1,4 @@
-"""What an optical bench would show of a field: schlieren, shadowgraph and interferogram, and what is read off them."""
+"""Synthetic schlieren pictures, shadowgraphs and interferograms of a field, and measurements on them."""
 
 from ..callable_module import make_callable
 from .bench import Bench

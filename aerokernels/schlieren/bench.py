@@ -1,15 +1,16 @@
 """A bench with its optics: a source of some size, the lens before the flow, the plane in focus, and the sensor.
 
-A source of the size h behind a lens of focal length f lights the flow from angles of -h / 2f to h / 2f. The knife edge
-stands where the source is imaged again: of the source's light it lets through what comes from angles t with
+A source of size h behind a lens of focal length f lights the flow from angles of -h / 2f to h / 2f. The knife edge is
+where the source is imaged again: it passes the part of the source's light that comes from angles t with
 
     t_cut + e_cut > edge,      the edge being where a share `cut_off` of the undisturbed light is held back
 
-e_cut the deflection across the edge. Of a slit that is the straight line of slope f / h that `schlieren` draws; of a
-disc it bends at both ends, of an annulus also at the rims of its hole. Taken as one point (`source_points` = 1) the
-source lights the flow along the axis alone; more points are each traced on their own, through the place of a pixel in
-the plane in focus, so that what lies out of focus is blurred. A ray is drawn where it comes from in the plane in focus,
-with the light of the square about it: schlieren out of focus is partly a shadowgraph.
+e_cut is the deflection across the edge. For a slit the passed light is linear in e_cut with slope f / h, as in
+`schlieren`; for a disc it is curved at both ends, for an annulus also at the rims of its hole. With one point
+(`source_points` = 1) the source lights the flow along the axis only. With more points each is traced on its own,
+through the position of each pixel in the plane in focus, so that parts of the flow out of focus are blurred. A ray is
+drawn at its apparent origin in the plane in focus, with the light of the square around it: schlieren out of focus is
+partly a shadowgraph.
 
 Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3, 3.2 and 3.4.
 """
@@ -23,7 +24,7 @@ from ..pupils import Pupil
 from ..sensor import Sensor
 from .source_shape import check_source, light_below, light_in, shape_of
 
-# Halvings that find an edge.
+# Bisections that find the position of an edge.
 HALVINGS = 60
 
 
@@ -33,20 +34,20 @@ class Bench:
     """The optics of a bench.
 
     Attributes:
-        source_size: Width of the source across the knife edge, or a disc's diameter [m]; None: that of a `source` that
-            is a pupil, of which it is twice the greatest distance from its centre across the edge.
-        focal_length: Focal length of the lens or mirror that makes the source's light parallel [m].
-        source: "slit" (of no width along the edge), "disc", "square", or any pupil, as an `Annulus` or a `Mask`, of
-            which the shape counts, made as wide as `source_size`: its first axis lies across the edge, and a mask's
-            weights are amplitudes.
-        source_points: Points of the source along its width that are traced, each on its own; as many along the edge.
+        source_size: Width of the source across the knife edge, or a disc's diameter [m]. None takes the width of a
+            `source` that is a pupil: twice the greatest distance from its centre across the edge.
+        focal_length: Focal length of the lens or mirror that collimates the source's light [m].
+        source: "slit" (no width along the edge), "disc", "square", or any pupil, such as an `Annulus` or a `Mask`, of
+            which only the shape counts, scaled to the width `source_size`: its first axis is across the edge, and a
+            mask's weights are amplitudes.
+        source_points: Points of the source along its width, each traced on its own; as many along the edge.
         focus: The plane in focus, along the light from the middle of the field [m].
-        sensor: Makes grey levels and noise; None: brightness as it is.
-        seed: Draws the noise.
+        sensor: Adds noise and grey levels; None leaves the brightness as it is.
+        seed: Seed of the noise.
 
     Raises:
         TypeError: `sensor` is no Sensor.
-        ValueError: A number that makes no sense, or an unknown source.
+        ValueError: A number is out of range, or the source is unknown.
     """
 
     source_size: float | None
@@ -58,7 +59,7 @@ class Bench:
     seed: int = 0
 
     def __post_init__(self):
-        """Check."""
+        """Check the values."""
         check_source(self.source)
         if self.source_size is None and isinstance(self.source, Pupil):
             object.__setattr__(self, "source_size", 2.0 * self.source.half_extent[0])
@@ -84,11 +85,11 @@ class Bench:
 
     @property
     def sensitivity(self) -> float:
-        """Change of light per deflection at a slit's edge [1 / rad]: focal length over source size."""
+        """Change of light per deflection for a slit [1 / rad]: focal length over source size."""
         return 1.0 / self.angle
 
     def points(self) -> tuple[np.ndarray, np.ndarray]:
-        """Points of the source: angles across the edge and along it [rad], shape (n, 2), and shares, shape (n,)."""
+        """Return points of the source: angles across and along the edge [rad], shape (n, 2), and shares, shape (n,)."""
         if self._shape is None:
             middle = self._middles(self.angle)
             return np.stack([middle, np.zeros(len(middle))], axis=1), np.full(len(middle), 1.0 / len(middle))
@@ -101,7 +102,7 @@ class Bench:
         return np.stack([across[lit], along[lit]], axis=1), share[lit] / share[lit].sum()
 
     def passed(self, point: np.ndarray, deflection: np.ndarray, cut_off: float) -> np.ndarray:
-        """Share of the light of one point's part of the source that passes the edge, of the deflection's shape.
+        """Return the share of light of one point's part of the source that passes the edge, of the deflection's shape.
 
         Args:
             point: The point's angles across the edge and along it [rad], shape (2,).
@@ -119,13 +120,13 @@ class Bench:
         return np.asarray(1.0 - (self._below(place, strip) - first) / (whole - first))
 
     def held_back(self, place: np.ndarray) -> np.ndarray:
-        """Share of the source's light from angles below a place across the edge [rad]."""
+        """Return the share of the source's light from angles below `place` across the edge [rad]."""
         half = 0.5 * self.angle
         first, whole = self._below(np.array([-half, half]), None)
         return np.asarray((self._below(np.clip(place, -half, half), None) - first) / (whole - first))
 
     def edge(self, cut_off: float) -> float:
-        """Where the edge stands, as an angle from the source's middle [rad]."""
+        """Return the position of the edge, as an angle from the source's middle [rad]."""
         if self._shape is None:
             return (cut_off - 0.5) * self.angle
         low, high = -0.5 * self.angle, 0.5 * self.angle
@@ -135,7 +136,7 @@ class Bench:
         return 0.5 * (low + high)
 
     def _below(self, place: np.ndarray, strip: tuple[float, float] | None) -> np.ndarray:
-        """Light from angles below places across the edge, of a strip between two angles along it, None for all."""
+        """Return the light from angles below `place` across the edge, in a strip of angles along it; None for all."""
         if self._shape is None:
             return np.asarray(place)
         reach = self._unit * self._shape.half_extent[1]
@@ -148,7 +149,7 @@ class Bench:
 
     @property
     def _unit(self) -> float:
-        """Angle to a length of the shape [rad / m]."""
+        """Angle per unit length of the shape [rad / m]."""
         assert self._shape is not None
         return 0.5 * self.angle / self._shape.half_extent[0]
 

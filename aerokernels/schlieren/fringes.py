@@ -1,7 +1,7 @@
-"""Interferogram: the field between the mirrors of a Mach-Zehnder interferometer.
+"""Interferograms of a field in one arm of a Mach-Zehnder interferometer.
 
-The reference beam goes through undisturbed air, tilted by so much that `fringe_spacing` lies between two fringes. With
-the visibility V,
+The reference beam goes through undisturbed air, tilted such that fringes are `fringe_spacing` apart. With the
+visibility V,
 
     I = (1 + V cos(2 pi (opd / wavelength + s / fringe_spacing + phase))) / 2
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 @shown
 @dataclass(frozen=True, eq=False)
 class Interferogram(PictureView):
-    """An interferogram, rows from the lowest up, and what it was made of.
+    """An interferogram, rows from the lowest up, with the data that it was made from.
 
     Attributes:
         intensity: brightness times the exposure, 1 for white, 0 behind the body; shape (ny, nx).
@@ -66,7 +66,7 @@ class Interferogram(PictureView):
     exposure: float
 
     def to_xarray(self) -> "xarray.Dataset":
-        """The picture as a dataset with units."""
+        """Return the picture as a dataset with units."""
         return traced_dataset(
             self,
             {
@@ -104,13 +104,13 @@ def interferogram(
         phase: of the undisturbed fringes at the middle of the picture [waves]; 0 is bright.
         visibility: contrast of the fringes, 0 to 1.
         exposure: brightness of a bright fringe, 1 for white.
-        bench: the bench's optics: each point of its source makes its own fringes, in the plane in focus; its sensor
-            adds noise.
+        bench: the bench's optics: each point of its source makes its own fringes in the plane in focus; its sensor adds
+            noise.
         **options: view, extent, pixel_count, rays_per_pixel, width, tolerance, wavelength, backend, device, precision:
             as in `line_of_sight`.
 
     Raises:
-        ValueError: an argument that makes no sense; the message names it and the remedy.
+        ValueError: an argument is out of range; the message names it and the remedy.
     """
     check_fringes(fringe_spacing, fringe_angle, phase, visibility, exposure)
     fringes: dict[str, Any] = {
@@ -129,7 +129,7 @@ def interferogram(
         )
         for point in points
     ]
-    # What is more than white counts in the mean, and on a sensor that is not full yet.
+    # The mean includes light above white: a sensor may not be saturated by it.
     light = exposure * sum(share * one.intensity for share, one in zip(shares, found, strict=True))
     light = np.clip(light, 0.0, 1.0) if bench.sensor is None else bench.sensor.expose(light, bench.seed)
     middle = found[int(np.argmin(np.hypot(*points.T)))]
@@ -146,10 +146,10 @@ def fringe_picture(
     visibility: float = 1.0,
     exposure: float = 1.0,
 ) -> Interferogram:
-    """The interferogram of light that was traced already; arguments and errors as in `interferogram`.
+    """Make the interferogram of traced light; arguments and errors as in `interferogram`.
 
     Raises:
-        ValueError: as in `interferogram`; and fringes that are too fine for the pixels.
+        ValueError: as in `interferogram`; or the fringes are too fine for the pixels.
     """
     check_fringes(fringe_spacing, fringe_angle, phase, visibility, exposure)
     window = traced.window
@@ -185,7 +185,7 @@ def fringe_picture(
 def check_fringes(
     fringe_spacing: float | None, fringe_angle: float, phase: float, visibility: float, exposure: float
 ) -> None:
-    """Refuse what makes no sense."""
+    """Check the arguments."""
     if fringe_spacing is not None and not (np.isfinite(fringe_spacing) and fringe_spacing > 0.0):
         raise ValueError(f"fringe_spacing = {fringe_spacing}: give a positive length in metres, or None")
     check_turn("fringe_angle", fringe_angle)

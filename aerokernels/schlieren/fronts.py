@@ -1,8 +1,8 @@
-"""Finding a shock on the scan lines of a picture, between the pixels.
+"""Locate a shock on the scan lines of a picture with sub-pixel accuracy.
 
-A scan line comes from undisturbed air. The front is where it first leaves the brightness of the air: the outer half
-height of the first bright or dark band. A band inside a flow has no undisturbed side; it is found as the extremum near
-a line that the caller draws.
+A scan line starts in undisturbed air. The front is where its brightness first departs from the air's: the outer half
+height of the first bright or dark band. A band inside a flow has no undisturbed side; it is located as the extremum
+near a line that the caller gives.
 """
 
 import math
@@ -12,19 +12,20 @@ import numpy as np
 LEAST_LINES = 8
 # Share of the scan lines that must agree on one curve: a picture in which fewer do shows no clear shock there.
 LEAST_AGREEING = 0.5
-# Curves that are tried: of three points, with half of all that lie elsewhere, one in eight is without any of those.
+# Number of trial curves: through three points each, one in eight is free of outliers if half of all points are
+# outliers.
 TRIAL_COUNT = 300
-# A band counts if it stands out by so many standard deviations of the noise, and by this share of the strongest one.
+# A band counts if its height is so many standard deviations of the noise, and this share of the strongest one.
 NOISE_FACTOR, LEAST_SHARE = 6.0, 0.03
-# Share of each scan line, from its outer end, that is taken to be undisturbed.
+# Share of each scan line, from its outer end, that is assumed undisturbed.
 UNDISTURBED_SHARE = 0.05
 
 
 def smoothed(intensity: np.ndarray, smoothing: float) -> np.ndarray:
-    """The picture under a Gaussian of standard deviation `smoothing` [pixels].
+    """Return the picture smoothed by a Gaussian of standard deviation `smoothing` [pixels].
 
     Raises:
-        ValueError: a smoothing that is negative or not finite.
+        ValueError: `smoothing` is negative or not finite.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -34,18 +35,18 @@ def smoothed(intensity: np.ndarray, smoothing: float) -> np.ndarray:
 
 
 def outer_fronts(lines: np.ndarray, level: float) -> np.ndarray:
-    """Where each scan line leaves the undisturbed brightness.
+    """Return where each scan line departs from the undisturbed brightness.
 
     Args:
-        lines: brightness along scan lines from undisturbed air inwards, shape (line_count, n).
-        level: share of the first band's height at which the front is, 0 to 1.
+        lines: brightness along scan lines, from undisturbed air inwards, shape (line_count, n).
+        level: share of the first band's height that defines the front, 0 to 1.
 
     Returns:
-        Place of the front on each line [samples], shape (line_count,); NaN where there is none, or where the line
-        starts within the band.
+        Position of the front on each line [samples], shape (line_count,); NaN if there is none, or if the line starts
+        inside the band.
 
     Raises:
-        ValueError: a level outside 0 to 1.
+        ValueError: `level` is outside 0 to 1.
     """
     if not 0.0 < level < 1.0:
         raise ValueError(f"level = {level}: give a share of the band's height between 0 and 1")
@@ -63,7 +64,7 @@ def _outer_front(change: np.ndarray, least: float, slack: float, level: float) -
         return np.nan
     first = int(above[0])
     height = change * np.sign(change[first])  # a dark body behind a bright band is not part of it
-    # Up to the band's first summit: the greatest value before the line has come down from it.
+    # Up to the band's first maximum: the greatest value before the line decreases by more than the slack.
     greatest = np.maximum.accumulate(height[first:])
     down = np.flatnonzero(height[first:] < greatest - slack)
     summit = greatest[down[0]] if down.size else greatest[-1]
@@ -75,15 +76,15 @@ def _outer_front(change: np.ndarray, least: float, slack: float, level: float) -
 
 
 def inner_bands(lines: np.ndarray, guess: np.ndarray, reach: float) -> np.ndarray:
-    """Where the strongest band of each scan line is, near a guess.
+    """Return where the strongest band of each scan line is, near a guess.
 
     Args:
         lines: brightness along scan lines, shape (line_count, n).
-        guess: place of the band on each line [samples], shape (line_count,).
-        reach: how far from the guess to look [samples].
+        guess: guessed position of the band on each line [samples], shape (line_count,).
+        reach: greatest distance from the guess [samples].
 
     Returns:
-        Place of the most prominent summit or valley on each line [samples], shape (line_count,); NaN where there is
+        Position of the most prominent maximum or minimum on each line [samples], shape (line_count,); NaN if there is
         none within reach and picture.
     """
     from scipy.signal import find_peaks
@@ -109,22 +110,22 @@ def inner_bands(lines: np.ndarray, guess: np.ndarray, reach: float) -> np.ndarra
 def fit_curve(
     along: np.ndarray, across: np.ndarray, degree: int, floor: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fit a polynomial to front points, without those that lie far off.
+    """Fit a polynomial to front points, without outliers.
 
-    The standard errors allow for neighbouring points that err alike, as places between pixels do: with the residuals'
-    correlation rho from one point to the next they grow by sqrt((1 + rho) / (1 - rho)).
+    The standard errors allow for correlated errors of neighbouring points, as of positions between pixels: with the
+    residuals' correlation rho from one point to the next they grow by sqrt((1 + rho) / (1 - rho)).
 
     Args:
-        along: places of the scan lines, shape (n,).
-        across: the front on them, shape (n,); NaN where there is none.
-        degree: of the polynomial.
-        floor: residual that is never far off.
+        along: positions of the scan lines, shape (n,).
+        across: position of the front on them, shape (n,); NaN if there is none.
+        degree: degree of the polynomial.
+        floor: residuals up to this never make an outlier.
 
     Returns:
-        Coefficients, lowest power first, shape (degree + 1,); their covariance; which points were used, shape (n,).
+        Coefficients, lowest power first, shape (degree + 1,); their covariance; mask of the points used, shape (n,).
 
     Raises:
-        ValueError: fewer than `LEAST_LINES`, or than `LEAST_AGREEING` of the points, lie on one curve.
+        ValueError: fewer than `LEAST_LINES`, or than `LEAST_AGREEING` of the points, are on one curve.
     """
     from scipy.optimize import least_squares
 
@@ -132,8 +133,8 @@ def fit_curve(
     least = max(LEAST_LINES, math.ceil(LEAST_AGREEING * along.size))
     powers = np.vander(along, degree + 1, increasing=True)
     if used.sum() >= least:
-        # Points on another edge must not draw the curve to them, also where they lie together at one end: first the
-        # curve that most points are close to, then least absolute deviations of those that may belong to it.
+        # Points on another edge must not attract the curve, even if they are together at one end: first the curve that
+        # most points are close to, then least absolute deviations of the points that may belong to it.
         scale = np.abs(powers).max(axis=0)
         start, reach = _most_agreed(powers[used] / scale, across[used])
         near = used & (np.abs(np.where(used, across, 0.0) - powers / scale @ start) <= max(4.0 * reach, 2.0 * floor))
@@ -165,16 +166,16 @@ def fit_curve(
 
 
 def _most_agreed(powers: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, float]:
-    """Of the curves through a few of the points each, the one that `LEAST_AGREEING` of all points are closest to.
+    """Return the curve, of many through a few points each, that `LEAST_AGREEING` of all points are closest to.
 
     P. Rousseeuw, Least median of squares regression, J. Am. Stat. Assoc. 79 (1984).
 
     Args:
-        powers: Powers of the points' places, shape (n, m).
+        powers: Powers of the points' positions, shape (n, m).
         across: The points, shape (n,).
 
     Returns:
-        Coefficients, shape (m,), and how close they are [as `across`].
+        Coefficients, shape (m,), and the distance within which those points are [as `across`].
     """
     count, size = powers.shape
     random = np.random.default_rng(0)

@@ -1,13 +1,13 @@
-"""Synthetic schlieren: what a bench with a knife edge would show of a field.
+"""Synthetic schlieren pictures of a field, as a bench with a knife edge would show.
 
 Parallel light crosses the field, deflected by the angle e = (e_right, e_up) = integral of grad_perp(n) / n_0 ds. The
-bench images the source, of height h, onto a knife edge with a lens of focal length f; the edge cuts off the fraction
-`cut_off` of it. A ray deflected by e moves its source image by f e, and the edge lets more or less of it through:
+bench images the source, of height h, onto a knife edge with a lens of focal length f; the edge holds back the fraction
+`cut_off` of it. A ray deflected by e moves its source image by f e, and the edge passes more or less of it:
 
     I / I_open = (1 - cut_off) + (f / h) e_cut,    cut to 0 .. 1
 
 e_cut is the component across the edge: a "vertical" edge sees e_right, a "horizontal" one e_up, an edge at any angle
-e_right cos a + e_up sin a. f / h is the `sensitivity` [1/rad]. Rays bend on their way (see `line_of_sight.py`).
+e_right cos a + e_up sin a. f / h is the `sensitivity` [1/rad]. Rays are traced with bending (see `line_of_sight.py`).
 
 Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3 and 3.2.
 """
@@ -38,13 +38,13 @@ _BRIGHT_DIRECTION = {"vertical": 0.0, "horizontal": 0.5 * math.pi}
 @shown
 @dataclass(frozen=True, eq=False)
 class SchlierenImage(PictureView):
-    """A schlieren picture, rows from the lowest up, and what it was made of.
+    """A schlieren picture, rows from the lowest up, with the data that it was made from.
 
     Attributes:
         intensity: light that passes the edge times the exposure, 1 for white, 0 behind the body; shape (ny, nx).
         horizontal: pixel centres along `right` [m], shape (nx,); z where the view is along x.
         vertical: pixel centres along `up` [m], shape (ny,); y where the view is along x.
-        deflection: angles toward right and up [rad], shape (ny, nx, 2); NaN where no ray came through.
+        deflection: deflections toward right and up [rad], shape (ny, nx, 2); NaN where no ray came through.
         opd: optical path difference against the ambient medium [m], shape (ny, nx); NaN where no ray came through.
         blocked: pixels that the body hides, shape (ny, nx).
         right: direction of the picture's horizontal axis, shape (3,).
@@ -69,7 +69,7 @@ class SchlierenImage(PictureView):
     exposure: float = 1.0
 
     def to_xarray(self) -> "xarray.Dataset":
-        """The picture as a dataset with units."""
+        """Return the picture as a dataset with units."""
         return traced_dataset(
             self,
             {
@@ -102,16 +102,16 @@ def schlieren(
         field: any field; a planar one needs `width` and a view along x.
         knife_edge: "vertical" shows changes along the picture's horizontal, "horizontal" those along its vertical; or
             the direction in which a deflection brightens, as an angle from the picture's right toward its up [rad]: the
-            edge stands across it, and pi is a vertical edge put in from the other side.
+            edge is across that direction, and pi is a vertical edge inserted from the other side.
         cut_off: fraction of the undisturbed source image that the edge holds back, 0 to 1.
-        sensitivity: f / h [1/rad]; None lets the largest 0.5 % of the deflections saturate.
+        sensitivity: f / h [1/rad]; None takes the value at which the largest 0.5 % of the deflections saturate.
         exposure: brightness of full light; above 1 / (1 - cut_off) the undisturbed picture is white.
-        bench: the bench's optics, which give the sensitivity: source, focal length, plane in focus, sensor.
+        bench: the bench's optics: source, focal length (which together give the sensitivity), plane in focus, sensor.
         **options: view, extent, pixel_count, rays_per_pixel, width, tolerance, wavelength, backend, device, precision:
             as in `line_of_sight`.
 
     Raises:
-        ValueError: an argument that makes no sense; the message names it and the remedy.
+        ValueError: an argument is out of range; the message names it and the remedy.
     """
     bright = check_knife_edge(knife_edge, cut_off, sensitivity, exposure)
     if bench is not None:
@@ -140,7 +140,7 @@ def knife_edge_picture(
     sensitivity: float | None = None,
     exposure: float = 1.0,
 ) -> SchlierenImage:
-    """The schlieren picture of light that was traced already; arguments and errors as in `schlieren`."""
+    """Make the schlieren picture of traced light; arguments and errors as in `schlieren`."""
     bright = check_knife_edge(knife_edge, cut_off, sensitivity, exposure)
     cut = _across(traced.deflection, bright)
     if sensitivity is None:
@@ -152,7 +152,7 @@ def knife_edge_picture(
 def _by_bench(
     field: IndexField, bench: Bench, bright: float, cut_off: float, options: dict[str, Any]
 ) -> tuple[LineOfSight, np.ndarray]:
-    """The rays of the source's middlemost point, and the light of all of its points, shape (ny, nx)."""
+    """Return the rays of the source's middlemost point, and the light of all its points, shape (ny, nx)."""
     points, shares = bench.points()
     middle = int(np.argmin(np.hypot(*points.T)))
     total, kept = 0.0, None
@@ -197,7 +197,7 @@ def _image(
 
 
 def _across(deflection: np.ndarray, bright: float) -> np.ndarray:
-    """The component of deflections toward `bright`; exact for the four directions along the axes."""
+    """Return the component of deflections toward `bright`; exact for the four directions along the axes."""
     quarter = bright / (0.5 * math.pi)
     if quarter == round(quarter):
         sign = 1.0 if round(quarter) % 4 < 2 else -1.0
@@ -206,7 +206,7 @@ def _across(deflection: np.ndarray, bright: float) -> np.ndarray:
 
 
 def check_knife_edge(knife_edge: str | float, cut_off: float, sensitivity: float | None, exposure: float) -> float:
-    """Refuse what makes no sense; the direction that brightens [rad]."""
+    """Check the arguments; return the direction that brightens [rad]."""
     known = isinstance(knife_edge, str) and knife_edge in _BRIGHT_DIRECTION
     if not known and (isinstance(knife_edge, (str, bool)) or not np.isfinite(knife_edge)):
         raise ValueError(f"knife_edge {knife_edge!r} is not known: choose 'vertical', 'horizontal' or an angle in rad")
@@ -219,7 +219,7 @@ def check_knife_edge(knife_edge: str | float, cut_off: float, sensitivity: float
 
 
 def _full_range_sensitivity(cut: np.ndarray, cut_off: float) -> float:
-    """The sensitivity at which the edge's range is used by all but the largest deflections; 0 where there are none."""
+    """Return the sensitivity at which all but the largest deflections are within the edge's range; 0 if none."""
     largest = float(np.quantile(np.abs(cut), 0.995)) if cut.size else 0.0
     room = min(cut_off, 1.0 - cut_off) or 1.0
     return room / largest if largest > 0.0 else 0.0

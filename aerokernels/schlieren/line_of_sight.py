@@ -1,17 +1,18 @@
-"""Parallel light through a field, traced once: what schlieren, shadowgraph and interferogram are made from.
+"""Parallel light traced once through a field, from which schlieren, shadowgraph and interferogram are made.
 
-Rays start on a grid over the picture, along the light, and are traced with their bending to a plane behind the field.
-There each has a direction d, a place and an optical path. A bench is focused on a plane in the flow, here the middle of
-the field's box: to a camera a ray seems to come from where its exit line, drawn straight back, meets that plane, and
-its phase is that of the virtual ray there:
+Rays start on a grid over the picture, along the light, and are traced with bending to a plane behind the field. There
+each has a direction d, a position and an optical path. A bench is focused on a plane in the flow, by default the middle
+of the field's box: to a camera a ray seems to come from where its exit line, extended straight back, meets that plane,
+and its phase is the one of this virtual ray there:
 
     opd = (opd at the exit) - n_0 L (1 / cos(d, forward) - 1),    L from the focal plane to the exit
 
-Light of a source's point beside its middle comes at an angle, the `tilt`: then the undisturbed ray through a pixel's
-place in the focal plane is tilted, deflections are against it, and the optical path is against its plane wave.
+Light from an off-axis point of the source arrives at an angle, the `tilt`: then the undisturbed ray through a pixel's
+position in the focal plane is tilted, deflections are relative to it, and the optical path is relative to its plane
+wave.
 
-The picture has each ray at its own pixel. What that leaves out, the virtual ray's distance from its pixel, is kept as
-`displacement`: second order in the deflection for a flow that lies symmetrically about the focal plane.
+The picture shows each ray at its own pixel. The neglected distance of the virtual ray from its pixel is stored as
+`displacement`: it is of second order in the deflection for a flow that is symmetric about the focal plane.
 
 Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3, 3.2 and 6.2;
 C. M. Vest, Holographic Interferometry (Wiley, 1979), section 6.3 (refraction and focal plane).
@@ -28,21 +29,21 @@ from aerokernels.tracing import Plane, RayStatus, trace
 from ..inputs.arguments import checked
 from .window import Window, make_window, ray_lines
 
-GREATEST_RAY_COUNT = 100_000_000  # some 20 GB of what is kept of them
+GREATEST_RAY_COUNT = 100_000_000  # some 20 GB of stored results
 _UPSIDE_DOWN = np.array([1.0, -1.0])  # of (right, up)
 
 
 @dataclass(frozen=True, eq=False)
 class LineOfSight:
-    """Parallel light through a field. Rays are k x k to a pixel; arrays over rays have shape (ny k, nx k).
+    """Parallel light through a field, k x k rays per pixel; arrays over rays have shape (ny k, nx k).
 
     Attributes:
         window: directions of the view and the pixels.
         rays_per_pixel: k, rays along each side of a pixel.
-        deflection: angles toward right and up [rad], shape (ny k, nx k, 2); NaN where no ray came through.
+        deflection: deflections toward right and up [rad], shape (ny k, nx k, 2); NaN where no ray came through.
         opd: optical path difference against the ambient medium, seen in the focal plane [m]; NaN as above.
-        displacement: place in the focal plane less the undisturbed one, toward right and up [m], shape
-            (ny k, nx k, 2); NaN as above.
+        displacement: displacement of the virtual ray in the focal plane, toward right and up [m], shape (ny k, nx k,
+            2); NaN as above.
         through: rays that came through.
         blocked: rays that met the body.
         wavelength: vacuum wavelength [m].
@@ -61,12 +62,12 @@ class LineOfSight:
 
     @property
     def ray_grid(self) -> tuple[np.ndarray, np.ndarray]:
-        """Undisturbed places of the rays along right and up [m], each of shape (ny k, nx k)."""
+        """Undisturbed positions of the rays along right and up [m], each of shape (ny k, nx k)."""
         across, along = np.meshgrid(*ray_lines(self.window, self.rays_per_pixel))
         return across, along
 
     def pixel_mean(self, values: np.ndarray) -> np.ndarray:
-        """Mean over the rays of each pixel, shape (ny, nx) or (ny, nx, m); of those that are not NaN."""
+        """Return the mean over the rays of each pixel that are not NaN, shape (ny, nx) or (ny, nx, m)."""
         k = self.rays_per_pixel
         ny, nx = len(self.window.vertical), len(self.window.horizontal)
         blocks = values.reshape(ny, k, nx, k, *values.shape[2:])
@@ -76,7 +77,7 @@ class LineOfSight:
 
     @property
     def blocked_pixels(self) -> np.ndarray:
-        """Pixels of which the body hides more than half, shape (ny, nx)."""
+        """Mask of the pixels of which the body hides more than half, shape (ny, nx)."""
         return self.pixel_mean(self.blocked.astype(np.float64)) > 0.5
 
 
@@ -97,7 +98,7 @@ def line_of_sight(
     focus: float = 0.0,
     tilt: tuple[float, float] = (0.0, 0.0),
 ) -> LineOfSight:
-    """Send parallel light through a field.
+    """Trace parallel light through a field.
 
     Args:
         field: any field; a planar one needs `width` and a view along x.
@@ -105,17 +106,17 @@ def line_of_sight(
         extent: right from, to, up from, to [m]; None takes in the field's box.
         pixel_count: pixels along right and up, or along the longer side of square pixels.
         rays_per_pixel: k: each pixel is the mean over k x k rays.
-        width: length of the light's way through a planar field [m].
-        tolerance: OPD error asked of the tracer [waves].
-        wavelength: vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
+        width: length of the light's path through a planar field [m].
+        tolerance: requested OPD error of the tracer [waves].
+        wavelength: vacuum wavelength [m]; None takes the field's own, or 905 nm if it has none.
         backend: as in `trace`.
         device: as in `trace`.
         precision: as in `trace`.
         focus: the plane in focus, along the light from the middle of the field [m].
-        tilt: angles of the light toward right and up [rad], as of a point beside the source's middle.
+        tilt: angles of the light toward right and up, as direction sines, for an off-axis point of the source [rad].
 
     Raises:
-        ValueError: an argument that makes no sense; the message names it and the remedy.
+        ValueError: an argument is out of range; the message names it and the remedy.
     """
     sine = np.asarray(tilt, dtype=np.float64)
     if sine.shape != (2,) or not np.isfinite(sine).all() or np.abs(sine).max() > 0.5:
@@ -135,7 +136,7 @@ def line_of_sight(
     across, along = np.meshgrid(*ray_lines(window, rays_per_pixel))
     row_count = len(along)
     symmetric = _is_symmetric(field, window, along[:, 0]) and not sine.any()
-    if symmetric:  # the lower half is the upper one's mirror image
+    if symmetric:  # only the upper half is traced; the lower one is its mirror image
         across, along = across[row_count // 2 :], along[row_count // 2 :]
     plane = window.middle + float(focus)
     tangent = sine / np.sqrt(1.0 - sine @ sine)
@@ -153,18 +154,18 @@ def line_of_sight(
         precision=precision,
         outputs=("position", "direction", "opd"),
     )
-    assert traced.direction is not None and traced.opd is not None and traced.position is not None  # asked for above
+    assert traced.direction is not None and traced.opd is not None and traced.position is not None  # requested above
     shape, back = across.shape, window.exit - plane
     direction = traced.direction.reshape(*shape, 3)
     sines = np.stack([direction @ right, direction @ up], axis=-1)
     deflection = sines - sine
-    # 1 / cos - 1 / cos_0 = (sin^2 - sin_0^2) / (cos cos_0 (cos + cos_0)): without a difference of nearly equal numbers
+    # 1 / cos - 1 / cos_0 = (sin^2 - sin_0^2) / (cos cos_0 (cos + cos_0)): avoids a difference of nearly equal numbers
     cosine, straight = direction @ forward, float(np.sqrt(1.0 - sine @ sine))
     stretch = np.sum(deflection * (sines + sine), axis=-1) / (cosine * straight * (straight + cosine))
     moved = traced.position.reshape(*shape, 3) - start
     displacement = np.stack([moved @ right, moved @ up], axis=-1) - ahead - back * sines / cosine[..., None]
     blocked = traced.traced_status == RayStatus.HIT_BODY
-    if field.body is not None and field.geometry == "planar":  # light along the body never meets its side
+    if field.body is not None and field.geometry == "planar":  # light along the body's axis never meets its side
         blocked |= field.body.contains(field.local_coordinates(start.reshape(-1, 3)))
     through = (traced.ok & ~blocked).reshape(shape)
 
@@ -191,7 +192,7 @@ def line_of_sight(
 
 
 def _is_symmetric(field: IndexField, window: Window, heights: np.ndarray) -> bool:
-    """Whether the picture is its own mirror image: a body of revolution seen from the side, the axis in its middle."""
+    """Return whether the picture is symmetric: a body of revolution seen from the side, with its axis in the middle."""
     sideways = abs(abs(float(window.right[2])) - 1.0) < 1e-12
     return field.geometry == "axisymmetric" and sideways and _is_even(heights)
 
@@ -201,14 +202,14 @@ def _is_even(heights: np.ndarray) -> bool:
 
 
 def check_exposure(exposure: float) -> float:
-    """Refuse an exposure that is not a positive number."""
+    """Check that an exposure is positive and finite."""
     if not (np.isfinite(exposure) and exposure > 0.0):
         raise ValueError(f"exposure = {exposure}: give a positive number; 1 shows full light as white")
     return float(exposure)
 
 
 def check_turn(name: str, angle: float) -> float:
-    """Refuse an angle [rad] that is no number, or more than a turn: degrees, most likely."""
+    """Check that an angle [rad] is finite and at most one turn: more are most likely degrees."""
     if not (np.isfinite(angle) and abs(angle) <= 2.0 * np.pi * (1.0 + 1e-9)):
         raise ValueError(f"{name} = {angle}: give an angle in radians of at most one turn, 2 pi; is it in degrees?")
     return float(angle)

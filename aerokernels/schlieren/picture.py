@@ -1,4 +1,4 @@
-"""A picture with its scale: what every bench gives, and a photograph of one."""
+"""A picture with its scale, synthetic or from a photograph, and its datasets."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class AnyPicture(Protocol):
-    """What is measured in: a Picture, SchlierenImage, Shadowgraph or Interferogram."""
+    """Protocol of pictures to measure in: Picture, SchlierenImage, Shadowgraph or Interferogram."""
 
     @property
     def intensity(self) -> np.ndarray:
@@ -37,7 +37,7 @@ class Picture(PictureView):
         vertical: pixel centres along the vertical [m], even and increasing, shape (ny,).
 
     Raises:
-        ValueError: shapes that disagree, numbers that are not finite, centres that do not increase evenly.
+        ValueError: shapes disagree, numbers are not finite, or centres do not increase evenly.
     """
 
     intensity: np.ndarray
@@ -45,7 +45,7 @@ class Picture(PictureView):
     vertical: np.ndarray
 
     def __post_init__(self) -> None:
-        """Check."""
+        """Check the values."""
         intensity = np.asarray(self.intensity, dtype=np.float64)
         if intensity.ndim != 2 or not np.isfinite(intensity).all():
             raise ValueError(f"a picture is one plane of finite brightness, got shape {intensity.shape}")
@@ -63,7 +63,7 @@ class Picture(PictureView):
 def picture_dataset(
     picture: AnyPicture, extra: dict[str, tuple[str, np.ndarray, str, str]], attributes: dict[str, object]
 ) -> "xarray.Dataset":
-    """A picture as a dataset: `intensity` over vertical and horizontal, and what else was made with it.
+    """Return a picture as a dataset: `intensity` over vertical and horizontal, and further arrays.
 
     Args:
         picture: the picture.
@@ -93,7 +93,7 @@ def picture_dataset(
 def traced_dataset(
     picture: Any, extra: dict[str, tuple[str, np.ndarray, str, str]], attributes: dict[str, object]
 ) -> "xarray.Dataset":
-    """As `picture_dataset`, of a picture that was traced: with what the body hides, the exposure and the axes."""
+    """Return `picture_dataset` of a traced picture, with the pixels that the body hides, exposure and axes."""
     blocked = ("pixel", picture.blocked.astype(np.int8), "1", "1 where the body hides the light")
     own = {"exposure": picture.exposure, "right": picture.right, "up": picture.up}
     return picture_dataset(picture, {**extra, "blocked": blocked}, {**attributes, **own})

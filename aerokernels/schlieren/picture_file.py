@@ -1,4 +1,4 @@
-"""Pictures in files: a photograph of a bench read with its scale, and a picture written as it is, pixel for pixel."""
+"""Read a photograph of a bench with its scale, and write a picture pixel for pixel."""
 
 import warnings
 from pathlib import Path
@@ -10,9 +10,9 @@ from ..process.room import NoRoomError, check_room
 from .picture import AnyPicture, Picture
 
 LEAST_PIXELS = 16  # along each side
-COPIES = 3  # in float64, that are in memory together while a picture is read
+COPIES = 3  # float64 arrays in memory at once while a picture is read
 FLOW_SIDES = ("right", "left")
-# Grey levels of full white, by Pillow's mode.
+# Grey level of white, by Pillow's mode.
 _FULL = {"1": 1.0, "L": 255.0, "I;16": 65535.0, "I;16B": 65535.0, "I;16L": 65535.0}
 
 
@@ -24,21 +24,23 @@ def read_picture(
     upstream: str = "right",
     roll: float = 0.0,
 ) -> Picture:
-    """Read a photograph of a schlieren bench: PNG, TIFF, JPEG or what else Pillow reads; colours become grey.
+    """Read a photograph of a schlieren bench: PNG, TIFF, JPEG or another format of Pillow; colours become grey.
 
-    The picture gets the scale and place that the synthetic pictures along x have: metres, the nose's tip at 0, the flow
+    The picture gets the scale and origin of the synthetic pictures along x: metres, the nose's tip at 0, the flow
     coming from the right.
 
     Args:
         path: the file.
         pixel_size: width of a pixel in the plane of the flow [m].
         nose: (column, row) of the nose's tip [pixels] from the centre of the upper left pixel, fractions allowed.
-        upstream: side of the file's picture from which the flow comes, "right" or "left" (then it is mirrored).
-        roll: angle by which the flow's axis is turned in the file, from right toward up [rad]; it is turned back.
+        upstream: side of the file's picture from which the flow comes, "right" or "left" (then the picture is
+            mirrored).
+        roll: angle by which the flow's axis is rotated in the file, from right toward up [rad]; the picture is rotated
+            back.
 
     Raises:
-        ValueError: no such file, not a picture, one that is cut off, too small or of one brightness, or an argument
-            that makes no sense.
+        ValueError: the file does not exist, is not a picture, is truncated, too small or of a single brightness, or an
+            argument is out of range.
     """
     path = check_path(path, "path")
     if not (np.isfinite(pixel_size) and pixel_size > 0.0):
@@ -67,7 +69,7 @@ def read_picture(
 
 
 def write_picture(path: str | Path, picture: AnyPicture) -> None:
-    """Write the brightness of a picture as a grey PNG of 16 bits, pixel for pixel, the uppermost row first."""
+    """Write the brightness of a picture as a 16-bit grey PNG, pixel for pixel, the uppermost row first."""
     from PIL import Image
 
     levels = np.rint(np.clip(picture.intensity, 0.0, 1.0) * 65535.0).astype(np.uint16)
@@ -75,7 +77,7 @@ def write_picture(path: str | Path, picture: AnyPicture) -> None:
 
 
 def _read_grey(path: Path) -> np.ndarray:
-    """Brightness 0 to 1, the uppermost row first."""
+    """Return the brightness, 0 to 1, the uppermost row first."""
     from PIL import Image, UnidentifiedImageError
 
     if path.is_dir() or not path.exists():
@@ -84,7 +86,7 @@ def _read_grey(path: Path) -> np.ndarray:
         )
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about a file that is read all the same
+            warnings.simplefilter("ignore")  # warnings about files that are readable nevertheless
             with Image.open(path) as image:
                 told = f"picture {path}: its head"
                 check_room(8.0 * COPIES * image.width * image.height, told)
@@ -96,7 +98,7 @@ def _read_grey(path: Path) -> np.ndarray:
         raise ValueError(f"picture {path}: not a picture that can be read; give a PNG or TIFF file") from None
     except Image.DecompressionBombError as error:
         raise ValueError(f"picture {path}: {error}; cut it down to the part that is needed") from None
-    except Exception as error:  # a file that is cut off or broken makes Pillow's readers fail in any way
+    except Exception as error:  # Pillow's readers raise any exception for truncated or damaged files
         raise ValueError(f"picture {path}: cannot be read, {error}; save it again") from None
     if frame_count > 1:
         raise ValueError(f"picture {path}: holds {frame_count} pictures; save the one that is meant by itself")
@@ -114,7 +116,7 @@ def _read_grey(path: Path) -> np.ndarray:
 def _as_grey(image) -> np.ndarray:
     if image.mode in _FULL:
         return np.asarray(image, dtype=np.float64) / _FULL[image.mode]
-    if image.mode in ("I", "F"):  # no full white is known: from the darkest to the brightest pixel
+    if image.mode in ("I", "F"):  # the level of white is not known: scale from the darkest to the brightest pixel
         values = np.asarray(image, dtype=np.float64)
         span = np.ptp(values) if np.isfinite(values).all() else 0.0
         return (values - values.min()) / span if span > 0.0 else values
@@ -122,11 +124,11 @@ def _as_grey(image) -> np.ndarray:
 
 
 def _turned(intensity: np.ndarray, centre: tuple[float, float], angle: float) -> np.ndarray:
-    """The picture turned by -angle about `centre` (row from below, column), edges continued."""
+    """Return the picture rotated by -angle about `centre` (row from below, column), with its edges continued."""
     from scipy.ndimage import affine_transform
 
     cosine, sine = np.cos(angle), np.sin(angle)
-    # To each pixel (row, column) of the result, where it is in the turned picture.
+    # Maps each pixel (row, column) of the result to the rotated picture.
     matrix = np.array([[cosine, sine], [-sine, cosine]])
     middle = np.asarray(centre)
     return np.clip(affine_transform(intensity, matrix, middle - matrix @ middle, order=1, mode="nearest"), 0.0, 1.0)

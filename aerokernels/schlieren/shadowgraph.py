@@ -1,14 +1,14 @@
-"""Shadowgraph: the light on a screen behind the field, or on the plane that a camera is focused on.
+"""Shadowgraphs: the light on a screen behind the field, or on the plane that a camera is focused on.
 
-Each ray leaves the field at a place and in a direction and goes straight on to the screen:
+Each ray leaves the field at a position and in a direction, and goes straight on to the screen:
 
     landing = exit + (screen - exit coordinate) d_perp / d_forward
 
-Four neighbouring rays carry the light of the square between them. It is spread evenly over the quadrilateral into which
-the rays map that square, whether it is stretched, squeezed, or folded over others (a caustic), so light is conserved:
-irradiance = (light that lands) / (light that would land without field). To first order in the distance L this is
-1 - L (d e_right / d right + d e_up / d up), the second derivative of the index that textbooks give; the mapping also
-holds where rays have crossed. Diffraction is left out.
+Four neighbouring rays carry the light of the square between them. It is spread evenly over the quadrilateral onto which
+the rays map that square, whether stretched, squeezed, or folded over others (a caustic), so light is conserved:
+irradiance = (light that lands) / (light that would land without field). To first order in the distance L this is 1 - L
+(d e_right / d right + d e_up / d up), the second derivative of the index, as in textbooks; the mapping also holds where
+rays have crossed. Diffraction is neglected.
 
 Each quadrilateral is cut into parts of at most a third of a pixel, and each part counts as an upright rectangle of its
 size: exact where light is stretched along the picture's axes, of second order in a shear.
@@ -44,20 +44,20 @@ MOST_PARTS = 64  # along each side of a quadrilateral
 @shown
 @dataclass(frozen=True, eq=False)
 class Shadowgraph(PictureView):
-    """A shadowgraph, rows from the lowest up, and what it was made of.
+    """A shadowgraph, rows from the lowest up, with the data that it was made from.
 
     Attributes:
         intensity: irradiance times the exposure, 1 for white; shape (ny, nx).
         horizontal: pixel centres along `right` [m], shape (nx,).
         vertical: pixel centres along `up` [m], shape (ny,).
         irradiance: light on the screen, 1 where there is no field, shape (ny, nx).
-        blocked: pixels that the body hides when there is no field, shape (ny, nx).
+        blocked: pixels that the body hides without deflection, shape (ny, nx).
         right: direction of the picture's horizontal axis, shape (3,).
         up: direction of its vertical axis, shape (3,).
         distance: from the field's middle to the screen, along the light [m].
         source_angle: full angle that the source subtends [rad].
         exposure: brightness of undisturbed light, 1 for white.
-        source: the source's shape, as of a `Bench`.
+        source: the source's shape, as in a `Bench`.
     """
 
     intensity: np.ndarray
@@ -73,7 +73,7 @@ class Shadowgraph(PictureView):
     source: str | Pupil = "disc"
 
     def to_xarray(self) -> "xarray.Dataset":
-        """The picture as a dataset with units."""
+        """Return the picture as a dataset with units."""
         return traced_dataset(
             self,
             {
@@ -102,18 +102,18 @@ def shadowgraph(
 
     Args:
         field: any field; a planar one needs `width` and a view along x.
-        distance: from the field's middle to the screen, along the light [m]. A camera may be focused on a plane within
-            the field or before it: then this is small or negative, and the rays are drawn straight back.
-        source_angle: full angle that the source, a disc, subtends seen from the field [rad]: it blurs by distance times
-            angle.
+        distance: from the field's middle to the screen, along the light [m]. A camera may be focused on a plane inside
+            the field or in front of it: then this is small or negative, and the rays are extended straight back.
+        source_angle: full angle that the source, a disc, subtends as seen from the field [rad]: it blurs by distance
+            times angle.
         exposure: brightness of undisturbed light, 1 for white.
-        bench: the bench's optics: its source gives the angle and the shape that blurs, a slit along the horizontal
-            alone; its sensor noise; the screen is what is in focus.
+        bench: the bench's optics: its source gives the angle and the shape of the blur (a slit blurs along the
+            horizontal only), its sensor the noise; the screen is in focus.
         **options: view, extent, pixel_count, rays_per_pixel, width, tolerance, wavelength, backend, device, precision:
             as in `line_of_sight`.
 
     Raises:
-        ValueError: an argument that makes no sense; the message names it and the remedy.
+        ValueError: an argument is out of range; the message names it and the remedy.
     """
     check_screen(distance, source_angle, exposure)
     if bench is not None:
@@ -137,16 +137,16 @@ def shadow_picture(
     exposure: float = 0.5,
     source: str | Pupil = "disc",
 ) -> Shadowgraph:
-    """The shadowgraph of light that was traced already; arguments and errors as in `shadowgraph`.
+    """Make the shadowgraph of traced light; arguments and errors as in `shadowgraph`.
 
-    `source` is the source's shape, as of a `Bench`.
+    `source` is the source's shape, as in a `Bench`.
     """
     check_screen(distance, source_angle, exposure)
     check_source(source)
     window = traced.window
     if min(traced.through.shape) < 2:
         raise ValueError(f"a shadowgraph needs at least 2 x 2 rays, got {traced.through.shape}: raise pixel_count")
-    # `displacement` is the ray's place in the focal plane: from there to the screen it is a straight line.
+    # `displacement` is the ray's displacement in the focal plane: from there it is extended straight to the screen.
     sine = traced.deflection
     tangent = sine / np.sqrt(1.0 - np.sum(sine**2, axis=-1, keepdims=True))
     onward = distance - (traced.focus - window.middle)
@@ -169,7 +169,7 @@ def shadow_picture(
 
 
 def check_screen(distance: float, source_angle: float, exposure: float) -> None:
-    """Refuse what makes no sense."""
+    """Check the arguments."""
     if not np.isfinite(distance):
         raise ValueError(f"distance = {distance}: give the place of the screen in metres from the field's middle")
     if not 0.0 <= source_angle < 0.5:
@@ -178,12 +178,13 @@ def check_screen(distance: float, source_angle: float, exposure: float) -> None:
 
 
 def spread(traced: LineOfSight, shift: np.ndarray, share: np.ndarray | None = None) -> np.ndarray:
-    """Irradiance of the pixels, 1 where nothing is shifted, shape (ny, nx).
+    """Return the irradiance of the pixels, 1 where nothing is shifted, shape (ny, nx).
 
     Args:
         traced: the rays.
-        shift: where each lands less where it would without the field [m], shape (ny k, nx k, 2); NaN if it does not.
-        share: of its light that is let through, shape (ny k, nx k); None for all.
+        shift: displacement of each ray's landing point by the field [m], shape (ny k, nx k, 2); NaN if it does not
+            land.
+        share: share of its light that is transmitted, shape (ny k, nx k); None for all.
     """
     rest, border = _with_border(traced, shift)
     if share is not None:
@@ -194,9 +195,9 @@ def spread(traced: LineOfSight, shift: np.ndarray, share: np.ndarray | None = No
 
 
 def _with_border(traced: LineOfSight, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Places of the rays and their shifts [m], with rays added around the picture that are shifted like its border.
+    """Return positions and shifts of the rays [m], with extra rays around them that shift like the outermost.
 
-    Light from beside the picture is shifted into it as light is shifted out.
+    So light from outside the picture is shifted into it, as light is shifted out.
     """
     k, window = traced.rays_per_pixel, traced.window
     greatest = np.nan_to_num(np.abs(shift), nan=0.0).max(axis=(0, 1)) / np.asarray(window.pitch)
@@ -210,13 +211,13 @@ def _with_border(traced: LineOfSight, shift: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _spread(rest: np.ndarray, shift: np.ndarray, window: Window, share: np.ndarray | None = None) -> np.ndarray:
-    """Light in each pixel, shape (ny, nx), of the squares between rays.
+    """Return the light in each pixel, shape (ny, nx), from the squares between rays.
 
     Args:
-        rest: undisturbed places (right, up) of the rays [m], shape (rows, columns, 2).
-        shift: where they land less where they would, NaN for rays that do not land: their squares carry no light.
+        rest: undisturbed positions (right, up) of the rays [m], shape (rows, columns, 2).
+        shift: displacement of their landing points [m], NaN for rays that do not land: their squares carry no light.
         window: the pixels.
-        share: of the light of each square that counts, shape (rows - 1, columns - 1); None for all.
+        share: share of each square's light that counts, shape (rows - 1, columns - 1); None for all.
 
     Returns:
         Light in units of one square between rays.
@@ -228,7 +229,7 @@ def _spread(rest: np.ndarray, shift: np.ndarray, window: Window, share: np.ndarr
     there = np.isfinite(corners).all(axis=(1, 2))
     corners = corners[there]
     amount = np.ones(len(corners)) if share is None else share.ravel()[there]
-    # Rounded up to powers of two, so that there are few sizes to go through.
+    # Rounded up to powers of two, so that there are few sizes to process.
     size = np.ptp(corners, axis=1).max(axis=1)
     parts = np.exp2(np.ceil(np.log2(np.clip(PARTS_PER_PIXEL * size, 1.0, MOST_PARTS)))).astype(int)
     shape = (len(window.vertical), len(window.horizontal))
@@ -241,7 +242,7 @@ def _spread(rest: np.ndarray, shift: np.ndarray, window: Window, share: np.ndarr
         rightward, upward = chosen[:, [1, 3]] - chosen[:, [0, 2]], chosen[:, 2:] - chosen[:, :2]
         sides = np.maximum(np.abs(rightward.mean(axis=1)), np.abs(upward.mean(axis=1)))
         sides = np.repeat(sides[:, None] / count, count**2, axis=1)
-        block = max(1, 2_000_000 // count**2)  # as many points at a time as memory does not feel
+        block = max(1, 2_000_000 // count**2)  # limits the memory
         for start in range(0, len(chosen), block):
             part = slice(start, start + block)
             middle = np.einsum("qcd,cp->qpd", chosen[part], weights).reshape(-1, 2)
@@ -263,8 +264,8 @@ def _deposit(
         shape: (ny, nx).
     """
     size = np.clip(size, 1e-9, 1.0)
-    low = np.floor(middle - 0.5 * size + 0.5)  # the pixel in which the rectangle begins
-    first = np.clip((low + 0.5 - (middle - 0.5 * size)) / size, 0.0, 1.0)  # its share there; the rest is in the next
+    low = np.floor(middle - 0.5 * size + 0.5)  # pixel in which the rectangle begins
+    first = np.clip((low + 0.5 - (middle - 0.5 * size)) / size, 0.0, 1.0)  # share in that pixel
     column, row = low.astype(np.int64).T
     for d_row in (0, 1):
         for d_column in (0, 1):

@@ -1,4 +1,4 @@
-"""The angle of a shock, read off a picture with its standard error."""
+"""Measure the angle of a shock in a picture, with its standard error."""
 
 import math
 from dataclasses import dataclass
@@ -14,17 +14,18 @@ HALVES = ("upper", "lower", "both")
 
 @dataclass(frozen=True, eq=False)
 class ShockAngle:
-    """A shock as it was read off a picture.
+    """A shock measured in a picture.
 
     Attributes:
         angle: between the shock and the picture's horizontal [rad], positive.
         standard_error: of the angle, from the scatter of the points [rad].
-        place: where along the horizontal the angle holds [m].
+        place: position along the horizontal at which the angle holds [m].
         points: the shock on the scan lines that were used, (horizontal, vertical) [m], shape (n, 2).
         curve: coefficients of the fitted height above the axis against the distance from `place`, lowest power first
             [m, 1, 1/m]; with both halves, the mean of the two.
         residual_rms: scatter of the points about the curve [m].
-        roll: how much the picture is turned [rad], half the difference of the angles of the two halves; NaN with one.
+        roll: rotation of the picture [rad], half the difference between the angles of the two halves; NaN with one
+            half.
     """
 
     angle: float
@@ -48,26 +49,27 @@ def measure_shock_angle(
     level: float = 0.5,
     smoothing: float = 1.0,
 ) -> ShockAngle:
-    """Read the angle of a shock off a picture.
+    """Measure the angle of a shock in a picture.
 
     Every column of pixels in the window is scanned from undisturbed air toward the axis; the outermost shock is where
-    the brightness first leaves that of the air (see `fronts.py`). With `near`, a shock inside the flow is taken, the
-    strongest band near a line drawn by hand. A straight line or a parabola is fitted, points far off are left out.
+    the brightness first departs from the air's (see `fronts.py`). With `near`, a shock inside the flow is measured: the
+    strongest band near a given line. A straight line or a parabola is fitted; outliers are left out.
 
     Args:
         picture: a Picture or any of the synthetic pictures; a horizontal knife edge shows slanted shocks best.
-        window: from where to where along the horizontal [m].
-        half: "upper" or "lower" half of the picture, or "both", which takes out how much the picture is turned.
+        window: range along the horizontal [m].
+        half: "upper" or "lower" half of the picture, or "both", which cancels a rotation of the picture.
         degree: 1 for a straight shock, 2 for a curved one: the angle is then that in the middle of the window.
         axis: height of the flow's axis in the picture [m].
         near: two points (horizontal, vertical) [m] of a line near a shock inside the flow; vertical from the axis, as
             in the upper half.
         reach: how far from that line to look [m]; needed with `near`.
-        level: share of the band's height at which its outer edge is.
-        smoothing: standard deviation of the Gaussian that the picture is smoothed with [pixels]; 0 for none.
+        level: share of the band's height that defines its outer edge.
+        smoothing: standard deviation of the Gaussian that smooths the picture [pixels]; 0 for none.
 
     Raises:
-        ValueError: a window outside the picture or too narrow, no shock in it, an argument that makes no sense.
+        ValueError: the window is outside the picture or too narrow, there is no shock in it, or an argument is out of
+            range.
     """
     check_choice(half, "half", HALVES)
     if degree not in (1, 2):
@@ -99,7 +101,7 @@ def measure_shock_angle(
         )
     inwards = rows[::-1] if half == "upper" else rows
     lines = smoothed(picture.intensity, smoothing)[np.ix_(inwards, columns)].T
-    height = np.abs(picture.vertical[inwards] - axis)  # falls from line's start to its end
+    height = np.abs(picture.vertical[inwards] - axis)  # decreases from a line's start to its end
     pitch = float(height[0] - height[1])
     along = picture.horizontal[columns]
     if near is None:
@@ -122,10 +124,10 @@ def measure_shock_angle(
 
 
 def columns_in(picture: AnyPicture, window: tuple[float, float]) -> np.ndarray:
-    """Indices of the pixel columns in a window [m].
+    """Return the indices of the pixel columns in a window [m].
 
     Raises:
-        ValueError: a window that does not increase, or holds too few columns.
+        ValueError: the window does not increase, or has too few columns.
     """
     low, high = (float(end) for end in window)
     if not low < high:
@@ -140,7 +142,7 @@ def columns_in(picture: AnyPicture, window: tuple[float, float]) -> np.ndarray:
 
 
 def _line_through(points, along: np.ndarray) -> np.ndarray:
-    """Heights of the line through two points at the places `along` [m]."""
+    """Return the heights of the line through two points at the positions `along` [m]."""
     ends = np.asarray(points, dtype=np.float64)
     if ends.shape != (2, 2) or not np.isfinite(ends).all() or ends[0, 0] == ends[1, 0]:
         raise ValueError(f"near {points!r}: give two points (horizontal, vertical) in metres, one beside the other")

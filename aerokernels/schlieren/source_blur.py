@@ -1,9 +1,9 @@
-"""How the width of a source blurs a shadowgraph: the mean over the source's image, moved about every pixel.
+"""Blur of a shadowgraph by the width of its source: convolution with the source's image.
 
-A source that subtends the angle a moves the shadow of a flow at the distance L by up to a L / 2 either way, so the
-picture is folded with the source's shape of the size a L. The shape is laid on the pixels by the area that it covers of
-each, and is taken so much wider or narrower that the weights have the shape's own variance along either axis: the blur
-is then exact to fourth order in the pixel's size, also where the source's image is smaller than a pixel.
+A source that subtends the angle a moves the shadow of a flow at the distance L by up to a L / 2 to either side, so the
+picture is convolved with the source's shape, scaled to the size a L. The weight of each pixel is the area that the
+shape covers of it. The shape's size is adjusted such that the weights have the shape's own variance along both axes:
+the blur is then exact to fourth order in the pixel's size, also if the source's image is smaller than a pixel.
 """
 
 import numpy as np
@@ -11,20 +11,20 @@ import numpy as np
 from ..pupils import Pupil, Rectangle
 from .source_shape import light_in, shape_of
 
-# Halvings of a pixel in the search for the size whose weights have the right variance, and the cells across a shape
-# that its variance is found by.
+# Bisections in the search for the size whose weights have the right variance; cells across a shape that give its
+# variance.
 HALVINGS, CELLS = 50, 1024
 
 
 def blurred(irradiance: np.ndarray, source: str | Pupil, size: float, pitch: tuple[float, float]) -> np.ndarray:
-    """A picture folded with the image of a source.
+    """Convolve a picture with the image of a source.
 
     Args:
         irradiance: The picture, shape (ny, nx).
-        source: A shape of source_shape.py, its first axis along the picture's horizontal; a slit has no width along
+        source: A shape as in source_shape.py, its first axis along the picture's horizontal; a slit has no width along
             the vertical.
-        size: Width of the source's image along the horizontal [m]; negative where it is upside down.
-        pitch: Distance of the pixels along the horizontal and the vertical [m].
+        size: Width of the source's image along the horizontal [m]; negative if it is inverted.
+        pitch: Spacing of the pixels along the horizontal and the vertical [m].
     """
     from scipy.ndimage import convolve, convolve1d
 
@@ -36,7 +36,7 @@ def blurred(irradiance: np.ndarray, source: str | Pupil, size: float, pitch: tup
         return np.asarray(convolve1d(irradiance, weights / weights.sum(), axis=1, mode="nearest"))
     scale = abs(size) / (2.0 * shape.half_extent[0])
     drawn = [_fitted(shape, axis, scale * shape.half_extent[axis], pitch[axis]) for axis in (0, 1)]
-    if isinstance(shape, Rectangle):  # which is a product
+    if isinstance(shape, Rectangle):  # separable
         across, along = (light / light.sum() for _, light in drawn)
         picture = convolve1d(irradiance, across, axis=1, mode="nearest")
         return np.asarray(convolve1d(picture, along, axis=0, mode="nearest"))
@@ -47,15 +47,15 @@ def blurred(irradiance: np.ndarray, source: str | Pupil, size: float, pitch: tup
 
 
 def _fitted(shape: Pupil, axis: int, half: float, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Edges of pixels along an axis of a shape, in its own lengths, and the light between them.
+    """Return the edges of pixels along an axis of a shape, in its units, and the light between them.
 
-    Drawn in such a size that this light has the shape's mean square distance from its centre.
+    The shape is scaled such that this light has the shape's own mean square distance from its centre.
 
     Args:
         shape: The shape.
         axis: 0 for its first axis, 1 for its second.
-        half: Half the size of its image [m].
-        step: Distance of the pixels [m].
+        half: Half the size of the source's image [m].
+        step: Spacing of the pixels [m].
     """
     reach = shape.half_extent[axis]
     fine = np.linspace(-reach, reach, CELLS + 1)
@@ -74,13 +74,13 @@ def _fitted(shape: Pupil, axis: int, half: float, step: float) -> tuple[np.ndarr
 
 
 def _along(shape: Pupil, axis: int, edges: np.ndarray) -> np.ndarray:
-    """Light of a shape between places along one of its axes."""
+    """Return the light of a shape between positions along one of its axes."""
     reach = shape.half_extent[1 - axis]
     ends = np.array([-reach, reach])
     return np.ravel(light_in(shape, edges, ends) if axis == 0 else light_in(shape, ends, edges))
 
 
 def _edges(half: float) -> np.ndarray:
-    """Edges of the pixels about a centre that a half width reaches, in pixels."""
+    """Return the edges of the pixels that a half width about a centre reaches, in pixels."""
     count = int(np.ceil(half - 0.5 + 1e-9)) if half > 0.5 else 0
     return np.arange(-count - 0.5, count + 1.0)

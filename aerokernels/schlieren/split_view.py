@@ -1,4 +1,4 @@
-"""A synthetic picture above the axis, a measured one below: the comparison of the paper's Figure 6."""
+"""Comparison of a synthetic picture above the axis with a measured one below, as in the paper's Figure 6."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -23,11 +23,11 @@ class HalfComparison:
             the measured picture does not reach.
         horizontal: pixel centres along the horizontal [m], shape (nx,).
         vertical: pixel centres along the vertical [m], shape (ny,).
-        simulated: the simulated picture's lower half on the pixels in common, shape (m,).
-        measured: the measured brightness there, brought to the simulation's scale, shape (m,).
-        correlation: Pearson's r of the two, over the lower half's pixels in common.
-        gain: factor by which the measured brightness was multiplied.
-        offset: what was then added.
+        simulated: the simulated picture's lower half on the common pixels, shape (m,).
+        measured: the measured brightness there, scaled to the simulation's, shape (m,).
+        correlation: Pearson's r of the two, over the common pixels of the lower half.
+        gain: factor applied to the measured brightness.
+        offset: offset added after that.
         covered: share of the lower half that the measured picture covers.
     """
 
@@ -42,7 +42,7 @@ class HalfComparison:
     covered: float
 
     def to_xarray(self) -> "xarray.Dataset":
-        """The picture as a dataset with units."""
+        """Return the picture as a dataset with units."""
         return picture_dataset(
             self,
             {},
@@ -57,18 +57,18 @@ class HalfComparison:
 
 
 def compare_halves(simulated: AnyPicture, measured: Picture) -> HalfComparison:
-    """Put the upper half of a simulated picture over the lower half of a measured one.
+    """Combine the upper half of a simulated picture with the lower half of a measured one.
 
-    The measured picture is drawn on the simulation's pixels, and its brightness scaled so that its fifth and
-    ninety-fifth hundredths in the lower half are those of the simulation: exposure and film are not compared. It should
-    be taken with the same knife edge.
+    The measured picture is interpolated to the simulation's pixels, and its brightness scaled such that its 5 % and 95
+    % quantiles in the lower half are those of the simulation: exposure and film are not compared. Both pictures should
+    have the same knife edge.
 
     Args:
         simulated: a synthetic picture along x, the axis at height 0.
         measured: a photograph with its scale, see `read_picture`.
 
     Raises:
-        ValueError: fewer than 100 pixels of the lower half in common, or one brightness all over in them.
+        ValueError: the lower halves have fewer than 100 pixels in common, or one of them has a single brightness there.
     """
     from scipy.ndimage import map_coordinates
 
@@ -113,5 +113,5 @@ def compare_halves(simulated: AnyPicture, measured: Picture) -> HalfComparison:
 
 
 def _places(coordinates: np.ndarray, centres: np.ndarray) -> np.ndarray:
-    """Coordinates [m] as places between pixel centres [pixels]."""
+    """Convert coordinates [m] to positions relative to pixel centres [pixels]."""
     return (coordinates - centres[0]) / ((centres[-1] - centres[0]) / (len(centres) - 1))

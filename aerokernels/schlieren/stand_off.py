@@ -1,4 +1,4 @@
-"""The stand-off distance of a bow shock, read off a picture with its standard error."""
+"""Measure the stand-off distance of a bow shock in a picture, with its standard error."""
 
 import math
 from dataclasses import dataclass
@@ -10,21 +10,21 @@ from .fronts import LEAST_LINES, fit_curve, outer_fronts, smoothed
 from .picture import AnyPicture
 
 SIDES = ("right", "left")
-# The body begins where the brightness stays below this share of undisturbed air for so many pixels.
+# The body begins where the brightness stays below this share of the undisturbed air's for so many pixels.
 DARK_SHARE, DARK_PIXELS = 0.2, 3
 
 
 @dataclass(frozen=True, eq=False)
 class StandOff:
-    """A bow shock and the nose behind it, as they were read off a picture.
+    """A bow shock and the nose behind it, measured in a picture.
 
     Attributes:
         distance: from the nose to the shock on the flow's axis [m].
         standard_error: from the scatter of the points [m].
-        shock: place of the shock on the axis [m].
-        nose: place of the nose on the axis [m].
+        shock: position of the shock on the axis [m].
+        nose: position of the nose on the axis [m].
         shock_points: the shock on the scan lines used, (horizontal, vertical) [m], shape (n, 2).
-        nose_points: the body's edge on them, shape (m, 2); empty where the nose was given.
+        nose_points: the body's edge on those lines, shape (m, 2); empty if the nose was given.
     """
 
     distance: float
@@ -45,23 +45,24 @@ def measure_stand_off(
     level: float = 0.5,
     smoothing: float = 0.5,
 ) -> StandOff:
-    """Read the stand-off distance of a detached shock off a picture.
+    """Measure the stand-off distance of a detached shock in a picture.
 
-    The rows of pixels about the axis are scanned from upstream: the shock is where the brightness first leaves that of
-    the air, the body where it goes dark for good. Parabolas through both give their places on the axis. The shock must
-    not be as dark as the body: with a vertical knife edge, take the side from which it is bright.
+    The rows of pixels around the axis are scanned from upstream: the shock is where the brightness first departs from
+    the undisturbed air's, the body where it becomes dark permanently. Parabolas through both give their positions on
+    the axis. The shock must not be as dark as the body: with a vertical knife edge, choose the side that makes it
+    bright.
 
     Args:
         picture: a Picture or any of the synthetic pictures.
         half_height: rows up to this distance from the axis are used [m]; less than the nose's radius of curvature.
         axis: height of the flow's axis in the picture [m].
         upstream: side from which the flow comes, "right" (as in pictures along x) or "left".
-        nose: place of the nose along the horizontal [m], where it is known; None reads it off the picture.
-        level: share of the band's height at which its outer edge is.
-        smoothing: standard deviation of the Gaussian that the picture is smoothed with [pixels]; 0 for none.
+        nose: position of the nose along the horizontal [m], if it is known; None measures it in the picture.
+        level: share of the band's height that defines its outer edge.
+        smoothing: standard deviation of the Gaussian that smooths the picture [pixels]; 0 for none.
 
     Raises:
-        ValueError: too few rows, no shock or no body on them, an argument that makes no sense.
+        ValueError: too few rows, no shock or no body on them, or an argument out of range.
     """
     check_choice(upstream, "upstream", SIDES)
     if not (np.isfinite(half_height) and half_height > 0.0):
@@ -94,7 +95,7 @@ def measure_stand_off(
 def _on_axis(
     height: np.ndarray, found: np.ndarray, pitch: float, what: str, axis: float
 ) -> tuple[float, float, np.ndarray]:
-    """Place on the axis of a curve through points, its standard error, and the points used."""
+    """Return the position on the axis of a curve through points, its standard error, and the points used."""
     try:
         curve, covariance, used = fit_curve(height, found, 2, 0.5 * pitch)
     except ValueError as error:
@@ -104,7 +105,7 @@ def _on_axis(
 
 
 def _dark_edge(line: np.ndarray, dark: float, start: float) -> float:
-    """Where a scan line, behind its shock, falls to the body's darkness: half way down from what lies before it."""
+    """Return where a scan line, behind its shock, falls half way from the brightness before to the body's darkness."""
     if not np.isfinite(start):
         return np.nan
     low = line <= dark

@@ -1,4 +1,4 @@
-"""What all pictures of a bench have in common: how they are drawn, and what they say of themselves."""
+"""Base class of all pictures of a bench: plotting."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ class PictureView:
     vertical: np.ndarray
 
     def plot(self, axes: Any = None) -> Any:
-        """Draw the picture in grey over millimetres on matplotlib axes; returns the axes."""
+        """Draw the picture in grey over millimetres on matplotlib axes; return the axes."""
         axes = drawn_on(axes)
         ends = extent_of(1e3 * self.horizontal, 1e3 * self.vertical)
         axes.imshow(self.intensity, origin="lower", extent=ends, cmap="gray", vmin=0.0, vmax=1.0)

@@ -1,4 +1,4 @@
-"""The window of a bench: direction of the light, axes and pixels of the picture, where the light comes and goes."""
+"""Window of a bench: direction of the light, axes and pixels of the picture, start and end of the rays."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Where a picture of a field is taken from.
+    """Viewing direction, pixels and extent of a picture of a field.
 
     Attributes:
         forward: direction of the light, shape (3,).
@@ -41,22 +41,22 @@ class Window:
 
 
 def make_window(field: IndexField, view, extent, pixel_count, width: float | None) -> Window:
-    """Lay a window over a field; for the arguments see `line_of_sight`.
+    """Make the window of a field; for the arguments see `line_of_sight`.
 
     Raises:
-        ValueError: an argument that makes no sense; the message names it and the remedy.
+        ValueError: an argument is out of range; the message names it and the remedy.
     """
     forward, right, up = _view_axes(view)
     low, high = _finite_box(field, forward, width)
     horizontal, vertical, pitch = _pixels(low, high, right, up, extent, pixel_count)
     entry, exit_ = _span(low, high, forward)
-    if field.geometry != "planar":  # a plane on a face of the box would be met or missed by a rounding
+    if field.geometry != "planar":  # rounding would decide whether rays meet a plane on a face of the box
         entry, exit_ = entry - 0.005 * (exit_ - entry), exit_ + 0.005 * (exit_ - entry)
     return Window(forward, right, up, horizontal, vertical, pitch, entry, exit_)
 
 
 def ray_lines(window: Window, rays_per_pixel: int) -> tuple[np.ndarray, np.ndarray]:
-    """Places of k rays to each pixel along right, shape (nx k,), and along up, shape (ny k,) [m]."""
+    """Return the positions of k rays per pixel along right, shape (nx k,), and along up, shape (ny k,) [m]."""
     offset = (np.arange(rays_per_pixel) - 0.5 * (rays_per_pixel - 1)) / rays_per_pixel
     right, up = (
         (centres[:, None] + pitch * offset).ravel()
@@ -66,7 +66,7 @@ def ray_lines(window: Window, rays_per_pixel: int) -> tuple[np.ndarray, np.ndarr
 
 
 def _view_axes(view) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Forward, right and up as seen along the light with y up (x up for light along y)."""
+    """Return forward, right and up as seen along the light with y up (x up for light along y)."""
     if isinstance(view, str) and view not in _AXES:
         raise ValueError(f"view {view!r} is not known: choose 'x', 'y', 'z' or three numbers")
     forward = as_unit_vector(_AXES[view] if isinstance(view, str) else view, "view")
@@ -77,7 +77,7 @@ def _view_axes(view) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _finite_box(field: IndexField, forward: np.ndarray, width: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """The field's box; a planar one is cut to `width`, which only light along x crosses in full."""
+    """Return the field's box; a planar field is cut to `width` along x, and light must be along x."""
     low, high = field.box
     if field.geometry != "planar":
         if width is not None:
@@ -93,13 +93,13 @@ def _finite_box(field: IndexField, forward: np.ndarray, width: float | None) -> 
 
 
 def _span(low: np.ndarray, high: np.ndarray, axis: np.ndarray) -> tuple[float, float]:
-    """Least and greatest coordinate of a box along `axis` [m]."""
+    """Return the least and greatest coordinate of a box along `axis` [m]."""
     ends = np.stack([low * axis, high * axis])
     return float(ends.min(axis=0).sum()), float(ends.max(axis=0).sum())
 
 
 def _pixels(low, high, right, up, extent, pixel_count) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
-    """Pixel centres along right and up [m], and the size of a pixel."""
+    """Return pixel centres along right and up [m], and the size of a pixel."""
     if extent is None:
         extent = (*_span(low, high, right), *_span(low, high, up))
     if len(extent) != 4 or not np.isfinite(extent).all() or extent[0] >= extent[1] or extent[2] >= extent[3]:

@@ -1,4 +1,4 @@
-"""Wavefronts over a pupil and what they make of a focus: terms, pictures, modes, exchange."""
+"""Wavefronts over a pupil: fitted terms, Zernike modes, point spread and transfer functions, exchange formats."""
 
 from ..callable_module import make_callable
 from .pixel_errors import SAFETY

@@ -1,4 +1,4 @@
-"""The numbers of a wavefront on a square grid over its pupil, checked."""
+"""Data class of a wavefront on a square grid over its pupil; checks its values."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -18,29 +18,29 @@ SIGN_CONVENTION = "OPD is positive where light is delayed"
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class WavefrontMap:
-    """A wavefront's samples at the centres of square pixels, and what they were made with.
+    """Samples of a wavefront at the centres of square pixels, and how they were obtained.
 
     Attributes:
         opd: Optical path difference [m], positive where light is delayed, shape (n, n), axes [y, x]: rows along the
             pupil's second axis, columns along its first, both ascending; NaN where `weight` is 0.
-        weight: Transmission of the amplitude in each pixel, mean over its area, shape (n, n).
+        weight: Amplitude transmission of each pixel, averaged over its area, shape (n, n).
         pixel: Side of a pixel [m].
         wavelength: Vacuum wavelength [m].
-        intensity: Mean intensity in each pixel, shape (n, n), which is more than `weight` squared where an edge or an
-            apodisation crosses a pixel; None takes the latter.
-        radius: The radius that the Zernike polynomials' unit disc has [m]; None takes half of the map's width.
-        pupil: The pupil, where one was looked through.
-        direction: Direction in which the rays left it, shape (3,); its normal if None.
-        blocked: Share of the pupil's weight whose rays did not arrive.
-        removed: Terms that were taken out.
-        plan: How the rays were traced, where they were.
+        intensity: Mean intensity in each pixel, shape (n, n). It exceeds `weight` squared where an edge or an
+            apodisation crosses a pixel; None takes `weight` squared.
+        radius: Radius of the unit disc of the Zernike polynomials [m]; None takes half of the map's width.
+        pupil: The pupil, if the map belongs to one.
+        direction: Direction in which the rays left the pupil, shape (3,); None means the pupil's normal.
+        blocked: Share of the pupil's weight whose rays did not arrive behind the field.
+        removed: Names of the terms that were removed.
+        plan: How the rays were traced, if they were.
         seconds: Wall time by stage: see STAGES in clock.py.
-        budget: Makes the error budget of the OPD [m]; `error` calls it.
+        budget: Function that computes the error budget of the OPD [m]; `error` calls it.
 
     Raises:
-        TypeError: An argument of another kind.
-        ValueError: Shapes that disagree, a pixel that is not positive, an empty pupil, an OPD in it that is not finite,
-            negative weights, a wavelength outside 0.1 to 20 um.
+        TypeError: An argument of the wrong type.
+        ValueError: Shapes disagree, the pixel is not positive, the pupil is empty, the OPD inside the pupil is not
+            finite, a weight is negative, or the wavelength is outside 0.1 to 20 um.
     """
 
     opd: np.ndarray
@@ -58,7 +58,7 @@ class WavefrontMap:
     budget: Callable[[], dict[str, float]] | None = None
 
     def __post_init__(self):
-        """Check, and make read-only copies."""
+        """Check the values and store read-only copies."""
         if not (self.pupil is None or isinstance(self.pupil, Pupil)):
             raise TypeError(f"pupil must be one of the pupils, or None, got {type(self.pupil).__name__}")
         for name in ("opd", "weight", "intensity"):
@@ -80,8 +80,12 @@ class WavefrontMap:
         if not (np.isfinite(radius) and radius > 0.0):
             raise ValueError(f"the radius must be a positive length [m], got {self.radius!r}")
         intensity = weight**2 if self.intensity is None else np.where(lit, np.array(self.intensity, np.float64), 0.0)
-        if intensity.shape != weight.shape or not (intensity >= weight**2 * (1.0 - 1e-9)).all():
-            raise ValueError("the intensity must be of the weights' shape and nowhere below their square")
+        if (
+            intensity.shape != weight.shape
+            or not np.isfinite(intensity).all()
+            or not (intensity >= weight**2 * (1.0 - 1e-9)).all()
+        ):
+            raise ValueError("the intensity must be finite, of the weights' shape and nowhere below their square")
         if not (np.ndim(self.blocked) == 0 and 0.0 <= self.blocked <= 1.0):
             raise ValueError(f"blocked must be a share of the pupil's weight, 0 to 1, got {self.blocked!r}")
         if self.direction is not None and not (np.shape(self.direction) == (3,) and np.isfinite(self.direction).all()):
@@ -109,26 +113,26 @@ class WavefrontMap:
 
     @property
     def lit(self) -> np.ndarray:
-        """Which pixels light gets through, shape (n, n)."""
+        """Mask of the pixels inside the pupil (positive weight), shape (n, n)."""
         return self.weight > 0.0
 
     @cached_property
     def points(self) -> np.ndarray:
-        """X and y of those pixels [m], shape (lit count, 2)."""
+        """X and y of the pixels inside the pupil [m], shape (lit count, 2)."""
         rows, columns = np.nonzero(self.lit)
         return np.stack([self.coordinate[columns], self.coordinate[rows]], axis=1)
 
     @property
     def samples(self) -> tuple[np.ndarray, np.ndarray]:
-        """OPD [m] of those pixels, and weights that sum to 1, each of shape (lit count,)."""
+        """OPD [m] of the pixels inside the pupil, and weights that sum to 1, each of shape (lit count,)."""
         weight = self.weight[self.lit]
         return self.opd[self.lit], weight / weight.sum()
 
     @cached_property
     def error(self) -> dict[str, float]:
-        """Error budget of the OPD [m] by cause, and "total"; see tracing/budget.py. Empty where it is not known.
+        """Error budget of the OPD [m] by cause, and "total"; see tracing/budget.py. Empty if it is not known.
 
-        Some rays are traced again for it when it is first read; seconds["error"] is the time of that.
+        Some rays are retraced when it is first read; seconds["error"] is the time spent on that.
         """
         with clocked() as spent, stage("error"):
             found = self.budget() if self.budget is not None else {}
@@ -137,9 +141,9 @@ class WavefrontMap:
 
     @property
     def opd_error(self) -> float:
-        """The greatest OPD error [m] that the budget leaves room for; NaN where it is not known."""
+        """Total OPD error [m] of the budget; NaN if it is not known."""
         return self.error.get("total", float("nan"))
 
     def phase_error(self) -> float:
-        """The same as a phase [rad]."""
+        """Return `opd_error` as a phase [rad]."""
         return 2.0 * np.pi * self.opd_error / self.wavelength

@@ -1,23 +1,23 @@
-"""The square grid of pixels that a wavefront has over its pupil."""
+"""Square grid of pixels of a wavefront over its pupil."""
 
 import numpy as np
 
 from ..pupils import Mask, Pupil
 
 PIXEL_COUNT = 128
-# A pixel that the pupil covers less of is rounding.
+# A pixel whose covered share is below this share of the greatest one is dropped: it is rounding.
 LEAST_COVER = 1e-9
 
 
 def pupil_grid(pupil: Pupil, pixel_count: int | None) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
-    """The square grid that just holds a pupil.
+    """Return the smallest square grid that holds a pupil.
 
     Returns:
-        x and y of its pixels [m], shape (n,); their side [m]; in each of them mean amplitude and mean intensity,
-        both of shape (n, n).
+        Coordinates of the pixels along x and y [m], shape (n,); side of a pixel [m]; mean amplitude and mean intensity
+        of each pixel, both of shape (n, n).
 
     Raises:
-        ValueError: A pixel_count that is not a whole number of at least 2.
+        ValueError: `pixel_count` is not a whole number of at least 2.
     """
     if pixel_count is None:
         pixel_count = PIXEL_COUNT

@@ -1,15 +1,16 @@
-r"""What the pixels of a wavefront make the numbers of its image off by: transfer functions and what is read off them.
+r"""Errors of transfer functions and other image quantities due to the pixels of a wavefront.
 
-A pixel has one sample, at its centre, and the mean amplitude of its area. Three causes, added as squares:
+A pixel has one sample, at its centre, and the mean amplitude of its area. Three errors are added as squares:
 
-    the shares     of a pixel's place and of another's the mean product is w w' + c, |c| <= s s' by Cauchy and Schwarz,
-                   s^2 = <|A|^2> - w^2: edges that coincide after the shift, as those of a rectangle along it, reach it
-    the moments    what the shares of edge pixels lack in second order (pixel_weights.py), twice
+    the shares     the mean product of a point of one pixel and a point of another is w w' + c, |c| <= s s' by Cauchy
+                   and Schwarz, s^2 = <|A|^2> - w^2; edges that coincide after the shift, as those of a rectangle
+                   shifted along an edge, reach this bound
+    the moments    twice the second-order deficit of the shares of edge pixels (pixel_weights.py)
     the samples    the standard error of the mean over the four grids of every other row and column
 
-A number that needs its own grid, a width or a mean slope, is read on the four coarser grids as well: their mean less
-the number on all pixels stands for what is of an order in the pixel's side, their spread for the rest, and the exact
-weights for what no coarser grid of the same edge pixels shows.
+A number that needs its own grid, such as a width or a mean slope, is evaluated on the four coarser grids as well: their
+mean minus the number on all pixels represents errors of some order in the pixel's side, their spread the rest, and the
+exact weights represent what no coarser grid with the same edge pixels shows.
 """
 
 from collections.abc import Callable, Iterator
@@ -25,12 +26,12 @@ from .transfer import Transfer, autocorrelation, complex_amplitude, encircled, t
 
 # Every other row and column.
 INTERLEAVED = tuple((row, column) for row in (0, 1) for column in (0, 1))
-# Radii over which light is summed up by its angle.
+# Radii of the sum over light by its angle.
 RADII = 65
 
 
 def transfer_errors(wavefront: WavefrontMap, number: Callable[[Transfer], Any]) -> np.ndarray:
-    """What a number, or an array of them, that is read off the transfer function is off by for the pixels."""
+    """Return the error due to the pixels of what `number` computes from the transfer function."""
     plain = np.asarray(number(transfer_function(wavefront)))
     coincident, exact, *grids = (np.asarray(number(one)) for one in _transfers(wavefront))
     spread = np.sqrt(np.var(grids, axis=0, ddof=1) / len(grids))
@@ -38,10 +39,10 @@ def transfer_errors(wavefront: WavefrontMap, number: Callable[[Transfer], Any]) 
 
 
 def encircled_errors(wavefront: WavefrontMap, angle: np.ndarray, center: np.ndarray) -> np.ndarray:
-    r"""What shares of the light within angles [rad] about a point are off by for the pixels, of the angles' shape.
+    r"""Return the error due to the pixels of shares within angles [rad] about a point, of the angles' shape.
 
-    Places one by one, as the transform takes pixels, fold all light into wavelength / pixel. What there is of square
-    pixels goes down by sinc^2 to either side, (pi^2 / 3) \int a^2 dE pixel^2 / wavelength^2 to second order.
+    The transform treats pixels as points, which folds all light into wavelength / pixel. The light of square pixels
+    decreases by sinc^2 with the angle, (pi^2 / 3) \int a^2 dE pixel^2 / wavelength^2 to second order.
     """
     read = transfer_errors(wavefront, lambda transfer: encircled(transfer, angle, center))
     radius = np.linspace(0.0, float(np.max(angle, initial=0.0)), RADII)
@@ -52,7 +53,7 @@ def encircled_errors(wavefront: WavefrontMap, angle: np.ndarray, center: np.ndar
 
 
 def _transfers(wavefront: WavefrontMap) -> Iterator[Transfer]:
-    """Those of coincident edges, of the exact weights, and by the pixels of each of the interleaved grids."""
+    """Yield the transfer functions of coincident edges, of the exact weights, and of each interleaved grid."""
     weight, intensity = np.asarray(wavefront.weight), np.asarray(wavefront.intensity)
     lit, plain = wavefront.lit, transfer_function(wavefront)
 
@@ -75,7 +76,7 @@ def _transfers(wavefront: WavefrontMap) -> Iterator[Transfer]:
 
 
 def _halves(some: np.ndarray, all_of: np.ndarray) -> np.ndarray:
-    """The correlation of some pixels with all, in both directions."""
+    """Return the correlation of some pixels with all, in both directions."""
     found = autocorrelation(some, all_of)
     return 0.5 * (found + found[::-1, ::-1].conj())
 
@@ -87,7 +88,7 @@ def _at_rest(transfer: Transfer) -> Transfer:
 
 
 def grid_errors(wavefront: Any, number: Callable[[Any], Any]) -> np.ndarray:
-    """What numbers that are read on the wavefront's own grid are off by for the pixels."""
+    """Return the error due to the pixels of numbers that `number` computes on the wavefront's own grid."""
     plain = np.asarray(number(wavefront))
     odd = len(wavefront.opd) % 2
     grids = []
@@ -102,7 +103,7 @@ def grid_errors(wavefront: Any, number: Callable[[Any], Any]) -> np.ndarray:
     if len(grids) < 2:
         return np.full(plain.shape, np.nan)
     spread = np.std(grids, axis=0, ddof=1) / np.sqrt(len(grids))
-    # Slivers whose exact weight is below 0 are left out.
+    # Slivers with a negative exact weight are left out: a Wavefront allows none.
     exact = np.maximum(exact_weights(np.asarray(wavefront.weight), wavefront.pixel, wavefront.pupil), 0.0)
     second_order = SAFETY * (np.asarray(number(replace(wavefront, weight=exact, intensity=None))) - plain)
     return np.sqrt((np.mean(grids, axis=0) - plain) ** 2 + second_order**2 + spread**2)

@@ -1,4 +1,4 @@
-"""Zernike coefficients of a wavefront, its structure function, and where its light goes."""
+"""Zernike coefficients, structure function and centroid of a wavefront."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -17,13 +17,13 @@ from .transfer import autocorrelation
 @shown
 @dataclass(frozen=True, eq=False)
 class StructureFunction:
-    """Mean square difference of the OPD over pairs of points.
+    """Mean square difference of the OPD over pairs of points, by their distance.
 
     Attributes:
         separation: Distance of the points [m], shape (n,), ascending.
         value: <(OPD(x) - OPD(x + r))^2> [m2], shape (n,).
-        pair_weight: Weight of the pairs that each value is a mean over, sums to 1, shape (n,).
-        opd_error: Makes the error of the OPD [m]; `error` calls it.
+        pair_weight: Weight of the pairs behind each value, shape (n,); sums to 1.
+        opd_error: Function that returns the error of the OPD [m]; `error` calls it.
     """
 
     separation: np.ndarray
@@ -33,29 +33,30 @@ class StructureFunction:
 
     @cached_property
     def error(self) -> np.ndarray:
-        """What each value may be off by [m2], shape (n,); NaN where that is not known. Computed when first read.
+        """Error of each value [m2], shape (n,); NaN if it is not known. Computed when first read.
 
-        A difference of two points is off by at most 2 e, e that of the OPD, and its mean square by 4 e sqrt(D) + 4 e^2.
+        With an OPD error e, a difference of two points is off by at most 2 e, and its mean square D by 4 e sqrt(D) + 4
+        e^2.
         """
         error = float("nan") if self.opd_error is None else self.opd_error()
         return 4.0 * error * np.sqrt(self.value) + 4.0 * error**2
 
     def plot(self, axes=None):
-        """Draw its square root [nm] over the distance on matplotlib axes; returns the axes."""
+        """Draw the square root of the function [nm] over the distance on matplotlib axes; return the axes."""
         from .plots import plot_structure
 
         return plot_structure(self, axes)
 
 
 def fit_zernike(wavefront: WavefrontMap, count: int) -> np.ndarray:
-    """Coefficients of the first `count` Zernike polynomials [m] that fit best, shape (count,).
+    """Return the least-squares coefficients of the first `count` Zernike polynomials [m], shape (count,).
 
     Raises:
-        ValueError: More polynomials than the pupil's samples tell apart.
+        ValueError: The pupil's samples cannot distinguish so many polynomials.
     """
     opd, weight = wavefront.samples
     rank, found = len(opd), np.zeros(0)
-    if count <= len(opd):  # more cannot be told apart, and a million of them would take hours to be made
+    if count <= len(opd):  # more cannot be distinguished, and a million would take hours to compute
         basis, root = _weighted_modes(wavefront, count), np.sqrt(weight)
         found, _, rank, _ = np.linalg.lstsq(basis, opd * root, rcond=1e-9)
     if rank < count:
@@ -67,9 +68,9 @@ def fit_zernike(wavefront: WavefrontMap, count: int) -> np.ndarray:
 
 
 def zernike_gains(wavefront: WavefrontMap, count: int) -> np.ndarray:
-    """By how much an OPD of rms 1 changes each of those coefficients at most, shape (count,).
+    """Return the greatest change of each Zernike coefficient by an OPD of rms 1, shape (count,).
 
-    Infinite where the pupil's samples do not tell the polynomials apart.
+    Infinite if the pupil's samples cannot distinguish the polynomials.
     """
     if count > len(wavefront.samples[0]):
         return np.full(count, np.inf)
@@ -80,13 +81,13 @@ def zernike_gains(wavefront: WavefrontMap, count: int) -> np.ndarray:
 
 
 def _weighted_modes(wavefront: WavefrontMap, count: int) -> np.ndarray:
-    """Zernike polynomials at the samples by the roots of their weights, shape (lit count, count)."""
+    """Return the Zernike polynomials at the samples times the roots of the weights, shape (lit count, count)."""
     modes = zernike_modes(count, *(wavefront.points.T / wavefront.radius))
     return np.asarray(modes.T * np.sqrt(wavefront.samples[1])[:, None])
 
 
 def zernike_surface(wavefront: WavefrontMap, coefficients: np.ndarray) -> np.ndarray:
-    """The sum of Zernike polynomials of these coefficients [m], shape (n, n); NaN outside the pupil."""
+    """Return the sum of Zernike polynomials with these coefficients [m], shape (n, n); NaN outside the pupil."""
     surface = np.full(wavefront.opd.shape, np.nan)
     modes = zernike_modes(len(coefficients), *(wavefront.points.T / wavefront.radius))
     surface[wavefront.lit] = coefficients @ modes
@@ -94,14 +95,14 @@ def zernike_surface(wavefront: WavefrontMap, coefficients: np.ndarray) -> np.nda
 
 
 def structure_function(wavefront: WavefrontMap) -> StructureFunction:
-    """Structure function over rings of the width of a pixel, by correlation: every pair of pixels counts.
+    """Return the structure function over rings one pixel wide, by correlation: every pair of pixels counts.
 
     D(r) = sum w w' (W - W')^2 / sum w w'.
     """
     weight = wavefront.weight
     opd, share = wavefront.samples
     flat = np.zeros(weight.shape)
-    flat[wavefront.lit] = opd - weighted_mean(share, opd)  # smaller numbers, smaller rounding
+    flat[wavefront.lit] = opd - weighted_mean(share, opd)  # the mean removed: less rounding
     pairs = autocorrelation(weight).real
     square, cross = autocorrelation(weight * flat**2, weight).real, autocorrelation(weight * flat).real
     total = square + square[::-1, ::-1] - 2.0 * cross
@@ -120,10 +121,10 @@ def structure_function(wavefront: WavefrontMap) -> StructureFunction:
 
 
 def centroid(wavefront: WavefrontMap) -> np.ndarray:
-    r"""Centroid of the point spread function [rad], shape (2,), along x and y: the mean slope of the OPD.
+    r"""Return the centroid of the point spread function along x and y [rad], shape (2,): the mean slope of the OPD.
 
-    By Parseval's theorem the centroid of |A|^2 is \int |A|^2 grad OPD / \int |A|^2; slopes are
-    differences of neighbours. NaN where no pixel has one.
+    By Parseval's theorem the centroid of the PSF is \int |A|^2 grad OPD / \int |A|^2, A being the amplitude in the
+    pupil; slopes are differences of neighbouring pixels. NaN where no pixel has a neighbour.
     """
     opd, share = wavefront.samples
     flat = opd - weighted_mean(share, opd)
@@ -131,7 +132,7 @@ def centroid(wavefront: WavefrontMap) -> np.ndarray:
 
 
 def centroid_weights(wavefront: WavefrontMap) -> np.ndarray:
-    """By what the OPD of each pixel counts in the centroid along x and y [1/m], shape (2, n, n)."""
+    """Return the weight of each pixel's OPD in the centroid along x and y [1/m], shape (2, n, n)."""
     lit, found = wavefront.lit, []
     for axis in (1, 0):
         beside = np.pad(lit, 1)

@@ -1,8 +1,8 @@
-"""What the pixels of a wavefront make its numbers off by: each of them was sampled at its centre only.
+"""Errors of a wavefront's Strehl ratio, rms, tilt and range due to its pixels, each sampled at its centre only.
 
-Two causes, added as squares: what the pixels' shares of the pupil lack in second order (pixel_weights.py), twice, since
-third order is left out; and the standard error of the mean over the four grids of every other row and column, which
-stands for what varies from pixel to pixel.
+Two errors are added as squares: twice the second-order deficit of the pixels' shares of the pupil (pixel_weights.py),
+twice since the third order is left out; and the standard error of the mean over the four grids of every other row and
+column, which represents variations from pixel to pixel.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ SAFETY = 2.0
 
 
 def pixel_errors(wavefront: Any) -> dict[str, float]:
-    """Errors by the pixels of "strehl", "opd_rms" [m], "tilt_x", "tilt_y" [rad] and "peak_to_valley" [m]."""
+    """Return errors due to the pixels of "strehl", "opd_rms" [m], "tilt_x", "tilt_y" [rad] and "peak_to_valley" [m]."""
     opd, lit = wavefront.opd, wavefront.lit
     weight = np.asarray(wavefront.weight)
     exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
@@ -31,7 +31,7 @@ def pixel_errors(wavefront: Any) -> dict[str, float]:
         there = lit[every]
         if there.any():
             points = np.stack([x[every][there], y[every][there]], axis=1)
-            # Terms that were removed are not fitted again: four grids would fit what differs between them away.
+            # Removed terms are not fitted again: a fit on each grid would remove the differences between the grids.
             grids.append(_numbers(opd[every][there], weight[every][there], points, wavefront.wavelength, ()))
     spread = np.std(grids, axis=0, ddof=1) / np.sqrt(len(grids)) if len(grids) > 1 else np.full(4, np.nan)
     names = ("strehl", "opd_rms", "tilt_x", "tilt_y")
@@ -40,7 +40,7 @@ def pixel_errors(wavefront: Any) -> dict[str, float]:
 
 
 def _numbers(opd: np.ndarray, weight: np.ndarray, points: np.ndarray, wavelength: float, removed) -> np.ndarray:
-    """Strehl ratio, rms and both slopes, of samples, by weights of which some may be below 0."""
+    """Return Strehl ratio, rms and both slopes of samples; some weights may be negative."""
     weight = weight / weight.sum()
     centred = points - weighted_mean(weight, points)
     columns = [*(centred.T if "tilt" in removed else ())]
@@ -63,7 +63,10 @@ def _fit(basis: np.ndarray, values: np.ndarray, weight: np.ndarray) -> np.ndarra
 
 
 def _steps_at_extremes(opd: np.ndarray) -> float:
-    """The greatest steps to a neighbour from the greatest and from the least OPD [m]: extremes lie between pixels."""
+    """Return the sum of the greatest steps from the greatest and the least OPD to a neighbour [m].
+
+    True extremes are between pixels.
+    """
     found = 0.0
     for place in (np.nanargmax(opd), np.nanargmin(opd)):
         row, column = np.unravel_index(place, opd.shape)

@@ -1,25 +1,25 @@
-r"""What a mean over the pixels of a map lacks, since each of them was sampled at its centre only.
+r"""Weights of pixels by which a sum over a map is the mean over the pupil to second order in the pixels' side.
 
-A pixel on the edge of a pupil counts by the share w of it that lies inside, with the value at the pixel's centre; that
-share has its centroid elsewhere, and its value is not that at the centroid. To second order in the pixel's side the
-mean over the share is
+A map has one sample at each pixel's centre. A pixel on the edge of a pupil counts by the share w of it that is inside,
+with the value at the pixel's centre; but the centroid of that share is elsewhere. To second order in the pixel's side
+the mean of a function f over the share is
 
     f + m_x f_x + m_y f_y + (m_xx f_xx + m_yy f_yy) / 2,
 
-m_x ... the moments of the share about the pixel's centre. With derivatives from the neighbours that are in the pupil,
-one-sided at its edge, this is again a sum over the pixels, of other weights: `exact_weights`. They differ from the
-shares near the edge only, since second differences of equal moments add up to nothing inside. The difference of a
-number by both weights is what its pixels make it off by, up to third order.
+with m_x ... the moments of the share about the pixel's centre. With derivatives taken from the neighbours inside the
+pupil, one-sided at its edge, this is again a sum over the pixels, with other weights: `exact_weights`. They differ from
+the shares near the edge only, since inside the second differences of equal moments cancel. The difference between a
+quantity with either weights is its error due to the pixels, up to third order.
 """
 
 import numpy as np
 
 from ..pupils import Pupil
 
-# Parts of a pixel's side that its moments are summed over; fewer of fine maps, whose moments matter less.
+# Subdivisions of a pixel's side over which its moments are summed; fewer for fine maps, whose moments matter less.
 PARTS, MOST_CELLS = 4, 1024
-# Derivatives from the pixels at these places, in pixels: of first and second order at place 0. Those from both sides,
-# then one-sided ones by three pixels and by two.
+# Finite differences: offset in pixels -> coefficients of the first and the second derivative at offset 0. Central ones
+# first, then one-sided ones over three pixels and over two.
 STENCILS = (
     {-1: (-0.5, 1.0), 0: (0.0, -2.0), 1: (0.5, 1.0)},
     {0: (-1.5, 1.0), 1: (2.0, -2.0), 2: (-0.5, 1.0)},
@@ -31,16 +31,16 @@ REACH = 2
 
 
 def exact_weights(weight: np.ndarray, pixel: float, pupil: Pupil | None) -> np.ndarray:
-    """Weights by which a sum over pixels is the mean over the pupil to second order in the pixels' side.
+    """Return weights by which a sum over pixels is the mean over the pupil to second order in the pixels' side.
 
     Args:
-        weight: Those by which it is so to first order inside: the pixels' shares of the pupil, 0 outside of it and
-            where there is no sample, shape (ny, nx).
+        weight: The pixels' shares of the pupil, 0 outside of it and where there is no sample, shape (ny, nx): weights
+            that are exact to first order inside the pupil.
         pixel: Side of a pixel [m]; the map's middle is the pupil's centre.
-        pupil: The pupil; None takes every pixel to lie wholly within it.
+        pupil: The pupil; None means that every pixel is wholly inside it.
 
     Returns:
-        Weights of the same sum, shape (ny, nx); those of slivers of a pixel may be below 0.
+        Weights with the same sum, shape (ny, nx); those of slivers of a pixel may be negative.
     """
     lit = weight > 0.0
     found = weight.astype(np.float64)
@@ -50,7 +50,7 @@ def exact_weights(weight: np.ndarray, pixel: float, pupil: Pupil | None) -> np.n
 
 
 def _moments(weight: np.ndarray, pixel: float, pupil: Pupil | None) -> list[tuple[np.ndarray, np.ndarray]]:
-    """First and second moments of the shares about the pixels' centres, in pixels, along y and along x."""
+    """Return first and second moments of the shares about the pixels' centres, in pixels, along y and along x."""
     inside = weight / 12.0
     if pupil is None:
         return [(np.zeros_like(inside), inside)] * 2
@@ -64,18 +64,18 @@ def _moments(weight: np.ndarray, pixel: float, pupil: Pupil | None) -> list[tupl
     found = []
     for along in (shares.sum(axis=3), shares.sum(axis=1).transpose(0, 2, 1)):
         first, second = (np.einsum("rpc,p->rc", along, moment) for moment in (place, place**2))
-        # A part spreads about its own middle too.
+        # Plus the second moment of a subdivision about its own middle.
         found.append((scale * first, scale * (second + share / (12.0 * parts**2))))
     return found
 
 
 def derivative_weights(lit: np.ndarray, first: np.ndarray, second: np.ndarray, axis: int) -> np.ndarray:
-    """The weights that a sum of derivatives along an axis, by these moments, gives to the pixels.
+    """Return the weights of the pixels in a sum of their derivatives along an axis, each times its moment.
 
     Args:
-        lit: Which pixels there are, shape (ny, nx).
+        lit: Mask of the pixels that have a sample, shape (ny, nx).
         first: Factors of the first derivatives [pixels], of the same shape.
-        second: Twice those of the second derivatives.
+        second: Twice the factors of the second derivatives.
         axis: The axis.
     """
     lit, first, second = (np.pad(array, REACH) for array in (lit, first, second))

@@ -1,4 +1,4 @@
-"""Pictures of wavefronts and what they make of the light, on matplotlib axes."""
+"""Plots of wavefronts and their image quantities on matplotlib axes."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from .data import WavefrontMap
 
 
 def plot_opd(wavefront: WavefrontMap, axes: Any = None) -> Any:
-    """The OPD map [nm] over the pupil [mm]."""
+    """Draw the OPD map [nm] over the pupil [mm]."""
     axes = drawn_on(axes)
     half = 0.5e3 * len(wavefront.opd) * wavefront.pixel
     extent = (-half, half, -half, half)
@@ -23,7 +23,7 @@ def plot_opd(wavefront: WavefrontMap, axes: Any = None) -> Any:
 
 
 def plot_point_spread(spread: Any, axes: Any = None, decades: float = 4.0) -> Any:
-    """The intensity of a PointSpread over field angles [urad], logarithmic."""
+    """Draw the intensity of a PointSpread over field angles [urad], logarithmic."""
     axes = drawn_on(axes)
     extent = extent_of(1e6 * spread.angle, 1e6 * spread.angle)
     shown = np.log10(np.maximum(spread.intensity, spread.peak * 10.0**-decades))
@@ -34,7 +34,7 @@ def plot_point_spread(spread: Any, axes: Any = None, decades: float = 4.0) -> An
 
 
 def plot_transfer(transfer: Any, axes: Any = None) -> Any:
-    """A Transfer's MTF along both axes, beside that of the perfect pupil."""
+    """Draw the MTF of a Transfer along both axes, beside the one of the perfect pupil."""
     axes = drawn_on(axes)
     for name, angle in (("x", 0.0), ("y", 0.5 * np.pi)):
         frequency, value = transfer.along(angle)
@@ -47,7 +47,7 @@ def plot_transfer(transfer: Any, axes: Any = None) -> Any:
 
 
 def plot_encircled_energy(encircled: Any, axes: Any = None) -> Any:
-    """An EncircledEnergy: the share of the light within an angle."""
+    """Draw an EncircledEnergy: the share of the light within an angle."""
     axes = drawn_on(axes)
     axes.plot(np.ravel(encircled.angle) * 1e6, np.ravel(encircled.energy))
     axes.set(xlabel="angle [urad]", ylabel="encircled energy", ylim=(0.0, 1.05))
@@ -55,7 +55,7 @@ def plot_encircled_energy(encircled: Any, axes: Any = None) -> Any:
 
 
 def plot_structure(structure: Any, axes: Any = None) -> Any:
-    """The root of a StructureFunction [nm] over the distance of the points [mm], with its error where it is known."""
+    """Draw the root of a StructureFunction [nm] over the distance [mm], with its error if it is known."""
     axes = drawn_on(axes)
     root = 1e9 * np.sqrt(structure.value)
     axes.plot(1e3 * structure.separation, root)

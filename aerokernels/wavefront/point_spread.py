@@ -1,9 +1,9 @@
-r"""The point spread function of a wavefront, by a discrete Fourier transform of which parts can be had by themselves.
+r"""Point spread function of a wavefront, by a discrete Fourier transform of which any part can be computed alone.
 
     A(a) = sum_x w exp(i k OPD) exp(-i k a x) / sum_x w,      PSF = |A|^2
 
-a being the angle at which light leaves the pupil: OPD = a0 x has its peak at a0. A part of the transform is two
-products with matrices (R. Soummer et al., Opt. Express 15 (2007) 15935), which give the same values.
+with a the angle at which light leaves the pupil: OPD = a0 x has its peak at a0. A part of the transform is computed by
+two matrix products (R. Soummer et al., Opt. Express 15 (2007) 15935), which give the same values.
 """
 
 from collections.abc import Callable
@@ -17,8 +17,8 @@ from ..inputs.arguments import Numbers, checked
 from ..inputs.wavelength import check_wavelength
 from .strehl_errors import strehl_errors
 
-COLUMNS_AT_ONCE = 64  # that are padded and transformed; speed only
-BLOCK = 32  # rows and columns of a product of matrices: so small a one is never shared out among threads; speed only
+COLUMNS_AT_ONCE = 64  # columns padded and transformed together; affects speed only
+BLOCK = 32  # rows and columns of a matrix product: BLAS never splits so small a one among threads
 
 
 @shown
@@ -27,11 +27,12 @@ class PointSpread:
     """A point spread function.
 
     Attributes:
-        intensity: Intensity over the peak of the undistorted pupil, shape (n, n), axes [y, x] for a map of axes [y, x];
-            its greatest value is the Strehl ratio when tilt is left out of account.
+        intensity: Intensity over the peak of the undistorted pupil, shape (n, n), axes [y, x] for a map with axes [y,
+            x]; its greatest value is the Strehl ratio without tilt.
         angle: Field angles of rows and columns [rad], shape (n,).
-        phase_error: Makes the phase error of the wavefront [rad]; `error` calls it.
-        pixel_error: Makes what each intensity is off by for the pixels of the wavefront, shape (n, n); likewise.
+        phase_error: Function that returns the phase error of the wavefront [rad]; `error` calls it.
+        pixel_error: Function that returns the error of each intensity due to the wavefront's pixels, shape (n, n);
+            `error` calls it.
     """
 
     intensity: np.ndarray
@@ -41,10 +42,10 @@ class PointSpread:
 
     @cached_property
     def error(self) -> np.ndarray:
-        """What each intensity may be off by, shape (n, n); NaN where that is not known. Computed when first read.
+        """Error of each intensity, shape (n, n); NaN if it is not known. Computed when first read.
 
-        A phase error changes an intensity as it changes a Strehl ratio: it is one, of the wavefront less a tilt. What
-        the pixels make it off by comes on top: see spread_errors.py.
+        An intensity is the Strehl ratio of the wavefront minus a tilt, so a phase error changes it as it changes a
+        Strehl ratio. The error due to the pixels is added: see spread_errors.py.
         """
         phase = float("nan") if self.phase_error is None else self.phase_error()
         pixels = 0.0 if self.pixel_error is None else self.pixel_error()
@@ -59,7 +60,7 @@ class PointSpread:
     def fwhm(self) -> float:
         """Full width at half maximum [rad]: the diameter of the circle with the area above half of the peak.
 
-        NaN where that area reaches the edge of what was computed.
+        NaN if that area reaches the edge of the computed angles.
         """
         from contourpy import contour_generator
 
@@ -70,7 +71,7 @@ class PointSpread:
         if edge >= half:
             return float("nan")
         lines = contour_generator(self.angle, self.angle, self.intensity).lines(half)
-        # Closed lines run with the higher side to their left, so that holes count negative.
+        # Closed contour lines have the higher side to their left, so that holes count negative.
         area = 0.0
         for line in lines:
             x, y = np.asarray(line).T
@@ -78,7 +79,7 @@ class PointSpread:
         return 2.0 * float(np.sqrt(abs(area) / np.pi))
 
     def plot(self, axes=None, *, decades: float = 4.0):
-        """Draw it on matplotlib axes, in a logarithmic scale of some decades; returns the axes."""
+        """Draw the intensity on matplotlib axes, on a logarithmic scale of so many decades; return the axes."""
         from .plots import plot_point_spread
 
         return plot_point_spread(self, axes, decades)
@@ -87,7 +88,7 @@ class PointSpread:
 def far_field(
     wave: np.ndarray, coordinates: tuple[np.ndarray, np.ndarray], angle: np.ndarray, wavelength: float
 ) -> np.ndarray:
-    """Sum of wave exp(-i k a x) at angles a of rows and columns [rad], shape (m, m).
+    """Return the sum of wave exp(-i k a x) at angles a of rows and columns [rad], shape (m, m).
 
     Args:
         wave: Complex amplitude, shape (rows, columns), axes [y, x].
@@ -100,10 +101,10 @@ def far_field(
 
 
 def steady_product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """The product of two matrices, with the same bits on any number of threads.
+    """Return the product of two matrices, with the same bits on any number of threads.
 
-    BLAS shares a large product out among its threads, and rounds at the seams in another order for another number of
-    them. Here it gets one small block after the other, in an order of our own.
+    BLAS splits a large product among its threads, so that the order of rounding depends on their number. Here BLAS
+    multiplies one small block after the other, in a fixed order.
     """
     found = np.zeros((left.shape[0], right.shape[1]), dtype=np.result_type(left, right))
     columns = [np.ascontiguousarray(right[:, at : at + BLOCK]) for at in range(0, right.shape[1], BLOCK)]
@@ -117,9 +118,9 @@ def steady_product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _padded_transform(wave: np.ndarray, size: int, kept: np.ndarray) -> np.ndarray:
-    """Some rows, shape (m, columns), of the discrete Fourier transform of columns that are padded to a size.
+    """Return the rows `kept`, shape (m, columns), of the discrete Fourier transform of columns padded to a size.
 
-    By FFT: a matrix product of BLAS has other last bits on another number of threads. In blocks, for the memory.
+    By FFT, since the last bits of a BLAS product depend on the number of threads; in blocks, to save memory.
     """
     found = np.empty((len(kept), wave.shape[1]), dtype=np.complex128)
     for begin in range(0, wave.shape[1], COLUMNS_AT_ONCE):
@@ -139,7 +140,7 @@ def point_spread_function(
     half_width: float | None = None,
     angle: Numbers | None = None,
 ) -> PointSpread:
-    """Point spread function of a wavefront on a square grid, by the discrete Fourier transform of the pupil.
+    """Return the point spread function of a wavefront on a square grid, by the discrete Fourier transform of the pupil.
 
     Args:
         opd: Optical path difference on a square grid [m], shape (n, n); values outside `mask` are ignored.
@@ -147,12 +148,13 @@ def point_spread_function(
         pixel: Grid spacing [m].
         wavelength: Wavelength [m].
         padding: Samples per wavelength / diameter: the pupil is padded to this many times its size.
-        half_width: Greatest field angle wanted [rad], along either axis; None for all.
-        angle: Field angles wanted, those of rows and of columns [rad], shape (m,); in place of the two before.
+        half_width: Greatest field angle [rad], along either axis; None for all.
+        angle: Field angles of both rows and columns [rad], shape (m,); replaces `padding` and `half_width`.
 
     Raises:
-        TypeError: The wavelength is not one number.
-        ValueError: Shapes that disagree, an empty pupil, a wavelength outside 0.1 to 20 um, numbers that make no sense.
+        TypeError: The wavelength is not a number.
+        ValueError: Shapes disagree, the pupil is empty, the wavelength is outside 0.1 to 20 um, or a number is out of
+            range.
     """
     opd, mask = np.asarray(opd, dtype=np.float64), np.asarray(mask, dtype=np.float64)
     if opd.ndim != 2 or opd.shape[0] != opd.shape[1] or opd.shape != mask.shape:
@@ -162,6 +164,8 @@ def point_spread_function(
         raise ValueError(f"pixel and padding must be positive, got {pixel!r} m and {padding!r}")
     if half_width is not None and not half_width >= 0.0:
         raise ValueError(f"half_width must be an angle of at least 0 rad, or None, got {half_width!r}")
+    if not np.isfinite(mask).all() or (mask < 0.0).any():
+        raise ValueError("the mask must be finite and not negative: it is the transmission of the pupil, 0 to 1")
     lit = mask > 0.0
     if not lit.any() or not np.isfinite(opd[lit]).all():
         raise ValueError("the pupil must not be empty and the wavefront in it must be finite")

@@ -1,10 +1,10 @@
-r"""The point spread function of light of several wavelengths.
+r"""Point spread function of polychromatic light.
 
-A share w of the light at a wavelength l makes a perfect peak that goes with w / l^2, light per solid angle, so
+A share w of the light at a wavelength l has a perfect peak proportional to w / l^2 (light per solid angle), so
 
     PSF(a) = sum_l w_l PSF_l(a) / l^2 / sum_l w_l / l^2
 
-is over the perfect peak of all the light, as each PSF_l is over its own.
+is normalised to the perfect peak of all the light, as each PSF_l is to its own.
 """
 
 from functools import partial
@@ -15,26 +15,27 @@ import numpy as np
 from ..inputs.wavelength import check_spectrum
 from .point_spread import PointSpread
 
-# Angles, at most, along a side of a grid that is chosen here.
+# Most angles along a side of a grid that is chosen here.
 MOST_ANGLES = 4097
 
 
 def polychromatic_psf(
     wavefront: Any, wavelengths, weights, angle=None, half_width: float | None = None, padding: int = 8
 ) -> PointSpread:
-    """See `Wavefront.psf`; one grid of angles for all wavelengths.
+    """Return the point spread function of all wavelengths on one grid of angles; see `Wavefront.psf`.
 
     Args:
-        wavefront: The wavefront, whose OPD all wavelengths have.
+        wavefront: The wavefront; its OPD holds at all wavelengths.
         wavelengths: Vacuum wavelengths [m], shape (n,).
-        weights: Shares of the light, shape (n,); None: equal ones.
+        weights: Shares of the light, shape (n,); None: equal shares.
         angle: Angles of rows and columns [rad], shape (m,).
-        half_width: Greatest angle [rad] where they are not given; None takes what the map's pixels hold of
-            the shortest wavelength.
-        padding: Angles to the shortest wavelength over that width.
+        half_width: Greatest angle [rad] if `angle` is None; None takes half of the period of the map's pixels at the
+            shortest wavelength.
+        padding: Angles per shortest wavelength over the map's width, if `angle` is None.
 
     Raises:
-        ValueError: No wavelengths, one outside 0.1 to 20 um, weights that make no sense, too many angles.
+        ValueError: There are no wavelengths, one is outside 0.1 to 20 um, weights are negative or all zero, or there
+            would be too many angles.
     """
     lengths, shares = check_spectrum(wavelengths, weights)
     if angle is None:
@@ -54,12 +55,12 @@ def polychromatic_psf(
 
 
 def mixed_weights(wavelengths: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """Of the point spread functions at the wavelengths in that of all the light; they sum to 1."""
+    """Return the weights of each wavelength's point spread function in their mean; they sum to 1."""
     weight = shares / wavelengths**2
     return np.asarray(weight / weight.sum())
 
 
 def _pixel_errors(shares: np.ndarray, each: list[PointSpread]) -> np.ndarray:
-    """What the mean of point spread functions of one wavefront is off by for its pixels: all of them alike."""
+    """Return the error due to the pixels of a mean of point spread functions: their errors have the same sign."""
     found = [share * one.pixel_error() for share, one in zip(shares, each, strict=True) if one.pixel_error is not None]
     return np.asarray(np.sum(found, axis=0))

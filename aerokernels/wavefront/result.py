@@ -1,4 +1,4 @@
-"""A wavefront with what it makes of the light: the result of `wavefront`, and what others' packages take."""
+"""The result of `wavefront`: a wavefront with its image quantities and its export to other packages."""
 
 from dataclasses import replace
 from functools import cached_property, partial
@@ -10,6 +10,7 @@ import numpy as np
 from ..display.quantities import Quantity
 from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import check_count
 from ..pupils import Pupil
 from .data import WavefrontMap
 from .image_errors import encircled_errors, grid_errors, transfer_errors
@@ -35,8 +36,8 @@ from .transfer import EncircledEnergy, Transfer, encircled, normalised_sensitivi
 class Wavefront(WavefrontMap):
     """A wavefront on a square grid over its pupil; see `WavefrontMap` for its attributes.
 
-    Angles are those of the light that leaves the pupil along the look direction: OPD = a x, light delayed at +x, turns
-    it by +a toward +x, and there lies the peak of `psf`. A distant point seen through the same air appears at -a.
+    Angles are those of the beam that leaves the pupil along the look direction: OPD = a x, light delayed at +x, turns
+    the beam by +a toward +x, and the peak of `psf` is at +a. A distant point seen through the same air appears at -a.
     """
 
     @classmethod
@@ -50,28 +51,28 @@ class Wavefront(WavefrontMap):
         pixel_count: int | None = None,
         opd_error: float | None = None,
     ) -> "Wavefront":
-        """The wavefront of samples scattered over a pupil: see scattered.py. Its error is measured on the samples.
+        """Interpolate samples scattered over a pupil to a map: see scattered.py. The error is measured on the samples.
 
         Args:
-            points: Where the samples are: x and y in the pupil from its centre [m], shape (n, 2), or places in space,
-                shape (n, 3), such as the starts of traced rays.
+            points: Positions of the samples: x and y in the pupil's plane from its centre [m], shape (n, 2), or points
+                in space, shape (n, 3), such as the starts of traced rays.
             opd: Their optical path differences [m], positive where light is delayed, shape (n,).
-            pupil: The pupil, which weights the map.
+            pupil: The pupil, whose transmission weights the map.
             wavelength: Vacuum wavelength [m].
             pixel_count: As for `wavefront`.
-            opd_error: What each sample may be off by [m], if known; part of the error.
+            opd_error: Error of each sample [m], if known; it is added to the error budget.
 
         Raises:
-            TypeError: The wavelength is not one number, or `pupil` is no pupil.
-            ValueError: Shapes that disagree, samples that are not finite, too few or twice at one place, a pupil that
-                they do not cover, numbers that make no sense.
+            TypeError: The wavelength is not a number, or `pupil` is not a pupil.
+            ValueError: Shapes disagree; samples are not finite, too few, duplicated or do not cover the pupil; or a
+                number is out of range.
         """
         from .scattered import from_scattered
 
         return cls(wavelength=wavelength, **from_scattered(points, opd, pupil, pixel_count, opd_error))
 
     def remove(self, *terms: str) -> "Wavefront":
-        """The wavefront less "piston", "tilt", "focus" or several of them, fitted together by weighted least squares.
+        """Return the wavefront without "piston", "tilt", "focus" or several of them, fitted together by least squares.
 
         Raises:
             ValueError: An unknown term.
@@ -82,9 +83,15 @@ class Wavefront(WavefrontMap):
         return replace(self, opd=flat, removed=tuple(dict.fromkeys((*self.removed, *terms))))
 
     def without_zernike(self, *indices: int) -> "Wavefront":
-        """The wavefront less Zernike polynomials of these Noll indices, of a fit of all up to the greatest of them."""
+        """Return the wavefront without Zernike polynomials of these Noll indices, fitted with all up to the greatest.
+
+        Raises:
+            ValueError: An index is below 1, or the pupil's samples cannot distinguish so many polynomials.
+        """
         if not indices:
             return self
+        for index in indices:
+            check_count(index, "a Noll index")
         coefficients = self.zernike(max(indices))
         kept = np.zeros(len(coefficients))
         for index in indices:
@@ -93,29 +100,32 @@ class Wavefront(WavefrontMap):
         return replace(self, opd=self.opd - zernike_surface(self, kept), removed=names)
 
     def at_wavelength(self, wavelength: float) -> "Wavefront":
-        """The same OPD at another wavelength [m]: air disperses little (Ciddor: 1 % of OPD from 0.5 to 1 um)."""
+        """Return the same OPD at another wavelength [m].
+
+        Dispersion of air is ignored (Ciddor: 1 % of OPD from 0.5 to 1 um).
+        """
         return replace(self, wavelength=wavelength)
 
     def strehl(self) -> float:
-        """Exact Strehl ratio |<exp(i k OPD)>|^2; its error is that of `quantities`."""
+        """Exact Strehl ratio |<exp(i k OPD)>|^2; `quantities` has its error."""
         opd, weight = self.samples
         check_metres(opd, weight)
         return abs(mean_phasor(opd, weight, self.wavelength)) ** 2
 
     @property
     def rms(self) -> float:
-        """Root mean square of the OPD about its mean, by weight [m]."""
+        """Weighted root mean square of the OPD about its mean [m]."""
         opd, weight = self.samples
         return float(np.sqrt(weighted_mean(weight, (opd - weighted_mean(weight, opd)) ** 2)))
 
     @property
     def peak_to_valley(self) -> float:
-        """Greatest less least OPD [m]."""
+        """Greatest OPD minus least OPD [m]."""
         return float(np.nanmax(self.opd) - np.nanmin(self.opd))
 
     @property
     def tilt(self) -> np.ndarray:
-        """Slopes of the plane that fits best, along x and y [rad], shape (2,): the deflection of the beam."""
+        """Slopes of the least-squares plane along x and y [rad], shape (2,): the deflection of the beam."""
         from .terms import fit_tilt
 
         opd, weight = self.samples
@@ -123,23 +133,24 @@ class Wavefront(WavefrontMap):
 
     @checked
     def zernike(self, count: int) -> np.ndarray:
-        """Coefficients [m] of the first `count` Zernike polynomials, shape (count,): Noll's index 1 comes first.
+        """Return the coefficients [m] of the first `count` Zernike polynomials, Noll's index 1 first, shape (count,).
 
-        Polynomials are of rms 1 over the disc of `radius` (zernike.py), fitted together by weighted least squares: on a
-        pupil that is no disc they are not orthogonal. `zernike_errors` says what each may be off by.
+        The polynomials have rms 1 over the disc of `radius` (zernike.py) and are fitted together by weighted least
+        squares: on a pupil that is not a disc they are not orthogonal. `zernike_errors` gives the error of each
+        coefficient.
 
         Raises:
-            ValueError: More polynomials than the pupil's samples tell apart.
+            ValueError: The pupil's samples cannot distinguish so many polynomials.
         """
         return fit_zernike(self, count)
 
     @checked
     def zernike_errors(self, count: int) -> np.ndarray:
-        """What each of those coefficients [m] may be off by for the error of the OPD, shape (count,).
+        """Bound the error of each Zernike coefficient [m] that follows from the error of the OPD, shape (count,).
 
-        An OPD that is off by e, in any shape, changes one by e sqrt((G^-1)_jj) at most, G the polynomials' mean
-        products over the pupil: e on a disc, hundreds of e where they hardly differ, as on a thin ring.
-        Infinite where the pupil's samples do not tell the polynomials apart.
+        An OPD error of rms e, of any shape, changes coefficient j by e sqrt((G^-1)_jj) at most, where G holds the mean
+        products of the polynomials over the pupil: e on a disc, hundreds of e where the polynomials hardly differ, as
+        on a thin ring. Infinite if the pupil's samples cannot distinguish the polynomials.
         """
         return self.opd_error * zernike_gains(self, count)
 
@@ -153,10 +164,10 @@ class Wavefront(WavefrontMap):
         wavelengths: Numbers | None = None,
         weights: Numbers | None = None,
     ) -> PointSpread:
-        """Point spread function over the perfect one's peak; arguments as for `point_spread_function`.
+        """Return the point spread function over the peak of the perfect one; arguments as in `point_spread_function`.
 
-        With `wavelengths` [m], shape (n,), that of polychromatic light of one OPD, with `weights`, shares of the light,
-        equal ones if None: see `over_wavelengths`.
+        With `wavelengths` [m], shape (n,), it is the one of polychromatic light with this OPD at all wavelengths.
+        `weights` are the shares of the light at the wavelengths, equal if None: see `over_wavelengths`.
         """
         if wavelengths is not None or weights is not None:
             from .polychromatic import polychromatic_psf
@@ -167,26 +178,27 @@ class Wavefront(WavefrontMap):
         return replace(found, phase_error=self.phase_error, pixel_error=partial(spread_errors, self, found.angle))
 
     def otf(self) -> Transfer:
-        """Optical transfer function, complex."""
+        """Return the complex optical transfer function."""
         return replace(transfer_function(self), pixel_error=partial(transfer_errors, self, attrgetter("value")))
 
     def mtf(self) -> Transfer:
-        """Modulation transfer function, the magnitude of the OTF."""
+        """Return the modulation transfer function, the magnitude of the OTF."""
         otf = self.otf()
         return replace(otf, value=np.abs(otf.value))
 
     @checked
     def encircled_energy(self, angle: Numbers | None = None, *, center: Numbers | None = None) -> EncircledEnergy:
-        """Share of the light within an angle about a point of the image, exact for the pixels of the map.
+        """Return the share of the light within an angle about a point of the image, exact for the pixels of the map.
 
-        All light counts as lying within half of wavelength / pixel along either axis, which is what pixels hold.
+        All light counts as being within wavelength / (2 pixel) along either axis, the range that the pixels can
+        represent.
 
         Args:
-            angle: Angles [rad], any shape; None for 65 up to eight times wavelength / width.
-            center: The point [rad], two numbers along x and y; None for the centroid.
+            angle: Angles [rad], any shape; None takes 65 up to eight times wavelength / width.
+            center: The point [rad], two numbers along x and y; None takes the centroid.
 
         Raises:
-            ValueError: A negative angle, or numbers that make no sense.
+            ValueError: An angle is negative or not finite, or `center` is not two finite angles.
         """
         width = len(self.opd) * self.pixel
         angle = np.linspace(0.0, 8.0 * self.wavelength / width, 65) if angle is None else np.asarray(angle, dtype=float)
@@ -209,32 +221,34 @@ class Wavefront(WavefrontMap):
     def fwhm(self) -> float:
         """Full width at half maximum of the point spread function [rad]: see `PointSpread.fwhm`.
 
-        Of all places above half of the peak, also of those beside the spot that it lies in.
+        It counts all area above half of the peak, including spots apart from the one that holds the peak.
         """
         return spot_width(self)
 
     def structure_function(self) -> StructureFunction:
-        """Mean square OPD difference of pairs of points by their distance."""
+        """Return the mean square OPD difference of pairs of points by their distance."""
         return structure_function(self)
 
     @checked
     def pssn(self, fried: float = np.inf) -> float:
-        """Normalised point source sensitivity: 1 without aberrations; `fried` is the atmosphere's r0 [m]."""
+        """Return the normalised point source sensitivity, 1 without aberrations; `fried` is the atmosphere's r0 [m]."""
         if not fried > 0.0:
             raise ValueError(f"fried, the atmosphere's r0, must be a positive length [m], got {fried!r}")
         return normalised_sensitivity(self.otf(), self.wavelength, float(fried))
 
     @cached_property
     def quantities(self) -> dict[str, Quantity]:
-        """Numbers with their errors: "strehl", "opd_rms" [m], "peak_to_valley" [m], "tilt_x", "tilt_y" [rad].
+        """Quantities with their errors: "strehl", "opd_rms" [m], "peak_to_valley" [m], "tilt_x", "tilt_y" [rad].
 
-        From the OPD's budget, and from the pixels, each of which has one sample: pixel_errors.py. A plane's slope
-        changes by the OPD error over the rms extent of the pupil at most.
+        The errors follow from the OPD's budget and from the pixels, each of which has one sample (pixel_errors.py). The
+        slope of a plane changes by at most the OPD error over the rms extent of the pupil; where the pupil has no
+        extent its error is NaN.
         """
         error, value = self.opd_error, self.strehl()
         _, weight = self.samples
         extent = np.sqrt(weighted_mean(weight, (self.points - weighted_mean(weight, self.points)) ** 2))
         tilt, pixels = self.tilt, pixel_errors(self)
+        slopes = [error / float(one) if one > 0.0 else float("nan") for one in extent]
 
         def number(name: str, value: float, error: float, unit: str = "") -> Quantity:
             return Quantity(float(value), float(np.hypot(error, pixels[name])), unit)
@@ -243,17 +257,17 @@ class Wavefront(WavefrontMap):
             "strehl": number("strehl", value, strehl_error(value, self.phase_error())),
             "opd_rms": number("opd_rms", self.rms, error, "m"),
             "peak_to_valley": number("peak_to_valley", self.peak_to_valley, 2.0 * error, "m"),
-            "tilt_x": number("tilt_x", tilt[0], error / float(extent[0]), "rad"),
-            "tilt_y": number("tilt_y", tilt[1], error / float(extent[1]), "rad"),
+            "tilt_x": number("tilt_x", tilt[0], slopes[0], "rad"),
+            "tilt_y": number("tilt_y", tilt[1], slopes[1], "rad"),
         }
 
     def image_quantities(self, fried: float = np.inf) -> dict[str, Quantity]:
-        """Numbers of the image with their errors: "centroid_x", "centroid_y", "fwhm" [rad], "pssn".
+        """Return quantities of the image with their errors: "centroid_x", "centroid_y", "fwhm" [rad], "pssn".
 
-        Of an OPD that is off by e: the centroid, a mean slope, by e along the whole rim; PSSn by 4 p + 4 p^2, p the
-        phase error, since no |OTF| changes by more than 2 p times the perfect one; the FWHM by its greatest change
-        under focus and astigmatism of the greatest value e, of either sign. `fried` as for `pssn`. What the pixels make
-        them off by comes on top: see image_errors.py.
+        An OPD error e changes the centroid, a mean slope, by at most e along the whole rim. It changes PSSn by at most
+        4 p + 4 p^2, p being the phase error, since no |OTF| changes by more than 2 p times the perfect one. The error
+        of the FWHM is its greatest change under focus and astigmatism of amplitude e and either sign. `fried` is as in
+        `pssn`. The error due to the pixels is added: see image_errors.py.
         """
         phase, pssn = self.phase_error(), self.pssn(fried)
         x, y = self.centroid
@@ -273,19 +287,20 @@ class Wavefront(WavefrontMap):
         }
 
     def over_wavelengths(self, wavelengths, angle=None, weights=None):
-        """The same OPD at several wavelengths [m] as an xarray.Dataset with a wavelength axis.
+        """Return image quantities at several wavelengths [m] as an xarray.Dataset with a wavelength axis.
 
-        Holds `strehl`, `strehl_error`, `fwhm` [rad] and `psf` over (wavelength, y, x), the last at angles of rows and
-        columns [rad], shape (m,); None takes 33 up to four times the longest wavelength over the pupil's width. What
-        air disperses is left out: see `at_wavelength`. `weights` are shares of the light at the wavelengths, equal ones
-        if None; `polychromatic_psf` over (y, x) is that of all the light, over its peak without aberrations.
+        The OPD is the same at all wavelengths: dispersion of air is ignored, see `at_wavelength`. The dataset holds
+        `strehl`, `strehl_error`, `fwhm` [rad] and `psf` over (wavelength, y, x). `angle` are the angles of the rows and
+        columns of `psf` [rad], shape (m,); None takes 33 up to four times the longest wavelength over the pupil's
+        width. `weights` are the shares of the light at the wavelengths, equal if None; `polychromatic_psf` over (y, x)
+        is the point spread function of all the light, over its peak without aberrations.
         """
         from .exchange.wavelengths import over_wavelengths
 
         return over_wavelengths(self, wavelengths, angle, weights)
 
     def __repr__(self) -> str:
-        """The numbers with their errors. Some rays are traced for them, when first asked for."""
+        """The quantities with their errors. Some rays are retraced for them when they are first read."""
         found = self.quantities
         count, removed = len(self.opd), ", ".join(self.removed) or "nothing"
         nanometres = f"{self.wavelength * 1e9:.6g} nm"
@@ -299,32 +314,32 @@ class Wavefront(WavefrontMap):
         )
 
     def to_xarray(self):
-        """An xarray.Dataset of OPD and weight over (y, x), with units and CF attributes; see `from_xarray`."""
+        """Return an xarray.Dataset of OPD and weight over (y, x), with units and CF attributes; see `from_xarray`."""
         from .exchange.netcdf import to_xarray
 
         return to_xarray(self)
 
     @classmethod
     def from_xarray(cls, dataset) -> "Wavefront":
-        """The wavefront that `to_xarray` wrote, from a dataset or one read again from NetCDF."""
+        """Make the wavefront of a dataset of `to_xarray`, or of one read from its NetCDF file."""
         from .exchange.netcdf import from_xarray
 
         return cls(**from_xarray(dataset))
 
     def to_poppy(self):
-        """A poppy.ArrayOpticalElement of the pupil's amplitude and OPD, in poppy's sign."""
+        """Return a poppy.ArrayOpticalElement with the pupil's amplitude and the OPD in poppy's sign."""
         from .exchange.poppy import to_poppy
 
         return to_poppy(self)
 
     def to_hcipy(self):
-        """A hcipy.Wavefront: the electric field over a grid of the pupil's plane."""
+        """Return a hcipy.Wavefront: the electric field on a grid in the pupil's plane."""
         from .exchange.hcipy import to_hcipy
 
         return to_hcipy(self)
 
     def to_prysm(self):
-        """A prysm.propagation.Wavefront of the pupil: dx in mm, wavelength in um."""
+        """Return a prysm.propagation.Wavefront of the pupil: dx in mm, wavelength in um."""
         from .exchange.prysm import to_prysm
 
         return to_prysm(self)

@@ -1,9 +1,9 @@
-"""A wavefront of samples scattered over a pupil, as of rays at random or of a sensor's lenslets.
+"""Map of a wavefront from samples scattered over a pupil, such as random rays or a sensor's lenslets.
 
-Zernike polynomials are fitted first, so that what they hold is carried over as it is. What is left is interpolated over
-triangles (Clough and Tocher's cubics), and beyond the outermost samples by parabolas. How far this is off is measured:
-every eighth sample is made of the others; of few samples each one is, an eighth at a time, since the rim is where it is
-farthest off and only few samples lie there.
+Zernike polynomials are fitted first, so that the part they represent is transferred exactly. The residual is
+interpolated over triangles (Clough and Tocher's cubics), and extrapolated beyond the outermost samples by parabolas.
+The error is measured: every eighth sample is predicted from the others. If there are few samples, each one is predicted
+once, an eighth at a time, since the error is greatest at the rim and only few samples are there.
 """
 
 from typing import Any
@@ -15,22 +15,22 @@ from ..pupils import Pupil
 from ..zernike import zernike_modes
 from .grid import pupil_grid
 
-# Zernike polynomials at most, and samples to each of them at least; samples that a wavefront takes at least.
+# Most Zernike polynomials; fewest samples for each of them; fewest samples of a wavefront.
 MODES, PER_MODE, FEWEST = 36, 3, 9
-# One of so many samples is made of the others to see how well that goes, and what stands for those that are not there.
+# One of so many samples is predicted from the others to measure the error; factor for errors between the samples.
 LEFT_OUT, SAFETY = 8, 3.0
-# Samples up to which each one is left out once; of more, as many eighths as come to it.
+# Up to so many samples, each is left out once; with more, fewer eighths are left out, about so many samples in all.
 EACH_LEFT_OUT = 5000
-# A hole is a place of the pupil farther from every sample than so many of their mean distances.
+# A hole is a point of the pupil farther from every sample than so many mean distances of the samples.
 HOLE = 4.0
-# Samples that a parabola goes through, at best.
+# Most samples in the fit of a parabola.
 ABOUT = 14
 
 
 def from_scattered(
     points: Any, opd: Any, pupil: Pupil, pixel_count: int | None, opd_error: float | None
 ) -> dict[str, Any]:
-    """What makes the wavefront, by the names of its attributes; see `Wavefront.from_samples`."""
+    """Return the attributes of the wavefront by name; see `Wavefront.from_samples`."""
     if not isinstance(pupil, Pupil):
         raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
     if opd_error is not None and not (np.ndim(opd_error) == 0 and np.isfinite(opd_error) and opd_error >= 0.0):
@@ -67,7 +67,7 @@ def from_scattered(
 
 
 def _checked(points: Any, opd: Any, pupil: Pupil) -> tuple[np.ndarray, np.ndarray]:
-    """Places in the pupil's plane [m], shape (n, 2), and OPD [m], shape (n,)."""
+    """Check the samples; return points in the pupil's plane [m], shape (n, 2), and OPD [m], shape (n,)."""
     refuse_masked(points, "points")
     refuse_masked(opd, "opd")
     place, values = np.asarray(points, dtype=np.float64), np.asarray(opd, dtype=np.float64)
@@ -92,7 +92,7 @@ def _check_cover(place: np.ndarray, wanted: np.ndarray, pixel: float, pupil: Pup
     from scipy.spatial import cKDTree
 
     apart = cKDTree(place).query(wanted)[0]
-    # The centre of a pixel on the rim may lie outside the pupil, where there need be no samples.
+    # The centre of a pixel on the rim may be outside the pupil, where samples are not required.
     outside = pupil.transmission(wanted[:, 0], wanted[:, 1]) == 0.0
     apart = np.maximum(apart - np.where(outside, np.sqrt(0.5) * pixel, 0.0), 0.0)
     reach = HOLE * pixel * np.sqrt(len(wanted) / len(place))
@@ -105,7 +105,7 @@ def _check_cover(place: np.ndarray, wanted: np.ndarray, pixel: float, pupil: Pup
 
 
 def _interpolated(place: np.ndarray, values: np.ndarray, wanted: np.ndarray, radius: float) -> np.ndarray:
-    """Values at places (m, 2) by those at others (n, 2)."""
+    """Interpolate values at points `place` (n, 2) to points `wanted` (m, 2)."""
     from scipy.interpolate import CloughTocher2DInterpolator
 
     count = min(MODES, max(3, len(values) // PER_MODE))
@@ -113,7 +113,7 @@ def _interpolated(place: np.ndarray, values: np.ndarray, wanted: np.ndarray, rad
     coefficients = np.linalg.lstsq(modes.T, values, rcond=1e-9)[0]
     left = values - coefficients @ modes
     made = coefficients @ zernike_modes(count, *(wanted.T / radius))
-    # In units of the radius and of what is left: the interpolator's own tolerances are not relative.
+    # In units of the radius and of the greatest residual: the interpolator's own tolerances are not relative.
     scale = max(float(np.abs(left).max()), 1e-300)
     more = CloughTocher2DInterpolator(place / radius, left / scale)(wanted / radius)
     beyond = ~np.isfinite(more)
@@ -123,7 +123,7 @@ def _interpolated(place: np.ndarray, values: np.ndarray, wanted: np.ndarray, rad
 
 
 def _beyond(place: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Values at places outside all triangles, by a parabola through the samples about each."""
+    """Extrapolate to points outside all triangles, by a parabola fitted to the samples near each point."""
     from scipy.spatial import cKDTree
 
     near = cKDTree(place).query(wanted, min(ABOUT, len(place)))[1]

@@ -1,7 +1,8 @@
-"""How wide the point spread function of a wavefront is at half of its peak.
+"""Full width at half maximum of the point spread function of a wavefront.
 
-A coarse picture of all angles says where the light is: its peak, and how far from there other places come near half of
-it. So wide a window about the peak is computed finely; where half of the peak reaches its edge, twice as wide a one.
+A coarse PSF over all angles shows where the peak is, and how far from it other places come near half of the peak. A
+window of that width about the peak is computed finely; if half of the peak reaches its edge, a window twice as wide is
+tried.
 """
 
 from dataclasses import replace
@@ -9,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-# Samples to a resolution element, and across the window at most; windows that are tried.
+# Samples per resolution element; most samples across the window; number of windows tried.
 SAMPLES, MOST_SAMPLES, TRIES = 64, 1024, 8
-# Samples of the coarse picture to a resolution element, and what share of its peak may be half of the true one.
+# Samples of the coarse PSF per resolution element; share of its peak that may be half of the true peak.
 PADDING, NEAR_HALF = 4, 0.4
 
 
 def spot_width(wavefront: Any) -> float:
-    """Full width at half maximum of a `Wavefront` [rad]; NaN where half of the peak reaches beyond all windows."""
+    """Return the full width at half maximum of a `Wavefront` [rad]; NaN if all windows are too narrow for it."""
     resolution = wavefront.wavelength / (len(wavefront.opd) * wavefront.pixel)
     coarse = wavefront.psf(padding=PADDING)
     place = np.unravel_index(int(np.argmax(coarse.intensity)), coarse.intensity.shape)
@@ -38,7 +39,7 @@ def spot_width(wavefront: Any) -> float:
 
 
 def spot_width_error(wavefront: Any) -> float:
-    """Its greatest change [rad] under focus and astigmatism of the greatest OPD error, of either sign."""
+    """Return the greatest change of the width [rad] under focus and astigmatism of the OPD error, of either sign."""
     error = wavefront.opd_error
     if not np.isfinite(error):
         return float("nan")

@@ -1,15 +1,16 @@
-r"""What the pixels of a wavefront make its point spread function off by.
+r"""Error of a point spread function due to the pixels of its wavefront.
 
-The amplitude at an angle a is a sum over pixels of w exp(i k (OPD - a x)). Two causes, added as squares:
+The amplitude at an angle a is a sum over pixels of w exp(i k (OPD - a x)). Two errors are added as squares:
 
-    the moments    what the shares of edge pixels lack in second order (pixel_weights.py), twice
-    the folding    a sum over places p apart repeats with the period lambda / p: to the amplitude at a are added those
-                   at a +- lambda / p, whose light lies beyond half of a period. What lies at half of it, and half a
-                   lobe nearer, along the row and along the column of the angle stands for them: farther out is less.
-                   Shares of an area have been folded with the pixel, which leaves sinc(1 - t) of them, at most 2 t, t
-                   being the angle between light and ray over a period
+    the moments    twice the second-order deficit of the shares of edge pixels (pixel_weights.py)
+    the folding    a sum over points p apart repeats with the period lambda / p, so the amplitudes at a +- lambda / p
+                   are added to the one at a; they belong to light beyond half of a period. They are represented by
+                   the amplitudes at half of a period and half a lobe nearer, along the row and along the column of
+                   the angle: farther out there is less light. Shares of an area have been averaged over the pixel,
+                   which leaves sinc(1 - t) of the amplitudes, at most 2 t, t being the angle between light and ray
+                   over a period
 
-Of an amplitude that is off by d, the intensity I is off by 2 sqrt(I) d + d^2.
+If an amplitude is off by d, its intensity I is off by 2 sqrt(I) d + d^2.
 """
 
 from typing import Any
@@ -22,7 +23,7 @@ from .point_spread import steady_product
 
 
 def spread_errors(wavefront: Any, angle: np.ndarray) -> np.ndarray:
-    """What intensities at angles of rows and columns [rad], shape (m,), are off by for the pixels, shape (m, m)."""
+    """Return the error due to the pixels of intensities at angles of rows and columns [rad] (m,), shape (m, m)."""
     weight = np.asarray(wavefront.weight)
     exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
     phase = np.exp(2j * np.pi / wavefront.wavelength * np.where(wavefront.lit, wavefront.opd, 0.0))
@@ -47,7 +48,7 @@ def spread_errors(wavefront: Any, angle: np.ndarray) -> np.ndarray:
 
 
 def _slope(opd: np.ndarray, axis: int) -> float:
-    """Rms step between neighbours along an axis [m]."""
+    """Return the rms OPD step between neighbours along an axis [m]."""
     steps = np.diff(opd, axis=axis)
     steps = steps[np.isfinite(steps)]
     return float(np.sqrt(np.mean(steps**2))) if len(steps) else 0.0

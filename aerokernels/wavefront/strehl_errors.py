@@ -1,19 +1,20 @@
-r"""What a Strehl ratio's error budget says of the other numbers of the same rays.
+r"""Errors of OPD rms, Marechal's ratio and boresight from the error budget of a Strehl ratio of the same rays.
 
 The budget gives errors of the Strehl ratio S = |A|^2, A = <exp(i p)>, by cause. A phase error d of mean 0 and rms e,
-whatever it has to do with the phase p, changes A by a vector of a length of at most b, and S by
+however it is correlated with the phase p, changes A by a vector of length at most b, and S by at most
 
     E = 2 sqrt(S) b + b^2,    b = min(e, sqrt(1 - S) e + sqrt(S) e^2 / 2)
 
 The first bound is that of |exp(i d) - 1| <= |d|. For the second, turn p so that A is real, and write exp(i p) = A + w
-with <w> = 0 and <|w|^2> = 1 - S: by Cauchy and Schwarz |<w (exp(i d) - 1)>| <= sqrt(1 - S) e, and
-|<exp(i d) - 1>| = |<exp(i d) - 1 - i d>| <= e^2 / 2. It is the smaller one where the wavefront is nearly flat: small
-phase errors of a flat wavefront change S in second order only. So each cause stands for a phase error
+with <w> = 0 and <|w|^2> = 1 - S: by Cauchy and Schwarz |<w (exp(i d) - 1)>| <= sqrt(1 - S) e, and |<exp(i d) - 1>| =
+|<exp(i d) - 1 - i d>| <= e^2 / 2. The second bound is smaller where the wavefront is nearly flat: small phase errors of
+a flat wavefront change S in second order only. So the error E of each cause corresponds to a phase error
 
     e = max(b, 2 b / (sqrt(1 - S) + sqrt(1 - S + 2 b sqrt(S)))),    b = sqrt(S + E) - sqrt(S)
 
-and that of all causes but the sampling is their root sum of squares. From it, and from the spread of the replicates
-(three standard errors, as in the budget: 99 of 100 cases, of 16 replicates) of what is a mean over rays:
+and all causes but the sampling together to the root sum of squares of these. The errors of the other quantities follow
+from this phase error, and, for means over rays, from the spread of the replicates (three standard errors, as in the
+budget: 99 of 100 cases, with 16 replicates):
 
     S               the budget's total
     OPD rms s       s changes by at most e / k: the rms of a sum lies between the difference and the sum of the rms
@@ -31,12 +32,12 @@ import numpy as np
 from ..display.quantities import Quantity, root_sum_square
 from ..tracing.pupil_fit import fit_moments, fit_terms
 
-# The error of a mean over replicates that a budget tells is so many standard errors: two would be too few in one
-# estimate of sixteen, three are in one of a hundred (Student's t of 15 degrees of freedom).
+# The reported error of a mean over replicates is so many standard errors: two would be too few in one estimate of
+# sixteen, three are in one of a hundred (Student's t of 15 degrees of freedom).
 STANDARD_ERRORS = 3.0
-# Strehl ratios among which the one is looked for that a phase error changes most.
+# Number of Strehl ratios searched for the one that a phase error changes most.
 RATIOS = 201
-# What an error mostly comes from, and what to do about it.
+# Causes of an error in words, each with its remedy.
 REMEDIES = {
     "resampling": "the uniform grid: give it a smaller spacing",
     "interpolation": "the samples of the field itself: give it finer cells",
@@ -49,14 +50,14 @@ REMEDIES = {
 
 
 def strehl_error(value: float, phase: float) -> float:
-    """The greatest change of a Strehl ratio `value` by a phase error of rms `phase` [rad]."""
+    """Return the greatest change of a Strehl ratio `value` by a phase error of rms `phase` [rad]."""
     root, rest = _roots(value)
     change = min(phase, rest * phase + 0.5 * root * phase**2)
     return phase if math.isnan(phase) else 2.0 * root * change + change**2
 
 
 def strehl_errors(values: np.ndarray, phase: float) -> np.ndarray:
-    """`strehl_error` of an array of ratios, of the same shape."""
+    """Return `strehl_error` of an array of ratios, of the same shape."""
     clipped = np.clip(values, 0.0, 1.0)
     root, rest = np.sqrt(clipped), np.sqrt(1.0 - clipped)
     change = np.minimum(phase, rest * phase + 0.5 * root * phase**2)
@@ -64,27 +65,27 @@ def strehl_errors(values: np.ndarray, phase: float) -> np.ndarray:
 
 
 def greatest_strehl_error(phase: float) -> float:
-    """The greatest change of any Strehl ratio by a phase error of rms `phase` [rad]."""
+    """Return the greatest change of any Strehl ratio by a phase error of rms `phase` [rad]."""
     return max(strehl_error(float(value), phase) for value in np.linspace(0.0, 1.0, RATIOS))
 
 
 def phase_of_error(value: float, error: float) -> float:
-    """Rms phase error [rad] that changes a Strehl ratio `value` by up to `error`: undoes `strehl_error`."""
+    """Return the rms phase error [rad] that changes a Strehl ratio `value` by up to `error`: inverts `strehl_error`."""
     root, rest = _roots(value)
     if not error > 0.0:
-        return error  # none, or not known
+        return error  # zero, or NaN
     change = error / (math.sqrt(root**2 + error) + root)
     return max(change, 2.0 * change / (rest + math.sqrt(rest**2 + 2.0 * change * root)))
 
 
 def _roots(value: float) -> tuple[float, float]:
-    """sqrt(S) and sqrt(1 - S); rounding may put S beyond 0 or 1."""
+    """Return sqrt(S) and sqrt(1 - S), with S clipped to 0 to 1 against rounding."""
     value = min(max(value, 0.0), 1.0)
     return math.sqrt(value), math.sqrt(1.0 - value)
 
 
 def phase_error(value: float, budget: Mapping[str, float]) -> float:
-    """Rms phase error [rad] that the budget of a Strehl ratio stands for, sampling left out; NaN where not known."""
+    """Return the rms phase error [rad] of a Strehl ratio's budget without sampling; NaN if not known."""
     if "total" not in budget or math.isnan(value):
         return math.nan
     causes = (error for cause, error in budget.items() if cause not in ("sampling", "total"))
@@ -92,7 +93,7 @@ def phase_error(value: float, budget: Mapping[str, float]) -> float:
 
 
 def main_cause(budget: Mapping[str, float]) -> str:
-    """What the greatest part of an error comes from and its remedy, in words; empty where the budget is."""
+    """Return the cause of the greatest part of an error and its remedy, in words; empty for an empty budget."""
     causes = {cause: error for cause, error in budget.items() if cause != "total"}
     if not causes:
         return ""
@@ -105,14 +106,14 @@ def main_cause(budget: Mapping[str, float]) -> str:
 def estimate_quantities(
     estimate, moments: np.ndarray, *, wavelength: float, remove: tuple[str, ...], symmetric: bool
 ) -> dict[str, Quantity]:
-    """The numbers of a Strehl estimate with their errors, by the names of its attributes; see the formulas above.
+    """Return the quantities of a Strehl estimate with their errors, by the names of its attributes; formulas above.
 
     Args:
-        estimate: The StrehlEstimate; its error budget is read, for which some of its rays are traced again.
+        estimate: The StrehlEstimate; its error budget is read, for which some of its rays are retraced.
         moments: Sums of the replicates, shape (replicate_count, at least 10), see pupil_sums.py.
         wavelength: Wavelength [m].
-        remove: Terms taken off the wavefront.
-        symmetric: Whether the rays are those of radial quadrature, which stands for a wavefront without tilt.
+        remove: Terms removed from the wavefront.
+        symmetric: Whether the rays are those of radial quadrature, which represents a wavefront without tilt.
 
     Returns:
         "value", "marechal", "opd_rms" [m], "boresight_x" and "boresight_y" [rad].
@@ -149,13 +150,13 @@ def estimate_quantities(
 
 
 def _likely_error(values: list[float]) -> float:
-    """STANDARD_ERRORS of the mean of replicates; NaN for fewer than two."""
+    """Return STANDARD_ERRORS standard errors of the mean of replicates; NaN for fewer than two."""
     if len(values) < 2:
         return math.nan
     return STANDARD_ERRORS * float(np.std(values, ddof=1)) / math.sqrt(len(values))
 
 
 def _extents(total: np.ndarray) -> tuple[float, float]:
-    """Rms of the pupil's two coordinates about their means [m], from summed moments."""
+    """Return the rms of the pupil's two coordinates about their means [m], from summed moments."""
     count, x, y, _, xx, _, yy = (float(number) for number in total[:7])
     return math.sqrt(max(xx / count - (x / count) ** 2, 0.0)), math.sqrt(max(yy / count - (y / count) ** 2, 0.0))

@@ -1,8 +1,8 @@
-r"""Terms of a wavefront: piston, tilt and focus, fitted by least squares and removed; and its Strehl ratio.
+r"""Fit and remove piston, tilt and focus of a wavefront by least squares; mean phasor of a wavefront.
 
-A wavefront is the optical path difference at points of a pupil. Its tilt is fitted by least squares: OPD ~ c + a x + b
-y, with slopes a, b in radians, the angle by which the beam that leaves the pupil is deflected. Several terms are
-fitted together, the mean always with them: OPD ~ c + a x + b y + d (x^2 + y^2).
+A wavefront is the optical path difference at points of a pupil. Its tilt is fitted as OPD ~ c + a x + b y, with slopes
+a, b in radians: the angle by which the beam that leaves the pupil is deflected. Several terms are fitted together,
+always with the mean: OPD ~ c + a x + b y + d (x^2 + y^2).
 """
 
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ import numpy as np
 
 from ..inputs.arguments import Numbers, checked
 
-# What can be removed.
+# Terms that can be removed.
 TERMS = ("piston", "tilt", "focus")
-# Ten thousand waves about the mean: nanometres, or waves, that were taken for metres.
+# An rms of ten thousand waves [m]: the caller most likely gave nanometres or waves.
 GREATEST_OPD = 1e-2
 
 
@@ -24,7 +24,7 @@ class TiltFit:
     Attributes:
         piston: Mean optical path difference [m].
         tilt: Slopes along the pupil's two axes [rad], shape (2,).
-        residual_rms: Root mean square of what is left [m].
+        residual_rms: Root mean square of the OPD without them [m].
     """
 
     piston: float
@@ -33,7 +33,7 @@ class TiltFit:
 
 
 def check_wavefront(opd, weights) -> tuple[np.ndarray, np.ndarray]:
-    """Flat float64 OPD and weights that sum to 1, or a refusal. Samples of weight 0 may be anything, NaN too."""
+    """Return the OPD as flat float64 and weights that sum to 1. Samples of weight 0 may have any value, also NaN."""
     opd = np.asarray(opd, dtype=np.float64).ravel()
     if weights is not None and np.size(weights) == opd.size:
         opd = np.where(np.asarray(weights).ravel() == 0.0, 0.0, opd)
@@ -52,10 +52,10 @@ def check_wavefront(opd, weights) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check_metres(opd: np.ndarray, weights: np.ndarray) -> None:
-    """Refuse a wavefront, flat and with weights that sum to 1, of so many waves that its unit must be another one.
+    """Check that the rms of a flat wavefront, with weights that sum to 1, is plausible in metres.
 
     Raises:
-        ValueError: An rms above a hundredth of a metre.
+        ValueError: The rms is above a hundredth of a metre.
     """
     rms = float(np.sqrt(weighted_mean(weights, np.square(opd - weighted_mean(weights, opd)))))
     if rms > GREATEST_OPD:
@@ -66,29 +66,29 @@ def check_metres(opd: np.ndarray, weights: np.ndarray) -> None:
 
 
 def weighted_mean(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """The mean of values, shape (n,) or (n, k), by weights that sum to 1.
+    """Return the mean of values, shape (n,) or (n, k), by weights that sum to 1.
 
-    NumPy's own sum: a product of BLAS has other last bits on another number of threads.
+    By NumPy's own sum: the last bits of a BLAS product depend on the number of threads.
     """
     return np.sum(weights.reshape(-1, *[1] * (values.ndim - 1)) * values, axis=0)
 
 
 def _products(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """The matrix product of (k, n) and (n, m) or (n,), the same on any number of threads."""
+    """Return the matrix product of (k, n) and (n, m) or (n,), with the same bits on any number of threads."""
     return np.einsum("kn,n...->k...", rows, columns)
 
 
 @checked
 def fit_tilt(opd: Numbers, points: Numbers, weights: Numbers | None = None) -> TiltFit:
-    """Fit piston and tilt.
+    """Fit piston and tilt by weighted least squares.
 
     Args:
         opd: Optical path difference [m], shape (n,).
         points: Coordinates in the pupil's plane [m], shape (n, 2).
-        weights: Share of each sample, or None for equal shares.
+        weights: Weight of each sample, or None for equal weights.
 
     Raises:
-        ValueError: Shapes that disagree, numbers that are not finite, weights that make no sense.
+        ValueError: Shapes disagree, numbers are not finite, or weights are negative or all zero.
     """
     opd, weights = check_wavefront(opd, weights)
     points = np.asarray(points, dtype=np.float64)
@@ -97,7 +97,7 @@ def fit_tilt(opd: Numbers, points: Numbers, weights: Numbers | None = None) -> T
     piston = float(weighted_mean(weights, opd))
     centred = points - weighted_mean(weights, points)
     flat = opd - piston
-    # A pupil that is a line or a point has no slope across it: the least-norm solution is zero there.
+    # In a pupil that is a line or a point the slope across it is undetermined: the least-norm solution is zero.
     weighted = (centred * weights[:, None]).T
     tilt = np.linalg.lstsq(_products(weighted, centred), _products(weighted, flat), rcond=1e-12)[0]
     residual = flat - centred @ tilt
@@ -105,7 +105,7 @@ def fit_tilt(opd: Numbers, points: Numbers, weights: Numbers | None = None) -> T
 
 
 def map_points(opd, points):
-    """The points given, or pixel coordinates about the middle of a map (a two-axis array); else None."""
+    """Return the given points, or for a map (a two-axis array) its pixel coordinates about the middle; else None."""
     if points is None and np.ndim(opd) == 2:
         rows, columns = np.indices(np.shape(opd), dtype=np.float64)
         height, width = np.shape(opd)
@@ -114,12 +114,12 @@ def map_points(opd, points):
 
 
 def remove_terms(opd, remove, points=None, weights=None) -> np.ndarray:
-    """The wavefront less the named terms [m]: "piston", "tilt", "focus", fitted together.
+    """Return the wavefront without the named terms [m]: "piston", "tilt", "focus", fitted together.
 
     "focus" is the square of the distance from the origin of `points`, the pupil's centre.
 
     Raises:
-        ValueError: An unknown term, or "tilt" or "focus" without the points that they are fitted over.
+        ValueError: A term is unknown, or "tilt" or "focus" is to be removed and there are no points to fit over.
     """
     remove = check_terms(remove)
     opd, weights = check_wavefront(opd, weights)
@@ -137,7 +137,7 @@ def remove_terms(opd, remove, points=None, weights=None) -> np.ndarray:
 
 
 def _surface(opd: np.ndarray, points, weights: np.ndarray, terms: list[str]) -> np.ndarray:
-    """Tilt, focus or both of a wavefront, as fitted together with its mean, of weighted mean 0 [m], shape (n,)."""
+    """Return the tilt, focus or both of a wavefront, fitted together with its mean; weighted mean 0 [m], shape (n,)."""
     fit = fit_tilt(opd, points, weights)  # checks the points too
     points = np.asarray(points, dtype=np.float64)
     centred = points - weighted_mean(weights, points)
@@ -145,7 +145,7 @@ def _surface(opd: np.ndarray, points, weights: np.ndarray, terms: list[str]) -> 
         return centred @ fit.tilt
     size = np.sqrt(weighted_mean(weights, np.sum(centred**2, axis=1))) or 1.0
     columns = [*(centred.T / size)] if "tilt" in terms else []
-    # About the points' mean where tilt goes along, which makes up for it; about the origin where focus goes alone.
+    # About the mean of the points where tilt is fitted too, which absorbs the difference; otherwise about the origin.
     square = np.sum((centred if "tilt" in terms else points) ** 2, axis=1) / size**2
     basis = np.stack([*columns, square - weighted_mean(weights, square)], axis=1)
     weighted = (basis * weights[:, None]).T
@@ -154,12 +154,12 @@ def _surface(opd: np.ndarray, points, weights: np.ndarray, terms: list[str]) -> 
 
 
 def mean_phasor(opd: np.ndarray, weights: np.ndarray, wavelength: float) -> complex:
-    """<exp(i k OPD)> over samples whose weights sum to 1, both flat: its square is the Strehl ratio."""
+    """Return <exp(i k OPD)> over flat samples whose weights sum to 1; its squared magnitude is the Strehl ratio."""
     return complex(weighted_mean(weights, np.exp(2j * np.pi / wavelength * opd)))
 
 
 def check_terms(remove) -> tuple[str, ...]:
-    """The terms to remove, or a refusal of an unknown one."""
+    """Return the terms to remove as a tuple of known names; reject unknown ones."""
     if not isinstance(remove, (str, list, tuple, set, frozenset)):
         raise TypeError(f"remove must be names of terms, among {', '.join(TERMS)}, got {remove!r}")
     remove = (remove,) if isinstance(remove, str) else tuple(remove)

@@ -1,4 +1,4 @@
-"""The wavefront of a field seen through a pupil: a ray from the centre of each pixel."""
+"""Trace the wavefront of a field over a pupil, with one ray from the centre of each pixel."""
 
 from functools import partial
 
@@ -32,36 +32,36 @@ def wavefront(
     max_steps: int | None = None,
     allow_truncation: bool = False,
 ) -> Wavefront:
-    """Optical path difference over a pupil, as a map.
+    """Trace the optical path difference over a pupil, as a map.
 
-    Rays leave the pupil along its normal (or `direction`) and stop on a plane across the line, beyond the field's box:
-    by the reversibility of light that is the wavefront a distant point on that line sends in. A pixel on the pupil's
-    edge counts by its exact share in the pupil.
+    Rays leave the pupil along its normal (or `direction`) and stop on a plane across that line, beyond the field's box:
+    by reciprocity this is the wavefront that arrives from a distant point on the line. A pixel on the pupil's edge
+    counts by its exact share in the pupil.
 
     Args:
         field: The refractive index.
         pupil: The pupil; it looks along its normal.
         wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
         direction: Look direction, if not along the pupil's normal.
-        pixel_count: Pixels along a side of the square map, which just holds the pupil; None takes 128, or a Mask's own
-            pixels where they are square.
-        tolerance: OPD error asked for [waves].
+        pixel_count: Pixels along a side of the square map, the smallest that holds the pupil; None takes 128, or a
+            Mask's own pixels if they are square.
+        tolerance: Requested OPD error [waves].
         backend: See `trace`; likewise device, precision, method, step and max_steps.
         device: Device of the backend.
         precision: "float32" or "float64".
         method: Tracing method.
         step: Step of method "fixed" [m].
-        max_steps: Steps after which a ray is given up.
-        allow_truncation: As for `estimate_strehl`: whether more than a thousandth of the pupil may look through
-            disturbed air that ends at the field's box.
+        max_steps: Steps after which a ray is abandoned.
+        allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that ends at the
+            field's box, as in `estimate_strehl`.
 
     Returns:
-        A Wavefront; pixels whose ray did not arrive have weight 0, and `blocked` is their share.
+        A Wavefront; pixels whose ray did not arrive have weight 0, and `blocked` is their share of the pupil.
 
     Raises:
-        TypeError: `field` or `pupil` of the wrong kind.
-        ValueError: A name or number that makes no sense; another wavelength than the field's; no ray that meets the
-            field, or that arrives; a truncated view without `allow_truncation`.
+        TypeError: `field` or `pupil` is of the wrong type.
+        ValueError: A name is unknown or a number out of range; the wavelength is not the field's; no ray meets the
+            field or arrives; or the view is truncated and `allow_truncation` is not set.
     """
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
@@ -89,7 +89,7 @@ def wavefront(
         max_steps=max_steps,
         outputs=("opd",),
     )
-    assert traced.opd is not None  # asked for
+    assert traced.opd is not None  # requested above
     if not traced.ok.any():
         raise ValueError(
             f"no ray of the pupil arrived beyond the field ({traced.status_summary()}): move the pupil, or turn "

@@ -1,15 +1,15 @@
-r"""Optical transfer function of a wavefront on a square grid, and what is read off it: MTF, encircled energy, PSSn.
+r"""Optical transfer function of a wavefront on a square grid, and from it MTF, encircled energy and PSSn.
 
 With A = w exp(i k OPD) at the pixels x of a pupil, and frequencies f in cycles per radian of field angle,
 
-    OTF(f) = sum_x A(x) A*(x + lambda f) / P          the Fourier transform of the PSF; 1 at f = 0
-    E(a)   = p^2 sum_f OTF(f) exp(2 pi i f c) a J1(2 pi a |f|) / |f|      the light within the angle a about c
+    OTF(f) = sum_x A(x) A*(x + lambda f) / P          the Fourier transform of the PSF; 1 at f = 0 E(a)   = p^2 sum_f
+    OTF(f) exp(2 pi i f c) a J1(2 pi a |f|) / |f|      light within the angle a about c
 
-P being the pupil's power (pixels that an edge crosses hold more of it than |A|^2), the second the exact integral of the
-pixels' PSF over a circle, with nothing cut off (p: spacing of f).
-PSSn = \int |OTF T|^2 / \int |OTF_perfect T|^2 with T that of the atmosphere (B.-J. Seo et al., Appl. Opt. 48 (2009)
-5997). A greatest phase error e [rad] changes the OTF by at most 2 e times that of the perfect pupil, and E by 2 e. What
-the pixels make them off by comes on top: image_errors.py.
+P is the pupil's power (a pixel crossed by an edge holds more of it than |A|^2) and p the spacing of f. E is the exact
+integral of the pixels' PSF over a circle, without truncation. PSSn = \int |OTF T|^2 / \int |OTF_perfect T|^2 with T
+that of the atmosphere (B.-J. Seo et al., Appl. Opt. 48 (2009) 5997). A phase error of at most e [rad] changes the OTF
+by at most 2 e times the one of the perfect pupil, and E by at most 2 e. The errors due to the pixels are added:
+image_errors.py.
 """
 
 from collections.abc import Callable
@@ -22,21 +22,22 @@ from ..display.shown import shown
 from ..pupils import Disc
 from .data import WavefrontMap
 
-# Of the long-exposure exp(-3.44 (r / r0)^(5/3)): D. L. Fried, J. Opt. Soc. Am. 56 (1966) 1372.
+# Coefficient of the long-exposure transfer function exp(-3.44 (r / r0)^(5/3)): D. L. Fried, J. Opt. Soc. Am. 56 (1966)
+# 1372.
 KOLMOGOROV = 3.44
 
 
 @shown
 @dataclass(frozen=True, eq=False)
 class Transfer:
-    """A transfer function on a grid of frequencies.
+    """Transfer function on a grid of spatial frequencies.
 
     Attributes:
         value: OTF (complex) or MTF (real), shape (n, n), axes [y, x]; 1 at frequency 0.
         frequency: Frequencies of rows and columns [cycles / rad], shape (n,), ascending about 0.
         perfect: MTF of the same pupil without aberrations, shape (n, n).
-        phase_error: Makes the phase error of the wavefront [rad]; `error` calls it.
-        pixel_error: Makes what each value may be off by for the pixels, shape (n, n); `error` calls it.
+        phase_error: Function that returns the phase error of the wavefront [rad]; `error` calls it.
+        pixel_error: Function that returns the error of each value due to the pixels, shape (n, n); `error` calls it.
     """
 
     value: np.ndarray
@@ -47,13 +48,13 @@ class Transfer:
 
     @cached_property
     def error(self) -> np.ndarray:
-        """What each value may be off by, shape (n, n); NaN where that is not known. Computed when first read."""
+        """Error of each value, shape (n, n); NaN if it is not known. Computed when first read."""
         phase = float("nan") if self.phase_error is None else self.phase_error()
         pixels = 0.0 if self.pixel_error is None else self.pixel_error()
         return np.hypot(np.minimum(2.0 * phase, 2.0) * self.perfect, pixels)
 
     def along(self, angle: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Frequencies [cycles / rad] and values on the line at this angle from x toward y [rad], both (n,)."""
+        """Return frequencies [cycles / rad] and values on the line at this angle from x toward y [rad], both (n,)."""
         from scipy.interpolate import RegularGridInterpolator
 
         middle = len(self.frequency) // 2
@@ -62,7 +63,7 @@ class Transfer:
         return frequency, RegularGridInterpolator((self.frequency, self.frequency), self.value)(line)
 
     def plot(self, axes=None):
-        """Draw it along both axes, beside the perfect one, on matplotlib axes; returns the axes."""
+        """Draw the function along both axes, beside the perfect one, on matplotlib axes; return the axes."""
         from .plots import plot_transfer
 
         return plot_transfer(self, axes)
@@ -75,10 +76,11 @@ class EncircledEnergy:
 
     Attributes:
         angle: Radius of the circle [rad], any shape.
-        energy: Share of all light that the pupil lets through, of the same shape.
+        energy: Share of the light that the pupil transmits, of the same shape.
         center: The point [rad], shape (2,).
-        phase_error: Makes the phase error of the wavefront [rad]; `error` calls it.
-        pixel_error: Makes what each share may be off by for the pixels, of the same shape; `error` calls it.
+        phase_error: Function that returns the phase error of the wavefront [rad]; `error` calls it.
+        pixel_error: Function that returns the error of each share due to the pixels, of the same shape; `error` calls
+            it.
     """
 
     angle: np.ndarray
@@ -89,13 +91,13 @@ class EncircledEnergy:
 
     @cached_property
     def error(self) -> np.ndarray:
-        """What each share may be off by, of their shape; NaN where that is not known. Computed when first read."""
+        """Error of each share, of their shape; NaN if it is not known. Computed when first read."""
         phase = float("nan") if self.phase_error is None else self.phase_error()
         pixels = 0.0 if self.pixel_error is None else self.pixel_error()
         return np.minimum(np.hypot(np.full(np.shape(self.energy), 2.0 * phase), pixels), 1.0)
 
     def radius(self, share: float) -> float:
-        """The angle within which this share of the light lies [rad], interpolated; NaN beyond the angles given."""
+        """Return the angle that encircles this share of the light [rad], interpolated; NaN beyond the given angles."""
         order = np.argsort(self.angle, axis=None)
         return float(np.interp(share, self.energy.ravel()[order], self.angle.ravel()[order], left=np.nan, right=np.nan))
 
@@ -108,20 +110,20 @@ class EncircledEnergy:
         return float(self.energy)
 
     def plot(self, axes=None):
-        """Draw it on matplotlib axes; returns the axes."""
+        """Draw the encircled energy on matplotlib axes; return the axes."""
         from .plots import plot_encircled_energy
 
         return plot_encircled_energy(self, axes)
 
 
 def complex_amplitude(opd: np.ndarray, weight: np.ndarray, wavelength: float) -> np.ndarray:
-    """W exp(i k OPD) of a map, 0 outside the pupil, shape (n, n)."""
+    """Return the field weight exp(i k OPD) of a map, 0 outside the pupil, shape (n, n)."""
     lit = weight > 0.0
     return weight * np.exp(2j * np.pi / wavelength * np.where(lit, opd, 0.0))
 
 
 def autocorrelation(wave: np.ndarray, other: np.ndarray | None = None) -> np.ndarray:
-    """sum_x a(x) b*(x + m) for all shifts m of maps of shape (n, n), shape (2 n - 1, 2 n - 1), 0 in the middle."""
+    """Return sum_x a(x) b*(x + m) of maps (n, n) for all shifts m, shape (2 n - 1, 2 n - 1), m = 0 in the middle."""
     from scipy.fft import fft2, fftshift, ifft2, next_fast_len
 
     rows, columns = wave.shape
@@ -134,7 +136,7 @@ def autocorrelation(wave: np.ndarray, other: np.ndarray | None = None) -> np.nda
 
 
 def transfer_function(wavefront: WavefrontMap) -> Transfer:
-    """Optical transfer function of a wavefront."""
+    """Return the optical transfer function of a wavefront."""
     wave = complex_amplitude(wavefront.opd, wavefront.weight, wavefront.wavelength)
     value = autocorrelation(wave) / wavefront.power
     perfect = np.abs(autocorrelation(np.array(wavefront.weight))) / wavefront.power
@@ -145,17 +147,17 @@ def transfer_function(wavefront: WavefrontMap) -> Transfer:
 
 
 def encircled(transfer: Transfer, angle: np.ndarray, center: np.ndarray) -> np.ndarray:
-    """Share of the light within angles [rad], any shape, about the point `center` [rad], shape (2,).
+    """Return the share of the light within angles [rad], any shape, about the point `center` [rad], shape (2,).
 
     Raises:
-        ValueError: A map of one pixel, which has no picture.
+        ValueError: The map has a single pixel, so that its frequencies have no spacing.
     """
     from scipy.special import j1
 
     if len(transfer.frequency) < 2:
         raise ValueError("a wavefront of one pixel has no encircled energy: give a greater pixel_count")
     fx, fy = transfer.frequency[None, :], transfer.frequency[:, None]
-    # E is real, and so is the part of the OTF that is even.
+    # E is real, so only the even part of the OTF counts, which is real.
     even = (transfer.value * np.exp(2j * np.pi * (fx * center[0] + fy * center[1]))).real
     spacing = float(transfer.frequency[1] - transfer.frequency[0])
     index = np.rint(transfer.frequency / spacing).astype(np.int64)
@@ -163,7 +165,7 @@ def encircled(transfer: Transfer, angle: np.ndarray, center: np.ndarray) -> np.n
     summed = np.bincount(place, even.ravel())
     frequency = spacing * np.sqrt(squared[1:])
     flat = np.abs(np.ravel(angle))
-    # The pixels' picture has a period of wavelength / pixel: one period, a square about the point, holds all the light.
+    # The pixels' PSF has the period wavelength / pixel: one period, a square about the point, holds all the light.
     half = 0.5 / spacing
     held = np.minimum(flat, half)
     energy = np.array([a * (j1(2.0 * np.pi * a * frequency) @ (summed[1:] / frequency)) for a in held])
@@ -174,19 +176,19 @@ def encircled(transfer: Transfer, angle: np.ndarray, center: np.ndarray) -> np.n
 
 
 def _in_corners(even: np.ndarray, half: float, angle: float) -> float:
-    """Light of a period, a square of half a width, outside the circle of that angle [rad] about its middle."""
+    """Return the light of a square period, half width `half`, outside the circle of an angle [rad] about its middle."""
     from scipy.fft import fftshift, ifft2, ifftshift
 
     if angle >= np.sqrt(2.0) * half:
         return 0.0
-    more = (len(even) + 1) // 2  # an odd number of angles tiles the period
+    more = (len(even) + 1) // 2  # an odd number of angles divides the period evenly
     light = fftshift(ifft2(ifftshift(np.pad(even, more))).real)
     edges = half * np.linspace(-1.0, 1.0, len(light) + 1)
     return float((light * (1.0 - Disc(angle).coverage(edges, edges))).sum())
 
 
 def normalised_sensitivity(transfer: Transfer, wavelength: float, fried: float) -> float:
-    """PSSn: 1 without aberrations, smaller with them; `fried` is the atmosphere's r0 [m], infinite without one."""
+    """Return PSSn, 1 without aberrations; `fried` is the atmosphere's r0 [m], infinite without an atmosphere."""
     separation = wavelength * np.hypot(transfer.frequency[None, :], transfer.frequency[:, None])
     with np.errstate(divide="ignore"):
         air = np.exp(-2.0 * KOLMOGOROV * (separation / fried) ** (5.0 / 3.0))

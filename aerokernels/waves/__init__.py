@@ -1,4 +1,4 @@
-"""Wave optics beside the rays: a split-step wave through the same field, and a verdict on ray optics."""
+"""Wave optics: a split-step wave through the same field as the rays, and a verdict on the validity of ray optics."""
 
 from .angular_spectrum import angular_spectrum
 from .split_step import split_step

@@ -1,29 +1,34 @@
-r"""Light over a distance in homogeneous air, by its angular spectrum: exact for what the window's pixels can hold.
+r"""Propagate light through homogeneous air by its angular spectrum: exact for components that the pixels resolve.
 
     A(x, z) = F^-1 [ F[A](f) exp(i z (sqrt(k^2 - K^2) - k)) ],      K = 2 pi f, k = 2 pi n / lambda
 
-with the phase k z of a plane wave along the axis taken out, and for the paraxial equation -K^2 / (2 k) in place of the
-root (J. W. Goodman, Introduction to Fourier Optics, 3.10). The window is periodic: what leaves it on one side comes in
-on the other. Waves that do not travel (K > k) die out.
+The phase k z of a plane wave along the axis is removed. The paraxial equation has -K^2 / (2 k) in place of the root
+minus k (J. W. Goodman, Introduction to Fourier Optics, 3.10). The window is periodic: light that leaves it on one side
+enters on the other. Evanescent waves (K > k) decay.
 """
 
 import numpy as np
+
+from ..inputs.arguments import checked
+from ..inputs.checks import check_at_least, check_positive
+from ..inputs.wavelength import check_wavelength
 
 
 def transfer_exponent(
     shape: tuple[int, int], pixel: float, wavelength: float, ambient_index: float, paraxial: bool
 ) -> np.ndarray:
-    """What a metre adds to the exponent of each component, complex, shape (rows, columns), frequencies as SciPy's."""
+    """Return the exponent of each Fourier component per metre, complex, shape (rows, columns), in SciPy's order."""
     wave_number = 2.0 * np.pi * ambient_index / wavelength
     up, right = (2.0 * np.pi * np.fft.fftfreq(count, pixel) for count in shape)
     square = up[:, None] ** 2 + right**2
     if paraxial:
         return np.asarray(-0.5j * square / wave_number)
-    # The difference of the root and k, without cancellation.
+    # root - k without cancellation.
     root = np.sqrt((wave_number**2 - square).astype(np.complex128))
     return np.asarray(-1j * square / (root + wave_number))
 
 
+@checked
 def angular_spectrum(
     amplitude,
     pixel: float,
@@ -33,25 +38,29 @@ def angular_spectrum(
     ambient_index: float = 1.0,
     paraxial: bool = False,
 ) -> np.ndarray:
-    """The amplitude a distance farther on, complex, of the same shape, without the phase of the axial plane wave.
+    """Return the complex amplitude after a distance, of the same shape, without the phase of the axial plane wave.
 
     Args:
-        amplitude: Complex amplitude over square pixels, shape (rows, columns), axes [y, x]; one row for a problem of
-            one dimension.
+        amplitude: Complex amplitude over square pixels, shape (rows, columns), axes [y, x]; one row for a
+            one-dimensional problem.
         pixel: Side of a pixel [m].
         wavelength: Vacuum wavelength [m].
-        distance: How far [m]; negative goes back.
-        ambient_index: Index of the air.
-        paraxial: Whether the paraxial equation is solved, Fresnel's, in place of Helmholtz's.
+        distance: Distance of propagation [m]; negative propagates back.
+        ambient_index: Refractive index of the air.
+        paraxial: Whether to solve the paraxial equation (Fresnel) instead of Helmholtz's.
 
     Raises:
-        ValueError: An amplitude that is no two-axis array.
+        TypeError: An argument is of the wrong type.
+        ValueError: The amplitude is not a two-axis array of finite numbers, the wavelength is outside 0.1 to 20 um, the
+            pixel or the index is not positive, or the distance is not finite.
     """
     from scipy.fft import fft2, ifft2
 
     amplitude = np.asarray(amplitude, dtype=np.complex128)
-    if amplitude.ndim != 2:
-        raise ValueError(f"the amplitude must have two axes [y, x], got shape {amplitude.shape}")
+    if amplitude.ndim != 2 or not np.isfinite(amplitude).all():
+        raise ValueError(f"the amplitude must be finite and have two axes [y, x], got shape {amplitude.shape}")
+    wavelength, distance = check_wavelength(wavelength), check_at_least(distance, "distance")
+    pixel, ambient_index = check_positive(pixel, "pixel", "m"), check_positive(ambient_index, "ambient_index")
     exponent = transfer_exponent(amplitude.shape, pixel, wavelength, ambient_index, paraxial)
     if distance < 0.0:  # evanescent waves do not grow
         exponent = 1j * exponent.imag

@@ -1,23 +1,22 @@
-r"""A proof that rays are good, by bounds of the field alone: no ray, no wave, and kept with the field.
+r"""Proof that rays are good, from bounds of the field alone, without rays or waves; cached on the field.
 
-Light that comes back to the pupil from a plane wave behind the field is D exp(i k W), with W the straight rays' path.
-The wave's Strehl ratio is that of the pupil's mean of it; the rays lack D, which to first order in 1 / k obeys
+Light that reaches the pupil from a plane wave behind the field is D exp(i k W), with W the path of straight rays. The
+wave's Strehl ratio is the squared mean of this over the pupil. The rays neglect D, which to first order in 1 / k obeys
 
     ln D = -1/2 \int (z - z_p) lap m dz  -  i k / 2 \int |grad W|^2 dz  +  i / (8 k) \int (z - z_p)^2 lap lap m dz
 
-along lines from the pupil at z_p through the contrast m: brightness, paths that are aslant, and diffraction. The rays'
-own paths differ from W by k L |grad W|^2 at most. A mean of numbers of size 1 moves by no more than they do, its square
-by twice that:
+along lines from the pupil at z_p through the contrast m: brightness, slanted paths, and diffraction. The paths of bent
+rays differ from W by k L |grad W|^2 at most. A mean of numbers of size 1 changes by no more than they do, and its
+square by twice that:
 
     |change| <= \int (z - z_p) |lap m| dz  +  2 k L T^2  +  1/(4 k) \int (z - z_p)^2 |lap lap m| dz
 
-with T = \int |grad m| dz, and air whose phase stays within P of its mean on all lines leaves either Strehl ratio within
-P^2 of 1. A tilt that all the light shares turns it as a whole and is left out of T. What is neglected are products of
-such terms.
+with T = \int |grad m| dz. Also, if the phase on all lines is within P of its mean, both Strehl ratios are within P^2 of
+1. A common tilt turns the light as a whole and is left out of T. Products of such terms are neglected.
 
-A cubic spline and its derivatives lie between the differences of its coefficients, and one coefficient along z stands
-for one cell of the integrals. They are looked at plane by plane where light of the pupil goes, some widths
-sqrt(lambda L) of its diffraction more.
+A cubic spline and its derivatives are bounded by differences of its coefficients, and each coefficient along z counts
+as one cell of the integrals. The differences are evaluated plane by plane over the pupil's light, plus a margin of some
+diffraction widths sqrt(lambda L).
 """
 
 import math
@@ -33,23 +32,22 @@ from ..pupils import Pupil
 from ..tracing.lines import box_size
 from .shadows import FRINGES, is_clear
 
-# The greatest bound that is a proof of anything: what it neglects is of the order of its square.
+# Greatest bound that counts as a proof: the neglected terms are of the order of its square.
 GREATEST_BOUND = 0.1
-# The share of the rest of a bound up to which its last term is not looked at closely, and the bound up to which nobody
-# asks for a smaller one.
+# The last term is not refined if it is below this share of the other terms; bounds up to ENOUGH are not refined.
 LITTLE, ENOUGH = 0.25, 5e-3
-# Coefficients that are looked at together, along z so many that NumPy is quick for them; bounds kept for a field.
+# Coefficients processed together; length of z from which on NumPy's own reduction is fast; bounds cached on a field.
 PART_SIZE, LONG, KEPT = 1 << 16, 128, 8
 
 
 @dataclass(frozen=True)
 class ChangeBound:
-    """What the air can change at most.
+    """Upper bounds of the effects of the air.
 
     Attributes:
-        change: Strehl ratio by waves less that by rays, its greatest size; infinite where nothing is known.
-        curvature: The greatest curvature of the rays' wavefront times the distance from the pupil.
-        distance: From the pupil to where the light has left the field [m].
+        change: Bound of |Strehl ratio of the wave minus the one of rays|; infinite if nothing is known.
+        curvature: Bound of the curvature of the rays' wavefront times the distance from the pupil.
+        distance: Distance from the pupil to where the light has left the field [m].
     """
 
     change: float
@@ -58,7 +56,7 @@ class ChangeBound:
 
 
 def change_bound(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: float) -> ChangeBound:
-    """The bound for light that leaves a pupil along the unit vector `look`."""
+    """Return the bound for light that leaves a pupil along the unit vector `look`."""
     key = ("bound of the wave's change", weakref.ref(pupil), look.tobytes(), wavelength)
     found: ChangeBound = field.derive(key, lambda: _change_bound(field, pupil, look, wavelength), KEPT)
     return found
@@ -69,7 +67,7 @@ def _change_bound(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength:
     if not is_clear(field, pupil, look, wavelength):
         return ChangeBound(math.inf, math.inf, math.inf)
     low, high = samples.extremes if isinstance(samples, UniformGrid) else (samples.values.min(), samples.values.max())
-    # Beside the box there is no contrast.
+    # Outside the box the contrast is zero.
     weak = (0.5 * wave_number * float(max(high, 0.0) - min(low, 0.0)) * box_size(field)) ** 2
     found = ChangeBound(weak, math.inf, math.inf)
     along_z = abs(abs(float(look[2])) - 1.0) < 1e-15
@@ -80,9 +78,9 @@ def _change_bound(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength:
 
 
 def _along_z(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, wave_number: float) -> ChangeBound | None:
-    """The bound of light along z of a cubic grid, by its coefficients about the pupil's light; None: too great."""
+    """Return the bound for light along z of a cubic grid, from coefficients around the pupil's light; None if none."""
     spacing, place = float(grid.spacing[-1]), grid.origin[-1] + grid.spacing[-1] * np.arange(-1, grid.shape[-1] + 1)
-    # A pupil's plane may be aslant to the light: then some of it is farther off.
+    # The pupil's plane may be slanted to the light: then a part of it is farther away.
     slant = pupil.reach * math.sqrt(max(1.0 - float(pupil.normal[2]) ** 2, 0.0))
     way = sign * (place - float(pupil.center[2])) + slant
     length = float(way.max()) + pupil.reach
@@ -94,7 +92,7 @@ def _along_z(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, wa
     in_front = slice(int(ahead[0]), int(ahead[-1]) + 1)
     held, way = held[..., in_front], np.maximum(way[in_front], 0.0)
     round_about = field.geometry == "axisymmetric"
-    # Slope over radius is a mean of second derivatives from the axis on.
+    # Slope over radius is a mean of second derivatives between the axis and that radius.
     ways = 2.0 if round_about else 1.0
     # The coefficients are those of the potential, which is the contrast times the ambient index.
     scale, steps = spacing / grid.ambient_index, grid.spacing[:-1]
@@ -102,7 +100,7 @@ def _along_z(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, wa
     planes, rest, curvature, second = _Planes(held.shape), 0.0, math.inf, np.zeros(len(way))
     for part in _parts(held, 2):
         firsts = planes.take(part)
-        # The radial slope points every way about the axis: it has no tilt in common.
+        # The radial slope points in all directions around the axis: it has no common tilt.
         low, high = planes.low, planes.high
         steep = np.maximum(high, -low) if round_about else 0.5 * (high - low)
         turn = scale * float(np.sqrt(np.sum((steep / steps[:, None]) ** 2, axis=0)).sum())
@@ -112,10 +110,10 @@ def _along_z(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, wa
             second = ways * np.sum(planes.second / steps[:, None] ** 2, axis=0)
             curvature = scale * float((way * second).sum())
             rest += curvature
-        if rest > GREATEST_BOUND:  # what is not looked at yet adds to it
+        if rest > GREATEST_BOUND:  # further parts can only increase it
             curvature = math.inf
             break
-    # Fourth differences are at most four times the second ones, and are not formed where that is little.
+    # Fourth differences are at most four times the second ones; they are computed only if that bound is large.
     diffraction = share * float((way**2 * second).sum()) * 4.0 * ways * len(steps) / float(steps.min()) ** 2
     if diffraction > LITTLE * rest and ENOUGH < rest + diffraction and rest <= GREATEST_BOUND:
         fourth = np.zeros((len(steps), len(way)))
@@ -132,21 +130,21 @@ def _along_z(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, wa
 
 
 class _Planes:
-    """Extremes of differences of coefficients in each plane across z, of the parts taken so far.
+    """Extremes of differences of coefficients in each plane across z, over the parts added so far.
 
     Attributes:
         low: Least first difference along each axis, shape (axes, planes).
-        high: The greatest.
-        second: The greatest size of a second difference.
+        high: Greatest first difference.
+        second: Greatest absolute second difference.
     """
 
     def __init__(self, shape: tuple[int, ...]):
-        """None are taken yet."""
+        """Start without parts."""
         count = len(shape) - 1, shape[-1]
         self.low, self.high, self.second = np.full(count, np.inf), np.full(count, -np.inf), np.zeros(count)
 
     def take(self, part: np.ndarray) -> list[np.ndarray]:
-        """Add a part; its first differences along each axis."""
+        """Add a part; return its first differences along each axis."""
         firsts = [_differences(part, axis) for axis in range(len(self.low))]
         for first, low, high in zip(firsts, self.low, self.high, strict=True):
             np.maximum(high, _over(np.maximum, first), out=high)
@@ -154,13 +152,13 @@ class _Planes:
         return firsts
 
     def take_bends(self, firsts: list[np.ndarray]) -> None:
-        """Add the second differences of a part, by its first ones."""
+        """Add the second differences of a part, given its first ones."""
         for axis, (first, second) in enumerate(zip(firsts, self.second, strict=True)):
             np.maximum(second, _greatest(_differences(first, axis)), out=second)
 
 
 def _spread(held: np.ndarray, much: float) -> float:
-    """The sum over all planes of how coefficients differ in each; infinite where that is much on a few lines."""
+    """Return the sum over planes of the coefficients' range in each; infinite if a few lines already exceed `much`."""
     few = held[tuple(slice(None, None, max(1, (count - 1) // 2)) for count in held.shape[:-1])]
     high, low = _over(np.maximum, few), _over(np.minimum, few)
     if float(np.sum(high - low)) > much:
@@ -173,10 +171,10 @@ def _spread(held: np.ndarray, much: float) -> float:
 
 
 def _parts(held: np.ndarray, order: int) -> Iterator[np.ndarray]:
-    """Parts of coefficients along the first axis that a processor's cache holds, and so many more for differences.
+    """Yield parts of coefficients along the first axis that fit a processor's cache, overlapping by `order`.
 
-    In single precision, less those of one line along z: what all share makes no difference. What rounding adds to the
-    differences makes the bound greater.
+    In single precision, minus one line along z, since a common value does not matter. Rounding of the differences can
+    only increase the bound.
     """
     line = held[(0,) * (held.ndim - 1)]
     rows = max(PART_SIZE // held[0].size, 2 * order)
@@ -186,7 +184,7 @@ def _parts(held: np.ndarray, order: int) -> Iterator[np.ndarray]:
 
 
 def _differences(values: np.ndarray, axis: int, order: int = 1) -> np.ndarray:
-    """What `numpy.diff` gives, in half of its time for small arrays."""
+    """Return `numpy.diff` of the values, in half of its time for small arrays."""
     ahead = (slice(None),) * axis
     for _ in range(order):
         values = values[(*ahead, slice(1, None))] - values[(*ahead, slice(None, -1))]
@@ -194,25 +192,25 @@ def _differences(values: np.ndarray, axis: int, order: int = 1) -> np.ndarray:
 
 
 def _greatest(values: np.ndarray) -> np.ndarray:
-    """The greatest size in each plane across the last axis; zero where there are none."""
+    """Return the greatest absolute value in each plane across the last axis; zero if there are no values."""
     if not values.size:
         return np.zeros(values.shape[-1])
     return _over(np.maximum, np.abs(values, out=values))
 
 
 def _over(extreme: np.ufunc, values: np.ndarray) -> np.ndarray:
-    """The extreme in each plane across the last axis, by halves: lines are short, and NumPy would go one by one."""
+    """Return the extreme in each plane across the last axis, by halving: NumPy's reduction is slow for short lines."""
     values = values.reshape(-1, values.shape[-1])
     if values.shape[-1] > LONG:
         return np.asarray(extreme.reduce(values, axis=0))
     while len(values) > 1:
-        half = (len(values) + 1) // 2  # of an odd number the middle line is compared with itself
+        half = (len(values) + 1) // 2  # for an odd number the middle line is compared with itself
         values = extreme(values[:half], values[-half:])
     return np.asarray(values[0])
 
 
 def _held(field: IndexField, grid: UniformGrid, pupil: Pupil, margin: float) -> np.ndarray | None:
-    """Coefficients that the pupil's light depends on, with so much around it [m]; None where it leaves the box."""
+    """Return the coefficients for the pupil's light with a margin around it [m]; None if it leaves the box."""
     reach = pupil.reach + margin
     if field.geometry == "axisymmetric":
         ends = [(0.0, float(np.hypot(*pupil.center[:2])) + reach)]

@@ -1,6 +1,6 @@
-"""The verdict of a wave: it goes through as few slabs of a field, on as coarse a window, as the question allows.
+"""Verdict by a wave through as few slabs of a field, on as coarse a window, as the required error allows.
 
-The finest phase that matters sets the pixels, and diffraction.py doubles the slabs until the answer is known.
+The finest relevant phase sets the pixels, and diffraction.py doubles the slabs until the change is known.
 """
 
 import math
@@ -17,26 +17,26 @@ from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
 from .slabs import FINEST, LookingAlong, Slabs, slabs_of
 from .verdict import Validity
 
-# Phase [rad rms] that may be left out of what counts as the finest, and lines either way on which that is looked for.
+# Phase [rad rms] that is too weak to count as the finest; lines in each direction on which the finest is searched.
 UNSEEN, FEATURE_LINES = 0.03, 16
-# The window over the pupil: at least, at most, and how far beside it in widths sqrt(wavelength distance). What comes
-# back from beyond its sides is then less than 1e-3 of the Strehl ratio: at 1.5 pupils it was up to 0.007.
+# Window over the pupil: least, most, and margin in widths sqrt(wavelength distance). Light that re-enters through its
+# sides then changes the Strehl ratio by less than 1e-3: at 1.5 pupils it was up to 0.007.
 LEAST_WINDOW, MOST_WINDOW, BESIDE = 1.15, 4.0, 2.0
-# Pixels to the finest half period; in all, and to the pupil's width, at least; of one column, where nothing varies
-# along x, at least and at most; lines across that tell where along the way light is disturbed.
+# Pixels per finest half period; fewest in all, and per half width of the pupil; fewest and most of one column, where
+# nothing varies along x; lines across that show where along the path light is disturbed.
 PER_FEATURE, LEAST_PIXELS, PER_REACH, COLUMN_PIXELS, SLAB_LINES = 4.0, 48, 32.0, (256, 512), 16
-# The share of the pupil from which on rays are near foci (screens.py): of traced ones, which a map has to resolve by so
-# many pixels to the finest half period, and of those for which straight ones stand.
+# Share of the pupil near a focus (screens.py) above which traced rays replace the slabs' rays, and above which straight
+# rays do. Traced rays need a map of RESOLVED pixels per finest half period.
 SOME, MANY, RESOLVED = 0.01, 0.1, 4.0
 
 
 @dataclass(frozen=True)
 class TracedMap:
-    """What a wave asks of a traced wavefront.
+    """The numbers of a traced wavefront that a wave is compared with.
 
     Attributes:
-        strehl: Its Strehl ratio.
-        pixel: Side of its pixels [m].
+        strehl: Strehl ratio of the wavefront.
+        pixel: Side of the map's pixels [m].
     """
 
     strehl: float
@@ -51,9 +51,9 @@ def by_waves(
     limit: float,
     traced: TracedMap | None = None,
 ) -> Validity:
-    """The verdict of a wave through slabs of the field, see diffraction.py; a finest phase of None is looked for.
+    """Return the verdict of a wave through slabs of the field (diffraction.py); a `feature` of None is searched for.
 
-    `traced` is the map of traced rays, where there is one: rays near their foci are those.
+    `traced` is the map of traced rays, if there is one: near foci it replaces the slabs' rays.
     """
     reach = max(pupil.half_extent)
     flat = is_one_column(field, pupil.normal)
@@ -68,7 +68,7 @@ def by_waves(
     if feature is None:
         feature = _finest_of(slabs, pupil, flat, wavelength)
     least, most = COLUMN_PIXELS if flat else (max(LEAST_PIXELS, PER_REACH * half / reach), slabs.most_pixels)
-    # Fringes of a rim are as fine as the pixels allow.
+    # A rim makes fringes as fine as the pixels allow: the most pixels are used.
     pixels = fast_size(math.ceil(np.clip(2.0 * half * PER_FEATURE / feature, least, most))) if clear else most
     window = window_of(pupil, half, pixels, flat)
     if clear:
@@ -108,12 +108,12 @@ def by_waves(
 
 
 def _half_window(reach: float, wavelength: float, last: float, beside: float) -> float:
-    """Half the width [m] of a window that holds the light of a pupil of half a width `reach` until `last` [m]."""
+    """Return half the width [m] of a window that holds the light of a pupil of half width `reach` up to `last` [m]."""
     return max(min(LEAST_WINDOW * reach + BESIDE * math.sqrt(wavelength * last), MOST_WINDOW * reach), reach + beside)
 
 
 def _finest_of(slabs: Slabs, pupil: Pupil, flat: bool, wavelength: float) -> float:
-    """Half period of the finest phase [m] of straight lines through slabs, on some lines across the pupil."""
+    """Return the half period of the finest phase [m] of straight lines through slabs, on lines across the pupil."""
     count = COLUMN_PIXELS[1] if flat else 2 * slabs.most_pixels // 3
     pixel = 2.0 * max(pupil.half_extent) / count
     place = pixel * (np.arange(count) - count // 2)
@@ -131,21 +131,21 @@ def _finest_of(slabs: Slabs, pupil: Pupil, flat: bool, wavelength: float) -> flo
 
 
 def _by_traced(crossings: Crossings, feature: float, pixel: float) -> bool:
-    """Whether rays are known by a traced map alone: near their foci, of a map that holds the finest phase.
+    """Return whether to compare with a traced map: near foci, if the map resolves the finest phase.
 
-    Where they have crossed no other is left, and what a map of strong phases misses is different from pixel to pixel; a
-    grating's phase before that may hide between pixels.
+    Where rays have crossed only traced rays are meaningful, and the errors of a map of strong phases vary from pixel to
+    pixel. Before they cross, the phase of a grating may hide between pixels.
     """
     return crossings.crossed > 0.0 or (crossings.near > SOME and feature >= RESOLVED * pixel)
 
 
 def is_one_column(field: IndexField, normal: np.ndarray) -> bool:
-    """Whether nothing varies along a window's first axis: in a planar field seen across its axis."""
+    """Return whether nothing varies along a window's first axis, as in a planar field seen across its axis."""
     return field.geometry == "planar" and abs(float(normal[0])) < 1e-15
 
 
 def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
-    """The disturbed length [m], by lines through the slabs; of a flat one, which are alike along x, by one row."""
+    """Return the disturbed length [m] from lines through the slabs; if `flat`, constant along x, from one row."""
     place = places_across(pupil, SLAB_LINES)
     lit = pupil.transmission(*np.meshgrid(place, place)) > 0.0
     across = np.zeros(1) if flat else place
@@ -158,17 +158,17 @@ def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
 
 
 def finest_feature(path: np.ndarray, pixel: float, wavelength: float) -> float:
-    """Half period of the finest phase [m] that holds UNSEEN rad of paths [m], NaN outside the pupil; infinite if none.
+    """Return the half period [m] of the finest phase above UNSEEN rad; infinite if there is none.
 
-    By second differences at growing distance, which no tilt touches and no edge of the pupil: a component of period p
-    holds its whole at a distance of p / 2.
+    `path` [m] is NaN outside the pupil. Uses second differences at increasing distance, which are independent of tilt
+    and of the pupil's edge: a component of period p has its full amplitude at a distance of p / 2.
     """
     return finest_and_squares(path, pixel, wavelength)[0]
 
 
 def finest_and_squares(path: np.ndarray, pixel: float, wavelength: float) -> tuple[float, float]:
-    """As `finest_feature`, and the mean square of its second differences [m2], which tells one map from another."""
-    # Some lines either way say what all of them do: columns and, of a map of more than one, rows.
+    """Return `finest_feature` and the mean square of its second differences [m2], which distinguishes maps."""
+    # A sample of lines is enough: columns and, for a map of more than one column, rows.
     part = _some_of(len(path))
     ways = [path.T[part], path[part]] if path.shape[0] == path.shape[1] else [path.T[part]]
     return _finest_on(np.stack(ways), pixel, wavelength)
@@ -179,30 +179,30 @@ def _some_of(count: int) -> slice:
 
 
 def _finest_on(lines: np.ndarray, pixel: float, wavelength: float) -> tuple[float, float]:
-    """`finest_and_squares` of lines of paths (ways, lines, n)."""
+    """Return `finest_and_squares` of lines of paths (directions, lines, n)."""
     count, wave_number, squares = lines.shape[-1], 2.0 * np.pi / wavelength, 0.0
     for stride in (2**power for power in range(int(np.log2(max(count // 2, 1))) + 1)):
-        # Of a coarse difference every second part of it is looked at: the rest says the same.
+        # For a coarse difference a sparse sample of points is enough.
         step = max(1, stride // 2)
         squares = _mean_squares(lines[..., ::step], stride // step)
-        # Of a component that is sampled at its extremes the second difference is four times the amplitude.
+        # A component sampled at its extremes has a second difference of four times its amplitude.
         if wave_number * math.sqrt(squares / 8.0) > 2.0 * UNSEEN:
             return stride * pixel, squares
     return float("inf"), squares
 
 
 def _mean_squares(lines: np.ndarray, stride: int) -> float:
-    """Mean squares of second differences along lines (ways, lines, n) at a distance of so many pixels, their sum."""
+    """Return the sum over directions of mean squared second differences of lines (directions, lines, n) at `stride`."""
     second = lines[..., 2 * stride :] + lines[..., : -2 * stride]
     second -= 2.0 * lines[..., stride:-stride]
     total = 0.0
     for own in second:
         known = own[np.isfinite(own)]
         if len(known):
-            total += float(np.einsum("i,i->", known, known)) / len(known)  # no BLAS: its threads take longer than that
+            total += float(np.einsum("i,i->", known, known)) / len(known)  # no BLAS: waking its threads takes longer
     return total
 
 
 def fresnel_number(feature: float, wavelength: float, distance: float) -> float:
-    """Of a feature [m] over a distance [m]; infinite where nothing is disturbed."""
+    """Return the Fresnel number of a feature [m] over a distance [m]; infinite for no distance."""
     return feature**2 / (wavelength * distance) if distance > 0.0 else float("inf")

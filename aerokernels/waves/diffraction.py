@@ -1,14 +1,15 @@
-r"""What diffraction changes of a Strehl ratio: a wave through a few slabs of a field beside its bent rays.
+r"""Change of a Strehl ratio by diffraction: a wave through a few slabs of a field, compared with its bent rays.
 
-Both go through the same thin screens, the slabs' phases at their middles with free space between them; the wave by
-Fresnel's angular spectrum in single precision, whose error is far below what is asked. The Strehl ratio is the square
-of the amplitude's sum, which free space leaves alone, so the way after the last screen is not gone. The number of slabs
-is doubled until the change is known well enough to say on which side of its limit it lies: the splitting's error is of
-second order in the thickness, and the same screens of both take most of it away. Near their foci no order tells where
-rays go: there it is the traced rays' Strehl ratio that is compared, and straight ones' where there is none.
+Wave and rays pass the same thin screens: the phase of each slab at its middle, with free space in between. The wave
+propagates by Fresnel's angular spectrum in single precision, whose error is far below the required one. The Strehl
+ratio is the squared sum of the amplitude, which free space conserves, so that propagation behind the last screen is not
+needed. The number of slabs is doubled until the error is small enough to decide on which side of its limit the change
+is: the splitting error is of second order in the thickness, and most of it cancels since both pass the same screens.
+Near foci no finite order gives the paths of rays: there the wave is compared with the Strehl ratio of traced rays, or
+with straight rays if none were traced.
 
-In a planar field seen across its axis the waves along x do not mix, and the sum keeps only the one that does not vary:
-one line of pixels is the whole problem.
+In a planar field seen across its axis, Fourier components along x do not mix, and the sum contains only the constant
+one: one column of pixels is enough.
 """
 
 import math
@@ -22,25 +23,25 @@ from ..pupils import Pupil
 from ..wavefront.grid import LEAST_COVER
 from .slabs import FINEST, Slabs
 
-# Slabs to begin with. The change is known where doubling them moves it by less than a share of its limit, or by less
-# than a share of what it lies off the limit.
+# First number of slabs. The change is accepted if doubling the slabs moves it by less than a share SAME of the limit,
+# or by less than a share DECIDED of its distance from the limit.
 FEWEST, SAME, DECIDED = 1, 0.05, 0.5
-# Fewer slabs than these are believed only where the change is below a share of its limit: one and two may be alike by
-# chance. So many are enough where nothing moves any more.
+# Fewer slabs than FEW are accepted only if the change is below a share CLEAR of the limit: results of one and two slabs
+# may agree by chance. MANY slabs are enough if nothing changes any more.
 FEW, CLEAR, MANY = 4, 0.5, 4
-# Pixels beside the rays that their curvature takes; numbers of screens that are looked at together.
+# Margin of pixels around the rays for second derivatives; array elements of screens processed together.
 BESIDE, TOGETHER = 2, 1 << 14
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """A pupil's light on a grid of square pixels, of one column where nothing varies along x.
+    """A pupil's light on a grid of square pixels; one column if nothing varies along x.
 
     Attributes:
-        amplitude: Its amplitude, float32, shape (rows, columns).
-        x: Places of the columns [m].
-        y: Places of the rows [m].
-        pixel: Side of a pixel [m]; of one column, its height.
+        amplitude: Amplitude of the light, float32, shape (rows, columns).
+        x: Coordinates of the columns [m].
+        y: Coordinates of the rows [m].
+        pixel: Side of a pixel [m]; the height of a pixel if there is one column.
         width: Width of a column [m].
     """
 
@@ -52,17 +53,17 @@ class Window:
 
     @property
     def lit(self) -> np.ndarray:
-        """Which pixels have light."""
+        """Mask of the pixels with light."""
         return self.amplitude > 0.0
 
 
 def window_of(pupil: Pupil, half: float, pixel_count: int, one_column: bool = False) -> Window:
-    """The window of half a width [m] about a pupil."""
+    """Return the window of half width `half` [m] about a pupil."""
     pixel = 2.0 * half / pixel_count
     edges = pixel * (np.arange(pixel_count + 1) - pixel_count // 2 - 0.5)
     columns = np.array([edges[0], edges[-1]]) if one_column else edges
     amplitude = np.zeros((pixel_count, len(columns) - 1), dtype=np.float32)
-    # Nothing is lit beside the pupil's own extent.
+    # Only pixels within the pupil's extent have light.
     across, up = (
         slice(max(int(np.searchsorted(each, -extent, "right")) - 1, 0), int(np.searchsorted(each, extent)) + 1)
         for each, extent in zip((columns, edges), pupil.half_extent, strict=True)
@@ -75,12 +76,12 @@ def window_of(pupil: Pupil, half: float, pixel_count: int, one_column: bool = Fa
 
 @dataclass(frozen=True)
 class Through:
-    """What a number of slabs say.
+    """Result of a wave and rays through some number of slabs.
 
     Attributes:
-        wave: The wave's sum over that of the light that it began as.
-        change: Strehl ratio of the wave less that of the rays.
-        apart: How far the rays' Strehl ratio is from that of traced ones.
+        wave: Sum of the wave's amplitude over the sum of the initial amplitude.
+        change: Strehl ratio of the wave minus the one of the rays.
+        apart: Difference between the Strehl ratios of the slabs' rays and of traced rays.
     """
 
     wave: complex
@@ -88,9 +89,9 @@ class Through:
     apart: float
 
     def doubt(self, fewer: "Through", alone: bool) -> float:
-        """How far half as many slabs are from it; of a wave that stands alone, by its phase, too.
+        """Return the difference from the result of half as many slabs; for a wave alone, of the complex sums.
 
-        So two Strehl ratios that happen to be alike are not taken for one.
+        The phase of the sum counts so that two Strehl ratios that agree by chance are not taken as converged.
         """
         if alone:
             return abs(self.wave - fewer.wave) * (abs(self.wave) + abs(fewer.wave))
@@ -99,20 +100,20 @@ class Through:
 
 @dataclass(frozen=True, eq=False)
 class Ways:
-    """What does not change with the number of slabs.
+    """A wave and rays through a field: everything that does not depend on the number of slabs.
 
     Attributes:
         window: The pupil's light.
         slabs: The disturbed air.
-        passes: Which of the window's lit pixels have rays that get past a body.
+        passes: Mask of the window's lit pixels whose rays pass the body.
         near: The part of the window that has rays, see `beside`.
-        before: Free way from the pupil to the slabs [m].
-        after: Free way from the slabs to where the rays' paths end [m].
-        wavelength: In vacuum [m].
-        ambient_index: Index of the air at rest.
-        straight: Whether the rays are straight ones.
-        traced: Strehl ratio of traced rays; None: there are none.
-        by_traced: Whether it is those that the wave is compared with.
+        before: Free distance from the pupil to the slabs [m].
+        after: Free distance from the slabs to the end of the rays' paths [m].
+        wavelength: Vacuum wavelength [m].
+        ambient_index: Refractive index of the undisturbed air.
+        straight: Whether the slabs' rays are straight.
+        traced: Strehl ratio of traced rays; None if there are none.
+        by_traced: Whether the wave is compared with the traced rays.
     """
 
     window: Window
@@ -128,10 +129,11 @@ class Ways:
     by_traced: bool = False
 
     def change(self, limit: float) -> tuple[float, float]:
-        """Strehl ratio of the wave less that of the rays, known well enough for a limit, and what it may be off by.
+        """Return the Strehl ratio of the wave minus the one of the rays, and its error, well enough for a limit.
 
-        That is by half as many slabs, infinite where straight rays stand for bent ones. An opaque wall is no smooth
-        function of its depth: where there is one, as many slabs as there are are taken.
+        The error is the difference from half as many slabs; it is infinite if straight rays replace bent ones. With an
+        opaque wall the result does not converge smoothly with the thickness: then all slabs are used, and the error is
+        NaN.
         """
         opaque = self.slabs.opaque(self.window.x, self.window.y, 1)
         if opaque is not None and opaque.any():
@@ -145,13 +147,13 @@ class Ways:
                 continue
             if doubt <= max(SAME * limit, DECIDED * abs(abs(found.change) - limit)):
                 break
-            # Where the slabs' rays stand still apart from the traced ones, their number has nothing to do with it.
+            # If the slabs' rays have converged to a result other than the traced rays', more slabs do not help.
             if count >= MANY and max(by_slabs, abs(found.apart - last.apart)) <= SAME * limit:
                 break
         return found.change, math.inf if self.straight and not self.by_traced else doubt
 
     def _through(self, count: int) -> "Through":
-        """What so many slabs say."""
+        """Return the result of so many slabs."""
         window = self.window
         paths = self.slabs.taken(window.x, window.y, count)
         wave = self._wave(paths, self.slabs.opaque(window.x, window.y, count)) / self._light
@@ -162,11 +164,11 @@ class Ways:
 
     @cached_property
     def _light(self) -> float:
-        """The sum of the amplitudes that rays bring."""
+        """Sum of the initial amplitudes of the rays."""
         return float(self.window.amplitude[self.passes].sum())
 
     def _wave(self, paths: np.ndarray, opaque: np.ndarray | None) -> complex:
-        """The wave's sum behind all screens, some of them opaque in places."""
+        """Return the sum of the wave behind all screens, some of which may be partly opaque."""
         forward, inverse = self._transforms
         step = (self.slabs.last - self.slabs.first) / len(paths)
         wave, way = self._spectrum * self._free(self.before + 0.5 * step), None
@@ -183,7 +185,7 @@ class Ways:
 
     @cached_property
     def _transforms(self) -> tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]:
-        """There and back, of one column along it alone."""
+        """Forward and inverse transform; along y alone for one column."""
         from scipy import fft
 
         if self.window.amplitude.shape[1] == 1:
@@ -192,24 +194,24 @@ class Ways:
 
     @cached_property
     def _spectrum(self) -> np.ndarray:
-        """Of the pupil's light."""
+        """Fourier transform of the pupil's light."""
         return self._transforms[0](self.window.amplitude.astype(np.complex64), overwrite_x=True)
 
     def _free(self, way: float) -> np.ndarray:
-        """What a way [m] of free space does to the components."""
+        """Return the factors of the Fourier components over a distance [m] of free space."""
         turn = -0.5 * way * self.wavelength / (2.0 * np.pi * self.ambient_index)
         rows, *columns = (np.exp(1j * turn * square).astype(np.complex64) for square in self._frequencies)
         return rows[:, None] * columns[0] if columns else rows[:, None]
 
     @cached_property
     def _frequencies(self) -> list[np.ndarray]:
-        """Squares of the components' wave numbers along y and, of more than one column, along x [1/m2]."""
+        """Squared wave numbers of the components along y and, for more than one column, along x [1/m2]."""
         shape = self.window.amplitude.shape
         counts = shape if shape[1] > 1 else shape[:1]
         return [(2.0 * np.pi * np.fft.fftfreq(count, self.window.pixel)) ** 2 for count in counts]
 
     def _rays(self, paths: np.ndarray) -> complex:
-        """The sum of what the rays bring, by where they began."""
+        """Return the sum of the rays' amplitudes, with their phases at their starts."""
         paths = paths[:, *self.near]
         path = paths.sum(axis=0)
         if not self.straight:
@@ -219,42 +221,42 @@ class Ways:
 
     @cached_property
     def _rays_light(self) -> np.ndarray:
-        """The rays' amplitude, in the part of the window that has any."""
+        """Amplitudes of the rays, in the part of the window that has rays."""
         return np.where(self.passes, self.window.amplitude, np.float32(0.0))[self.near]
 
 
 def beside(passes: np.ndarray) -> tuple[slice, slice]:
-    """The part of a window that has rays, with as many pixels beside them as their curvature takes."""
+    """Return the part of a window that has rays, with a margin of pixels for second derivatives."""
     there = [np.flatnonzero(passes.any(axis=1 - axis)) for axis in (0, 1)]
     rows, columns = (slice(max(int(one[0]) - BESIDE, 0), int(one[-1]) + 1 + BESIDE) for one in there)
     return rows, columns
 
 
 def _one_by_one(paths: np.ndarray, wavelength: float) -> Iterator[np.ndarray]:
-    """exp(i k path) of each slab; of small ones some together, since a call of NumPy takes as long as they do."""
+    """Yield exp(i k path) of each slab; several small slabs are computed at once to save NumPy calls."""
     some = max(1, TOGETHER // paths[0].size)
     for first in range(0, len(paths), some):
         yield from phase_factor(paths[first : first + some], wavelength)
 
 
 def bending(paths: np.ndarray, pixel: float, step: float, after: float) -> np.ndarray:
-    r"""Optical path that bent rays have more than straight ones through screens [m], where a ray began.
+    r"""Return the excess optical path of bent rays over straight ones through screens [m], at the start of each ray.
 
-    Rays that are turned by t and have gone aside by d meet a screen's path p and slopes there, to second order in d,
+    To second order in d, rays with deflection t and displacement d get from a screen of path p
 
         p + d grad p + d H d / 2,       t += grad p + H d,       d += t z,
 
-    and t^2 z / 2 is the way that they go aslant through free space of a length z. What is left out is of third order in
-    d over the size of a feature.
+    and t^2 z / 2 from their slanted path through free space of a length z. Neglected terms are of third order in d over
+    the size of a feature.
 
     Args:
         paths: Optical path of each slab [m], shape (count, rows, columns).
         pixel: Side of a pixel [m].
         step: Thickness of a slab [m].
-        after: Free way behind the last one [m].
+        after: Free distance behind the last slab [m].
 
     Returns:
-        Path, shape (rows, columns).
+        Excess path [m], shape (rows, columns).
     """
     kind, shape = paths.dtype.type, paths.shape[1:]
     axes = [axis for axis in (0, 1) if shape[axis] > 1]
@@ -275,20 +277,20 @@ def bending(paths: np.ndarray, pixel: float, step: float, after: float) -> np.nd
             for turned, moved, own in zip(turn, aside, slopes, strict=True):
                 turned += own[number]
                 moved += way * turned
-                # Beside a jump at the box's side, where no light is.
+                # Slopes of the jump at the box's side, where there is no light, must not overflow.
                 np.minimum(np.maximum(moved, -reach, out=moved), reach, out=moved)
                 gained += kind(0.5) * way * turned**2
     return gained
 
 
 def _curvatures(slopes: list[np.ndarray], pixel: float, axes: list[int]) -> list[np.ndarray]:
-    """Second derivatives of screens' paths: along each axis, then mixed."""
+    """Return second derivatives of the screens' paths: along each axis, then mixed."""
     own = [slope(each, pixel, axis + 1) for each, axis in zip(slopes, axes, strict=True)]
     return [*own, slope(slopes[0], pixel, 2)] if len(axes) > 1 else own
 
 
 def _times_curvature(curvatures: list[np.ndarray], aside: np.ndarray) -> list[np.ndarray]:
-    """Second derivatives of a screen's path times displacements."""
+    """Return the second derivatives of a screen's path times displacements."""
     if len(aside) == 1:
         return [curvatures[0] * aside[0]]
     along_y, along_x, mixed = curvatures
@@ -296,7 +298,7 @@ def _times_curvature(curvatures: list[np.ndarray], aside: np.ndarray) -> list[np
 
 
 def slope(values: np.ndarray, pixel: float, axis: int) -> np.ndarray:
-    """Central differences along an axis, one-sided at its ends, over the pixel: `numpy.gradient` of this alone."""
+    """Return central differences along one axis, one-sided at its ends, over the pixel, as `numpy.gradient` does."""
     values = np.swapaxes(values, 0, axis)
     made = np.empty_like(values)
     made[1:-1] = values[2:] - values[:-2]
@@ -306,7 +308,7 @@ def slope(values: np.ndarray, pixel: float, axis: int) -> np.ndarray:
 
 
 def phase_factor(path: np.ndarray, wavelength: float) -> np.ndarray:
-    """exp(i k path) of paths [m], single precision, by sines and cosines: several times quicker than a complex exp."""
+    """Return exp(i k path) of paths [m], single precision; sine and cosine are much faster than a complex exp."""
     phase = path * np.float32(2.0 * np.pi / wavelength)
     made = np.empty(path.shape, dtype=np.complex64)
     np.cos(phase, out=made.real)

@@ -1,4 +1,4 @@
-"""A field sampled in layers across a wave, through the same interpolant as the rays."""
+"""Sample a field in layers across a wave, through the same interpolant as the rays."""
 
 import math
 
@@ -10,23 +10,23 @@ from ..medium.tensor_points import contrast_on_axes
 from ..tracing.lines import box_span, cell_along
 from .wave import Wave
 
-# Layers that the path through the box is sampled in, at most, and the fewest steps.
+# Most layers of the path through the box, and fewest steps.
 MOST_LAYERS, FEWEST_STEPS = 512, 2
-# Samples along the way through a layer, at most, and layers that are sampled at a time.
+# Most samples along the path through a layer, and layers sampled together.
 MOST_PARTS, CHUNK_LAYERS = 16, 16
-# Lines along a side of a window by which its way through the box is found.
+# Lines along a side of a window from which its path through the box is found.
 LINES = 17
-# Bytes that the sampled layers may take.
+# Most bytes of the sampled layers.
 GREATEST_MEMORY = 2 << 30
-# Distances from the axis, over the greatest, that count as one.
+# Distances from the axis that differ by less than this share of the greatest one count as equal.
 SAME_RADIUS = 1e-9
 
 
 def path_range(field: IndexField, wave: Wave) -> tuple[float, float]:
-    """Distances along the wave's normal between which its window meets the field's box [m].
+    """Return the distances along the wave's normal between which its window meets the field's box [m].
 
     Raises:
-        ValueError: It does not.
+        ValueError: The window does not meet the box.
     """
     across, up = ((axis[0], axis[-1]) for axis in wave.coordinates)
     return span_of(field, wave.center, wave.normal, wave.axes, across, up)
@@ -40,10 +40,10 @@ def span_of(
     across: tuple[float, float],
     up: tuple[float, float],
 ) -> tuple[float, float]:
-    """As `path_range`, of lines between two places along both axes [m].
+    """Return the distances as `path_range` does, for lines between two positions along both axes [m].
 
     Raises:
-        ValueError: None of them meets the field.
+        ValueError: No line meets the field.
     """
     within = _span_along_z(field, center, normal, axes, across, up)
     if within is not None:
@@ -65,7 +65,7 @@ def _span_along_z(
     across: tuple[float, float],
     up: tuple[float, float],
 ) -> tuple[float, float] | None:
-    """As `span_of`, of lines along z of which one through the middle meets the field; None for others."""
+    """Return the distances of `span_of` for lines along z if the middle line meets the field, else None."""
     if abs(abs(float(normal[2])) - 1.0) > 1e-15:
         return None
     middle = center + 0.5 * (across[0] + across[1]) * axes[0] + 0.5 * (up[0] + up[1]) * axes[1]
@@ -80,9 +80,9 @@ def _span_along_z(
 
 
 def layer_count(field: IndexField, length: float, step_count: int | None, most: int = MOST_LAYERS) -> int:
-    """Layers that a path of a length [m] is sampled in: a power of two, or a multiple of `step_count`.
+    """Return the number of layers of a path of a length [m]: a power of two, or a multiple of `step_count`.
 
-    As many as there are cells, or `most`.
+    At least one per cell, but `most` limits the number of cells that count.
     """
     cells = min(math.ceil(length / float(np.min(field.spacing))), most)
     if step_count is None:
@@ -93,14 +93,14 @@ def layer_count(field: IndexField, length: float, step_count: int | None, most: 
 def mean_layers(
     field: IndexField, wave: Wave, begin: float, end: float, count: int
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """As `sample_layers`; where a layer is thicker than a cell, each is the mean of as many as are not.
+    """Sample layers as `sample_layers` does, with several samples in a layer that is thicker than a cell.
 
-    What lies between two samples of a layer, a thin shock that is crossed aslant, is not missed so. A field with a body
-    has no air in it: light that starts within it begins where it leaves it, as rays do, and other light ends on it.
+    So a thin shock crossed at a slant is not missed between two samples. There is no air inside a body: light that
+    starts inside it begins where it leaves the body, as rays do, and other light ends on it.
 
     Returns:
-        The paths [m], float32, shape (count, rows, columns), and where layers are opaque, of that shape; None without a
-        body.
+        Optical paths [m], float32, shape (count, rows, columns), and a mask of where layers are opaque, of that shape;
+        None without a body.
     """
     cell = float(cell_along(field, wave.normal[None])[0])
     parts = min(max(math.ceil((end - begin) / (count * cell) - 1e-9), 1), MOST_PARTS)
@@ -125,7 +125,7 @@ def mean_layers(
 
 
 def _in_body(field: IndexField, wave: Wave, distance: float) -> np.ndarray:
-    """Which pixels lie in the field's body at a distance along the wave's normal [m], shape (rows, columns)."""
+    """Return a mask of the pixels inside the field's body at a distance along the normal [m], shape (rows, columns)."""
     inside = np.zeros(wave.amplitude.shape, dtype=bool)
     if field.body is not None:
         x, y = (axis.ravel() for axis in np.meshgrid(*wave.coordinates))
@@ -135,10 +135,10 @@ def _in_body(field: IndexField, wave: Wave, distance: float) -> np.ndarray:
 
 
 def check_memory(count: int, pixels: int) -> None:
-    """Refuse layers that would take too much memory, each of so many pixels.
+    """Check that layers, each of so many pixels, do not need too much memory.
 
     Raises:
-        ValueError: As said.
+        ValueError: They do.
     """
     memory = 4 * count * pixels
     if memory > GREATEST_MEMORY:
@@ -149,7 +149,7 @@ def check_memory(count: int, pixels: int) -> None:
 
 
 def sample_layers(field: IndexField, wave: Wave, begin: float, end: float, count: int) -> np.ndarray:
-    """Optical path [m] of layers between two distances along the wave's normal [m], whose middles stand for them.
+    """Return the optical paths [m] of layers between two distances along the normal [m], sampled at their middles.
 
     Returns:
         Paths, float32, shape (count, rows, columns).
@@ -170,7 +170,7 @@ def sample_layers(field: IndexField, wave: Wave, begin: float, end: float, count
 
 
 def _along_z(field: IndexField, wave: Wave, depth: np.ndarray) -> np.ndarray:
-    """Contrast of the layers of a wave along z, whose pixels run along the field's axes; float32."""
+    """Return the contrast of the layers of a wave along z, whose pixels run along the field's axes; float32."""
     across, up = wave.coordinates
     x = wave.center[0] + across * wave.axes[0][0]
     y = wave.center[1] + up * wave.axes[1][1]

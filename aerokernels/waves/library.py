@@ -1,7 +1,7 @@
-"""The library that transforms waves: SciPy on a CPU; CuPy or PyTorch on a GPU, whichever is installed.
+"""Fourier transform library of the waves: SciPy on a CPU; CuPy or PyTorch on a GPU, whichever is installed.
 
-All three have `fft.fft2`, `fft.ifft2` (SciPy: `fft2`, `ifft2`) and element by element products, which is all that a
-split step needs. None of the GPU libraries is a dependency.
+All three have `fft.fft2`, `fft.ifft2` (SciPy: `fft2`, `ifft2`) and elementwise products, all that a split step needs.
+Neither GPU library is a dependency.
 """
 
 from collections.abc import Callable
@@ -17,14 +17,14 @@ DEVICES = ("cpu", "gpu")
 
 @dataclass(frozen=True)
 class FourierLibrary:
-    """A library of fast Fourier transforms, and arrays of its own.
+    """A library of fast Fourier transforms and its array conversions.
 
     Attributes:
         name: "scipy", "cupy" or "torch".
-        forward: Two-dimensional transform of its arrays.
-        inverse: The inverse.
-        array: Its array of a complex NumPy array.
-        numpy: The NumPy array of one of its own.
+        forward: Two-dimensional transform of the library's arrays.
+        inverse: Inverse transform.
+        array: Converts a complex NumPy array to the library's array.
+        numpy: Converts the library's array to a NumPy array.
     """
 
     name: str
@@ -35,10 +35,10 @@ class FourierLibrary:
 
 
 def fourier_library(device: str | None = None) -> FourierLibrary:
-    """The library for a device: "cpu" (None) or "gpu".
+    """Return the library for a device: "cpu" (None) or "gpu".
 
     Raises:
-        ValueError: An unknown device, or a GPU for which neither CuPy nor PyTorch is installed or finds one.
+        ValueError: The device is unknown, or it is "gpu" and neither CuPy nor PyTorch is installed and finds one.
     """
     if device not in (None, *DEVICES):
         raise ValueError(f"device {device!r} is not known: choose one of {', '.join(DEVICES)}")
@@ -58,7 +58,7 @@ def _cupy() -> FourierLibrary | None:
         cupy: Any = import_module("cupy")
         if cupy.cuda.runtime.getDeviceCount() < 1:
             return None
-    except Exception:  # not installed, or without a driver, of which each version has its own error
+    except Exception:  # not installed, or no driver: each version raises its own error
         return None
     return FourierLibrary("cupy", cupy.fft.fft2, cupy.fft.ifft2, cupy.asarray, cupy.asnumpy)
 

@@ -1,8 +1,8 @@
-r"""The rays' own answer: what diffraction changes of the Strehl ratio of a traced wavefront, by two screens.
+r"""Change of the Strehl ratio of a traced wavefront by diffraction, from the wavefront alone, by two phase screens.
 
-Half of its phase stands on either side of free space of the length over which the light is disturbed. It must cost
-little even beside a wavefront that is a fan of a few rays: its pixels are as coarse as its finest phase allows, and the
-length, which is one of the field and the pupil, is kept with the field.
+Half of the wavefront's phase is put on either side of free space, whose length is the one over which the light is
+disturbed. This must be cheap even compared with a wavefront of a few rays: the pixels are as coarse as the finest phase
+allows, and the length, which depends on the field and the pupil only, is cached on the field.
 """
 
 import math
@@ -20,28 +20,28 @@ from ..tracing.lines import box_span
 from ..wavefront import Wavefront
 from .diffraction import phase_factor
 
-# The window beside the pupil on each side: in widths sqrt(wavelength length), pixels at least, and over the pupil's
-# width, both together, at most. Pixels across the pupil: at most, and at least where the finest phase leaves a choice
-# of so many pixels to its half period or more.
+# Margin of the window on each side of the pupil: in widths sqrt(wavelength length); fewest pixels; most for both sides
+# together, over the pupil's width. Pixels across the pupil: most, and fewest while the half period of the finest phase
+# has PER_FEATURE pixels or more.
 BESIDE, FEWEST_BESIDE, MOST_BESIDE, MOST_PIXELS, FEWEST_PIXELS, PER_FEATURE = 3.0, 4, 0.5, 64, 32, 6.0
-# Rays are straight where curvature times distance is more than this: near their foci second order in their turn says
-# nothing of where they go.
+# Rays are near a focus where curvature times distance exceeds this: there the second order in their deflection does not
+# give their paths.
 NEAR_FOCUS = 0.5
-# The greatest curvature times distance that two screens are asked about.
+# Two screens are used up to this curvature times distance.
 FLAT = 0.3
-# Lines of sight across the pupil and layers along them by which the disturbed length is found, and lengths kept.
+# Lines of sight across the pupil and layers along them that give the disturbed length; lengths cached on a field.
 LINES, LINE_LAYERS, NODE_LAYERS, KEPT = 4, 32, 64, 8
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
 @dataclass(frozen=True)
 class Crossings:
-    """What rays do over a distance.
+    """Crossing and focusing of rays over a distance.
 
     Attributes:
-        crossed: Share of the pupil where they cross.
-        curvature: The greatest focusing curvature times the distance.
-        near: Share of the pupil where that is greater than NEAR_FOCUS.
+        crossed: Share of the pupil where rays cross.
+        curvature: Greatest focusing curvature times the distance.
+        near: Share of the pupil where this product exceeds NEAR_FOCUS.
     """
 
     crossed: float
@@ -51,12 +51,12 @@ class Crossings:
 
 @dataclass(frozen=True)
 class ScreensAnswer:
-    """What the two screens say.
+    """Result of the two screens.
 
     Attributes:
-        change: Strehl ratio of the two screens less that of the whole phase at once.
+        change: Strehl ratio of the two screens minus the one of the whole phase at once.
         length: The disturbed length [m].
-        crossings: What the wavefront's rays do over it.
+        crossings: Crossing and focusing of the wavefront's rays over that length.
     """
 
     change: float
@@ -66,13 +66,13 @@ class ScreensAnswer:
 
 @dataclass(frozen=True, eq=False)
 class MapPaths:
-    """A traced map as the verdict looks at it: in single precision, less what delays all alike.
+    """A traced map for the verdict: in single precision, without a common delay.
 
     Attributes:
-        path: Optical path [m], float32, NaN where there is no light, shape (rows, columns).
+        path: Optical path [m], float32, NaN outside the pupil, shape (rows, columns).
         light: Weight of each pixel, float32, shape (rows, columns).
         pixel: Side of a pixel [m].
-        wavelength: In vacuum [m].
+        wavelength: Vacuum wavelength [m].
     """
 
     path: np.ndarray
@@ -82,18 +82,18 @@ class MapPaths:
 
     @cached_property
     def strehl(self) -> float:
-        """The Strehl ratio, in a small part of the time of `Wavefront.strehl`."""
+        """Strehl ratio, several times faster than `Wavefront.strehl`."""
         path = np.where(self.light > 0.0, self.path, np.float32(0.0))
         return float(abs((self.light * phase_factor(path, self.wavelength)).sum()) ** 2 / self.light.sum() ** 2)
 
     def every(self, stride: int) -> "MapPaths":
-        """Every so many pixels either way."""
+        """Return the map of every `stride`-th row and column."""
         part = slice(stride // 2, None, stride)
         return MapPaths(self.path[part, part], self.light[part, part], stride * self.pixel, self.wavelength)
 
 
 def paths_of(wavefront: Wavefront) -> MapPaths:
-    """The paths of a wavefront's map."""
+    """Return the paths of a wavefront's map."""
     path = wavefront.opd - wavefront.opd.flat[wavefront.weight.argmax()]
     return MapPaths(path.astype(np.float32), wavefront.weight.astype(np.float32), wavefront.pixel, wavefront.wavelength)
 
@@ -101,7 +101,7 @@ def paths_of(wavefront: Wavefront) -> MapPaths:
 def screens_answer(
     field: IndexField, pupil: Pupil, look: np.ndarray, paths: MapPaths, feature: float
 ) -> ScreensAnswer | None:
-    """What a map says whose finest phase has a half period of `feature` [m]; None where rays come near foci."""
+    """Return the result for a map whose finest phase has half period `feature` [m]; None if rays come near foci."""
     length = disturbance(field, pupil, look).length
     paths = paths.every(stride_of(len(paths.path), paths.pixel, feature))
     crossings = crossings_of(paths.path, paths.pixel, paths.light, length)
@@ -112,11 +112,11 @@ def screens_answer(
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Where a pupil's light is disturbed, as if evenly.
+    """The range over which a pupil's light is disturbed, as an even distribution.
 
     Attributes:
-        length: Over how long a way [m].
-        until: How far from the pupil that ends [m].
+        length: Length of the range [m].
+        until: Distance from the pupil to its end [m].
     """
 
     length: float
@@ -124,14 +124,14 @@ class Disturbance:
 
 
 def disturbance(field: IndexField, pupil: Pupil, look: np.ndarray) -> Disturbance:
-    """Where a pupil's light is disturbed, kept with the field."""
+    """Return the range over which a pupil's light is disturbed, cached on the field."""
     key = ("disturbance", weakref.ref(pupil), look.tobytes())
     found: Disturbance = field.derive(key, lambda: _on_lines(field, pupil, look), KEPT)
     return found
 
 
 def stride_of(count: int, pixel: float, feature: float) -> int:
-    """Every so many pixels of a map are looked at."""
+    """Return the stride at which the pixels of a map are used."""
     stride = -(-count // MOST_PIXELS)
     while count // (2 * stride) >= FEWEST_PIXELS and feature >= PER_FEATURE * 2.0 * stride * pixel:
         stride *= 2
@@ -139,12 +139,12 @@ def stride_of(count: int, pixel: float, feature: float) -> int:
 
 
 def places_across(pupil: Pupil, count: int) -> np.ndarray:
-    """Places across a pupil [m] that no grating has in common with them."""
+    """Return coordinates across a pupil [m] that are not commensurate with any grating."""
     return max(pupil.half_extent) * (2.0 * ((np.arange(count) + 0.5) * GOLDEN % 1.0) - 1.0)
 
 
 def _on_lines(field: IndexField, pupil: Pupil, look: np.ndarray) -> Disturbance:
-    """Where light is disturbed, by a few lines through the pupil."""
+    """Return the range over which light is disturbed, from a few lines through the pupil."""
     place = places_across(pupil, LINES)
     x, y = np.tile(place, LINES), np.repeat(place, LINES)
     lit = pupil.transmission(x, y) > 0.0
@@ -166,7 +166,7 @@ def _on_lines(field: IndexField, pupil: Pupil, look: np.ndarray) -> Disturbance:
 
 
 def _by_nodes(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, x, y) -> Disturbance:
-    """The same of lines along z of a grid, at the nodes beside them: no interpolant is needed for a width."""
+    """Return the range for lines along z of a grid, from the nearest nodes: a width needs no interpolant."""
     center, (first, second) = pupil.center, pupil.axes
     points = center + x[:, None] * first + y[:, None] * second
     place = field.local_coordinates(points)[:, :-1]
@@ -178,16 +178,16 @@ def _by_nodes(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, x
     step = max(1, (end - begin) // NODE_LAYERS)
     if end - begin < 2 or not inside.any():
         return Disturbance(0.0, 0.0)
-    # Beside the box there is nothing.
+    # Outside the box the contrast is zero.
     lines = grid.samples[(*(node * inside[:, None]).T, slice(begin, end, step))] * inside[:, None]
     way = sign * (float(grid.spacing[-1]) * np.array([begin, begin + step * lines.shape[1]]) - ends * grid.spacing[-1])
     return spread_along(lines.T, *way.tolist())
 
 
 def spread_along(layers: np.ndarray, begin: float, end: float) -> Disturbance:
-    """The even spread with the mean and the standard deviation of the disturbance of lines (layers, lines) [m].
+    """Return the even distribution with the mean and standard deviation of the disturbance of `layers` (layers, lines).
 
-    Layers lie between two distances from the pupil [m], of which the first layer's may be the greater.
+    `begin` and `end` are distances from the pupil [m] of the first and the last layer's outer faces, in either order.
     """
     layers = layers - (np.einsum("ij->i", layers) / layers.shape[1])[:, None]
     weight = np.einsum("ij,ij->i", layers, layers)
@@ -203,16 +203,16 @@ def spread_along(layers: np.ndarray, begin: float, end: float) -> Disturbance:
 
 
 def _two_screens(paths: MapPaths, ambient_index: float, length: float) -> float:
-    """Strehl ratio of half the phase, free space and the other half, less that of the whole phase at once.
+    """Return the Strehl ratio of two half screens with free space between minus the one of the whole phase.
 
-    Two sheets are as far apart as an even spread over the length is wide, twice its standard deviation. Light that
-    leaves the pupil sideways meets no phase there. So the mean is taken out: what delays all alike is of no account,
-    and would stand as a step about the pupil.
+    The screens are as far apart as twice the standard deviation of an even distribution over the length. Light that
+    leaves the pupil sideways meets no phase there, so the mean phase is removed: a common delay does not matter, and
+    would be a step around the pupil.
     """
     from scipy.fft import fft2, ifft2
 
     path, light, pixel, wavelength, count = paths.path, paths.light, paths.pixel, paths.wavelength, len(paths.path)
-    # As much room beside the pupil as light diffracts into.
+    # A margin for the light that diffracts out of the pupil.
     beside = max(FEWEST_BESIDE, math.ceil(BESIDE * math.sqrt(wavelength * length) / pixel))
     size = fast_size(count + min(2 * beside, math.ceil(MOST_BESIDE * count)))
     whole_light = float(light.sum())
@@ -224,26 +224,26 @@ def _two_screens(paths: MapPaths, ambient_index: float, length: float) -> float:
     across = 2.0 * np.pi * np.fft.fftfreq(size, pixel)
     way = 0.5 * length / math.sqrt(3.0) * wavelength / (2.0 * np.pi * ambient_index)
     free = np.exp(-1j * way * across**2).astype(np.complex64)
-    # No products of matrices, though they are few numbers: BLAS would wake its threads, which takes longer than that.
+    # No matrix products: BLAS would wake its threads, which takes longer than these few operations.
     spectrum = fft2(wave, s=(size, size))
     spectrum *= free[:, None]
     spectrum *= free
     between = ifft2(spectrum, overwrite_x=True)[:count, :count]
-    # Beside the pupil there is no phase, and free space leaves the sum of all alone.
+    # Outside the pupil the second screen has no phase, and free space conserves the total sum.
     half -= np.float32(1.0)
     total = wave.sum() + np.einsum("ij,ij->", half, between)
     return (abs(complex(total)) ** 2 - abs(complex(whole)) ** 2) / whole_light**2
 
 
 def fast_size(count: int) -> int:
-    """The next size that a transform is quick for."""
+    """Return the next size for which a Fourier transform is fast."""
     from scipy.fft import next_fast_len
 
     return int(next_fast_len(count))
 
 
 def crossings_of(path: np.ndarray, pixel: float, light: np.ndarray, distance: float) -> Crossings:
-    """What rays do over a distance [m], by paths [m] and light of each pixel; not of two at a map's rim."""
+    """Return crossing and focusing over a distance [m], from paths [m] and light, without two pixels at the rim."""
     row, mixed, column = _curvatures(path, distance / (4.0 * pixel**2))
     light = light[2:-2, 2:-2] if path.shape[1] > 1 else light[2:-2]
     middle, spread = 0.5 * (row + column), np.sqrt((0.5 * (row - column)) ** 2 + mixed**2)
@@ -251,7 +251,7 @@ def crossings_of(path: np.ndarray, pixel: float, light: np.ndarray, distance: fl
     whole = float(light.sum())
     if not whole > 0.0:
         return Crossings(0.0, 0.0, 0.0)
-    focusing = spread - middle  # light turns toward where it is delayed: a negative curvature focuses
+    focusing = spread - middle  # light turns toward the delayed side: a negative curvature focuses
     crossed, near = (
         float((light * there).sum()) / whole
         for there in ((1.0 - focusing) * (1.0 + middle + spread) < 0.0, focusing > NEAR_FOCUS)
@@ -260,9 +260,9 @@ def crossings_of(path: np.ndarray, pixel: float, light: np.ndarray, distance: fl
 
 
 def _curvatures(path: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Second derivatives of a map along y, mixed, and along x, by differences over four pixels, times a factor.
+    """Return second derivatives of a map along y, mixed, and along x, by differences over four pixels, times a factor.
 
-    Of the map less two pixels on each side; of one column, along y alone.
+    The results exclude two pixels on each side; for one column only the derivative along y is not zero.
     """
     if path.shape[1] == 1:
         row = scale * (path[4:] + path[:-4] - 2.0 * path[2:-2])

@@ -1,7 +1,7 @@
-"""Slabs of a field with a body, on which light ends, and the shadow that it throws on a window.
+"""Slabs of a field with a body, on which light ends, and the body's shadow on a window.
 
-There is no air in a body: light that starts within it begins where it leaves it, as rays do, and other light ends on
-it. What is left diffracts at the body's rim: little where the Fresnel number of what is left is large.
+There is no air inside a body: light that starts inside it begins where it leaves the body, as rays do, and other light
+ends on it. The rest diffracts at the body's rim: little if its Fresnel number is large.
 """
 
 import math
@@ -18,24 +18,24 @@ from .layers import mean_layers
 from .slabs import FINEST, LookingAlong, Slabs, without_piston
 from .wave import Wave
 
-# Lines along a side of the pupil by which it is told whether a body is near, and how far beside the pupil they go, in
-# widths sqrt(wavelength distance) of a knife edge's fringes; answers kept for a field.
+# Lines along a side of the pupil that test whether a body is near; how far beside the pupil they reach, in widths
+# sqrt(wavelength distance) of a knife edge's fringes; results cached on a field.
 LINES, FRINGES, KEPT = 24, 4.0, 8
 
 
 class SlabsPastBody(Slabs):
-    """Slabs of a field with a body, of layers sampled at the window's own points."""
+    """Slabs of a field with a body: sums of layers sampled at the window's own points."""
 
     most_pixels = 96
 
     def __init__(self, field: IndexField, look: LookingAlong, begin: float, end: float, wavelength: float):
-        """Nothing is sampled yet."""
+        """Store the arguments; sampling is deferred."""
         self._field, self._look, self._wavelength = field, look, wavelength
         self.first, self.last = begin, end
         self._sampled: dict[tuple[bytes, bytes], tuple[np.ndarray, np.ndarray]] = {}
 
     def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
-        """See `Slabs.taken`; behind a rim a slab goes on as beside it, so that no slope of the path begins there."""
+        """See `Slabs.taken`. In the shadow a slab continues the path from beside it, so that the rim makes no slope."""
         path, opaque = self._layers(x, y)
         path = path.reshape(count, -1, *path.shape[1:]).sum(axis=1, dtype=np.float64)
         dark = opaque.any(axis=0)
@@ -52,7 +52,7 @@ class SlabsPastBody(Slabs):
         return np.asarray(opaque.reshape(count, -1, *opaque.shape[1:]).any(axis=1))
 
     def _layers(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Paths [m] and opaque places of FINEST slabs at evenly spaced places."""
+        """Return paths [m] and opaque masks of FINEST slabs at evenly spaced points."""
         key = np.asarray(x).tobytes(), np.asarray(y).tobytes()
         if key not in self._sampled:
             look = self._look
@@ -66,12 +66,12 @@ class SlabsPastBody(Slabs):
 
 @dataclass(frozen=True)
 class Shadow:
-    """What a body takes of a pupil's light.
+    """The share of a pupil's light that a body blocks.
 
     Attributes:
         blocked: Share of the light that ends on it.
-        fresnel_number: Of what passes: the square of the radius of a disc of its area over wavelength times the way
-            from the first rim to where the light has left the box; infinite where no body is near.
+        fresnel_number: Fresnel number of the light that passes: the squared radius of a disc of its area, over
+            wavelength times the distance from the first rim to the end of the box; infinite if no body is near.
     """
 
     blocked: float = 0.0
@@ -79,10 +79,10 @@ class Shadow:
 
 
 def shadow_of(slabs: Slabs, window: Window, wavelength: float, end: float) -> tuple[Shadow, np.ndarray]:
-    """The shadow on a window's light that has left the box at a distance `end` [m], and which pixels pass.
+    """Return the shadow on a window's light that leaves the box at a distance `end` [m], and which pixels pass.
 
     Raises:
-        ValueError: No light passes.
+        ValueError: No light passes the body.
     """
     opaque = slabs.opaque(window.x, window.y, FINEST)
     if opaque is None:
@@ -101,7 +101,7 @@ def shadow_of(slabs: Slabs, window: Window, wavelength: float, end: float) -> tu
 
 
 def is_clear(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: float) -> bool:
-    """Whether a field's body is far from the light of a pupil, by straight lines through and beside it."""
+    """Return whether a field's body is far from a pupil's light, by straight lines through and beside the pupil."""
     if field.body is None:
         return True
     key = ("clear of the body", weakref.ref(pupil), look.tobytes(), wavelength)
@@ -110,7 +110,7 @@ def is_clear(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: floa
 
 
 def fringes(field: IndexField, wavelength: float) -> float:
-    """How far from a rim light may be that has diffracted there within the field's box [m]."""
+    """Return how far from a rim light may diffract within the field's box [m]."""
     low, high = field.box
     size = np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0))
     return FRINGES * math.sqrt(wavelength * float(size))

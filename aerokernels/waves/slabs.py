@@ -1,11 +1,13 @@
-r"""Slabs of a field across a line of sight: the integral of the contrast over each, not samples of it.
+r"""Slabs of a field across a line of sight: integrals of the contrast over each slab, not samples.
 
-Along z of a uniform grid the interpolant is a product, so that the integral over a slab is a sum over coefficients,
+Along z of a uniform grid the interpolant is a tensor product, so that the integral over a slab is a sum over
+coefficients,
 
     \int c(x, y, z) dz = sum_ijk a_ijk B_i(x) B_j(y) \int B_k(z) dz,
 
-exact (two Gauss points to a piece of a cubic), and taken once for HELD slabs: fewer are sums of them. Elsewhere (a
-slanted line of sight, a mesh) it is the mean of layers. Either way a thin shock between two samples is not missed.
+exact (two Gauss points for each cubic piece), and computed once for HELD slabs: fewer slabs are sums of these.
+Elsewhere (a slanted line of sight, a mesh) the integral is the mean of layers. Either way a thin shock between two
+samples is not missed.
 """
 
 import math
@@ -20,25 +22,25 @@ from ..medium.grid import UniformGrid
 from ..medium.tensor_points import contrast_without_gradient
 from ..process.one_core import product_on_one_core
 
-# Slabs that the disturbed air is divided into at first; layers of the box where no sum over coefficients can be had: so
-# many up to a few slabs, more for more. So many slabs are integrated together at least, and so many are held until
-# more of them are asked for.
+# Most slabs of the disturbed air; layers of the box where the integral is not a sum over coefficients, for up to FEW
+# slabs, and twice as many for more; fewest slabs integrated at once; slabs integrated and cached until more are
+# requested.
 FINEST, LAYERS, FEW, TOGETHER, HELD = 64, 32, 8, 2, 16
-# Places of two Gauss points, of half a piece from its middle.
+# Positions of two Gauss points, in half widths of a piece from its middle.
 GAUSS = np.array([[-1.0], [1.0]]) / math.sqrt(3.0)
-# Phase [rad] that the air left out at either end may hold.
+# Greatest phase [rad] of the air left out at either end.
 LEFT_OUT = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class LookingAlong:
-    """A square window that looks along a line.
+    """A square window and its line of sight.
 
     Attributes:
-        center: Its middle [m], shape (3,).
-        normal: Where it looks, shape (3,).
-        axes: Its unit vectors across.
-        half: Half its width [m].
+        center: Middle of the window [m], shape (3,).
+        normal: Direction of the line of sight, shape (3,).
+        axes: Unit vectors across it.
+        half: Half the window's width [m].
     """
 
     center: np.ndarray
@@ -48,12 +50,12 @@ class LookingAlong:
 
 
 class Slabs(ABC):
-    """Slabs of equal thickness of the air that disturbs what a window sees.
+    """Slabs of equal thickness of the disturbed air in a window's view.
 
     Attributes:
-        first: Where they begin along the line of sight [m].
-        last: Where they end [m].
-        most_pixels: Pixels along a side of a window that they are quickly had for.
+        first: Start of the slabs along the line of sight [m].
+        last: End of the slabs [m].
+        most_pixels: Most pixels along a side of a window for which the slabs are computed quickly.
     """
 
     first: float
@@ -62,46 +64,46 @@ class Slabs(ABC):
 
     @abstractmethod
     def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
-        """Optical path [m] of `count` slabs, a power of two up to FINEST, float32, shape (count, y, x).
+        """Return the optical paths [m] of `count` slabs, a power of two up to FINEST, float32, shape (count, y, x).
 
-        Less that of one line, which is another for each slab: what delays all alike is of no account, and would take
-        the digits of what does not.
+        The path of one line is subtracted from each slab: a delay common to all lines does not matter, and would cost
+        digits of the differences.
 
         Args:
-            x: Places along the window's first axis [m], shape (m,).
-            y: Places along its second, shape (n,).
-            count: How many.
+            x: Coordinates along the window's first axis [m], shape (m,).
+            y: Coordinates along the second axis [m], shape (n,).
+            count: Number of slabs.
         """
 
     def opaque(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray | None:
-        """Where light ends in `count` slabs, at places as for `taken`, shape (count, y, x); None: nowhere."""
+        """Return masks of where light ends in `count` slabs, (count, y, x), arguments as in `taken`; None: nowhere."""
         return None
 
 
 def slabs_of(field: IndexField, look: LookingAlong, begin: float, end: float, wavelength: float) -> Slabs:
-    """Slabs of a field between two distances along a line of sight [m]."""
+    """Return the slabs of a field between two distances along a line of sight [m]."""
     if is_summed(field, look.normal):
         return SlabsAlongZ(field, look, begin, end, wavelength)
     return SlabsOfLayers(field, look, begin, end)
 
 
 def is_summed(field: IndexField, normal: np.ndarray) -> bool:
-    """Whether slabs of a field across a line of sight are sums over coefficients."""
+    """Return whether slabs of a field across a line of sight are sums over coefficients."""
     return field.is_uniform and abs(abs(float(normal[2])) - 1.0) < 1e-15
 
 
 def without_piston(paths: np.ndarray) -> np.ndarray:
-    """Paths of slabs (count, y, x) less each one's first, float32."""
+    """Return paths of slabs (count, y, x) minus the first line of each, float32."""
     return (paths - paths[:, :1, :1]).astype(np.float32)
 
 
 class SlabsAlongZ(Slabs):
-    """Slabs of a uniform grid along its z axis, by its coefficients; paths of single precision."""
+    """Slabs of a uniform grid along its z axis, as sums over its coefficients; paths in single precision."""
 
     most_pixels = 192
 
     def __init__(self, field: IndexField, look: LookingAlong, begin: float, end: float, wavelength: float):
-        """Find what is disturbed."""
+        """Find the disturbed air."""
         assert isinstance(field.samples, UniformGrid)
         self._field, self._grid, self._look = field, field.samples, look
         grid = self._grid
@@ -113,7 +115,7 @@ class SlabsAlongZ(Slabs):
         self._known: dict[tuple[int, bytes], tuple[Any, np.ndarray]] = {}
 
     def _window(self, axis: int) -> tuple[int, int, int]:
-        """Coefficients along an axis that the window's values depend on: from, to, and the first one's cell."""
+        """Return the range of coefficients along an axis that the window depends on, and the cell of the first one."""
         grid, look = self._grid, self._look
         if self._field.geometry == "axisymmetric":
             farthest = float(np.hypot(*look.center[:2])) + math.sqrt(2.0) * look.half
@@ -127,7 +129,7 @@ class SlabsAlongZ(Slabs):
         return first * stride, last * stride + spline.SUPPORT[grid.interpolation], int(first)
 
     def _disturbed(self, held: np.ndarray, begin: float, end: float, wavelength: float) -> tuple[float, float]:
-        """Where the air begins and ends to differ across the window by more than matters."""
+        """Return where the air begins and ends to differ across the window by more than LEFT_OUT."""
         grid, look = self._grid, self._look
         stride, support = spline.STRIDE[grid.interpolation], spline.SUPPORT[grid.interpolation]
         lines = held.reshape(-1, held.shape[-1])
@@ -140,7 +142,7 @@ class SlabsAlongZ(Slabs):
         high = len(phase) - 1 - int(np.searchsorted(np.cumsum(phase[::-1]), LEFT_OUT))
         if low > high:
             low, high = 0, len(phase) - 1
-        # A coefficient acts on the `support` cells that end with its own.
+        # A coefficient affects the `support` cells up to its own.
         near = (max(low // stride - support + 1, 0), min(high // stride + 1, cells))
         start, sign = float(grid.origin[-1] - look.center[2]), float(look.normal[2])
         depths = sorted(sign * (start + node * float(grid.spacing[-1])) for node in near)
@@ -148,10 +150,10 @@ class SlabsAlongZ(Slabs):
         return (first, last) if last > first else (begin, end)
 
     def _means(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Means of the coefficients over so many slabs, float32, shape (..., count), less those of the first line.
+        """Return means of the coefficients over so many slabs minus the first line's, float32, shape (..., count).
 
-        They are integrated over no more slabs than it takes: over TOGETHER first, then over HELD, then over FINEST, of
-        which fewer are means. Returned with those of that line, shape (count,).
+        The means of the first line, shape (count,), are returned too. Coefficients are integrated over no more slabs
+        than necessary: TOGETHER first, then HELD, then FINEST; fewer slabs are means of these.
         """
         made = _made_for(count)
         if made not in self._integrated:
@@ -159,7 +161,8 @@ class SlabsAlongZ(Slabs):
             edges = float(look.center[2]) + float(look.normal[2]) * np.linspace(self.first, self.last, made + 1)
             means = _slab_means(self._held, self._grid, edges)
             line = means[(0,) * (means.ndim - 1)].copy()
-            # Weights of values add up to one; slopes, in between them, have nothing in common.
+            # Only coefficients of values: their weights add up to one. Coefficients of slopes, in between, are left as
+            # they are.
             means[(slice(None, None, stride),) * (means.ndim - 1)] -= line
             self._integrated[made] = means.astype(np.float32), line
         means, line = self._integrated[made]
@@ -168,7 +171,7 @@ class SlabsAlongZ(Slabs):
         return means.reshape(*means.shape[:-1], count, -1).mean(axis=-1), line.reshape(count, -1).mean(axis=-1)
 
     def _sees_past(self) -> bool:
-        """Whether the window is wider than the box."""
+        """Return whether the window is wider than the box."""
         low, high = self._field.box
         for axis, across in enumerate(self._look.axes):
             place = self._look.center[axis]
@@ -178,8 +181,8 @@ class SlabsAlongZ(Slabs):
         return False
 
     def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
-        """See `Slabs.taken`; few slabs are sums of TOGETHER, the last of which are held."""
-        # One column costs less than the calls that make it.
+        """See `Slabs.taken`. At least TOGETHER slabs are computed and cached; fewer are sums of these."""
+        # One column costs less than the function calls, so more slabs are computed at once.
         made = max(count, TOGETHER) if len(x) > 1 else max(HELD, _made_for(count))
         key = (x.tobytes(), y.tobytes(), made)
         if self._latest is None or self._latest[0] != key:
@@ -202,13 +205,13 @@ class SlabsAlongZ(Slabs):
             part = np.ascontiguousarray(product_on_one_core(rows, values).T)
             potential, inside = np.repeat(part[:, :, None], len(across), axis=2), inside[:, None]
         else:
-            # A window about the axis has every distance from it in four places or more.
+            # In a window about the axis each distance from it occurs four times or more: it is evaluated once.
             (up, row), (across, column) = (np.unique(np.abs(place), return_inverse=True) for place in (up, across))
             radius = np.hypot(up[:, None], across)
             part, inside = self._interpolated(radius.ravel(), values)
             there = row[:, None], column
             potential, inside = part.reshape(count, *radius.shape)[:, *there], inside.reshape(radius.shape)[there]
-        # The index less that of the line: potentials differ by half of the squares' difference.
+        # The index minus the line's index: the potentials differ by half the difference of the squared indices.
         ambient, thickness = self._grid.ambient_index, (self.last - self.first) / count
         index = np.sqrt(np.maximum(ambient**2 + 2.0 * line, 0.0))[:, None, None]
         potential *= np.float32(2.0)
@@ -219,7 +222,7 @@ class SlabsAlongZ(Slabs):
         return potential if inside.all() else np.where(inside, potential, np.float32(thickness) * (ambient - index))
 
     def _interpolated(self, points: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Values (n, count) along an axis at points [m], shape (count, points), and which of those lie in the box."""
+        """Interpolate values (n, count) along the first axis to points [m]: (count, points), and a mask of the box."""
         key = (0, points.tobytes())
         if key not in self._known:
             self._known[key] = self._weights(points, len(values), 0)
@@ -228,7 +231,7 @@ class SlabsAlongZ(Slabs):
         return sum(each * values[:, place] for place, each in zip(column, weight, strict=True)), inside
 
     def _matrix(self, points: np.ndarray, held: int, axis: int) -> tuple[np.ndarray, np.ndarray]:
-        """What makes values at points [m] of so many coefficients along an axis, and which points lie in the box."""
+        """Return the matrix from coefficients along an axis to values at points [m], and a mask of the box."""
         key = (axis, points.tobytes())
         if key not in self._known:
             (column, weight), inside = self._weights(points, held, axis)
@@ -238,7 +241,7 @@ class SlabsAlongZ(Slabs):
         return self._known[key]
 
     def _weights(self, points: np.ndarray, held: int, axis: int) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
-        """Which of so many coefficients along an axis points [m] take, their weights, and which lie in the box."""
+        """Return indices and weights of the coefficients along an axis for points [m], and a mask of the box."""
         grid, first = self._grid, self._across[axis][2]
         support, stride = spline.SUPPORT[grid.interpolation], spline.STRIDE[grid.interpolation]
         place = (points - grid.origin[axis]) / grid.spacing[axis]
@@ -251,17 +254,17 @@ class SlabsAlongZ(Slabs):
 
 
 def _made_for(count: int) -> int:
-    """How many slabs are integrated for so many."""
+    """Return the number of slabs to integrate when `count` are requested."""
     return next(made for made in (TOGETHER, HELD, FINEST) if count <= made)
 
 
 def _slab_means(held: np.ndarray, grid: UniformGrid, edges: np.ndarray) -> np.ndarray:
-    """Mean over slabs between edges along z [m], of coefficients (..., z): shape (..., slabs)."""
+    """Return means of coefficients (..., z) over slabs between edges along z [m], shape (..., slabs)."""
     stride, support = spline.STRIDE[grid.interpolation], spline.SUPPORT[grid.interpolation]
     last, count = grid.shape[-1] - 1, len(edges) - 1
     ends = np.minimum(np.maximum((edges - grid.origin[-1]) / grid.spacing[-1], 0.0), float(last))
     low, high = float(ends.min()), float(ends.max())
-    # Pieces of one cell and one slab, two Gauss points in each.
+    # Pieces that are inside one cell and one slab, with two Gauss points in each.
     knots = np.sort(np.concatenate([ends, np.arange(math.floor(low) + 1, math.ceil(high))]))
     middle, half = 0.5 * (knots[1:] + knots[:-1]), 0.5 * (knots[1:] - knots[:-1])
     slab = np.minimum(((middle - ends[0]) * (count / (ends[-1] - ends[0]))).astype(int), count - 1)
@@ -273,7 +276,7 @@ def _slab_means(held: np.ndarray, grid: UniformGrid, edges: np.ndarray) -> np.nd
     total = np.bincount((slab * length + column).ravel(), weight.ravel(), count * length).reshape(count, length)
     if held.ndim == 2:
         return product_on_one_core(held, total.T)
-    # Of a volume each slab takes its own coefficients alone.
+    # In a volume each slab is summed over its own coefficients only.
     used = total != 0.0
     first, last = used.argmax(axis=1), length - used[:, ::-1].argmax(axis=1)
     means = np.empty((*held.shape[:-1], count))
@@ -283,12 +286,12 @@ def _slab_means(held: np.ndarray, grid: UniformGrid, edges: np.ndarray) -> np.nd
 
 
 class SlabsOfLayers(Slabs):
-    """Slabs of any field along any line, of layers sampled at the window's own points."""
+    """Slabs of any field along any line: sums of layers sampled at the window's own points."""
 
     most_pixels = 96
 
     def __init__(self, field: IndexField, look: LookingAlong, begin: float, end: float):
-        """Nothing is sampled yet."""
+        """Store the arguments; sampling is deferred."""
         self._field, self._look = field, look
         self.first, self.last = begin, end
         self._sampled: dict[tuple[int, int, int], np.ndarray] = {}

@@ -1,12 +1,12 @@
-r"""A wave through a field, by steps of free space and of phase in turn: the twin of the rays, which diffracts.
+r"""Propagate a wave through a field by alternating steps of free space and phase: rays with diffraction.
 
     A(z + h) = D(h / 2) exp(i k \int m dz) D(h / 2) A(z)
 
-with D the angular spectrum's free space of the ambient index, m the contrast, and its integral over the step along
+D is free propagation at the ambient index by the angular spectrum, m the contrast, integrated over the step along
 straight lines, through the same interpolant as the rays (J. A. Fleck, J. R. Morris, M. D. Feit, Appl. Phys. 10 (1976)
-129). The error of the splitting is of second order in h; what is left out, of contrast times angle squared. The field
-is sampled once, in layers no thicker than its cells, and the layers of a step are added up: half as many steps cost
-nothing but transforms, and the difference is the error.
+129). The splitting error is of second order in h; neglected terms are of the order of contrast times angle squared. The
+field is sampled once, in layers no thicker than its cells, and the layers of a step are summed: a run with half as many
+steps costs only its transforms, and its difference gives the error.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ from .layers import FEWEST_STEPS, check_memory, layer_count, mean_layers, path_r
 from .library import PRECISIONS, FourierLibrary, fourier_library
 from .wave import Wave
 
-# Pixels along a side of a window, at least.
+# Fewest pixels along a side of a window.
 FEWEST_PIXELS = 8
 
 
@@ -44,29 +44,30 @@ def split_step(
     device: str | None = None,
     precision: str = "float64",
 ) -> Wave:
-    """A wave after the field, by wave optics: its Strehl ratio, focus and shadow without the approximation of rays.
+    """Propagate a wave through a field: its Strehl ratio, focus and shadow without the approximation of rays.
 
     Args:
         field: The refractive index.
-        light: A pupil, which a plane wave leaves along its normal, or any Wave, of which only the amplitude, pixel and
-            place are taken.
-        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none; a Wave has its own.
+        light: A pupil, which a plane wave leaves along its normal, or any Wave, of which only amplitude, pixel,
+            wavelength, centre and normal are used.
+        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm if it has none. A Wave has its own.
         pixel_count: Pixels along a side of the square window, for a pupil.
-        window: Width of the window over that of the pupil: it must hold what diffracts out, since it is periodic.
-        tolerance: Error of the amplitude asked for, rms over the rms amplitude, through the steps.
-        step_count: Steps; None takes as many as the tolerance needs.
-        paraxial: Whether free space follows the paraxial equation.
+        window: Width of the window over the width of the pupil. The window is periodic, so it must hold the light that
+            diffracts out of the pupil.
+        tolerance: Requested error of the amplitude due to the steps, rms over the rms amplitude.
+        step_count: Number of steps; None takes as many as the tolerance needs.
+        paraxial: Whether to use the paraxial equation for free space.
         device: "cpu" (None) by SciPy, or "gpu" by CuPy or PyTorch, whichever is installed.
-        precision: "float64" or "float32" of the transforms. The plane wave's phase is taken out either way, and that of
-            a step is reduced to a turn in float64.
+        precision: "float64" or "float32" for the transforms. In both cases the plane wave's phase is removed and the
+            phase of a step is computed in float64.
 
     Returns:
-        The Wave on the plane where the box ends, along the normal. Light that meets a body is lost, and counts as such
-        in `strehl`; what starts within one begins where it leaves it.
+        The Wave on the plane where the box ends, along the normal. Light that meets a body is lost, and lowers
+        `strehl`; light that starts inside a body begins where it leaves the body.
 
     Raises:
-        TypeError: `field` or `light` of the wrong kind.
-        ValueError: A wave that does not meet the field; a number that makes no sense; a window of too much memory.
+        TypeError: `field` or `light` is of the wrong type.
+        ValueError: The wave does not meet the field, a number is out of range, or the window needs too much memory.
     """
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
@@ -130,7 +131,8 @@ def split_step(
                     replace(one, amplitude=amplitude).strehl()
                     for one, amplitude in ((start, found), (start, coarse), (rough, behind))
                 )
-                # Of the steps as below; of the pixels, whose order at an edge is not known, the whole difference.
+                # The error due to the steps is estimated as in `_refined`. The order in the pixels is not known at an
+                # edge: the whole difference counts.
                 strehl_error = abs(fine - fewer) / 3.0 + abs(fine - larger)
     return replace(
         start,
@@ -145,10 +147,10 @@ def split_step(
 
 
 def plane_wave(pupil: Pupil, wavelength: float, pixel_count: int, window: float, ambient_index: float) -> Wave:
-    """The plane wave behind a pupil, along its normal.
+    """Return the plane wave behind a pupil, along its normal.
 
     Raises:
-        ValueError: A pixel_count below 8, or a window narrower than the pupil.
+        ValueError: `pixel_count` is below 8, or the window is narrower than the pupil.
     """
     if not isinstance(pixel_count, (int, np.integer)) or pixel_count < FEWEST_PIXELS:
         raise ValueError(f"pixel_count must be a whole number of at least {FEWEST_PIXELS}, got {pixel_count!r}")
@@ -163,12 +165,12 @@ def plane_wave(pupil: Pupil, wavelength: float, pixel_count: int, window: float,
 
 
 def every_second(shape: tuple[int, ...]) -> tuple[slice, ...]:
-    """Every second pixel of a window, the middle one among them."""
+    """Return slices of every second pixel of a window, the middle one among them."""
     return tuple(slice(count // 2 % 2, None, 2) for count in shape)
 
 
 def every_second_pixel(light: Pupil | Wave, wave: Wave, window: float) -> Wave | None:
-    """The same light on pixels of twice the side, whose middles are the wave's; None where those are too few."""
+    """Return the same light on pixels of twice the side, centred on pixels of the wave; None if there are too few."""
     amplitude = wave.amplitude[every_second(wave.amplitude.shape)]
     if isinstance(light, Wave):
         return replace(wave, amplitude=amplitude, pixel=2.0 * wave.pixel, incident=None) if amplitude.any() else None
@@ -181,7 +183,11 @@ def every_second_pixel(light: Pupil | Wave, wave: Wave, window: float) -> Wave |
 def _refined(
     by: Callable[[int], np.ndarray], size: float, most: int, tolerance: float, step_count: int | None
 ) -> tuple[np.ndarray, np.ndarray | None, int, float]:
-    """Amplitude, that of half as many steps, steps, error: they are doubled until the two differ by little enough."""
+    """Double the steps until the error is within the tolerance, or there is one per layer.
+
+    Return the amplitude, the one of half as many steps (None if their number is odd), the number of steps, and the
+    error.
+    """
     if step_count is not None:
         found = by(step_count)
         if step_count % 2:
@@ -190,7 +196,7 @@ def _refined(
         return found, coarse, step_count, float(np.linalg.norm(found - coarse)) / 3.0 / size
     steps = FEWEST_STEPS
     coarse, fine = by(steps // 2), by(steps)
-    # The difference of second-order results, over 3, is the error of the better one.
+    # The difference of second-order results divided by 3 is the error of the finer one.
     while (error := float(np.linalg.norm(fine - coarse)) / 3.0 / size) > tolerance and steps < most:
         steps *= 2
         coarse, fine = fine, by(steps)
@@ -208,9 +214,9 @@ def through_layers(
     precision: str = "float64",
     opaque: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The amplitude after all layers in so many steps; half steps of free space that meet are one.
+    """Return the amplitude after all layers in so many steps; adjacent half steps of free space are merged.
 
-    Where `opaque`, of the shape of the layers, light ends.
+    Light ends where `opaque`, of the shape of the layers, is true.
     """
     library = fourier_library() if library is None else library
     kind = PRECISIONS[precision]

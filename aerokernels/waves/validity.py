@@ -1,33 +1,33 @@
-r"""A verdict on ray optics: does light through this field do what its rays say?
+r"""Verdict on ray optics: does light through a field behave as its rays predict?
 
-Three numbers of the wavefront W over the distance D that its light takes to leave the disturbed air tell why not:
+Three numbers of the wavefront W over the distance D in which its light leaves the disturbed air tell why it may not:
 
-    Fresnel number     l^2 / (lambda D), l the half period of the finest phase that matters; below about 1 that phase
-                       turns into brightness before it is out
+    Fresnel number     l^2 / (lambda D), l the half period of the finest relevant phase; below about 1 that phase turns
+                       into brightness before the light has left the air
     ray crossing       share of the pupil where det(1 + D grad grad W) < 0: behind a focus neighbours change places
     curvature          the greatest D |W''|: near 1 there is a focus
 
-and one says how much: the Strehl ratio of a wave through the same air, less that of its rays through the same slabs,
-on a window coarse enough to cost little and fine enough for that finest phase (diffraction.py). What the slabs lack is
-lacking in both, so the difference stands for diffraction alone. The rays bend, to second order in how far they go
-aside: a wave holds what that does to their paths, as traced rays do, and it is no diffraction. Near foci no order tells
-where they go: there the wave is compared with the traced rays of the wavefront, and with straight ones where none are
-at hand (`Validity.error` is infinite then).
+and one tells how much it matters: the Strehl ratio of a wave through the same air minus the one of its rays through the
+same slabs, on a window that is coarse enough to be cheap and fine enough for that finest phase (diffraction.py). Errors
+of the slabs affect both, so the difference represents diffraction alone. The rays bend, to second order in their
+displacement: a wave contains the effect of bending on their paths, as traced rays do, and it is not diffraction. Near
+foci no finite order gives the paths of rays: there the wave is compared with the traced rays of the wavefront, and with
+straight rays if none are available (`Validity.error` is infinite then).
 
-Beside a traced wavefront the verdict should cost little, a twentieth of what the wavefront itself did on the same new
-field: its plan, the field's way to the engine, the rays and their map. So it is asked in this order:
+Beside a traced wavefront the verdict should be cheap: a twentieth of the cost of the wavefront on the same new field,
+which is its plan, the transfer of the field to the engine, the rays and their map. So these are evaluated in order:
 
-    the rays     of a map that holds the finest phase: half of it on either side of free space of the length over which
-                 the light is disturbed (screens.py). Where that changes the Strehl ratio by far less than is allowed,
-                 no rays cross and nothing is near a focus, the rays have answered for themselves.
-    the bounds   of the field's derivatives (bounds.py), beside a map too coarse to hold the finest phase: they prove
-                 that rays are good, or say nothing.
-    a wave       where it costs little beside the wavefront (`affordable`), or where the caller asks for it; of one
-                 column before the rays, beside a map so fine that it costs next to nothing.
+    the rays     of a map that resolves the finest phase: half of the phase on either side of free space over the length
+                 in which the light is disturbed (screens.py). If that changes the Strehl ratio by far less than the
+                 limit, no rays cross and none is near a focus, the traced wavefront decides by itself.
+    the bounds   of the field's derivatives (bounds.py), for a map too coarse to resolve the finest phase: they prove
+                 that rays are good, or decide nothing.
+    a wave       if it is cheap compared with the wavefront (`affordable`), or if the caller requests it. A wave of one
+                 column is evaluated before the rays if the map is so fine that the wave costs next to nothing.
 
-What none of them answers is not decided, and `reason` says so: a fan of 16 rays costs as much processor time as a few
-hundred calls of NumPy, and no wave goes through a field in a twentieth of that. Nobody but a wave is asked where there
-is no wavefront.
+If none of them decides, the verdict is "not decided", and `reason` says so: a fan of 16 rays costs as much processor
+time as a few hundred calls of NumPy, and no wave can be propagated through a field in a twentieth of that. Without a
+wavefront only a wave is evaluated.
 """
 
 import weakref
@@ -48,20 +48,20 @@ from .shadows import is_clear
 from .slabs import is_summed
 from .verdict import FEWEST_MAPPED, GOOD, Validity
 
-# The share of the limit that the rays' own answer must stay below.
+# The rays decide if their change of the Strehl ratio is below this share of the limit.
 CLEAR = 0.3
-# The least Fresnel number of the pupil, over the way to where the air is at rest again, times limit and Strehl ratio:
-# rays know nothing of the air beside the pupil's, and with strong phases much hangs on little light. Where the rays'
-# answer was off by 0.01 or more it was 0.13 at most. No less light than LEAST_STREHL counts.
+# Rays decide only if the pupil's Fresnel number, over the distance to undisturbed air, times limit and Strehl ratio is
+# at least this: rays ignore the air beside the pupil, and with strong phases the result depends on little light. Where
+# the rays were wrong by 0.01 or more it was 0.13 at most. The Strehl ratio counts as LEAST_STREHL at least.
 BESIDE_PUPIL, LEAST_STREHL = 0.16, 0.25
-# The least Fresnel number with which they answer: at 1.8 two screens have said -0.0009 of a wave's +0.039.
+# Rays decide only at this Fresnel number or above: at 1.8 two screens gave -0.0009 where a wave gave +0.039.
 FEWEST_FRESNEL = 4.0
-# Cells times rays beside which a wave through sampled layers is cheap: it takes 0.05 to 0.2 s, and a ray through a mesh
-# 4 us a cell.
+# Cells times rays of a wavefront from which on a wave through sampled layers is cheap: it takes 0.05 to 0.2 s, and a
+# ray through a mesh 4 us a cell.
 LAYERS_WORTH = 8e5
-# Pixels across a map of whose rays a wave of one column, 1.5 to 2.5 ms, is a twentieth.
+# Pixels across a map whose rays take twenty times as long as a wave of one column, 1.5 to 2.5 ms.
 COLUMN_WORTH = 128
-# Pixels by which pupils are compared; verdicts kept with a field.
+# Pixels across the grid on which pupils are compared; verdicts cached on a field.
 SAME_PIXELS, KEPT = 32, 8
 
 
@@ -75,25 +75,25 @@ def validity(
     limit: float = GOOD,
     waves: bool | None = None,
 ) -> Validity:
-    """Whether rays through a field give the Strehl ratio of a pupil, and what they leave out.
+    """Judge whether rays through a field give the Strehl ratio of a pupil, and what they neglect.
 
-    Beside a `wavefront` traced on a processor it costs a few hundredths of the processor time which that took on a new
-    field (preparation, rays and map; docs/conventions.md has how much, and what it costs beside a GPU's), and says "not
-    decided" where nothing so cheap decides.
+    With a `wavefront` traced on a CPU it costs a few hundredths of the CPU time of that wavefront on a new field
+    (preparation, rays and map; docs/conventions.md has figures, also for GPUs), and is "not decided" if nothing so
+    cheap decides.
 
     Args:
         field: The refractive index.
         pupil: The pupil; light leaves it along its normal, or in the direction of the `wavefront`.
-        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
-        wavefront: Its traced wavefront, whose finest phase is then looked at, and which may answer by itself at a small
-            part of its own cost; None looks at straight rays and asks a wave.
-        limit: The change of the Strehl ratio up to which rays are good.
-        waves: Whether a wave may be asked where nothing cheaper answers: True whatever it costs, False never; None
-            where it is cheap beside the wavefront, and where there is no wavefront.
+        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm if it has none.
+        wavefront: The traced wavefront of this pupil: its finest phase is used, and it may decide by itself at a small
+            part of its own cost. None takes the phase of straight rays and evaluates a wave.
+        limit: Greatest change of the Strehl ratio for which rays are good.
+        waves: Whether to evaluate a wave if nothing cheaper decides: True always, False never; None if it is cheap
+            compared with the wavefront, or if there is no wavefront.
 
     Raises:
-        TypeError: `field` or `pupil` of the wrong kind.
-        ValueError: A pupil that does not see the field, or is not that of the wavefront; a number that makes no sense.
+        TypeError: `field` or `pupil` is of the wrong type.
+        ValueError: The pupil does not see the field, or is not the wavefront's; or a number is out of range.
     """
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
@@ -111,11 +111,11 @@ def validity(
         if len(wavefront.opd) >= FEWEST_MAPPED:
             paths = paths_of(wavefront)
             found, squares = finest_and_squares(paths.path, paths.pixel, wavelength)
-            # What is as fine as the map's own pixels may be finer: then waves look for it anew.
+            # A phase as fine as the map's pixels may be finer in the field: then the wave searches for it again.
             feature = found if found >= RESOLVED * paths.pixel else None
             told_by = (len(paths.path), squares, wavefront.wavelength, wavefront.blocked, wavefront.removed)
-    # A verdict is kept with the field: it is one of the field, the light, and the map, which its pixels and squares
-    # tell from one that was traced more or less exactly.
+    # A verdict is cached on the field by the light and the map. The map's pixels and squares distinguish it from one
+    # traced with another tolerance.
     key = ("verdict", weakref.ref(pupil), look.tobytes(), wavelength, limit, told_by)
     told: Validity | None = field.held(key)
     if told is not None:
@@ -123,7 +123,7 @@ def validity(
     seen = None
     if wavefront is not None:
         if paths is not None and feature is not None:
-            # A wave says more than two screens, and is asked at once where it costs next to nothing.
+            # A wave is more reliable than two screens, and is evaluated at once where it costs next to nothing.
             cheap = is_one_column(field, look) and len(wavefront.opd) >= COLUMN_WORTH
             if waves is False or not cheap or not affordable(field, look, wavefront):
                 answer = by_rays(field, pupil, look, wavefront, paths, wavelength, feature, limit)
@@ -142,22 +142,22 @@ def validity(
 
 
 def _kept(field: IndexField, key: tuple[Any, ...], answer: Validity) -> Validity:
-    """An answer, kept with the field."""
+    """Cache an answer on the field and return it."""
     kept: Validity = field.derive(key, lambda: answer, KEPT)
     return kept
 
 
 def _is_whole(wavefront: Wavefront, wavelength: float) -> bool:
-    """Whether a wavefront's Strehl ratio is that of all the pupil's light, with nothing but piston taken out."""
+    """Return whether a wavefront's Strehl ratio is that of all the pupil's light, with no term but piston removed."""
     removed = set(wavefront.removed) <= {"piston"}
     return removed and wavefront.wavelength == wavelength and wavefront.blocked <= 1e-3
 
 
 def affordable(field: IndexField, look: np.ndarray, wavefront: Wavefront) -> bool:
-    """Whether a wave through a field costs little beside a traced wavefront, by counts, on any machine alike.
+    """Return whether a wave through a field is cheap compared with a traced wavefront, by operation counts.
 
-    Through slabs that are sums over coefficients it takes 2 to 8 ms, which no map of fewer pixels across than
-    FEWEST_MAPPED is worth; sampled layers take as long as many rays.
+    The result does not depend on the machine. Through slabs that are sums over coefficients a wave takes 2 to 8 ms, too
+    long for a map of fewer than FEWEST_MAPPED pixels across; sampled layers take as long as many rays.
     """
     if len(wavefront.opd) < FEWEST_MAPPED:
         return False
@@ -170,7 +170,7 @@ def affordable(field: IndexField, look: np.ndarray, wavefront: Wavefront) -> boo
 def by_bounds(
     field: IndexField, pupil: Pupil, look: np.ndarray, wavefront: Wavefront, wavelength: float, limit: float
 ) -> Validity:
-    """The verdict of the field's own bounds beside a wavefront of any map: rays are good, or it is not decided."""
+    """Return the verdict of the field's own bounds, for a wavefront of any map: rays are good, or it is not decided."""
     whole = wavefront.wavelength == wavelength and wavefront.blocked <= 1e-3
     found = change_bound(field, pupil, look, wavelength)
     proven = whole and found.change <= min(limit, GREATEST_BOUND)
@@ -189,7 +189,7 @@ def by_bounds(
 
 
 def _same_light(one: Pupil, other: Pupil) -> bool:
-    """Whether two pupils let the same light through: their place, and their weights on a coarse grid."""
+    """Return whether two pupils transmit the same light: their position, and their weights on a coarse grid."""
     if one is other:
         return True
     if not all(
@@ -211,16 +211,16 @@ def by_rays(
     feature: float,
     limit: float,
 ) -> Validity | None:
-    """The verdict of a traced wavefront alone, that holds its finest phase; None where it leaves a doubt."""
+    """Return the verdict of a traced wavefront that resolves its finest phase; None if it does not decide."""
     if wavefront.wavelength != wavelength or wavefront.blocked > 1e-3 or "focus" in wavefront.removed:
         return None
-    # Screens have pixels as coarse as that; where those do not hold the finest phase there is a doubt.
+    # The screens' pixels may be coarser than the map's: they must resolve the finest phase too.
     if feature < RESOLVED * wavefront.pixel * stride_of(len(wavefront.opd), wavefront.pixel, feature):
         return None
     if not is_clear(field, pupil, look, wavelength):
         return None
-    # Two screens at the pupil stand for what lies between them and it only where its light is not spread before, and
-    # where a feature keeps its shape on the way.
+    # Two screens at the pupil represent the air between only if the light has not spread before, and if features keep
+    # their shape along the path.
     air = disturbance(field, pupil, look)
     of_pupil = fresnel_number(min(pupil.half_extent), wavelength, air.until)
     if of_pupil * limit * LEAST_STREHL < BESIDE_PUPIL and of_pupil * limit * paths.strehl < BESIDE_PUPIL:

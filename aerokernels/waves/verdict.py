@@ -1,36 +1,36 @@
-"""What the verdict on ray optics says: see validity.py for how it is found."""
+"""Data class of the verdict on ray optics; validity.py computes it."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-# The greatest change of the Strehl ratio that rays may cost and still be good.
+# Default limit: the greatest change of the Strehl ratio for which rays are good.
 GOOD = 1e-2
-# Pixels across a map, at least, by which the finest phase is known.
+# Fewest pixels across a map from which the finest phase is known.
 FEWEST_MAPPED = 32
 
 
 @dataclass(frozen=True)
 class Validity:
-    """What diffraction does that rays do not know of.
+    """Verdict on ray optics: the effect of diffraction, which rays ignore.
 
     Attributes:
-        strehl_change: Strehl ratio by waves less that by rays, both through the same samples.
-        feature: Half period of the finest phase that matters [m]; infinite where none does.
-        distance: Length over which the light is disturbed, and has left the disturbance at its end [m].
+        strehl_change: Strehl ratio of the wave minus the one of rays, both through the same samples.
+        feature: Half period of the finest relevant phase [m]; infinite if there is none.
+        distance: Length over which the light is disturbed [m].
         fresnel_number: feature^2 / (wavelength distance).
-        crossed_share: Share of the pupil where rays have crossed.
-        curvature: The greatest product of that distance and a curvature of the wavefront, of the sign that focuses.
+        crossed_share: Share of the pupil where rays cross.
+        curvature: Greatest product of that distance and a focusing curvature of the wavefront.
         limit: The change of the Strehl ratio up to which rays are good.
-        answered_by: "rays" where the traced wavefront left no doubt, "bounds" where the field's own derivatives did,
-            "waves" where a wave was sent through the field, "nobody" where it is not decided: then numbers are NaN.
-        blocked: Share of the pupil's light that ends on the field's body: neither rays nor waves count it.
-        rim_fresnel_number: Of the light that passes the body's rim, to where it leaves the box: below some tens the
-            knife edge's fringes fill it; infinite where no body is near.
-        bound: What the change may be at most, where bounds were looked at; infinite elsewhere. Where they answer the
-            change itself is 0 give or take this, and nothing is known of a finest phase.
-        error: What the change that a wave found may be off by, by half as many slabs; infinite where rays come near
-            foci and no traced ones are at hand; NaN where not known.
+        answered_by: "rays" if the traced wavefront decided, "bounds" if bounds of the field's derivatives did, "waves"
+            if a wave was propagated through the field, "nobody" if it is not decided: then the numbers are NaN.
+        blocked: Share of the pupil's light that ends on the field's body; it is excluded from both Strehl ratios.
+        rim_fresnel_number: Fresnel number of the light that passes the body's rim, up to the end of the box: below some
+            tens the fringes of the rim extend over all of it. Infinite if no body is near.
+        bound: Upper bound of the change if bounds were evaluated, else infinite. If they decide, `strehl_change` is 0
+            with this error, and the finest phase is not known.
+        error: Error of the change found by a wave, measured with half as many slabs; infinite if rays come near foci
+            and no traced rays are available; NaN if not known.
     """
 
     strehl_change: float
@@ -48,12 +48,12 @@ class Validity:
 
     @property
     def good(self) -> bool:
-        """Whether rays are known to give the Strehl ratio to within `limit`; not where that is not decided."""
+        """Whether rays are known to give the Strehl ratio to within `limit`; False if not decided."""
         return abs(self.strehl_change) <= self.limit
 
     @property
     def decided(self) -> bool:
-        """Whether there is a verdict."""
+        """Whether the verdict is decided."""
         return self.answered_by != "nobody"
 
     @property

@@ -1,10 +1,11 @@
-"""Light as a complex amplitude over a window of square pixels."""
+"""Data class of a monochromatic wave: a complex amplitude over a window of square pixels."""
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..display.shown import drawn_on, shown
+from ..inputs.checks import check_positive
 from ..inputs.wavelength import check_wavelength
 from ..pupils import as_unit_vector, as_vector, transverse_axes
 from ..wavefront import PointSpread
@@ -15,27 +16,27 @@ from .angular_spectrum import angular_spectrum
 @shown
 @dataclass(frozen=True, eq=False, repr=False)
 class Wave:
-    """A monochromatic wave across a plane; the phase of the plane wave along its axis in ambient air is taken out.
+    """A monochromatic wave on a plane, without the phase of the plane wave along its axis in ambient air.
 
-    A phase that grows is a delay: exp(i k OPD), as everywhere.
+    A growing phase is a delay: exp(i k OPD), as in all of aerokernels.
 
     Attributes:
         amplitude: Complex amplitude at the pixels' centres, shape (rows, columns), axes [y, x] along `axes`.
         pixel: Side of a pixel [m].
         wavelength: Vacuum wavelength [m].
         center: Middle of the window [m], shape (3,).
-        normal: Direction in which the wave travels, made a unit vector, shape (3,).
-        ambient_index: Index of the air at rest.
-        incident: Sum of the amplitude that it began with, to which `strehl` compares.
-        error: What the amplitude may be off by through the steps, rms over the rms amplitude; NaN where not known.
-        strehl_error: What `strehl` may be off by through the steps and the pixels, by half as many of either; NaN where
-            not known. What comes back from beyond the window's sides is not in it.
-        step_count: Steps through a field.
+        normal: Direction in which the wave travels, normalised, shape (3,).
+        ambient_index: Refractive index of the undisturbed air.
+        incident: Sum of the initial amplitude, which `strehl` compares with.
+        error: Error of the amplitude due to the steps, rms over the rms amplitude; NaN if not known.
+        strehl_error: Error of `strehl` due to the steps and the pixels, measured with half as many of either; NaN if
+            not known. It excludes light that re-enters through the sides of the periodic window.
+        step_count: Number of steps through a field.
         seconds: Wall time by stage: see STAGES in clock.py.
 
     Raises:
-        ValueError: An amplitude that is no two-axis array of finite numbers, or dark; a pixel that is not positive; a
-            wavelength outside 0.1 to 20 um.
+        ValueError: The amplitude is not a two-axis array of finite numbers, or is zero everywhere; the pixel or the
+            index is not positive; or the wavelength is outside 0.1 to 20 um.
     """
 
     amplitude: np.ndarray
@@ -51,7 +52,7 @@ class Wave:
     seconds: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self):
-        """Check and make a read-only copy."""
+        """Check the values and store a read-only copy."""
         amplitude = np.array(self.amplitude, dtype=np.complex128)
         if amplitude.ndim != 2 or not np.isfinite(amplitude).all() or not amplitude.any():
             raise ValueError(
@@ -59,6 +60,7 @@ class Wave:
             )
         if not (np.ndim(self.pixel) == 0 and np.isfinite(self.pixel) and self.pixel > 0.0):
             raise ValueError(f"the pixel must be a positive length [m], got {self.pixel!r}")
+        check_positive(self.ambient_index, "ambient_index")
         amplitude.setflags(write=False)
         checked = {
             "amplitude": amplitude,
@@ -88,7 +90,7 @@ class Wave:
         return np.abs(self.amplitude) ** 2
 
     def propagate(self, distance: float, *, paraxial: bool = False) -> "Wave":
-        """The wave a distance [m] farther on in ambient air: see angular_spectrum.py."""
+        """Return the wave after a distance [m] in ambient air: see angular_spectrum.py."""
         moved = angular_spectrum(
             self.amplitude,
             self.pixel,
@@ -100,22 +102,36 @@ class Wave:
         return replace(self, amplitude=moved, center=self.center + distance * self.normal)
 
     def strehl(self) -> float:
-        """Strehl ratio: intensity far away along the axis over that of the wave that it began as.
+        """Return the Strehl ratio: far-field intensity along the axis over the one of the initial wave.
 
-        The amplitude's sum over the plane, which free space leaves alone.
+        The far-field amplitude is the sum over the plane, which free space conserves. NaN if the initial wave has no
+        light along its axis, as an odd mode.
         """
+        with np.errstate(invalid="ignore"):
+            return float(abs(self.amplitude.sum() / self._reference) ** 2)
+
+    @property
+    def _reference(self) -> complex:
+        """Sum of the initial amplitude, the reference of far fields; NaN if it is only rounding."""
         assert self.incident is not None
-        return float(abs(self.amplitude.sum() / self.incident) ** 2)
+        rounding = 1e-12 * float(np.abs(self.amplitude).sum())
+        return complex(self.incident) if abs(self.incident) > rounding else complex("nan")
 
     def psf(self, angle) -> PointSpread:
-        """Intensity far away at angles of rows and columns [rad], shape (m,), over the undisturbed peak."""
-        assert self.incident is not None
+        """Return the far-field intensity at angles of rows and columns [rad], shape (m,), over the undisturbed peak.
+
+        Raises:
+            ValueError: The angles are not finite, or have more than one axis.
+        """
         angle = np.atleast_1d(np.asarray(angle, dtype=np.float64))
+        if angle.ndim != 1 or not np.isfinite(angle).all():
+            raise ValueError(f"angle must be finite angles [rad], shape (m,), got shape {angle.shape}")
         spectrum = far_field(self.amplitude, self.coordinates, angle, self.wavelength)
-        return PointSpread(np.abs(spectrum / self.incident) ** 2, angle)
+        with np.errstate(invalid="ignore"):
+            return PointSpread(np.abs(spectrum / self._reference) ** 2, angle)
 
     def plot(self, axes=None):
-        """Draw the intensity over the window [mm] on matplotlib axes; returns the axes."""
+        """Draw the intensity over the window [mm] on matplotlib axes; return the axes."""
         axes = drawn_on(axes)
         x, y = (1e3 * axis for axis in self.coordinates)
         half = 0.5e3 * self.pixel
@@ -126,7 +142,7 @@ class Wave:
         return axes
 
     def __repr__(self) -> str:
-        """Size, place and Strehl ratio."""
+        """Size, pixel, wavelength, Strehl ratio and errors."""
         rows, columns = self.amplitude.shape
         return (
             f"Wave of {rows} x {columns} pixels of {self.pixel:.4g} m at {self.wavelength * 1e9:.6g} nm: Strehl ratio "

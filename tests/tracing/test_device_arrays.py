@@ -45,6 +45,24 @@ def test_rows_are_those_of_numpy(rows, read):
     assert len(array) == 50 and array.device == "cpu" and np.array_equal(np.asarray(array), PLACES)
 
 
+@pytest.mark.parametrize("rows", [[50], [0, -51], np.ones(3, bool)], ids=["beyond", "before", "short mask"])
+@pytest.mark.parametrize("read", [False, True])
+def test_rows_that_are_not_there_are_refused(rows, read):
+    """As NumPy does; they wrapped round to others where the array had not been read before."""
+    array = there(PLACES)
+    if read:
+        assert len(array.host) == 50
+    with pytest.raises(IndexError):
+        array[np.asarray(rows)]
+
+
+def test_ends_are_those_of_what_was_written():
+    array = there(PLACES.copy())
+    before = extremes_of(array).high[0]
+    array[np.array([3], np.int32)] = np.full((1, 3), 2.0 * before)
+    assert extremes_of(array).high[0] == 2.0 * before
+
+
 @pytest.mark.parametrize("given", ["host", "device"])
 @pytest.mark.parametrize("numbers", ["host", "device"])
 def test_rows_are_written_where_they_belong(given, numbers):

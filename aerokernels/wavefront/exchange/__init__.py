@@ -1,1 +1,1 @@
-"""Wavefronts handed over to other packages, in their terms and with their signs; each is imported when asked."""
+"""Export of wavefronts to other packages and formats, in their units and signs; each package is imported when used."""

@@ -1,7 +1,7 @@
 """Wavefronts as FITS files that poppy.FITSOpticalElement reads, as `transmission` and, by the second file, as `opd`.
 
-poppy takes the first HDU of a file and its keywords: PIXELSCL or PUPLSCAL, metres a pixel, and BUNIT. So there are two
-files, PATH for the OPD in poppy's sign and PATH with "_amplitude" before its suffix for the transmission.
+poppy reads the first HDU of a file and its keywords PIXELSCL or PUPLSCAL [m/pixel] and BUNIT. So there are two files:
+PATH holds the OPD in poppy's sign, PATH with "_amplitude" before its suffix the transmission.
 """
 
 from pathlib import Path
@@ -16,10 +16,10 @@ from .poppy import poppy_opd
 
 @checked
 def to_fits(wavefront: WavefrontMap, path: str | Path) -> tuple[Path, Path]:
-    """Write the OPD [m], in poppy's sign, and the amplitude; returns both paths.
+    """Write the OPD [m], in poppy's sign, and the amplitude; return both paths.
 
     Raises:
-        ModuleNotFoundError: astropy is not there.
+        ModuleNotFoundError: astropy is not installed.
     """
     path = Path(path)
     fits = package("astropy.io.fits")

@@ -1,4 +1,4 @@
-"""Wavefronts for HCIPy, whose signs and order of axes are ours."""
+"""Export to HCIPy, which has the same signs and order of axes as aerokernels."""
 
 import numpy as np
 
@@ -8,13 +8,13 @@ from .packages import package
 
 
 def to_hcipy(wavefront: WavefrontMap):
-    """A hcipy.Wavefront of the field w exp(i k OPD) over a regular grid in metres, x running fastest.
+    """Return a hcipy.Wavefront of the field w exp(i k OPD) on a regular grid in metres, x running fastest.
 
-    Its `electric_field` is a hcipy.Field, which hcipy.write_field saves as ASDF; in a FITS file, which has no complex
-    numbers, its `amplitude` and its `phase`.
+    Its `electric_field` is a hcipy.Field, which hcipy.write_field saves as ASDF. FITS files have no complex numbers:
+    save its `amplitude` and its `phase`.
 
     Raises:
-        ModuleNotFoundError: hcipy is not there.
+        ModuleNotFoundError: hcipy is not installed.
     """
     hcipy = package("hcipy")
     count, pixel = len(wavefront.opd), wavefront.pixel

@@ -1,4 +1,4 @@
-"""Wavefronts as labelled datasets, for NetCDF files with CF attributes."""
+"""Conversion of wavefronts to and from xarray datasets, for NetCDF files with CF attributes."""
 
 import math
 from dataclasses import fields
@@ -10,11 +10,13 @@ import numpy as np
 from ...pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle
 from ..data import SIGN_CONVENTION, WavefrontMap
 
+# Coordinates may be off their pixels' centres by this share of a pixel: a file may hold them in single precision.
+SAME_PLACE = 1e-3
 PUPILS: dict[str, Any] = {kind.__name__: kind for kind in (Annulus, Disc, Mask, Polygon, Rectangle)}
 
 
 def to_xarray(wavefront: WavefrontMap):
-    """An xarray.Dataset of "opd", "weight" and "intensity" over (y, x); the OPD's error budget is read for it."""
+    """Return an xarray.Dataset of "opd", "weight" and "intensity" over (y, x); computes the OPD's error budget."""
     import xarray
 
     coordinate = wavefront.coordinate
@@ -54,11 +56,12 @@ def to_xarray(wavefront: WavefrontMap):
 
 
 def from_xarray(dataset) -> dict[str, Any]:
-    """What makes the wavefront again, by the names of its attributes.
+    """Return the attributes of the wavefront by name.
 
     Raises:
-        TypeError: What is no dataset.
-        ValueError: A dataset that is none of `to_xarray`, or of another sign.
+        TypeError: `dataset` is not a dataset.
+        ValueError: The dataset is not one of `to_xarray`, has another sign or unit, or its map was cut, thinned out or
+            flipped.
     """
     if not hasattr(dataset, "attrs") or not hasattr(dataset, "data_vars"):
         raise TypeError(f"dataset must be an xarray.Dataset, as `to_xarray` makes one, got {type(dataset).__name__}")
@@ -70,9 +73,14 @@ def from_xarray(dataset) -> dict[str, Any]:
     attributes = dataset.attrs
     if str(attributes["sign_convention"]) != SIGN_CONVENTION:
         raise ValueError(f"the dataset's sign convention is {attributes['sign_convention']!r}, not {SIGN_CONVENTION!r}")
+    unit = str(dataset["opd"].attrs.get("units", "m"))
+    if unit != "m":
+        raise ValueError(f"the dataset's opd is in {unit!r}: convert it to metres, and set its units to 'm'")
     error = _number(attributes, "opd_error", np.nan)
+    opd = _map(dataset, "opd")
+    _check_coordinates(dataset, opd.shape, _number(attributes, "pixel"))
     return {
-        "opd": _map(dataset, "opd"),
+        "opd": opd,
         "weight": _map(dataset, "weight"),
         "pixel": _number(attributes, "pixel"),
         "wavelength": _number(attributes, "wavelength"),
@@ -87,7 +95,7 @@ def from_xarray(dataset) -> dict[str, Any]:
 
 
 def _pupil_numbers(pupil: Pupil | None) -> tuple[dict[str, Any], dict[str, Any]]:
-    """A pupil's numbers as a dataset's variables (arrays of two axes) and attributes (the others, and its kind)."""
+    """Return a pupil's numbers as a dataset's variables (of two axes) and attributes (the others, and its class)."""
     variables: dict[str, Any] = {}
     attributes: dict[str, Any] = {}
     if pupil is not None:
@@ -102,7 +110,7 @@ def _pupil_numbers(pupil: Pupil | None) -> tuple[dict[str, Any], dict[str, Any]]
 
 
 def _pupil(dataset) -> Pupil | None:
-    """The pupil that a dataset was made with; None where it has none, or not all of its numbers."""
+    """Return the pupil that a dataset was made with; None if it has none, or not all of its numbers."""
     kind = PUPILS.get(str(dataset.attrs.get("pupil")))
     if kind is None:
         return None
@@ -112,22 +120,39 @@ def _pupil(dataset) -> Pupil | None:
         if name not in dataset and name not in dataset.attrs:
             return None
         found[field.name] = np.asarray(dataset[name] if name in dataset else dataset.attrs[name])
-        if found[field.name].ndim < 2 and found[field.name].size == 1:  # files make arrays of lone numbers
+        if found[field.name].ndim < 2 and found[field.name].size == 1:  # files turn single numbers into arrays
             found[field.name] = found[field.name].item()
     return kind(**found)
 
 
 def _map(dataset, name: str) -> np.ndarray:
-    """A map [y, x] of a dataset."""
+    """Return a map [y, x] of a dataset."""
     own = dataset[name]
     if set(own.dims) != {"y", "x"} or own.ndim != 2 or own.dtype.kind not in "iuf":
         axes = ", ".join(map(str, own.dims))
         raise ValueError(f"the dataset's {name} must be numbers over (y, x), got {own.dtype} over ({axes})")
-    return np.asarray(own.variable.transpose("y", "x"))  # without its coordinates, whose axes nobody asks for
+    return np.asarray(own.variable.transpose("y", "x"))  # the variable alone: its coordinates are not needed
+
+
+def _check_coordinates(dataset, shape: tuple[int, ...], pixel: float) -> None:
+    """Check that x and y, where the dataset has them, are those of pixels about the pupil's centre, ascending.
+
+    Raises:
+        ValueError: They are not: the map was cut, thinned out or turned round, and its numbers belong elsewhere.
+    """
+    for name, count in zip(("y", "x"), shape, strict=True):
+        if name not in dataset.coords:
+            continue
+        found, expected = np.asarray(dataset[name]), pixel * (np.arange(count) - 0.5 * (count - 1))
+        if found.dtype.kind not in "iuf" or not np.abs(found - expected).max(initial=0.0) <= SAME_PLACE * pixel:
+            raise ValueError(
+                f"the dataset's {name} must ascend about the pupil's centre in steps of its pixel, {pixel:g} m: give "
+                "the whole map, neither cut nor thinned out nor turned round"
+            )
 
 
 def _numbers(attributes, name: str, shape: tuple[int, ...]) -> np.ndarray:
-    """An attribute of a dataset that holds so many numbers; NetCDF has one number as a row of one."""
+    """Return an attribute of a dataset as numbers of a shape; NetCDF stores a single number as an array of one."""
     value = np.asarray(attributes[name])
     if value.dtype.kind not in "iuf" or value.size != math.prod(shape):
         raise ValueError(

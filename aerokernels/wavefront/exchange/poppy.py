@@ -1,4 +1,4 @@
-"""Wavefronts for poppy, whose OPD has the opposite sign (since 1.0: forward transforms of exp(+2 pi i x u))."""
+"""Export to poppy, whose OPD has the opposite sign (since 1.0: forward transforms of exp(+2 pi i x u))."""
 
 import numpy as np
 
@@ -7,12 +7,12 @@ from .packages import package
 
 
 def to_poppy(wavefront: WavefrontMap):
-    """A poppy.ArrayOpticalElement: `transmission` the amplitude, `opd` [m] in poppy's sign, `pixelscale` [m / pixel].
+    """Return a poppy.ArrayOpticalElement: `transmission` (amplitude), `opd` [m] in poppy's sign, `pixelscale`.
 
-    Its `pupil_diam` is the side of the map.
+    `pixelscale` is in m / pixel; `pupil_diam` is the side of the map [m].
 
     Raises:
-        ModuleNotFoundError: poppy is not there.
+        ModuleNotFoundError: poppy is not installed.
     """
     poppy, units = package("poppy"), package("astropy.units")
     element = poppy.ArrayOpticalElement(
@@ -21,11 +21,11 @@ def to_poppy(wavefront: WavefrontMap):
         opd=poppy_opd(wavefront),
         pixelscale=wavefront.pixel * units.m / units.pixel,
     )
-    # What an OpticalSystem takes as its entrance pupil where none is given, as of a file's element.
+    # An OpticalSystem without an entrance pupil takes its diameter from here, as from elements read from files.
     element.pupil_diam = len(wavefront.opd) * wavefront.pixel * units.m
     return element
 
 
 def poppy_opd(wavefront: WavefrontMap) -> np.ndarray:
-    """OPD in poppy's sign [m], 0 outside the pupil, shape (n, n)."""
+    """Return the OPD in poppy's sign [m], 0 outside the pupil, shape (n, n)."""
     return np.where(wavefront.lit, -wavefront.opd, 0.0)

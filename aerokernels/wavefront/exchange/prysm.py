@@ -1,4 +1,4 @@
-"""Wavefronts for prysm, whose sign and order of axes are ours; its lengths are nm, um and mm."""
+"""Export to prysm, which has the same sign and order of axes as aerokernels; its lengths are nm, um and mm."""
 
 import numpy as np
 
@@ -7,10 +7,10 @@ from .packages import package
 
 
 def to_prysm(wavefront: WavefrontMap):
-    """A prysm.propagation.Wavefront: amplitude, OPD as its phase [nm], wavelength [um], dx [mm].
+    """Return a prysm.propagation.Wavefront: amplitude, OPD as its phase [nm], wavelength [um], dx [mm].
 
     Raises:
-        ModuleNotFoundError: prysm is not there.
+        ModuleNotFoundError: prysm is not installed.
     """
     prysm = package("prysm.propagation")
     phase = np.where(wavefront.lit, wavefront.opd, 0.0) * 1e9

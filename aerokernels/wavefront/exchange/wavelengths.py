@@ -1,4 +1,4 @@
-"""A wavefront at several wavelengths, as a dataset with a wavelength axis."""
+"""Image quantities of a wavefront at several wavelengths, as a dataset with a wavelength axis."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 def over_wavelengths(wavefront: Any, wavelengths, angle=None, weights=None) -> "xarray.Dataset":
-    """See `Wavefront.over_wavelengths`.
+    """Return the dataset of `Wavefront.over_wavelengths`.
 
     Raises:
-        ValueError: No wavelengths, one outside 0.1 to 20 um, or weights that make no sense.
+        ValueError: There are no wavelengths, one is outside 0.1 to 20 um, or weights are negative or all zero.
     """
     import xarray
 

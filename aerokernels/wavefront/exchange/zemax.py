@@ -1,10 +1,10 @@
-"""Wavefronts as Zemax OpticStudio grid files (.dat), of which Grid Phase and Grid Sag surfaces are made.
+"""Export to Zemax OpticStudio grid files (.dat) for Grid Phase and Grid Sag surfaces.
 
     nx ny delx dely unitflag xdec ydec                    unitflag 0: mm
     z dz/dx dz/dy d2z/dxdy nodata                         one line a point, from -x +y along +x, then row by row to -y
 
-Phases are in radians and sags in mm; the sign is Zemax's, opposite to ours: where light is delayed it is negative.
-Derivatives are 0 in all lines, which has OpticStudio fit splines of its own. `nodata` is 1 outside the pupil.
+Phases are in radians and sags in mm. The sign is Zemax's, opposite to the one here: delayed light has negative values.
+All derivatives are 0, so that OpticStudio fits its own splines. `nodata` is 1 outside the pupil.
 """
 
 from pathlib import Path
@@ -20,10 +20,10 @@ KINDS = ("phase", "sag")
 
 @checked
 def to_zemax(wavefront: WavefrontMap, path: str | Path, kind: str = "phase") -> None:
-    """Write a grid file.
+    """Write a Zemax grid file.
 
     Raises:
-        ValueError: A kind that is neither "phase" nor "sag".
+        ValueError: `kind` is neither "phase" nor "sag".
     """
     check_choice(kind, "kind", KINDS)
     scale = 2.0 * np.pi / wavefront.wavelength if kind == "phase" else 1e3
