@@ -2,7 +2,7 @@
 Range walk of a fixed threshold
 ===============================
 
-A lower echo crosses a fixed threshold later, so the range that is read grows with the loss. The curve can be computed
+A lower echo crosses a fixed threshold later, so the measured range grows with the loss. The curve can be computed
 from the pulse, and taken off the reading. A constant fraction of the peak does not walk.
 """
 
@@ -22,6 +22,6 @@ fraction = [estimate_range(time, share * echo, "constant-fraction") for share in
 figure, panel = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
 panel.plot(shares, 1e3 * (np.array(edge) - edge[-1]), label="leading edge at half of the full peak")
 panel.plot(shares, 1e3 * (np.array(fraction) - fraction[-1]), "--", label="constant fraction")
-panel.set(xlabel="Strehl ratio (peak over peak without flow)", ylabel="change of the range that is read [mm]")
+panel.set(xlabel="Strehl ratio (peak over peak without flow)", ylabel="change of the measured range [mm]")
 panel.legend()
 plt.show()

@@ -2,8 +2,8 @@
 Rays in a gradient
 ==================
 
-Rays that start parallel in a medium n² = n0² (1 − g² y²) are sine waves and meet on the axis again and again. The
-traced rays lie on the exact ones. Such media are how the tracer is checked.
+Rays that start parallel in a medium n² = n0² (1 − g² y²) are sine waves that meet on the axis periodically. The traced
+rays agree with the exact ones. The tests check the tracer with such media.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 Maréchal's approximation fails at a shock
 =========================================
 
-A shock that crosses a pupil delays one part of the light by a step. The exact Strehl ratio of a step comes back after
-a whole wave; Maréchal's approximation, which knows the rms alone, falls for good.
+A shock that crosses a pupil delays one part of the light by a step. The exact Strehl ratio of a step returns to 1 after
+a whole wave. Maréchal's approximation depends on the rms alone and keeps falling.
 """
 
 import matplotlib.pyplot as plt

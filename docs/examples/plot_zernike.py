@@ -2,8 +2,8 @@
 Zernike polynomials of a wavefront
 ==================================
 
-The flow at Mach 3 at sea level, seen along a line that is tilted out of the axis. Most of what the shock does is tilt
-and focus; astigmatism and coma follow. Coefficients are rms contributions in nanometres, in Noll's order.
+The flow at Mach 3 at sea level, along a line of sight that is tilted from the axis. The shock causes mostly tilt and
+focus; astigmatism and coma follow. Coefficients are rms contributions in nanometres, in Noll's order.
 """
 
 import matplotlib.pyplot as plt
