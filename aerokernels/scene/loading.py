@@ -6,12 +6,13 @@ import sys
 import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
-from functools import lru_cache, partial
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from ..flow.shipped import shipped_names
+from ..process.opened import OPENED
 from .errors import SceneError
 
 _SHIPPED = files("aerokernels") / "scenes"
@@ -41,12 +42,6 @@ def shipped_scene_text(name: str) -> str:
     return "\n".join(part.read_text(encoding="utf-8") for part in (_SHIPPED / f"{name}.toml", _COMMON))
 
 
-@lru_cache(maxsize=1)
-def _standard_input(stream: TextIO) -> bytes:
-    """Read standard input once: a sweep loads its scene for every case."""
-    return stream.buffer.read()
-
-
 def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     """Read a scene file, a shipped scene by its name, or, for "-", the scene on standard input.
 
@@ -58,7 +53,9 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     """
     path, name = Path(place), str(place)
     if name == "-":
-        read, label, stem = partial(_standard_input, sys.stdin), "standard input", "scene"
+        # A sweep loads its scene for every case, and standard input can be read once.
+        read = partial(OPENED.once, ("standard input", sys.stdin), sys.stdin.buffer.read)
+        label, stem = "standard input", "scene"
     elif os.path.isfile(path):
         read, label, stem = path.read_bytes, str(path), path.stem
     elif name in shipped_scenes():
