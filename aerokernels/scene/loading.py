@@ -4,7 +4,7 @@ import os
 import re
 import sys
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from functools import partial
 from importlib.resources import files
@@ -54,7 +54,7 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     path, name = Path(place), str(place)
     if name == "-":
         # A sweep loads its scene for every case, and standard input can be read once.
-        read = partial(OPENED.once, ("standard input", sys.stdin), sys.stdin.buffer.read)
+        read: Callable[[], bytes] = partial(OPENED.once, ("standard input", sys.stdin), sys.stdin.buffer.read)
         label, stem = "standard input", "scene"
     elif os.path.isfile(path):
         read, label, stem = path.read_bytes, str(path), path.stem
