@@ -43,6 +43,7 @@ class Between:
         place = "lines of rays", field.geometry, field.body, spread, stop_key(until), low.tobytes(), high.tobytes()
         self.lines = known(field.samples, place, lambda: lines_through(field, spread, until, low, high), KEPT)
         self.ends = disturbed_ends(field, self.lines, held) if len(self.lines.length) else b""
+        self._found: dict[int, float] = {}
 
     def _sampled(self, count: int) -> Sampling:
         length = float(self.lines.length.max(initial=0.0))
@@ -106,7 +107,10 @@ class Between:
         """The greatest error of any ray with this many samples [m]."""
         if not len(self.lines.length):
             return 0.0
-        return greatest_error(self.field, self._sampled(count), self.lines, allowed=NEGLIGIBLE * self.held)
+        if count not in self._found:
+            allowed = NEGLIGIBLE * self.held
+            self._found[count] = greatest_error(self.field, self._sampled(count), self.lines, allowed=allowed)
+        return self._found[count]
 
     def sufficient(self, count: int) -> int:
         """This number of samples, or a few more, that miss no structure; 0 where they would.

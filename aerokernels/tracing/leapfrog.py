@@ -9,6 +9,7 @@ rays. Rays whose estimate is above the tolerance nevertheless are traced again (
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -112,7 +113,9 @@ def fit_leapfrog(
     place = "lever arms", field.geometry, pilot, stop
     plan = replace(plan, lever_arms=known(field.samples, place, lambda: lever_arms_of(field, pilot, until), KEPT))
     key = ("leapfrog", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
-    given = field, pilot, plan, until, wavelength, spread
+    held = held_error(field, plan.tolerance * wavelength)
+    between = cache(lambda: Between(field, spread(), until, held, plan.lever_arms))
+    given = field, pilot, plan, until, wavelength, between
     fitted = None
     if like is not None and like.sample_count:
         fitted = field.derive(("confirmed", *key[1:], like.sample_count), lambda: _confirm(*given, like.sample_count))
@@ -149,7 +152,7 @@ def fit_leapfrog(
 
 
 def _fit(
-    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: Spread
+    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, between: Callable[[], Between]
 ) -> tuple[int, tuple, float, Sampling | None]:
     """Samples of each ray (0: no number fits), the scales of its error estimate, and the pilot's greatest error [m].
 
@@ -170,8 +173,7 @@ def _fit(
     if second > 0.0:
         order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
     count = in_threes(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
-    between = Between(field, spread(), until, held, plan.lever_arms)
-    count = between.least_count(
+    count = between().least_count(
         count,
         lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
         lambda: _cost_again(field, pilot, plan, held),
@@ -187,7 +189,7 @@ def _fit(
         worst = level.error(finest)
         if level.is_fit and worst <= budget:
             shares = shares_of(level, worst, bends_of(trials, count))
-            return count, shares, worst, between.sampling(count)
+            return count, shares, worst, between().sampling(count)
         count = in_threes(1.25 * count)
     return nothing
 
@@ -203,7 +205,13 @@ def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
 
 
 def _with_cubes(
-    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: Spread, count: int
+    field: IndexField,
+    pilot: RayBundle,
+    plan: TracePlan,
+    until,
+    wavelength: float,
+    between: Callable[[], Between],
+    count: int,
 ) -> tuple[int, tuple, float, Sampling | None] | None:
     """Return the same as `_fit`, for samples of polynomials of cubes; None where the tolerance needs the spline.
 
@@ -213,15 +221,15 @@ def _with_cubes(
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     held = held_error(field, plan.tolerance * wavelength)
-    between = Between(field, spread(), until, held, plan.lever_arms)
     cost_again = _cost_again(field, pilot, plan, held)
-    some = between.lines.every(max(1, len(between.lines.length) // CUBES_LINES))
+    gaps = between()
+    some = gaps.lines.every(max(1, len(gaps.lines.length) // CUBES_LINES))
     rough = np.count_nonzero(roughly_off(grid, some) > held) / max(1, len(some.length))
     if rough * cost_again > CUBES_GAIN * count:
         return None  # decided before a table is made
     # A sample costs so little that taking some more is cheaper than looking up the bound on structure between them.
-    count = between.fewest(count, in_threes(CUBES_MORE * count)) or count
-    sampling = between.sampling(count)
+    count = gaps.fewest(count, in_threes(CUBES_MORE * count)) or count
+    sampling = gaps.sampling(count)
     plan = replace(plan, sample_count=count)
     by_cubes = replace(plan, cubes=True)
     trials = _trials(field, pilot, plan, until, wavelength)
@@ -244,15 +252,21 @@ def _cost_again(field: IndexField, pilot: RayBundle, plan: TracePlan, held: floa
 
 
 def _confirm(
-    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: Spread, count: int
+    field: IndexField,
+    pilot: RayBundle,
+    plan: TracePlan,
+    until,
+    wavelength: float,
+    between: Callable[[], Between],
+    count: int,
 ) -> tuple[int, tuple, float, Sampling | None] | None:
-    """Return the same as `_fit`, for this number of samples; None if it is inaccurate or may miss structure."""
+    """Return what `_fit` does for this number of samples; None if it is inaccurate or may miss structure."""
     assert isinstance(field.samples, UniformGrid)
     prepare_grid(engine_of(plan.backend, plan.device), field.samples)
     held, plan = held_error(field, plan.tolerance * wavelength), replace(plan, few_rays=True)
     if count < _least_samples(field, pilot, held, plan.lever_arms):
         return None
-    count = Between(field, spread(), until, held, plan.lever_arms).sufficient(count)
+    count = between().sufficient(count)
     if not count:
         return None
     trials = _trials(field, pilot, replace(plan, sample_count=count), until, wavelength)

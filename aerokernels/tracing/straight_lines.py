@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from ..derived import Derived
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
@@ -18,7 +19,7 @@ BESIDE_BODY, OUTERMOST = 192, 12
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class Lines(Derived):
     """The straight lines of undisturbed rays through the support of a field.
 
     Attributes:

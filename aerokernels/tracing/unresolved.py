@@ -33,7 +33,6 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from ..medium.grid_places import known
 from .blocks import block_maxima, block_means, greatest_around, greatest_of_neighbors
 from .high_pass import high_pass
 from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
@@ -65,8 +64,8 @@ LOOKED_OVER, LOOKED_SHORT = 3, 1.1
 # Ends of rays count where the potential over the length of a block exceeds this share of the tolerance.
 ENDS_SHARE = 0.02
 
-# Tables cached on a grid, and results for the last lines that are cached with its node positions.
-KEPT, KEPT_OF_LINES = 8, 16  # speed only
+# Tables cached on a grid.
+KEPT = 8  # speed only
 
 
 @dataclass(frozen=True)
@@ -99,10 +98,15 @@ def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     worth = _potential_by_blocks(grid) * float((block_size(grid) * np.asarray(grid.spacing)).max())
-    place = "blocks of ends", field.geometry, lines
-    near = known(grid, place, lambda: _blocks_of_ends(grid, field.geometry, lines, worth.shape), KEPT_OF_LINES)
+    key = "blocks of ends", field.geometry, worth.shape, _nodes_key(grid)
+    near = lines.derive(key, lambda: _blocks_of_ends(grid, field.geometry, lines, worth.shape))
     near = near * (worth > ENDS_SHARE * held)
     return np.packbits(near).tobytes() if near.any() else b""
+
+
+def _nodes_key(grid: UniformGrid) -> tuple[bytes, bytes]:
+    """What of a grid, besides its shape, decides which blocks a line crosses."""
+    return np.asarray(grid.low).tobytes(), np.asarray(grid.spacing).tobytes()
 
 
 def _blocks_of_ends(grid: UniformGrid, geometry: str, lines: Lines, shape: tuple[int, ...]) -> np.ndarray:
@@ -182,8 +186,8 @@ def _greatest_on_lines(
 
     None for `changes` means that no line has a lever arm.
     """
-    place = "way of lines", geometry, lines, block
-    way = known(grid, place, lambda: way_of(grid, block, missed.shape, lines, geometry), KEPT_OF_LINES)
+    key = "way", geometry, block, missed.shape, _nodes_key(grid)
+    way = lines.derive(key, lambda: way_of(grid, block, missed.shape, lines, geometry))
     met, changing = missed[way.part], None if changes is None else changes[way.part]
     found = float(met.max()) * way.longest
     if changing is not None:
