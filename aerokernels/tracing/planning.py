@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..inputs.checks import check_choice
+from ..inputs.checks import check_choice, check_positive
 from ..medium import IndexField
-from .allowance import check_tolerance, step_allowance
+from .allowance import step_allowance
 from .engines.choice import choose_backend
 from .held import held_error
 from .leapfrog import fit_leapfrog, may_be_leapfrog
@@ -39,6 +39,25 @@ def backend_for(field: IndexField, backend: str) -> str:
     return "reference"
 
 
+def check_choices(field: IndexField, *, method, precision, tolerance, step) -> None:
+    """Check the caller's choices, before any ray is planned.
+
+    Raises:
+        ValueError: An unknown name or a number that makes no sense, with the remedy.
+    """
+    check_choice(method, "method", METHODS)
+    if precision not in PRECISIONS:
+        raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
+    check_positive(tolerance, "tolerance", "waves")
+    if field.interpolation == "cells" and method in ("fixed", "paper"):
+        raise ValueError(f"method {method!r} steps over the edges between cells: take 'auto' for interpolation 'cells'")
+    if method == "fixed":
+        if step is None or not (np.isfinite(step) and step > 0.0):
+            raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")
+    elif step is not None:
+        raise ValueError(f"step belongs to method 'fixed', not to {method!r}: leave it out or choose 'fixed'")
+
+
 def plan_rays(
     field: IndexField,
     pilot,
@@ -62,7 +81,7 @@ def plan_rays(
     The other arguments are those of `make_plan`.
 
     Raises:
-        ValueError: An unknown name or a number that makes no sense, with the remedy.
+        ValueError: As for `make_plan`.
     """
     if field.geometry == "planar" and choices["path_length"] is None:
         # The box has no end in x: a ray may fly much farther in it than across its other axes.
@@ -95,23 +114,12 @@ def make_plan(
     wavelength,
     directions,
 ) -> TracePlan:
-    """Check the caller's choices and fill in those left to "auto".
+    """Fill in the choices left to "auto"; the others have passed `check_choices`.
 
     Raises:
-        ValueError: An unknown name or a number that makes no sense, with the remedy.
+        ValueError: A backend or device that is not available, or a number of steps that makes no sense.
     """
-    check_choice(method, "method", METHODS)
-    if precision not in PRECISIONS:
-        raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
-    check_tolerance(tolerance)
     backend = backend_for(field, backend)
-    if field.interpolation == "cells" and method in ("fixed", "paper"):
-        raise ValueError(f"method {method!r} steps over the edges between cells: take 'auto' for interpolation 'cells'")
-    if method == "fixed":
-        if step is None or not (np.isfinite(step) and step > 0.0):
-            raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")
-    elif step is not None:
-        raise ValueError(f"step belongs to method 'fixed', not to {method!r}: leave it out or choose 'fixed'")
     # Names taken from an array are NumPy strings, which the caches of kernels would treat as different keys.
     method, precision = str(method), str(precision)
     reasons = []

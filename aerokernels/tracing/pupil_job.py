@@ -10,12 +10,11 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import Pupil, RayBundle
-from .allowance import check_tolerance
 from .lattice_quadrature import ACCEPTED, ENOUGH, LATTICES, lattice_sizes, may_still_settle
 from .leapfrog import PILOT_RAYS
 from .lines import box_size
 from .plan import TracePlan
-from .planning import plan_rays
+from .planning import check_choices, plan_rays
 from .pupil_air import SAMPLE_RAYS, PupilAir, pupil_air
 from .pupil_run import PupilRun
 from .pupil_sums import PupilTask
@@ -164,7 +163,8 @@ def make_job(
     _check_size(field, pupil)
     if like is not None:
         share_places(field, like.task.field)
-    tolerance = check_tolerance(choices["tolerance"])
+    tolerance = choices["tolerance"]
+    check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
     pilot, air_rays = (None, None) if like is None else like.samples
     seen = (weakref.ref(pupil), tuple(look.tolist()), like is None)  # cache key for the same pupil with other seeds
     air = field.derive(

@@ -19,7 +19,7 @@ from .launch import launch
 from .leapfrog import pilot_of, spread_of
 from .meeting import check_meeting
 from .plan import TracePlan
-from .planning import backend_for, plan_rays
+from .planning import backend_for, check_choices, plan_rays
 from .result import RAY_OUTPUTS, TraceResult
 from .retrace import report_rejected, retrace_rejected
 from .status import RayStatus
@@ -88,6 +88,7 @@ def trace(
     wavelength = field.wavelength_for(wavelength)
     wanted = check_outputs(outputs)
     check_choice(bundle, "bundle", BUNDLES)
+    check_choices(field, method=method, precision=precision, tolerance=tolerance, step=step)
     if backend == "auto" and device is None and rays.device not in (None, "cpu"):
         device = rays.device  # rays that are stored on a GPU are traced there
     backend = backend_for(field, backend)
