@@ -127,14 +127,14 @@ def fit_leapfrog(
     if cubes is not None:
         count, shares, worst, sampling = cubes
     reason = (
-        f"method leapfrog: {count} leapfrog samples a ray, bending included; a pilot of {pilot.ray_count} rays is "
-        f"right to {worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are "
+        f"method leapfrog: {count} leapfrog samples a ray, bending included; a pilot of {pilot.ray_count} rays has "
+        f"an error of {worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are "
         "traced again"
     )
     if cubes is not None:
-        reason += "; each looks up a cubic polynomial of 2 x 2 x 2 cells, which is as good as the tolerance needs"
+        reason += "; each evaluates a cubic polynomial of 2 x 2 x 2 cells, which is accurate enough for the tolerance"
     if sampling is not None:
-        reason += "; the field has structure between samples, so what each ray may miss is bounded along its path"
+        reason += "; the field has structure between samples, whose effect on each ray is bounded along its path"
     return replace(
         plan,
         sample_count=count,

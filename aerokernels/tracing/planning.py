@@ -132,7 +132,7 @@ def make_plan(
         predicted = predict_evaluations(field, held_error(field, tolerance * wavelength), directions)
         reasons.append(f"method adaptive: error control, about {predicted:.0f} evaluations a ray across the box")
     else:
-        reasons.append(f"method {method}: asked for{STRAIGHT if method == 'straight' else ''}")
+        reasons.append(f"method {method}: requested{STRAIGHT if method == 'straight' else ''}")
     backend, device, why = choose_backend(backend, device)
     if field.interpolation == "cells":
         why = "backend reference: it alone ends its steps at every edge between cells"
@@ -140,8 +140,8 @@ def make_plan(
     dimension = {"volume": "a volume", "planar": "two axes, x is never expanded"}.get(
         field.geometry, "r and z, never expanded to a volume"
     )
-    reasons.append(f"{field.geometry} field: looked up in {dimension}")
-    reasons.append("outside the field's box rays fly free in one step")
+    reasons.append(f"{field.geometry} field: evaluated in {dimension}")
+    reasons.append("outside the field's box a ray flies in one step")
     if field.body is None:
         reasons.append("no body: no wall test in the kernel")
     if method == "fixed" and max_steps is None and step < 1e-8 * box_size(field):

@@ -103,7 +103,7 @@ def trace(
     with clocked() as seconds:
         with stage("plan"):
             check_meeting(field, rays, "ray of the bundle")
-            made: Any = "every ray is traced: asked for" if bundle == "off" else None
+            made: Any = "every ray is traced: requested by bundle='off'" if bundle == "off" else None
             if bundle == "auto" and method == "auto" and backend != "reference":
                 made = trace_bundle(Asked(field, rays, until, wavelength, wanted, choices, run_plan))
             if isinstance(made, tuple):

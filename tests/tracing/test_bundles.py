@@ -219,7 +219,7 @@ def test_what_is_not_a_bundle_is_traced_ray_by_ray():
     """Other methods, "off", few rays and incoherent ones: every ray is traced, and the plan says why."""
     rays = bundle("slanted")
     off = traced(smooth_field(), rays, bundle="off")
-    assert off.plan.bundle is None and "every ray is traced: asked for" in off.plan.reasons
+    assert off.plan.bundle is None and "every ray is traced: requested by bundle='off'" in off.plan.reasons
     few = traced(smooth_field(), rays[:4000])
     assert few.plan.bundle is None and "fewer than" in few.plan.reasons[-1]
     assert np.array_equal(few.opd, traced(smooth_field(), rays[:4000], bundle="off").opd)

@@ -87,7 +87,9 @@ def trace_bundle(asked: Asked) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
     arrays = in_chunks(ready, starts_of(rays), asked.outputs)
     left = rows_there(arrays["status"], NOT_DELIVERED)
     if len(left) > (1.0 - LEAST_SHARE) * rays.ray_count:
-        return f"rays are traced one by one: patches between traced rays would hold for {rays.ray_count - len(left)}"
+        return (
+            f"rays are traced one by one: interpolation would be accurate for only {rays.ray_count - len(left)} of them"
+        )
     if len(left):
         _trace_left(asked, table, left, arrays)
     counts = BundleCounts(table.traced, rays.ray_count - len(left), len(left), table.error, dict(table.refused))
@@ -106,13 +108,13 @@ def _recognised(asked: Asked) -> tuple[Family, BundleTable, TracePlan] | str:
         if isinstance(found, str):
             return found
         if not asked.field.is_uniform:
-            return "the field lies on a mesh"
+            return "the field is on a mesh"
         family = found
     # The family that matched last is tried first the next time.
     known[:] = [family, *(each for each in known if each is not family)][:KEPT]
     table = find_table(asked, family)
     if table is None:
-        return "nothing between traced rays is smooth enough"
+        return "no map between traced rays is smooth enough"
     key = ("plan of lines", family.key, asked.wavelength, tuple(asked.choices.values()))
     return family, table, asked.field.derive(key, lambda: _line_plan(asked, 1.0), KEPT)
 
