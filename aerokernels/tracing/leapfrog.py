@@ -17,14 +17,14 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..medium.grid_places import known
 from ..rays import RayBundle
-from .between_samples import MARGIN, Between, in_threes
-from .cube_polynomials import may_have_cubes, roughly_off
+from .between_samples import MARGIN, MissedStructure, multiple_of_three
+from .cube_polynomials import approximate_deviation, may_have_cubes
 from .engines import engine_of
+from .error_limit import error_limit
 from .grid_tables import prepare_grid
-from .held import held_error
 from .launch import Trials
 from .lever_arms import LeverArms, lever_arms_of
-from .pilot_levels import bends_of, known_levels, levels_of, shares_of
+from .pilot_levels import error_scales, greatest_bend, level_pair, levels_of
 from .plan import TracePlan
 from .prediction import predict_evaluations
 from .stop import ArcLength, stop_key
@@ -58,7 +58,7 @@ CUBES_MEMORY = 0.25
 CUBES_ANGLE = 5e-7
 
 # Number of pilots whose results are cached with a grid's node positions.
-KEPT = 4  # speed only
+CACHED = 4  # speed only
 # Number of a bundle's rays whose lines are examined, and the function that makes these rays.
 SPREAD_RAYS = 8192
 Spread = Callable[[], RayBundle]
@@ -110,7 +110,7 @@ def fit_leapfrog(
     stop = stop_key(until)
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
     place = "lever arms", field.geometry, pilot, stop
-    plan = replace(plan, lever_arms=known(field.samples, place, lambda: lever_arms_of(field, pilot, until), KEPT))
+    plan = replace(plan, lever_arms=known(field.samples, place, lambda: lever_arms_of(field, pilot, until), CACHED))
     key = ("leapfrog", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
     given = field, pilot, plan, until, wavelength, spread
     fitted = None
@@ -155,10 +155,10 @@ def _fit(
 
     The last entry is the distance of the samples, where structure between them counts.
     """
-    held = held_error(field, plan.tolerance * wavelength)
-    budget = held / MARGIN
+    limit = error_limit(field, plan.tolerance * wavelength)
+    budget = limit / MARGIN
     nothing = 0, (), 0.0, None
-    least = _least_samples(field, pilot, held, plan.lever_arms)
+    least = _least_samples(field, pilot, limit, plan.lever_arms)
     if not _is_worth_it(field, pilot, plan, wavelength, least):
         return nothing
     trials = _trials(field, pilot, replace(plan, sample_count=least), until, wavelength)
@@ -169,12 +169,12 @@ def _fit(
     order = 1.0
     if second > 0.0:
         order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
-    count = in_threes(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
-    between = Between(field, spread(), until, held, plan.lever_arms)
-    count = between.least_count(
+    count = multiple_of_three(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
+    structure = MissedStructure(field, spread(), until, limit, plan.lever_arms)
+    count = structure.least_count(
         count,
         lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
-        lambda: _cost_again(field, pilot, plan, held),
+        lambda: _cost_again(field, pilot, plan, limit),
     )
     while count and _is_worth_it(field, pilot, plan, wavelength, count):
         level = next((level for level in levels if level.count == count), None)
@@ -186,9 +186,9 @@ def _fit(
             levels.append(finest)
         worst = level.error(finest)
         if level.is_fit and worst <= budget:
-            shares = shares_of(level, worst, bends_of(trials, count))
-            return count, shares, worst, between.sampling(count)
-        count = in_threes(1.25 * count)
+            shares = error_scales(level, worst, greatest_bend(trials, count))
+            return count, shares, worst, structure.sampling(count)
+        count = multiple_of_three(1.25 * count)
     return nothing
 
 
@@ -212,35 +212,35 @@ def _with_cubes(
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
-    held = held_error(field, plan.tolerance * wavelength)
-    between = Between(field, spread(), until, held, plan.lever_arms)
-    cost_again = _cost_again(field, pilot, plan, held)
-    some = between.lines.every(max(1, len(between.lines.length) // CUBES_LINES))
-    rough = np.count_nonzero(roughly_off(grid, some) > held) / max(1, len(some.length))
+    limit = error_limit(field, plan.tolerance * wavelength)
+    structure = MissedStructure(field, spread(), until, limit, plan.lever_arms)
+    cost_again = _cost_again(field, pilot, plan, limit)
+    some = structure.lines.every(max(1, len(structure.lines.length) // CUBES_LINES))
+    rough = np.count_nonzero(approximate_deviation(grid, some) > limit) / max(1, len(some.length))
     if rough * cost_again > CUBES_GAIN * count:
         return None  # decided before a table is made
     # A sample costs so little that taking some more is cheaper than looking up the bound on structure between them.
-    count = between.fewest(count, in_threes(CUBES_MORE * count)) or count
-    sampling = between.sampling(count)
+    count = structure.fewest(count, multiple_of_three(CUBES_MORE * count)) or count
+    sampling = structure.sampling(count)
     plan = replace(plan, sample_count=count)
     by_cubes = replace(plan, cubes=True)
     trials = _trials(field, pilot, plan, until, wavelength)
-    spline, finest, bends = known_levels(trials, count)
+    spline, finest, bends = level_pair(trials, count)
     (level,) = levels_of(_trials(field, pilot, by_cubes, until, wavelength), count)
     worst = level.error(finest)
-    if not (level.is_fit and finest.is_fit and worst <= held / MARGIN and level.turned(spline) <= CUBES_ANGLE):
+    if not (level.is_fit and finest.is_fit and worst <= limit / MARGIN and level.turn(spline) <= CUBES_ANGLE):
         return None
-    shares = shares_of(spline, worst, bends)
+    shares = error_scales(spline, worst, bends)
     final = _trials(field, pilot, replace(by_cubes, sampling=sampling), until, wavelength)
-    again = float((final((count, *shares))[0]["step_error"] > held).mean())
+    again = float((final((count, *shares))[0]["step_error"] > limit).mean())
     if again * cost_again > CUBES_GAIN * count:
         return None
     return count, shares, worst, sampling
 
 
-def _cost_again(field: IndexField, pilot: RayBundle, plan: TracePlan, held: float) -> float:
+def _cost_again(field: IndexField, pilot: RayBundle, plan: TracePlan, limit: float) -> float:
     """The cost of tracing a ray again, in samples."""
-    return max(CHEAP[plan.backend], WORTH[plan.backend] * predict_evaluations(field, held, pilot.direction))
+    return max(CHEAP[plan.backend], WORTH[plan.backend] * predict_evaluations(field, limit, pilot.direction))
 
 
 def _confirm(
@@ -249,18 +249,18 @@ def _confirm(
     """Return the same as `_fit`, for this number of samples; None if it is inaccurate or may miss structure."""
     assert isinstance(field.samples, UniformGrid)
     prepare_grid(engine_of(plan.backend, plan.device), field.samples)
-    held, plan = held_error(field, plan.tolerance * wavelength), replace(plan, few_rays=True)
-    if count < _least_samples(field, pilot, held, plan.lever_arms):
+    limit, plan = error_limit(field, plan.tolerance * wavelength), replace(plan, few_rays=True)
+    if count < _least_samples(field, pilot, limit, plan.lever_arms):
         return None
-    count = Between(field, spread(), until, held, plan.lever_arms).sufficient(count)
+    count = MissedStructure(field, spread(), until, limit, plan.lever_arms).sufficient(count)
     if not count:
         return None
     trials = _trials(field, pilot, replace(plan, sample_count=count), until, wavelength)
-    level, finest, bends = known_levels(trials, count)
+    level, finest, bends = level_pair(trials, count)
     worst = level.error(finest)
-    if not (level.is_fit and finest.is_fit and worst <= held / MARGIN):
+    if not (level.is_fit and finest.is_fit and worst <= limit / MARGIN):
         return None
-    return count, shares_of(level, worst, bends), worst, None
+    return count, error_scales(level, worst, bends), worst, None
 
 
 def _trials(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> Trials:
@@ -271,8 +271,8 @@ def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, lever_
     """The number of samples for which they are WIDEST cells apart on the longest path through the field's support."""
     low, high = support_box(field, tolerance, lever_arms)
     place = "cells of a pilot", field.geometry, pilot, low.tobytes(), high.tobytes()
-    cells: float = known(field.samples, place, lambda: _greatest_cells(field, pilot, low, high), KEPT)
-    return in_threes(max(LEAST_SAMPLES, cells / WIDEST))
+    cells: float = known(field.samples, place, lambda: _greatest_cells(field, pilot, low, high), CACHED)
+    return multiple_of_three(max(LEAST_SAMPLES, cells / WIDEST))
 
 
 def _greatest_cells(field: IndexField, pilot: RayBundle, low: np.ndarray, high: np.ndarray) -> float:
@@ -296,5 +296,5 @@ def _is_worth_it(field: IndexField, pilot: RayBundle, plan: TracePlan, wavelengt
     """Whether this many samples cost less than error control; that cost is predicted only where it may decide."""
     if count <= CHEAP[plan.backend] or count > MOST_SAMPLES:
         return count <= MOST_SAMPLES
-    predicted = predict_evaluations(field, held_error(field, plan.tolerance * wavelength), pilot.direction)
+    predicted = predict_evaluations(field, error_limit(field, plan.tolerance * wavelength), pilot.direction)
     return count <= WORTH[plan.backend] * predicted

@@ -13,7 +13,7 @@ from ..inputs.checks import check_choice, check_positive
 from ..medium import IndexField
 from .allowance import step_allowance
 from .engines.choice import choose_backend
-from .held import held_error
+from .error_limit import error_limit
 from .leapfrog import fit_leapfrog, may_be_leapfrog
 from .lever_arms import lever_arms_of
 from .lines import box_size
@@ -129,7 +129,7 @@ def make_plan(
         reasons.append("method adaptive: the reference is the answer that others are measured against")
     elif method == "auto":
         method = "adaptive"
-        predicted = predict_evaluations(field, held_error(field, tolerance * wavelength), directions)
+        predicted = predict_evaluations(field, error_limit(field, tolerance * wavelength), directions)
         reasons.append(f"method adaptive: error control, about {predicted:.0f} evaluations a ray across the box")
     else:
         reasons.append(f"method {method}: requested{STRAIGHT if method == 'straight' else ''}")

@@ -25,7 +25,7 @@ REPLICATES = 16
 # The seed of the points that decide which lattice is taken.
 PILOT_SEED = 0x1A771CE
 # Plans of pupils, and losses where the known air ends, that are cached on a field.
-KEPT = 4  # speed only
+CACHED = 4  # speed only
 # The greatest reach of a pupil, over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
 # A known number of samples is confirmed by one in this many of the rays that were used to find it.
@@ -170,12 +170,12 @@ def make_job(
     air = field.derive(
         ("air of a pupil", *seen, tolerance * wavelength),
         lambda: pupil_air(field, pupil, look, tolerance * wavelength, air_rays),
-        KEPT,
+        CACHED,
     )
     pilot = field.derive(
         ("pilot of a pupil", *seen),
         lambda: pilot or RayBundle.collimated(pupil, PILOT_RAYS, direction=look),
-        KEPT,
+        CACHED,
     )
     until = plane_beyond(field, pupil, look)
     per_replicate = -(-int(ray_count) // REPLICATES)  # rounded up
@@ -203,7 +203,7 @@ def make_job(
                 sure_count=rays,
                 **choices,
             ),
-            KEPT,
+            CACHED,
         )
         return replace(plan, reasons=(*plan.reasons, why), few_rays=is_sparse)
 

@@ -38,7 +38,7 @@ TURN = 0.02
 CONE_SINES = (0.02, 0.2)
 
 # Tables cached on a grid: for two precisions, some tolerances and some cones.
-KEPT = 32  # speed only
+CACHED = 32  # speed only
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Cone:
     spread: float  # half angle [rad]
 
     @property
-    def way(self) -> np.ndarray:
+    def axis_vector(self) -> np.ndarray:
         """Unit vector along the axis."""
         way = np.zeros(3)
         if self.axis is not None:
@@ -108,12 +108,12 @@ def step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> S
         cone: Where the rays point.
     """
     key = ("step_bound", geometry, budget, cone)
-    return grid.derive(key, lambda: _step_bound(grid, geometry, budget, cone), KEPT)
+    return grid.derive(key, lambda: _step_bound(grid, geometry, budget, cone), CACHED)
 
 
 def _step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> StepBound:
     block, smooth, kink = roughness_along(grid, geometry, cone)
-    way = _local(cone.way, geometry)
+    way = _local(cone.axis_vector, geometry)
     extent = float(np.linalg.norm(grid.high - grid.low))
     rate = budget / extent
     size = block * grid.spacing
@@ -147,7 +147,7 @@ def roughness_along(grid: UniformGrid, geometry: str, cone: Cone) -> tuple[int, 
     block, fourth, second = _roughness(grid)
     if cone.axis is None:
         return block, np.sum([np.sqrt(g) for g in fourth], axis=0) ** 2, np.sum(second, axis=0)
-    share = np.minimum(np.abs(_local(cone.way, geometry)) + np.sin(cone.spread), 1.0)
+    share = np.minimum(np.abs(_local(cone.axis_vector, geometry)) + np.sin(cone.spread), 1.0)
     smooth = np.sum([w * g**0.25 for w, g in zip(share, fourth, strict=True)], axis=0) ** 4
     kink = np.sum([w * np.sqrt(k) for w, k in zip(share, second, strict=True)], axis=0) ** 2
     return block, smooth, kink

@@ -13,7 +13,7 @@ from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..rays import RayBundle
 from .budget import Retrace, error_budget
-from .bundle.run import Asked, trace_bundle
+from .bundle.run import BundleRequest, trace_bundle
 from .known_air import KnownAir
 from .launch import launch
 from .leapfrog import pilot_of, spread_of
@@ -105,7 +105,7 @@ def trace(
             check_meeting(field, rays, "ray of the bundle")
             made: Any = "every ray is traced: requested by bundle='off'" if bundle == "off" else None
             if bundle == "auto" and method == "auto" and backend != "reference":
-                made = trace_bundle(Asked(field, rays, until, wavelength, wanted, choices, run_plan))
+                made = trace_bundle(BundleRequest(field, rays, until, wavelength, wanted, choices, run_plan))
             if isinstance(made, tuple):
                 plan, arrays = made
             else:

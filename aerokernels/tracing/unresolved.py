@@ -36,10 +36,10 @@ from ..medium.grid import UniformGrid
 from ..medium.grid_places import known
 from .blocks import block_maxima, block_means, greatest_around, greatest_of_neighbors
 from .high_pass import high_pass
+from .path_through_blocks import along_axes, path_of
 from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
 from .step_bound import block_size, potential_at_nodes, roughness_by_axis
 from .straight_lines import Lines, local_coordinates
-from .way_through_blocks import along_axes, way_of
 
 # Frequencies along a ray, times H, from which on components are passed: along the ray, and at its ends.
 EDGE, EDGE_AT_ENDS = 0.92, 0.4
@@ -66,7 +66,7 @@ LOOKED_OVER, LOOKED_SHORT = 3, 1.1
 ENDS_SHARE = 0.02
 
 # Tables cached on a grid, and results for the last lines that are cached with its node positions.
-KEPT, KEPT_OF_LINES = 8, 16  # speed only
+CACHED, CACHED_FOR_LINES = 8, 16  # speed only
 
 
 @dataclass(frozen=True)
@@ -88,20 +88,20 @@ class Sampling:
     ends: bytes = b""
 
 
-def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
+def disturbed_ends(field: IndexField, lines: Lines, limit: float) -> bytes:
     """Blocks around those in which lines begin or end in disturbed air, as packed bits; empty if there are none.
 
     Args:
         field: A field on a cubic uniform grid.
         lines: The rays' straight lines through the support of the field.
-        held: The OPD error allowed to them [m].
+        limit: The OPD error allowed to them [m].
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     worth = _potential_by_blocks(grid) * float((block_size(grid) * np.asarray(grid.spacing)).max())
     place = "blocks of ends", field.geometry, lines
-    near = known(grid, place, lambda: _blocks_of_ends(grid, field.geometry, lines, worth.shape), KEPT_OF_LINES)
-    near = near * (worth > ENDS_SHARE * held)
+    near = known(grid, place, lambda: _blocks_of_ends(grid, field.geometry, lines, worth.shape), CACHED_FOR_LINES)
+    near = near * (worth > ENDS_SHARE * limit)
     return np.packbits(near).tobytes() if near.any() else b""
 
 
@@ -133,7 +133,7 @@ def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = Fals
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     key = ("missed by rule" if by_rule else "missed", field.geometry, sampling)
-    return grid.derive(key, lambda: _missed(grid, field.geometry, sampling, by_rule), KEPT)
+    return grid.derive(key, lambda: _missed(grid, field.geometry, sampling, by_rule), CACHED)
 
 
 def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
@@ -182,14 +182,14 @@ def _greatest_on_lines(
 
     None for `changes` means that no line has a lever arm.
     """
-    place = "way of lines", geometry, lines, block
-    way = known(grid, place, lambda: way_of(grid, block, missed.shape, lines, geometry), KEPT_OF_LINES)
-    met, changing = missed[way.part], None if changes is None else changes[way.part]
-    found = float(met.max()) * way.longest
+    place = "path of lines", geometry, lines, block
+    path = known(grid, place, lambda: path_of(grid, block, missed.shape, lines, geometry), CACHED_FOR_LINES)
+    met, changing = missed[path.part], None if changes is None else changes[path.part]
+    found = float(met.max()) * path.longest
     if changing is not None:
-        found += float(changing.max()) * way.lever_arm * way.longest
+        found += float(changing.max()) * path.lever_arm * path.longest
     # Along an axis that all rays run along: layer by layer, as far to the side as a ray may get.
-    for layers in way.layers:
+    for layers in path.layers:
         amount = met if changing is None else met + changing * layers.lever_arms
         for other, count in layers.beside:
             amount = greatest_of_neighbors(amount, count, other)

@@ -9,7 +9,7 @@ import pytest
 from aerokernels import ArcLength, Body, IndexField, Plane, RayBundle, trace
 from aerokernels.tracing import RayStatus
 from aerokernels.tracing.bundle.family import SAMPLE, find_family, some_rows
-from aerokernels.tracing.bundle.run import Asked, find_table
+from aerokernels.tracing.bundle.run import BundleRequest, find_table
 from aerokernels.tracing.result import RAY_OUTPUTS
 from aerokernels.tracing.trace import run_plan
 
@@ -109,7 +109,7 @@ def test_kernels_deliver_what_the_formulae_say(engine: str, outputs: tuple[str, 
     options = {"precision": "float32", "tolerance": 1e-3, "max_steps": None, "path_length": None, **on(engine)}
     for kind, until in (("slanted", STOPS["far"]), ("wide", None), ("divergent", STOPS["arc"])):
         rays = bundle(kind, side=200)
-        asked = Asked(smooth_field(), rays, until, WAVE, frozenset(outputs), options, run_plan)
+        asked = BundleRequest(smooth_field(), rays, until, WAVE, frozenset(outputs), options, run_plan)
         family = find_family(smooth_field(), rays, until)
         table = find_table(asked, family)
         assert table is not None
