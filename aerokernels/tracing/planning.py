@@ -6,15 +6,17 @@ engines/choice.py.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from ..inputs.checks import check_choice, check_positive
 from ..medium import IndexField
+from ..rays import RayBundle
 from .allowance import step_allowance
 from .engines.choice import choose_backend
 from .error_limit import error_limit
-from .leapfrog import fit_leapfrog, may_be_leapfrog
+from .leapfrog import fit_leapfrog, may_be_leapfrog, pilot_of, spread_of
 from .lever_arms import lever_arms_of
 from .lines import box_size
 from .plan import LEAPFROG, METHODS, PRECISIONS, TracePlan
@@ -98,6 +100,21 @@ def plan_rays(
             if plan is not None:
                 return plan
     return make_plan(field, method=method, wavelength=wavelength, **choices)
+
+
+def plan_bundle(field: IndexField, rays: RayBundle, until, *, method="auto", step=None, **choices) -> TracePlan:
+    """Return the plan of a bundle whose rays are at hand; the other arguments are those of `make_plan`."""
+    return plan_rays(
+        field,
+        partial(pilot_of, rays),
+        rays.ray_count,
+        until,
+        method=method,
+        step=step,
+        directions=rays.direction if rays.device is None else pilot_of(rays).direction,
+        spread=partial(spread_of, rays),
+        **choices,
+    )
 
 
 def make_plan(

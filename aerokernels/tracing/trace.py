@@ -16,10 +16,9 @@ from .budget import Retrace, error_budget
 from .bundle.run import BundleRequest, trace_bundle
 from .known_air import KnownAir
 from .launch import launch
-from .leapfrog import pilot_of, spread_of
 from .meeting import check_meeting
 from .plan import TracePlan
-from .planning import backend_for, check_choices, plan_rays
+from .planning import backend_for, check_choices, plan_bundle
 from .result import RAY_OUTPUTS, TraceResult
 from .retrace import report_rejected, retrace_rejected
 from .status import RayStatus
@@ -109,18 +108,7 @@ def trace(
             if isinstance(made, tuple):
                 plan, arrays = made
             else:
-                plan = plan_rays(
-                    field,
-                    partial(pilot_of, rays),
-                    rays.ray_count,
-                    until,
-                    method=method,
-                    step=step,
-                    wavelength=wavelength,
-                    directions=rays.direction if rays.device is None else pilot_of(rays).direction,
-                    spread=partial(spread_of, rays),
-                    **choices,
-                )
+                plan = plan_bundle(field, rays, until, method=method, step=step, wavelength=wavelength, **choices)
                 plan = plan if made is None else replace(plan, reasons=(*plan.reasons, made))
         if not isinstance(made, tuple):
             arrays = run_plan(field, rays, plan, until, wavelength, wanted)

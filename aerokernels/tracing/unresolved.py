@@ -38,7 +38,7 @@ from .blocks import block_maxima, block_means, greatest_around, greatest_of_neig
 from .high_pass import high_pass
 from .path_through_blocks import along_axes, path_of
 from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
-from .step_bound import block_size, potential_at_nodes, roughness_by_axis
+from .step_bound import block_size, potential_at_nodes, roughness_of_blocks
 from .straight_lines import Lines, local_coordinates
 
 # Frequencies along a ray, times H, from which on components are passed: along the ray, and at its ends.
@@ -217,7 +217,7 @@ def _with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
 
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
     obliquity = along_axes(sampling.steepness, geometry)
-    block, fourth = roughness_by_axis(grid)
+    block, fourth, _ = roughness_of_blocks(grid)
     strides = [PEANO * (u * sampling.spacing) ** 4 for u in obliquity]
     missed = _joined([stride * change for stride, change in zip(strides, fourth, strict=True)])
     factor = 1.0 + MISSED_SLOPE * sampling.lever_arm / float(grid.spacing.min())
@@ -284,7 +284,7 @@ def _ends_of(grid: UniformGrid, sampling: Sampling) -> np.ndarray:
 
 def _by_blocks(grid: UniformGrid, geometry: str, sampling: Sampling, size: np.ndarray) -> np.ndarray:
     """Greatest mean that a ray meets on its path through each block, of sizes at nodes, along the rays' main axis."""
-    block, _ = roughness_by_axis(grid)
+    block = block_size(grid)
     obliquity, main = along_axes(sampling.steepness, geometry), _main_axis(sampling.steepness, geometry)
     across = [axis for axis in range(len(obliquity)) if axis != main]
     if main is None:

@@ -3,7 +3,6 @@
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,12 +14,13 @@ from ..engines import engine_of
 from ..error_limit import error_limit
 from ..known_air import face_strengths
 from ..launch import in_chunks, starts_of
-from ..leapfrog import LEAST_RAYS, pilot_of, spread_of
+from ..leapfrog import LEAST_RAYS, pilot_of
 from ..lever_arms import lever_arms_of
 from ..lines import box_size
 from ..plan import BundleCounts, TracePlan
-from ..planning import make_plan, plan_rays
+from ..planning import make_plan, plan_bundle
 from ..status import NOT_DELIVERED
+from ..stop import stop_key
 from .clearance import Clearance
 from .family import Family, counted_parameters, find_family
 from .known_family import known_family
@@ -121,11 +121,9 @@ def _recognised(request: BundleRequest) -> tuple[Family, BundleTable, TracePlan]
 
 def find_table(request: BundleRequest, family: Family) -> BundleTable | None:
     """The patches of a family, cached on the field; None where no block can be interpolated."""
-    until = request.until
-    stop = None if until is None else tuple(np.concatenate([np.ravel(v) for v in vars(until).values()]).tolist())
     channels = channels_of(request.outputs)
     choices = tuple(request.choices[name] for name in ("backend", "device", "precision", "tolerance", "max_steps"))
-    key = ("bundle", family.key, type(until).__name__, stop, request.wavelength, channels, choices)
+    key = ("bundle", family.key, stop_key(request.until), request.wavelength, channels, choices)
     found: BundleTable | None = request.field.derive(key, lambda: _find_table(request, family, channels), CACHED)
     return found
 
@@ -160,12 +158,12 @@ class _Tracer:
     """Trace lines to a fraction of the tolerance: many at a time by leapfrog steps where these are accurate enough."""
 
     def __init__(self, request: BundleRequest):
-        self.asked = request
+        self.request = request
         self.few = _line_plan(request, TRACED_SHARE)
         self.many: TracePlan | None = None
 
     def __call__(self, rays: RayBundle) -> dict[str, np.ndarray]:
-        request, plan = self.asked, self.few
+        request, plan = self.request, self.few
         if rays.ray_count >= LEAST_RAYS:
             self.many = self.many or _plan_many(request, rays, TRACED_SHARE)
             plan = self.many
@@ -183,18 +181,7 @@ def _line_plan(request: BundleRequest, share: float) -> TracePlan:
 
 def _plan_many(request: BundleRequest, rays: RayBundle, share: float) -> TracePlan:
     choices = {**request.choices, "tolerance": share * request.choices["tolerance"]}
-    return plan_rays(
-        request.field,
-        partial(pilot_of, rays),
-        rays.ray_count,
-        request.until,
-        method="auto",
-        step=None,
-        wavelength=request.wavelength,
-        directions=rays.direction if rays.device is None else pilot_of(rays).direction,
-        spread=partial(spread_of, rays),
-        **choices,
-    )
+    return plan_bundle(request.field, rays, request.until, wavelength=request.wavelength, **choices)
 
 
 def _trace_left(request: BundleRequest, table: BundleTable, rows: Any, arrays: dict[str, Any]) -> None:
