@@ -59,7 +59,7 @@ def main() -> None:
         if not (found.right or found.answered_by == "nobody") or given.only is not None:
             print(
                 f"{seed:5d} {view.kind:10s} {'right' if found.right else 'WRONG'}: rays {found.by_rays:.4f}, wave "
-                f"{found.by_wave:.4f} +- {found.wave_error:.1g}, told of {found.told:+.4f} by "
+                f"{found.by_wave:.4f} +- {found.wave_error:.1g}, reported change {found.reported:+.4f} by "
                 f"{found.answered_by}",
                 flush=True,
             )

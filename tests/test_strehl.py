@@ -320,7 +320,7 @@ def test_the_reference_backend_agrees():
         ({"backend": "fortran"}, ValueError, "fortran"),
         ({"direction": (0.0, 0.0, 0.0)}, ValueError, "direction must not be the zero vector"),
         ({"tolerance": 0.0}, ValueError, "tolerance must be positive"),
-        ({"step": 1e-3}, ValueError, "step belongs to method 'fixed'"),
+        ({"step": 1e-3}, ValueError, "step belongs to method 'fixed', not to 'auto'"),
     ],
 )
 def test_what_the_estimator_refuses(change, kind, message):

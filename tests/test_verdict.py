@@ -110,7 +110,7 @@ def test_the_verdict_is_right_of_random_views():
     assert [one.is_good for one in found] == [True, False, False]
     for one in found:
         assert one.right
-        assert one.told == pytest.approx(one.by_wave - one.by_rays, abs=0.015)
+        assert one.reported == pytest.approx(one.by_wave - one.by_rays, abs=0.015)
 
 
 @pytest.mark.parametrize("seed", [3036, 3132])
@@ -121,7 +121,7 @@ def test_rays_do_not_answer_for_air_beside_the_pupil(seed: int):
     """
     found = check_verdict(draw_view(seed), pixel_count=96)
     assert found.answered_by == "waves" and found.right and not found.is_good
-    assert found.told == pytest.approx(found.by_wave - found.by_rays, abs=5e-3)
+    assert found.reported == pytest.approx(found.by_wave - found.by_rays, abs=5e-3)
 
 
 def test_slabs_are_not_doubled_for_what_is_none_of_theirs(monkeypatch):
@@ -379,4 +379,4 @@ def test_the_wave_knows_wide_diffraction_and_crossed_rays(seed: int):
     straight rays in the place of crossed ones told +0.002 of +0.015.
     """
     found = check_verdict(draw_view(seed), pixel_count=80)
-    assert found.right and found.told == pytest.approx(found.by_wave - found.by_rays, abs=0.003)
+    assert found.right and found.reported == pytest.approx(found.by_wave - found.by_rays, abs=0.003)

@@ -19,7 +19,7 @@ from ..medium import IndexField
 from ..medium.levels import ORDER, richardson_error
 from ..medium.mesh_samples import MeshSamples
 from ..rays import RayBundle
-from ..tracing.lacking import lacking_columns
+from ..tracing.average_deficit import deficit_integrals
 from ..tracing.lines import cell_along
 from ..tracing.stop import Plane
 from .instrument import FLDI
@@ -111,5 +111,7 @@ def _lacking(
     for side in (0.5, -0.5):
         at = [ray_points(instrument, places, focus, side, np.full((1, len(places)), place))[0] for place in stops]
         for begin, end in pairwise(at):
-            found += 2.0 * side * lacking_columns(field, RayBundle(begin, end - begin), Plane(end[0], instrument.axis))
+            found += (
+                2.0 * side * deficit_integrals(field, RayBundle(begin, end - begin), Plane(end[0], instrument.axis))
+            )
     return found

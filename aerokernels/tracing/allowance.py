@@ -1,23 +1,12 @@
-"""Bound the number of steps of a ray, and check tolerances."""
+"""Bound the number of steps of a ray."""
 
 import numpy as np
 
-from ..inputs.checks import check_positive
 from ..medium import IndexField
 from .lines import box_size
 
 # Average step in cells that a ray may need where it runs along a ridge of a piecewise linear index.
 FINEST = 0.02
-
-
-def check_tolerance(tolerance: float) -> float:
-    """Return the tolerance [waves].
-
-    Raises:
-        ValueError: It is not a positive number.
-    """
-    check_positive(tolerance, "tolerance", "waves")
-    return tolerance
 
 
 def step_allowance(field: IndexField, method: str, step, path_length) -> int:

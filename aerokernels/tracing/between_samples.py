@@ -7,7 +7,7 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid_places import known
 from ..rays import RayBundle
-from .held import path_exceeds
+from .error_limit import path_exceeds
 from .lever_arms import LeverArms
 from .stop import stop_key
 from .straight_lines import lines_through
@@ -30,28 +30,28 @@ FINE_SHARE = 3e-5
 # The longest of all rays may be this many times as long as the longest examined ray.
 SPACING_MARGIN = 1.02
 # Lines cached with a grid's node positions: for the last pilots, supports and bodies.
-KEPT = 16  # speed only
+CACHED = 16  # speed only
 
 
-class Between:
+class MissedStructure:
     """The structure that the rays of a bundle may miss between their samples."""
 
-    def __init__(self, field: IndexField, spread: RayBundle, until, held: float, lever_arms: LeverArms | None):
-        """Compute the lines of `spread`, rays that show the extent of the bundle; `held` is their allowed error [m]."""
-        self.field, self.held = field, held
-        low, high = support_box(field, held, lever_arms)
+    def __init__(self, field: IndexField, spread: RayBundle, until, limit: float, lever_arms: LeverArms | None):
+        """Compute the lines of `spread`, rays that show the bundle's extent; `limit` is their allowed error [m]."""
+        self.field, self.limit = field, limit
+        low, high = support_box(field, limit, lever_arms)
         place = "lines of rays", field.geometry, field.body, spread, stop_key(until), low.tobytes(), high.tobytes()
-        self.lines = known(field.samples, place, lambda: lines_through(field, spread, until, low, high), KEPT)
-        self.ends = disturbed_ends(field, self.lines, held) if len(self.lines.length) else b""
-        self._found: dict[int, float] = {}
+        self.lines = known(field.samples, place, lambda: lines_through(field, spread, until, low, high), CACHED)
+        self.ends = disturbed_ends(field, self.lines, limit) if len(self.lines.length) else b""
+        self._errors: dict[int, float] = {}
 
     def _sampled(self, count: int) -> Sampling:
         length = float(self.lines.length.max(initial=0.0))
         steepness = np.abs(self.lines.direction).max(axis=0, initial=0.0)
         x, y, z = (float(size) for size in np.minimum(steepness, 1.0))
         # Where the stop is met at a right angle, a deflection still counts in second order.
-        lever_arm = math.sqrt(0.5 * self.held * length)
-        is_fine = path_exceeds(self.field, self.held / FINE_SHARE)
+        lever_arm = math.sqrt(0.5 * self.limit * length)
+        is_fine = path_exceeds(self.field, self.limit / FINE_SHARE)
         return Sampling(SPACING_MARGIN * length / count, (x, y, z), lever_arm, is_fine, self.ends)
 
     def least_count(self, count: int, is_worth_it, cost_again) -> int:
@@ -66,31 +66,31 @@ class Between:
         before = 0, math.inf
         while is_worth_it(count) and count < best_cost:
             found = self._greatest(count)
-            if found <= NEGLIGIBLE * self.held:
+            if found <= NEGLIGIBLE * self.limit:
                 count = self._between_counts(before, (count, found))
                 return count if count < best_cost else best
             sampled = self._sampled(count)
-            rejected = float((missed_along(self.field, sampled, self.lines) > REJECTED * self.held).mean())
+            rejected = float((missed_along(self.field, sampled, self.lines) > REJECTED * self.limit).mean())
             cost = count + (rejected * cost_again() if rejected > 0.0 else 0.0)
             if cost < best_cost:
                 best, best_cost = count, cost
             before = count, found
-            count = in_threes(FINER * count)
+            count = multiple_of_three(FINER * count)
         return best
 
     def enough(self, count: int, most: int) -> int:
         """The least number of samples from `count` to `most` that miss no structure; 0 where there is none."""
         found = self._greatest(count)
-        if found <= NEGLIGIBLE * self.held:
+        if found <= NEGLIGIBLE * self.limit:
             return count
         found_most = self._greatest(most)
-        enough = found_most <= NEGLIGIBLE * self.held
+        enough = found_most <= NEGLIGIBLE * self.limit
         return self._between_counts((count, found), (most, found_most)) if enough else 0
 
     def fewest(self, count: int, most: int) -> int:
         """As `enough`, then reduced one step at a time: the error at first falls faster than by a power law."""
         best = self.enough(count, most)
-        while best - 3 > count and self._greatest(best - 3) <= NEGLIGIBLE * self.held:
+        while best - 3 > count and self._greatest(best - 3) <= NEGLIGIBLE * self.limit:
             best -= 3
         return best
 
@@ -98,8 +98,8 @@ class Between:
         """The number of samples between one too small and one sufficient, by a power law through both errors."""
         if few[0] and many[1] > 0.0:
             order = math.log(few[1] / many[1]) / math.log(many[0] / few[0])
-            count = in_threes(few[0] * (few[1] / (NEGLIGIBLE * self.held)) ** (1.0 / order))
-            if count < many[0] and self._greatest(count) <= NEGLIGIBLE * self.held:
+            count = multiple_of_three(few[0] * (few[1] / (NEGLIGIBLE * self.limit)) ** (1.0 / order))
+            if count < many[0] and self._greatest(count) <= NEGLIGIBLE * self.limit:
                 return count
         return many[0]
 
@@ -107,10 +107,10 @@ class Between:
         """The greatest error of any ray with this many samples [m]."""
         if not len(self.lines.length):
             return 0.0
-        if count not in self._found:
-            allowed = NEGLIGIBLE * self.held
-            self._found[count] = greatest_error(self.field, self._sampled(count), self.lines, allowed=allowed)
-        return self._found[count]
+        if count not in self._errors:
+            allowed = NEGLIGIBLE * self.limit
+            self._errors[count] = greatest_error(self.field, self._sampled(count), self.lines, allowed=allowed)
+        return self._errors[count]
 
     def sufficient(self, count: int) -> int:
         """This number of samples, or a few more, that miss no structure; 0 where they would.
@@ -119,14 +119,14 @@ class Between:
         """
         if not len(self.lines.length):
             return count
-        allowed = NEGLIGIBLE * self.held
+        allowed = NEGLIGIBLE * self.limit
         by_rule = self._by_rule(count)
         if by_rule <= allowed:
             return count
-        more = in_threes(count * (1.02 * by_rule / allowed) ** 0.25)
+        more = multiple_of_three(count * (1.02 * by_rule / allowed) ** 0.25)
         if more <= A_FEW_MORE * count and self._by_rule(more) <= allowed:
             return more
-        return self.enough(count, in_threes(A_FEW_MORE * count))
+        return self.enough(count, multiple_of_three(A_FEW_MORE * count))
 
     def _by_rule(self, count: int) -> float:
         """The same by the rule's own bound, which is greater but faster to compute."""
@@ -134,9 +134,9 @@ class Between:
 
     def sampling(self, count: int) -> Sampling | None:
         """How this many samples are distributed along the rays; None where they miss no structure."""
-        return None if self._greatest(count) <= NEGLIGIBLE * self.held else self._sampled(count)
+        return None if self._greatest(count) <= NEGLIGIBLE * self.limit else self._sampled(count)
 
 
-def in_threes(count: float) -> int:
+def multiple_of_three(count: float) -> int:
     """The next multiple of three."""
     return 3 * math.ceil(count / 3.0 - 1e-9)

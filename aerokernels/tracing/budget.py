@@ -5,8 +5,8 @@ r"""The error budget of a trace's optical path difference, by cause, measured on
                     was along straight lines)
     interpolation   through every second and every fourth node of the field, extrapolated (medium/levels.py)
     resampling      for a resampled field, its difference from the original field, to the same stop; for an interpolant
-                    of cell averages, the deficit of the averages along the ray (lacking.py); for a volume, the change
-                    by resampling the flow's cells, on lines through it (`IndexField.upstream`)
+                    of cell averages, the deficit of the averages along the ray (average_deficit.py); for a volume, the
+                    change by resampling the flow's cells, on lines through it (`IndexField.upstream`)
     sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
     bundle          the error of interpolating between traced rays, as estimated while they were chosen (bundle/)
     truncation      the OPD that rays may have lost where the known air ends (known_air.py)
@@ -32,9 +32,9 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from .allowance import step_allowance
+from .average_deficit import deficit_integrals
 from .budget_rays import subset
 from .known_air import may_be_lost
-from .lacking import lacking_columns
 from .lines import SIDE, box_span
 from .plan import TracePlan
 from .status import reached
@@ -87,7 +87,7 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
     made = field.upstream
     found["refractivity"] = np.zeros(1) if made is None else made.refractivity * run[0][reached(run[1])]
     if field.resampling is None:
-        lacks = lacking_columns(field, rays, retrace.until)[reached(truth[1])]
+        lacks = deficit_integrals(field, rays, retrace.until)[reached(truth[1])]
         return {**found, "interpolation": _interpolation(field, rays, plan, retrace, truth), "resampling": lacks}
     return {**found, **_against_source(field, rays, plan, retrace, truth)}
 
@@ -134,7 +134,7 @@ def _against_source(field: IndexField, rays: RayBundle, plan: TracePlan, retrace
         here = tuple(array[rows] for array in truth) if again is retrace else again(field, some, _tight(field, plan))
         there = again(source, some, _tight(source, plan))
         arrived = reached(here[1]) & reached(there[1])
-        changes.append((here[0] - there[0] - lacking_columns(source, some, again.until))[arrived])
+        changes.append((here[0] - there[0] - deficit_integrals(source, some, again.until))[arrived])
         left.append(_interpolation(source, some, plan, again, there))
     return {
         "interpolation": np.concatenate([np.zeros(0), *left]),

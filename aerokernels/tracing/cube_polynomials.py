@@ -100,7 +100,7 @@ def _value_bound(numbers: np.ndarray, deviation: np.ndarray) -> tuple[np.ndarray
     return BETWEEN_POINTS * deviation.max(axis=0) + cut, cut
 
 
-def roughly_off(grid: UniformGrid, lines: Lines) -> np.ndarray:
+def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
     """Approximate sum of the polynomials' deviation from the spline along some lines [m of OPD], shape (n,).
 
     PLACES cubes of each line are evaluated, only for this purpose: the table itself is made only if rays may use it.

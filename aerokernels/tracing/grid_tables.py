@@ -25,7 +25,7 @@ LEAST_FLAT = 1 << 12  # speed only
 # Least number of nodes along an axis: the elimination needs four.
 LEAST_COUNT = 4
 # Pivots of the elimination that are cached with a grid's node positions.
-KEPT = 6  # speed only
+CACHED = 6  # speed only
 
 
 def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
@@ -77,7 +77,7 @@ class _Tables:
             nodes, pitch = shape[axis], int(np.prod(shape[axis + 1 :]))
             even = self.grid.even_first_axis and axis == 0
             inverse = known(
-                self.grid, ("pivots", *engine.grid_key, nodes, even), partial(self._pivots, nodes, even), KEPT
+                self.grid, ("pivots", *engine.grid_key, nodes, even), partial(self._pivots, nodes, even), CACHED
             )
             lines = int(np.prod(shape)) // nodes
             shape[axis] += 2

@@ -35,9 +35,9 @@ COARSE = 1.35
 # second.
 LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
 # Weights of the last transforms are cached with a grid's node positions, if they are no more numbers than this.
-KEPT, MOST_KEPT = 6, 1 << 21  # speed only
+CACHED, MOST_CACHED = 6, 1 << 21  # speed only
 # Nodes along an axis up to which matrices are faster than transforms, and number of pairs of matrices in the cache.
-MOST_ALONG, KEPT_ALONG = 512, 24  # speed only
+MOST_ALONG, CACHED_ALONG = 512, 24  # speed only
 
 
 def high_pass(
@@ -75,12 +75,12 @@ def high_pass(
 
     if len(axes) == 1 and grid.shared_places is not None and grid.shape[axes[0]] <= MOST_ALONG:
         key = "high pass along an axis", rates.tobytes(), spacing, edges, kind
-        passes = known(grid, key, lambda: [PassAlong.of_shares(share.ravel()) for share in find()], KEPT_ALONG)
+        passes = known(grid, key, lambda: [PassAlong.of_shares(share.ravel()) for share in find()], CACHED_ALONG)
         return _along(values, axes[0], passes, wanted, block_size(grid))
-    is_small = np.prod([grid.shape[axis] for axis in axes]) <= MOST_KEPT
+    is_small = np.prod([grid.shape[axis] for axis in axes]) <= MOST_CACHED
     key = "shares of a high pass", rates.tobytes(), spacing, edges, kind
-    shares = known(grid, key, find, KEPT) if is_small else find()
-    # Several sample counts are tried on one field, and each asks for the same transform of it.
+    shares = known(grid, key, find, CACHED) if is_small else find()
+    # Several sample counts are tried on one field, and each needs the same transform.
     found = grid.derive(("transform", tuple(axes), kind), lambda: dctn(values, 1, axes=axes), 1)
     return [idctn(share * found, 1, axes=axes, overwrite_x=True) for share in shares]
 

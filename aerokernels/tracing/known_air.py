@@ -45,7 +45,7 @@ CHUNK = 1 << 13  # speed only
 # PLACES_ALONG of them are at one distance from the box.
 PLACES_BESIDE, PLACES_ALONG = 16, 3
 # Bundles of one chunk whose crossings of a box are cached with a grid's node positions.
-KEPT = 2  # speed only
+CACHED = 2  # speed only
 BESIDE = -1  # in place of a face, for a ray that passes beside the box or crosses the rim of a mesh
 
 
@@ -146,7 +146,7 @@ def _span(field: IndexField, rays: RayBundle, rows: slice) -> BoxSpan:
 
     if rays.ray_count > CHUNK:
         return find()
-    found: BoxSpan = known(field.samples, ("crossings of the box", field.geometry, rays), find, KEPT)
+    found: BoxSpan = known(field.samples, ("crossings of the box", field.geometry, rays), find, CACHED)
     return found
 
 

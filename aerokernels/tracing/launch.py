@@ -24,7 +24,7 @@ CHUNK, LEAST_CHUNK = 1 << 21, 64  # speed only
 # Up to this many rays, fetching all arrays from a GPU together is faster than one after the other.
 FEW = 1 << 14  # speed only
 # Number of pilots whose rays are cached on a device with a grid's node positions.
-KEPT = 4  # speed only
+CACHED = 4  # speed only
 # Share of the device's memory that a chunk may take.
 MEMORY_SHARE = 0.25
 
@@ -127,7 +127,7 @@ class Trials:
                 field.samples,
                 ("pilot's rays", *engine.grid_key, rays),
                 lambda: [engine.put(np.asarray(array)) for array in (rays.position, rays.direction)],
-                KEPT,
+                CACHED,
             )
 
     def __call__(self, *asked: tuple[int, float, float]) -> list[dict[str, np.ndarray]]:

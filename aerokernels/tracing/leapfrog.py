@@ -8,8 +8,9 @@ rays. Rays whose estimate is above the tolerance nevertheless are traced again (
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -18,14 +19,14 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..medium.grid_places import known
 from ..rays import RayBundle
-from .between_samples import MARGIN, Between, in_threes
-from .cube_polynomials import may_have_cubes, roughly_off
+from .between_samples import MARGIN, MissedStructure, multiple_of_three
+from .cube_polynomials import approximate_deviation, may_have_cubes
 from .engines import engine_of
+from .error_limit import error_limit
 from .grid_tables import prepare_grid
-from .held import held_error
 from .launch import Trials
-from .lever_arms import LeverArms, lever_arms_of
-from .pilot_levels import bends_of, known_levels, levels_of, shares_of
+from .lever_arms import lever_arms_of
+from .pilot_levels import error_scales, greatest_bend, level_pair, levels_of
 from .plan import TracePlan
 from .prediction import predict_evaluations
 from .stop import ArcLength, stop_key
@@ -59,7 +60,7 @@ CUBES_MEMORY = 0.25
 CUBES_ANGLE = 5e-7
 
 # Number of pilots whose results are cached with a grid's node positions.
-KEPT = 4  # speed only
+CACHED = 4  # speed only
 # Number of a bundle's rays whose lines are examined, and the function that makes these rays.
 SPREAD_RAYS = 8192
 Spread = Callable[[], RayBundle]
@@ -84,6 +85,23 @@ def spread_of(rays: RayBundle) -> RayBundle:
         return rays
     rows = np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int)
     return rays.rows(np.concatenate([rows, *(extremes_of(rays.held(name)).rows for name in ("position", "direction"))]))
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """A number of leapfrog samples that meets the tolerance.
+
+    Attributes:
+        count: Samples of each ray.
+        scales: Scales of a ray's error estimate, quadrature and trajectory.
+        worst: The pilot's greatest error [m].
+        sampling: The distance of the samples, where structure between them counts.
+    """
+
+    count: int
+    scales: tuple[float, float]
+    worst: float
+    sampling: Sampling | None
 
 
 def fit_leapfrog(
@@ -111,87 +129,42 @@ def fit_leapfrog(
     stop = stop_key(until)
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
     place = "lever arms", field.geometry, pilot, stop
-    plan = replace(plan, lever_arms=known(field.samples, place, lambda: lever_arms_of(field, pilot, until), KEPT))
+    plan = replace(plan, lever_arms=known(field.samples, place, lambda: lever_arms_of(field, pilot, until), CACHED))
     key = ("leapfrog", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
-    held = held_error(field, plan.tolerance * wavelength)
-    between = cache(lambda: Between(field, spread(), until, held, plan.lever_arms))
-    given = field, pilot, plan, until, wavelength, between
-    fitted = None
+    fitting = _Fitting(field, pilot, plan, until, wavelength, spread)
+    fit: _Fit | None = None
     if like is not None and like.sample_count:
-        fitted = field.derive(("confirmed", *key[1:], like.sample_count), lambda: _confirm(*given, like.sample_count))
-    if fitted is None:
-        fitted = field.derive(key, lambda: _fit(*given))
-    count, shares, worst, sampling = fitted
-    if not count:
+        known_count = like.sample_count
+        fit = field.derive(("confirmed", *key[1:], known_count), lambda: fitting.confirm(known_count))
+    if fit is None:
+        fit = field.derive(key, fitting.search)
+    if fit is None:
         return None
-    cubes = None
-    if _may_take_cubes(field, plan, ray_count * count):
-        cubes = field.derive(("cubes", *key, count), lambda: _with_cubes(*given, count))
-    if cubes is not None:
-        count, shares, worst, sampling = cubes
+    cubes: _Fit | None = None
+    if _may_take_cubes(field, plan, ray_count * fit.count):
+        count = fit.count
+        cubes = field.derive(("cubes", *key, count), lambda: fitting.with_cubes(count))
+    fit = cubes or fit
     reason = (
-        f"method leapfrog: {count} leapfrog samples a ray, bending included; a pilot of {pilot.ray_count} rays is "
-        f"right to {worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are "
+        f"method leapfrog: {fit.count} leapfrog samples a ray, bending included; a pilot of {pilot.ray_count} rays has "
+        f"an error of {fit.worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are "
         "traced again"
     )
     if cubes is not None:
-        reason += "; each looks up a cubic polynomial of 2 x 2 x 2 cells, which is as good as the tolerance needs"
-    if sampling is not None:
-        reason += "; the field has structure between samples, so what each ray may miss is bounded along its path"
+        reason += "; each evaluates a cubic polynomial of 2 x 2 x 2 cells, which is accurate enough for the tolerance"
+    if fit.sampling is not None:
+        reason += "; the field has structure between samples, whose effect on each ray is bounded along its path"
     return replace(
         plan,
-        sample_count=count,
+        sample_count=fit.count,
         cubes=cubes is not None,
-        quadrature_error_scale=shares[0],
-        trajectory_error_scale=shares[1],
-        sampling=sampling,
+        quadrature_error_scale=fit.scales[0],
+        trajectory_error_scale=fit.scales[1],
+        sampling=fit.sampling,
         reasons=(reason, *plan.reasons),
-        predicted_evaluations=float(count),
-        predicted_error=worst / wavelength,
+        predicted_evaluations=float(fit.count),
+        predicted_error=fit.worst / wavelength,
     )
-
-
-def _fit(
-    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, between: Callable[[], Between]
-) -> tuple[int, tuple, float, Sampling | None]:
-    """Samples of each ray (0: no number fits), the scales of its error estimate, and the pilot's greatest error [m].
-
-    The last entry is the distance of the samples, where structure between them counts.
-    """
-    held = held_error(field, plan.tolerance * wavelength)
-    budget = held / MARGIN
-    nothing = 0, (), 0.0, None
-    least = _least_samples(field, pilot, held, plan.lever_arms)
-    if not _is_worth_it(field, pilot, plan, wavelength, least):
-        return nothing
-    trials = _trials(field, pilot, replace(plan, sample_count=least), until, wavelength)
-    levels = levels_of(trials, *(least * 3**power for power in range(3)))
-    if not levels[-1].is_fit:
-        return nothing
-    first, second = levels[0].error(levels[1]), levels[1].error(levels[2])
-    order = 1.0
-    if second > 0.0:
-        order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
-    count = in_threes(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
-    count = between().least_count(
-        count,
-        lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
-        lambda: _cost_again(field, pilot, plan, held),
-    )
-    while count and _is_worth_it(field, pilot, plan, wavelength, count):
-        level = next((level for level in levels if level.count == count), None)
-        if level is None:
-            (level,) = levels_of(trials, count)
-        finest = levels[-1]
-        if 2 * count > finest.count:
-            (finest,) = levels_of(trials, 3 * count)
-            levels.append(finest)
-        worst = level.error(finest)
-        if level.is_fit and worst <= budget:
-            shares = shares_of(level, worst, bends_of(trials, count))
-            return count, shares, worst, between().sampling(count)
-        count = in_threes(1.25 * count)
-    return nothing
 
 
 def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
@@ -204,89 +177,130 @@ def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
     return samples >= CUBES_WORTH[engine.is_gpu] * grid.samples.size
 
 
-def _with_cubes(
-    field: IndexField,
-    pilot: RayBundle,
-    plan: TracePlan,
-    until,
-    wavelength: float,
-    between: Callable[[], Between],
-    count: int,
-) -> tuple[int, tuple, float, Sampling | None] | None:
-    """Return the same as `_fit`, for samples of polynomials of cubes; None where the tolerance needs the spline.
+@dataclass(frozen=True, eq=False)
+class _Fitting:
+    """The search for the number of leapfrog samples of a bundle; attributes as the arguments of `fit_leapfrog`."""
 
-    Two conditions must be met: the pilot agrees with the spline at three times as many samples, and so does each pilot
-    ray's own bound of the polynomials' deviation from the spline where it samples them.
-    """
-    grid = field.samples
-    assert isinstance(grid, UniformGrid)
-    held = held_error(field, plan.tolerance * wavelength)
-    cost_again = _cost_again(field, pilot, plan, held)
-    gaps = between()
-    some = gaps.lines.every(max(1, len(gaps.lines.length) // CUBES_LINES))
-    rough = np.count_nonzero(roughly_off(grid, some) > held) / max(1, len(some.length))
-    if rough * cost_again > CUBES_GAIN * count:
-        return None  # decided before a table is made
-    # A sample costs so little that taking some more is cheaper than looking up the bound on structure between them.
-    count = gaps.fewest(count, in_threes(CUBES_MORE * count)) or count
-    sampling = gaps.sampling(count)
-    plan = replace(plan, sample_count=count)
-    by_cubes = replace(plan, cubes=True)
-    trials = _trials(field, pilot, plan, until, wavelength)
-    spline, finest, bends = known_levels(trials, count)
-    (level,) = levels_of(_trials(field, pilot, by_cubes, until, wavelength), count)
-    worst = level.error(finest)
-    if not (level.is_fit and finest.is_fit and worst <= held / MARGIN and level.turned(spline) <= CUBES_ANGLE):
+    field: IndexField
+    pilot: RayBundle
+    plan: TracePlan
+    until: Any
+    wavelength: float
+    spread: Spread
+
+    @cached_property
+    def grid(self) -> UniformGrid:
+        """The field's samples."""
+        assert isinstance(self.field.samples, UniformGrid)
+        return self.field.samples
+
+    @cached_property
+    def limit(self) -> float:
+        """The OPD error allowed to a ray [m]."""
+        return error_limit(self.field, self.plan.tolerance * self.wavelength)
+
+    def search(self) -> _Fit | None:
+        """The least number of samples that meets the tolerance; None where none does, or error control is cheaper."""
+        budget = self.limit / MARGIN
+        least = self._least_samples()
+        if not self._is_worth_it(least):
+            return None
+        trials = self._trials(replace(self.plan, sample_count=least))
+        levels = levels_of(trials, *(least * 3**power for power in range(3)))
+        if not levels[-1].is_fit:
+            return None
+        first, second = levels[0].error(levels[1]), levels[1].error(levels[2])
+        order = 1.0
+        if second > 0.0:
+            order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
+        count = multiple_of_three(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
+        structure = self._structure
+        count = structure.least_count(count, self._is_worth_it, self._retrace_cost)
+        while count and self._is_worth_it(count):
+            level = next((level for level in levels if level.count == count), None)
+            if level is None:
+                (level,) = levels_of(trials, count)
+            finest = levels[-1]
+            if 2 * count > finest.count:
+                (finest,) = levels_of(trials, 3 * count)
+                levels.append(finest)
+            worst = level.error(finest)
+            if level.is_fit and worst <= budget:
+                scales = error_scales(level, worst, greatest_bend(trials, count))
+                return _Fit(count, scales, worst, structure.sampling(count))
+            count = multiple_of_three(1.25 * count)
         return None
-    shares = shares_of(spline, worst, bends)
-    final = _trials(field, pilot, replace(by_cubes, sampling=sampling), until, wavelength)
-    again = float((final((count, *shares))[0]["step_error"] > held).mean())
-    if again * cost_again > CUBES_GAIN * count:
-        return None
-    return count, shares, worst, sampling
 
+    def confirm(self, count: int) -> _Fit | None:
+        """This number of samples, or a few more; None if they are inaccurate or may miss structure."""
+        prepare_grid(engine_of(self.plan.backend, self.plan.device), self.grid)
+        if count < self._least_samples():
+            return None
+        count = self._structure.sufficient(count)
+        if not count:
+            return None
+        level, finest, bends = level_pair(self._trials(replace(self.plan, sample_count=count, few_rays=True)), count)
+        worst = level.error(finest)
+        if not (level.is_fit and finest.is_fit and worst <= self.limit / MARGIN):
+            return None
+        return _Fit(count, error_scales(level, worst, bends), worst, None)
 
-def _cost_again(field: IndexField, pilot: RayBundle, plan: TracePlan, held: float) -> float:
-    """The cost of tracing a ray again, in samples."""
-    return max(CHEAP[plan.backend], WORTH[plan.backend] * predict_evaluations(field, held, pilot.direction))
+    def with_cubes(self, count: int) -> _Fit | None:
+        """At least so many samples of polynomials of cubes; None where the tolerance needs the spline.
 
+        Two conditions must be met: the pilot agrees with the spline at three times as many samples, and so does each
+        pilot ray's own bound of the polynomials' deviation from the spline where it samples them.
+        """
+        structure, retrace_cost = self._structure, self._retrace_cost()
+        some = structure.lines.every(max(1, len(structure.lines.length) // CUBES_LINES))
+        rough = np.count_nonzero(approximate_deviation(self.grid, some) > self.limit) / max(1, len(some.length))
+        if rough * retrace_cost > CUBES_GAIN * count:
+            return None  # decided before a table is made
+        # A sample costs so little that taking some more is cheaper than looking up the bound on structure between them.
+        count = structure.fewest(count, multiple_of_three(CUBES_MORE * count)) or count
+        sampling = structure.sampling(count)
+        plan = replace(self.plan, sample_count=count)
+        by_cubes = replace(plan, cubes=True)
+        spline, finest, bends = level_pair(self._trials(plan), count)
+        (level,) = levels_of(self._trials(by_cubes), count)
+        worst = level.error(finest)
+        if not (level.is_fit and finest.is_fit and worst <= self.limit / MARGIN and level.turn(spline) <= CUBES_ANGLE):
+            return None
+        scales = error_scales(spline, worst, bends)
+        final = self._trials(replace(by_cubes, sampling=sampling))
+        again = float((final((count, *scales))[0]["step_error"] > self.limit).mean())
+        if again * retrace_cost > CUBES_GAIN * count:
+            return None
+        return _Fit(count, scales, worst, sampling)
 
-def _confirm(
-    field: IndexField,
-    pilot: RayBundle,
-    plan: TracePlan,
-    until,
-    wavelength: float,
-    between: Callable[[], Between],
-    count: int,
-) -> tuple[int, tuple, float, Sampling | None] | None:
-    """Return what `_fit` does for this number of samples; None if it is inaccurate or may miss structure."""
-    assert isinstance(field.samples, UniformGrid)
-    prepare_grid(engine_of(plan.backend, plan.device), field.samples)
-    held, plan = held_error(field, plan.tolerance * wavelength), replace(plan, few_rays=True)
-    if count < _least_samples(field, pilot, held, plan.lever_arms):
-        return None
-    count = between().sufficient(count)
-    if not count:
-        return None
-    trials = _trials(field, pilot, replace(plan, sample_count=count), until, wavelength)
-    level, finest, bends = known_levels(trials, count)
-    worst = level.error(finest)
-    if not (level.is_fit and finest.is_fit and worst <= held / MARGIN):
-        return None
-    return count, shares_of(level, worst, bends), worst, None
+    def _trials(self, plan: TracePlan) -> Trials:
+        outputs = frozenset(("opd", "step_error", "direction"))
+        return Trials(self.field, self.pilot, plan, self.until, self.wavelength, outputs)
 
+    @cached_property
+    def _structure(self) -> MissedStructure:
+        return MissedStructure(self.field, self.spread(), self.until, self.limit, self.plan.lever_arms)
 
-def _trials(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> Trials:
-    return Trials(field, pilot, plan, until, wavelength, frozenset(("opd", "step_error", "direction")))
+    def _predicted(self) -> float:
+        """Field evaluations of a ray under error control."""
+        return predict_evaluations(self.field, self.limit, self.pilot.direction)
 
+    def _retrace_cost(self) -> float:
+        """The cost of tracing a ray again, in samples."""
+        return max(CHEAP[self.plan.backend], WORTH[self.plan.backend] * self._predicted())
 
-def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, lever_arms: LeverArms | None) -> int:
-    """The number of samples for which they are WIDEST cells apart on the longest path through the field's support."""
-    low, high = support_box(field, tolerance, lever_arms)
-    place = "cells of a pilot", field.geometry, pilot, low.tobytes(), high.tobytes()
-    cells: float = known(field.samples, place, lambda: _greatest_cells(field, pilot, low, high), KEPT)
-    return in_threes(max(LEAST_SAMPLES, cells / WIDEST))
+    def _is_worth_it(self, count: int) -> bool:
+        """Whether so many samples cost less than error control; that cost is predicted only where it may decide."""
+        if count <= CHEAP[self.plan.backend] or count > MOST_SAMPLES:
+            return count <= MOST_SAMPLES
+        return count <= WORTH[self.plan.backend] * self._predicted()
+
+    def _least_samples(self) -> int:
+        """The number of samples that are WIDEST cells apart on the longest path through the field's support."""
+        low, high = support_box(self.field, self.limit, self.plan.lever_arms)
+        place = "cells of a pilot", self.field.geometry, self.pilot, low.tobytes(), high.tobytes()
+        cells: float = known(self.grid, place, lambda: _greatest_cells(self.field, self.pilot, low, high), CACHED)
+        return multiple_of_three(max(LEAST_SAMPLES, cells / WIDEST))
 
 
 def _greatest_cells(field: IndexField, pilot: RayBundle, low: np.ndarray, high: np.ndarray) -> float:
@@ -304,11 +318,3 @@ def _greatest_cells(field: IndexField, pilot: RayBundle, low: np.ndarray, high: 
     length[~np.isfinite(length)] = 0.0  # the support is empty
     cells = length * np.linalg.norm(pilot.direction / spacing, axis=1)
     return float(cells.max(initial=0.0))
-
-
-def _is_worth_it(field: IndexField, pilot: RayBundle, plan: TracePlan, wavelength: float, count: int) -> bool:
-    """Whether this many samples cost less than error control; that cost is predicted only where it may decide."""
-    if count <= CHEAP[plan.backend] or count > MOST_SAMPLES:
-        return count <= MOST_SAMPLES
-    predicted = predict_evaluations(field, held_error(field, plan.tolerance * wavelength), pilot.direction)
-    return count <= WORTH[plan.backend] * predicted

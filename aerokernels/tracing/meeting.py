@@ -12,7 +12,7 @@ from .lines import box_span
 
 FEW, CHUNK = 1 << 7, 1 << 14
 # Bundles whose test result is cached with a grid's node positions.
-KEPT = 4  # speed only
+CACHED = 4  # speed only
 
 
 def greatest_contrast(field: IndexField) -> float:
@@ -39,7 +39,7 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
     Raises:
         ValueError: No ray meets the box; the message gives the positions of box and rays and says what to check.
     """
-    if known(field.samples, ("meeting", field.geometry, rays), lambda: is_any_meeting(field, rays), KEPT):
+    if known(field.samples, ("meeting", field.geometry, rays), lambda: is_any_meeting(field, rays), CACHED):
         return
     if greatest_contrast(field) == 0.0:
         return

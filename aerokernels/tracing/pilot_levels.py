@@ -18,8 +18,8 @@ GREATEST_BEND = 0.5
 UNFIT = 0.1
 
 
-def shares_of(level: "Level", worst: float, bends: float) -> tuple[float, float]:
-    """Scales of a ray's own error estimate that cover the pilot's greatest error `worst` [m]; see `bends_of`."""
+def error_scales(level: "Level", worst: float, bends: float) -> tuple[float, float]:
+    """Scales of a ray's own error estimate that cover the pilot's greatest error `worst` [m]; see `greatest_bend`."""
     share = SAFETY * worst / level.difference if level.difference > 0.0 else GREATEST_SHARE
     trajectory_error_scale = SAFETY * worst / bends if bends > 0.0 else 0.0
     return min(max(share, LEAST_SHARE), GREATEST_SHARE), min(trajectory_error_scale, GREATEST_BEND)
@@ -30,13 +30,13 @@ def levels_of(trials: Trials, *counts: int) -> list["Level"]:
     return [Level(*made) for made in zip(trials(*((count, 1.0, 0.0) for count in counts)), counts, strict=True)]
 
 
-def bends_of(trials: Trials, count: int) -> float:
+def greatest_bend(trials: Trials, count: int) -> float:
     """The greatest int P^2 / p_t dt of the pilot's rays with so many samples [m]."""
     return Level(trials((count, 0.0, 1.0))[0], count).difference
 
 
-def known_levels(trials: Trials, count: int) -> tuple["Level", "Level", float]:
-    """The pilot with `count` samples, with three times as many, and `bends_of`, all launched together."""
+def level_pair(trials: Trials, count: int) -> tuple["Level", "Level", float]:
+    """The pilot with `count` samples, with three times as many, and `greatest_bend`, all launched together."""
     level, finest, bending = trials((count, 1.0, 0.0), (3 * count, 1.0, 0.0), (count, 0.0, 1.0))
     return Level(level, count), Level(finest, 3 * count), Level(bending, count).difference
 
@@ -58,7 +58,7 @@ class Level:
         good = self.good & finer.good
         return float(np.abs(self.opd - finer.opd)[good].max()) if good.any() else math.inf
 
-    def turned(self, other: "Level") -> float:
+    def turn(self, other: "Level") -> float:
         """Greatest angle between the directions of this level and another one [rad]."""
         good = self.good & other.good
         return float(np.linalg.norm(self.direction - other.direction, axis=1)[good].max()) if good.any() else math.inf

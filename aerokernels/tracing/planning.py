@@ -6,15 +6,17 @@ engines/choice.py.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from ..inputs.checks import check_choice
+from ..inputs.checks import check_choice, check_positive
 from ..medium import IndexField
-from .allowance import check_tolerance, step_allowance
+from ..rays import RayBundle
+from .allowance import step_allowance
 from .engines.choice import choose_backend
-from .held import held_error
-from .leapfrog import fit_leapfrog, may_be_leapfrog
+from .error_limit import error_limit
+from .leapfrog import fit_leapfrog, may_be_leapfrog, pilot_of, spread_of
 from .lever_arms import lever_arms_of
 from .lines import box_size
 from .plan import LEAPFROG, METHODS, PRECISIONS, TracePlan
@@ -37,6 +39,25 @@ def backend_for(field: IndexField, backend: str) -> str:
             "leave the backend out, or take interpolation 'bilinear'"
         )
     return "reference"
+
+
+def check_choices(field: IndexField, *, method, precision, tolerance, step) -> None:
+    """Check the caller's choices, before any ray is planned.
+
+    Raises:
+        ValueError: An unknown name or a number that makes no sense, with the remedy.
+    """
+    check_choice(method, "method", METHODS)
+    if precision not in PRECISIONS:
+        raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
+    check_positive(tolerance, "tolerance", "waves")
+    if field.interpolation == "cells" and method in ("fixed", "paper"):
+        raise ValueError(f"method {method!r} steps over the edges between cells: take 'auto' for interpolation 'cells'")
+    if method == "fixed":
+        if step is None or not (np.isfinite(step) and step > 0.0):
+            raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")
+    elif step is not None:
+        raise ValueError(f"step belongs to method 'fixed', not to {method!r}: leave it out or choose 'fixed'")
 
 
 def plan_rays(
@@ -62,7 +83,7 @@ def plan_rays(
     The other arguments are those of `make_plan`.
 
     Raises:
-        ValueError: An unknown name or a number that makes no sense, with the remedy.
+        ValueError: As for `make_plan`.
     """
     if field.geometry == "planar" and choices["path_length"] is None:
         # The box has no end in x: a ray may fly much farther in it than across its other axes.
@@ -81,6 +102,21 @@ def plan_rays(
     return make_plan(field, method=method, wavelength=wavelength, **choices)
 
 
+def plan_bundle(field: IndexField, rays: RayBundle, until, *, method="auto", step=None, **choices) -> TracePlan:
+    """Return the plan of a bundle whose rays are at hand; the other arguments are those of `make_plan`."""
+    return plan_rays(
+        field,
+        partial(pilot_of, rays),
+        rays.ray_count,
+        until,
+        method=method,
+        step=step,
+        directions=rays.direction if rays.device is None else pilot_of(rays).direction,
+        spread=partial(spread_of, rays),
+        **choices,
+    )
+
+
 def make_plan(
     field: IndexField,
     *,
@@ -95,23 +131,12 @@ def make_plan(
     wavelength,
     directions,
 ) -> TracePlan:
-    """Check the caller's choices and fill in those left to "auto".
+    """Fill in the choices left to "auto"; the others have passed `check_choices`.
 
     Raises:
-        ValueError: An unknown name or a number that makes no sense, with the remedy.
+        ValueError: A backend or device that is not available, or a number of steps that makes no sense.
     """
-    check_choice(method, "method", METHODS)
-    if precision not in PRECISIONS:
-        raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
-    check_tolerance(tolerance)
     backend = backend_for(field, backend)
-    if field.interpolation == "cells" and method in ("fixed", "paper"):
-        raise ValueError(f"method {method!r} steps over the edges between cells: take 'auto' for interpolation 'cells'")
-    if method == "fixed":
-        if step is None or not (np.isfinite(step) and step > 0.0):
-            raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")
-    elif step is not None:
-        raise ValueError(f"step belongs to method 'fixed', not to {method!r}: leave it out or choose 'fixed'")
     # Names taken from an array are NumPy strings, which the caches of kernels would treat as different keys.
     method, precision = str(method), str(precision)
     reasons = []
@@ -121,10 +146,10 @@ def make_plan(
         reasons.append("method adaptive: the reference is the answer that others are measured against")
     elif method == "auto":
         method = "adaptive"
-        predicted = predict_evaluations(field, held_error(field, tolerance * wavelength), directions)
+        predicted = predict_evaluations(field, error_limit(field, tolerance * wavelength), directions)
         reasons.append(f"method adaptive: error control, about {predicted:.0f} evaluations a ray across the box")
     else:
-        reasons.append(f"method {method}: asked for{STRAIGHT if method == 'straight' else ''}")
+        reasons.append(f"method {method}: requested{STRAIGHT if method == 'straight' else ''}")
     backend, device, why = choose_backend(backend, device)
     if field.interpolation == "cells":
         why = "backend reference: it alone ends its steps at every edge between cells"
@@ -132,8 +157,8 @@ def make_plan(
     dimension = {"volume": "a volume", "planar": "two axes, x is never expanded"}.get(
         field.geometry, "r and z, never expanded to a volume"
     )
-    reasons.append(f"{field.geometry} field: looked up in {dimension}")
-    reasons.append("outside the field's box rays fly free in one step")
+    reasons.append(f"{field.geometry} field: evaluated in {dimension}")
+    reasons.append("outside the field's box a ray flies in one step")
     if field.body is None:
         reasons.append("no body: no wall test in the kernel")
     if method == "fixed" and max_steps is None and step < 1e-8 * box_size(field):

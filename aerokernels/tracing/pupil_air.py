@@ -13,7 +13,7 @@ from .meeting import check_meeting
 SAMPLE_RAYS = 4096
 # The greatest share of a pupil's weight that may look through the ends of the known air without allow_truncation.
 GREATEST_SHARE = 1e-3
-MOVE_IT = "The pupil itself stands outside the field: move it (in a scene: pupil.center, or receiver.aperture_z). "
+MOVE_IT = "The pupil itself is outside the field: move it (in a scene: pupil.center, or receiver.aperture_z). "
 
 
 class TruncationWarning(UserWarning):
@@ -28,14 +28,14 @@ class PupilAir:
         share: Share of the pupil's weight that may lose more than the tolerance.
         lost_rms: Root mean square over the pupil of the OPD that its rays may lose [m].
         place: The face at which most of these rays leave the known air, in words.
-        stands_outside: Whether the pupil's centre is outside the field, which is usually a mistake.
+        is_outside: Whether the pupil's centre is outside the field, which is usually a mistake.
         rays: The sample of the pupil's rays.
     """
 
     share: float
     lost_rms: float
     place: str
-    stands_outside: bool = False
+    is_outside: bool = False
     rays: RayBundle | None = None
 
     @property
@@ -55,9 +55,9 @@ class PupilAir:
             ValueError: It is truncated and not allowed; the message has the share, the face and the remedies.
         """
         if self.is_truncated and not allowed:
-            move = MOVE_IT if self.stands_outside else ""
+            move = MOVE_IT if self.is_outside else ""
             raise ValueError(
-                f"{self.described}: what lies beyond is unknown. {move}Give the field a larger region there, look "
+                f"{self.described}: the air beyond is unknown. {move}Give the field a larger region there, look "
                 "another way, or take allow_truncation=True (in a scene: trace.allow_truncation = true) and read "
                 'error["truncation"]'
             )

@@ -10,12 +10,11 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import Pupil, RayBundle
-from .allowance import check_tolerance
 from .lattice_quadrature import ACCEPTED, ENOUGH, LATTICES, lattice_sizes, may_still_settle
 from .leapfrog import PILOT_RAYS
 from .lines import box_size
 from .plan import TracePlan
-from .planning import plan_rays
+from .planning import check_choices, plan_rays
 from .pupil_air import SAMPLE_RAYS, PupilAir, pupil_air
 from .pupil_run import PupilRun
 from .pupil_sums import PupilTask
@@ -26,7 +25,7 @@ REPLICATES = 16
 # The seed of the points that decide which lattice is taken.
 PILOT_SEED = 0x1A771CE
 # Plans of pupils, and losses where the known air ends, that are cached on a field.
-KEPT = 4  # speed only
+CACHED = 4  # speed only
 # The greatest reach of a pupil, over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
 # A known number of samples is confirmed by one in this many of the rays that were used to find it.
@@ -164,18 +163,19 @@ def make_job(
     _check_size(field, pupil)
     if like is not None:
         share_places(field, like.task.field)
-    tolerance = check_tolerance(choices["tolerance"])
+    tolerance = choices["tolerance"]
+    check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
     pilot, air_rays = (None, None) if like is None else like.samples
     seen = (weakref.ref(pupil), tuple(look.tolist()), like is None)  # cache key for the same pupil with other seeds
     air = field.derive(
         ("air of a pupil", *seen, tolerance * wavelength),
         lambda: pupil_air(field, pupil, look, tolerance * wavelength, air_rays),
-        KEPT,
+        CACHED,
     )
     pilot = field.derive(
         ("pilot of a pupil", *seen),
         lambda: pilot or RayBundle.collimated(pupil, PILOT_RAYS, direction=look),
-        KEPT,
+        CACHED,
     )
     until = plane_beyond(field, pupil, look)
     per_replicate = -(-int(ray_count) // REPLICATES)  # rounded up
@@ -203,7 +203,7 @@ def make_job(
                 sure_count=rays,
                 **choices,
             ),
-            KEPT,
+            CACHED,
         )
         return replace(plan, reasons=(*plan.reasons, why), few_rays=is_sparse)
 

@@ -33,7 +33,7 @@ from .status import RayStatus
 # Bytes of a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
 KEPT_BYTES = 16 + 8 + 4
 # Constants of pupils that are cached on a device with a grid's node positions.
-KEPT = 8  # speed only
+CACHED = 8  # speed only
 
 
 @dataclass(eq=False)
@@ -121,7 +121,7 @@ class PupilRun:
             self.task.field.samples,
             ("constants of pupils", *engine.grid_key, key),
             lambda: engine.put(make()),
-            KEPT,
+            CACHED,
         )
 
     def __call__(self, seed: int | None) -> PupilSums:

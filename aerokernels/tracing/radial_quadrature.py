@@ -40,7 +40,7 @@ def asymmetry(field: IndexField, pupil: Pupil, look: np.ndarray) -> str | None:
         return f"the pupil is a {type(pupil).__name__}, not round"
     aside = float(np.hypot(*pupil.center[:2]))
     if aside > ROUNDING * pupil.reach:
-        return f"the pupil's centre lies {aside:.3g} m from the axis of symmetry, x = y = 0"
+        return f"the pupil's centre is {aside:.3g} m from the axis of symmetry, x = y = 0"
     for name, vector in (("the pupil's normal", pupil.normal), ("the look direction", look)):
         angle = float(np.arctan2(np.hypot(*vector[:2]), abs(vector[2])))
         if angle > ROUNDING:

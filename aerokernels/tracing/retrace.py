@@ -14,7 +14,7 @@ import numpy as np
 from ..device_arrays import on_host, rows_where
 from ..medium import IndexField
 from ..rays import RayBundle
-from .held import held_error
+from .error_limit import error_limit
 from .launch import launch
 from .plan import TracePlan
 from .status import RayStatus, reached
@@ -46,20 +46,20 @@ def retrace_rejected(
         arrays: Per-ray results by name, NumPy arrays or DeviceArrays, "step_error" and "status" among them. They are
             changed in place.
     """
-    held = held_error(field, plan.tolerance * wavelength)
-    rows = rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET, arrays["step_error"], held)
+    limit = error_limit(field, plan.tolerance * wavelength)
+    rows = rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET, arrays["step_error"], limit)
     if not len(rows):
         return
     part = {name: array[rows] for name, array in arrays.items()}
-    _retrace(field, rays.rows(rows), plan, until, wavelength, part, held)
+    _retrace(field, rays.rows(rows), plan, until, wavelength, part, limit)
     for name, array in arrays.items():
         array[rows] = part[name]
 
 
 def _retrace(
-    field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, arrays: dict, held: float
+    field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, arrays: dict, limit: float
 ) -> None:
-    """Trace again those of the given rays that are above the allowed error `held` [m]; change `arrays` in place."""
+    """Trace again those of the given rays that are above the allowed error `limit` [m]; change `arrays` in place."""
     # A trace along undisturbed lines remains one; leapfrog is replaced by another method for bent rays.
     asked = "straight" if plan.method == "straight" and not plan.sample_count else "adaptive"
     controlled = replace(plan, method=asked, sample_count=0, sampling=None)
@@ -78,19 +78,19 @@ def _retrace(
             array[rows[taken]] = others[name][taken]
 
     if plan.looks_up_cubes:  # the spline may be accurate where the polynomials of cubes are not
-        rows = np.flatnonzero(_rejected(arrays, held) & np.isfinite(arrays["step_error"]))
+        rows = np.flatnonzero(_rejected(arrays, limit) & np.isfinite(arrays["step_error"]))
         if len(rows):
             trace_again(rows, replace(plan, cubes=False))
     if plan.sample_count:
-        rows = np.flatnonzero(_rejected(arrays, held))
+        rows = np.flatnonzero(_rejected(arrays, limit))
         if len(rows):
             trace_again(rows, controlled)
     # An estimate in single precision may be rounding alone: it does not show which steps float64 needs.
     is_known = plan.precision == "float64" and asked == plan.method
     share = np.ones(rays.ray_count)  # of the tolerance, by which each ray was traced
     for round_number in range(2 if is_known else 3):
-        rejected = _rejected(arrays, held)
-        powers = _powers(arrays["step_error"], held) if is_known or round_number else 1.0
+        rejected = _rejected(arrays, limit)
+        powers = _powers(arrays["step_error"], limit) if is_known or round_number else 1.0
         share = np.where(rejected, np.maximum(share * RETRACE_SHARE**powers, LEAST_SHARE), share)
         for part in np.unique(share[rejected]):
             rows = np.flatnonzero(rejected & (share == part))
@@ -100,14 +100,14 @@ def _retrace(
     status[(status == RayStatus.TOLERANCE_NOT_MET) & holds] = RayStatus.OK
 
 
-def _powers(error: np.ndarray, held: float) -> np.ndarray:
+def _powers(error: np.ndarray, limit: float) -> np.ndarray:
     """The power of RETRACE_SHARE that brings each ray's error estimate below the allowed error; at least 1.
 
     Each step may use up a share of the tolerance: its share of the undisturbed ray's path through the field. A ray that
     is turned so far that its path is a hundred times longer ends a hundred times above the tolerance.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        excess = np.where(np.isfinite(error), error, held) / held
+        excess = np.where(np.isfinite(error), error, limit) / limit
     return np.maximum(np.ceil(np.log(np.maximum(excess, 1.0)) / -np.log(RETRACE_SHARE) + 0.4), 1.0)
 
 

@@ -36,7 +36,7 @@ _TEXT = {
         "aim the ray at the box, or stop on a Plane or at an ArcLength",
     ),
     RayStatus.STOP_NOT_REACHED: (
-        "the plane lies behind the ray or beside it, or the ray was turned away from it",
+        "the plane is behind the ray or parallel to it, or the ray was turned away from it",
         "move the plane ahead of the rays, or turn its normal",
     ),
     RayStatus.HIT_BODY: (
@@ -56,12 +56,12 @@ _TEXT = {
         "trace in float64, or look for contrasts that are too strong for the step",
     ),
     RayStatus.LEFT_DISTURBED_AIR: (
-        "the ray reached the stop, but part of its way lies outside the field's box beside air that is still "
-        "disturbed, so that its optical path holds the known air only",
-        "give the field a box that reaches into undisturbed air, move the rays, or read error['truncation']",
+        "the ray reached the stop, but part of its path is outside the field's box, beside air that is still "
+        "disturbed, so that its optical path includes the known air only",
+        "give the field a box whose faces are in undisturbed air, move the rays, or read error['truncation']",
     ),
     RayStatus.TOLERANCE_NOT_MET: (
-        "the ray reached the stop, but its own error estimate (step_error) is above the tolerance asked for",
+        "the ray reached the stop, but its own error estimate (step_error) is above the requested tolerance",
         "trace in float64, loosen the tolerance, or read the ray's step_error",
     ),
 }

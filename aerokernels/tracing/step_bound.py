@@ -38,7 +38,7 @@ TURN = 0.02
 CONE_SINES = (0.02, 0.2)
 
 # Tables cached on a grid: for two precisions, some tolerances and some cones.
-KEPT = 32  # speed only
+CACHED = 32  # speed only
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Cone:
     spread: float  # half angle [rad]
 
     @property
-    def way(self) -> np.ndarray:
+    def axis_vector(self) -> np.ndarray:
         """Unit vector along the axis."""
         way = np.zeros(3)
         if self.axis is not None:
@@ -108,12 +108,12 @@ def step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> S
         cone: Where the rays point.
     """
     key = ("step_bound", geometry, budget, cone)
-    return grid.derive(key, lambda: _step_bound(grid, geometry, budget, cone), KEPT)
+    return grid.derive(key, lambda: _step_bound(grid, geometry, budget, cone), CACHED)
 
 
 def _step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> StepBound:
     block, smooth, kink = roughness_along(grid, geometry, cone)
-    way = _local(cone.way, geometry)
+    way = _local(cone.axis_vector, geometry)
     extent = float(np.linalg.norm(grid.high - grid.low))
     rate = budget / extent
     size = block * grid.spacing
@@ -144,24 +144,21 @@ def smooth_step(fourth, rate: float):
 
 def roughness_along(grid: UniformGrid, geometry: str, cone: Cone) -> tuple[int, np.ndarray, np.ndarray]:
     """Cells in a block, and each block's greatest fourth derivative [1/m4] and kink [1] along the cone's rays."""
-    block, fourth, second = _roughness(grid)
+    block, fourth, second = roughness_of_blocks(grid)
     if cone.axis is None:
         return block, np.sum([np.sqrt(g) for g in fourth], axis=0) ** 2, np.sum(second, axis=0)
-    share = np.minimum(np.abs(_local(cone.way, geometry)) + np.sin(cone.spread), 1.0)
+    share = np.minimum(np.abs(_local(cone.axis_vector, geometry)) + np.sin(cone.spread), 1.0)
     smooth = np.sum([w * g**0.25 for w, g in zip(share, fourth, strict=True)], axis=0) ** 4
     kink = np.sum([w * np.sqrt(k) for w, k in zip(share, second, strict=True)], axis=0) ** 2
     return block, smooth, kink
 
 
-def roughness_by_axis(grid: UniformGrid) -> tuple[int, list[np.ndarray]]:
-    """Cells in a block, and each block's greatest |fourth derivative| along each axis [1/m4], of a cubic spline."""
-    block, fourth, _ = _roughness(grid)
-    return block, fourth
-
-
 def roughness_of_blocks(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
-    """Cells in a block, and each block's greatest |fourth derivative| [1/m4] and kink [1] along each axis."""
-    return _roughness(grid)
+    """Cells in a block, and each block's greatest |fourth derivative| [1/m4] and kink [1] along each axis; cached.
+
+    They are those of the potential over the ambient index, which is the contrast where that is small.
+    """
+    return grid.derive("roughness", lambda: _roughness_of_blocks(grid))
 
 
 def potential_at_nodes(grid: UniformGrid) -> np.ndarray:
@@ -183,14 +180,6 @@ def _window(near: float, far: float, size: np.ndarray, way: np.ndarray, cone: Co
     return np.floor(ends.min(axis=0) - wide).astype(int), np.floor(ends.max(axis=0) + wide + 1.0).astype(int)
 
 
-def _roughness(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
-    """Cells in a block, each block's greatest |fourth derivative| [1/m4] and kink [1] along each axis; cached.
-
-    They are those of the potential over the ambient index, which is the contrast where that is small.
-    """
-    return grid.derive("roughness", lambda: _roughness_of(grid))
-
-
 def block_size(grid: UniformGrid) -> int:
     """Cells in a block along each axis."""
     block = BLOCK
@@ -199,7 +188,7 @@ def block_size(grid: UniformGrid) -> int:
     return block
 
 
-def _roughness_of(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
+def _roughness_of_blocks(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
     block = block_size(grid)
     fourth, second = [], []
     for axis in range(grid.samples.ndim):

@@ -18,7 +18,7 @@ SUPPORT_SHARE = 0.05
 # Nodes to each side on whose splines a coefficient acts, and one to spare.
 MARGIN_NODES = 3
 # Boxes cached on a field.
-KEPT = 8  # speed only
+CACHED = 8  # speed only
 
 
 def support_box(
@@ -37,7 +37,7 @@ def support_box(
             ends on a surface across it.
     """
     low, high = field.derive(
-        ("support box", tolerance, lever_arms), lambda: _find_support_box(field, tolerance, lever_arms), KEPT
+        ("support box", tolerance, lever_arms), lambda: _find_support_box(field, tolerance, lever_arms), CACHED
     )
     return low, high
 

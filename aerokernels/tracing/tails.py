@@ -79,7 +79,7 @@ def contrast_tail(field: IndexField, point, inward, chord, cell=None, contrast=N
         contrast: |contrast| at the points, shape (n,), where it is already known.
     """
     field, cell = _original(field, cell, inward)
-    places, step = _places(field, point, inward, chord, cell)
+    places, step = _places(point, inward, chord, cell)
     if field.is_uniform:
         found = np.abs(contrast_in(field, places.reshape(-1, 3))).reshape(places.shape[:2])
     else:
@@ -94,7 +94,7 @@ def contrast_tail(field: IndexField, point, inward, chord, cell=None, contrast=N
 def slope_tail(field: IndexField, point, inward, chord, across, cell=None) -> tuple[np.ndarray, np.ndarray]:
     """A0 of |grad m . across|, and its decay length, as for `contrast_tail`; `across` is (n, 3)."""
     field, cell = _original(field, cell, inward)
-    places, step = _places(field, point, inward, chord, cell)
+    places, step = _places(point, inward, chord, cell)
     flat, along = places.reshape(-1, 3), np.repeat(across, len(DEPTHS), axis=0)
     if field.is_uniform:
         found = _slope_in(field, flat, along)
@@ -118,7 +118,7 @@ def _cell(field: IndexField, inward: np.ndarray) -> np.ndarray:
     return np.minimum(cell_along(field, inward), float(np.max(field.spacing)))
 
 
-def _places(field: IndexField, point, inward, chord, cell) -> tuple[np.ndarray, np.ndarray]:
+def _places(point, inward, chord, cell) -> tuple[np.ndarray, np.ndarray]:
     """Points below the boundary [m], shape (n, 5, 3), and s [m], shape (n,)."""
     step = WINDOW_CELLS * cell
     depth = np.minimum(step[:, None] * DEPTHS, chord[:, None])

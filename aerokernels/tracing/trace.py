@@ -13,13 +13,12 @@ from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..rays import RayBundle
 from .budget import Retrace, error_budget
-from .bundle.run import Asked, trace_bundle
+from .bundle.run import BundleRequest, trace_bundle
 from .known_air import KnownAir
 from .launch import launch
-from .leapfrog import pilot_of, spread_of
 from .meeting import check_meeting
 from .plan import TracePlan
-from .planning import backend_for, plan_rays
+from .planning import backend_for, check_choices, plan_bundle
 from .result import RAY_OUTPUTS, TraceResult
 from .retrace import report_rejected, retrace_rejected
 from .status import RayStatus
@@ -88,6 +87,7 @@ def trace(
     wavelength = field.wavelength_for(wavelength)
     wanted = check_outputs(outputs)
     check_choice(bundle, "bundle", BUNDLES)
+    check_choices(field, method=method, precision=precision, tolerance=tolerance, step=step)
     if backend == "auto" and device is None and rays.device not in (None, "cpu"):
         device = rays.device  # rays that are stored on a GPU are traced there
     backend = backend_for(field, backend)
@@ -102,24 +102,13 @@ def trace(
     with clocked() as seconds:
         with stage("plan"):
             check_meeting(field, rays, "ray of the bundle")
-            made: Any = "every ray is traced: asked for" if bundle == "off" else None
+            made: Any = "every ray is traced: requested by bundle='off'" if bundle == "off" else None
             if bundle == "auto" and method == "auto" and backend != "reference":
-                made = trace_bundle(Asked(field, rays, until, wavelength, wanted, choices, run_plan))
+                made = trace_bundle(BundleRequest(field, rays, until, wavelength, wanted, choices, run_plan))
             if isinstance(made, tuple):
                 plan, arrays = made
             else:
-                plan = plan_rays(
-                    field,
-                    partial(pilot_of, rays),
-                    rays.ray_count,
-                    until,
-                    method=method,
-                    step=step,
-                    wavelength=wavelength,
-                    directions=rays.direction if rays.device is None else pilot_of(rays).direction,
-                    spread=partial(spread_of, rays),
-                    **choices,
-                )
+                plan = plan_bundle(field, rays, until, method=method, step=step, wavelength=wavelength, **choices)
                 plan = plan if made is None else replace(plan, reasons=(*plan.reasons, made))
         if not isinstance(made, tuple):
             arrays = run_plan(field, rays, plan, until, wavelength, wanted)

@@ -35,10 +35,10 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from .blocks import block_maxima, block_means, greatest_around, greatest_of_neighbors
 from .high_pass import high_pass
+from .path_through_blocks import along_axes, path_of
 from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
-from .step_bound import block_size, potential_at_nodes, roughness_by_axis
+from .step_bound import block_size, potential_at_nodes, roughness_of_blocks
 from .straight_lines import Lines, local_coordinates
-from .way_through_blocks import along_axes, way_of
 
 # Frequencies along a ray, times H, from which on components are passed: along the ray, and at its ends.
 EDGE, EDGE_AT_ENDS = 0.92, 0.4
@@ -65,7 +65,7 @@ LOOKED_OVER, LOOKED_SHORT = 3, 1.1
 ENDS_SHARE = 0.02
 
 # Tables cached on a grid.
-KEPT = 8  # speed only
+CACHED = 8  # speed only
 
 
 @dataclass(frozen=True)
@@ -87,20 +87,20 @@ class Sampling:
     ends: bytes = b""
 
 
-def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
+def disturbed_ends(field: IndexField, lines: Lines, limit: float) -> bytes:
     """Blocks around those in which lines begin or end in disturbed air, as packed bits; empty if there are none.
 
     Args:
         field: A field on a cubic uniform grid.
         lines: The rays' straight lines through the support of the field.
-        held: The OPD error allowed to them [m].
+        limit: The OPD error allowed to them [m].
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     worth = _potential_by_blocks(grid) * float((block_size(grid) * np.asarray(grid.spacing)).max())
     key = "blocks of ends", field.geometry, worth.shape, _nodes_key(grid)
     near = lines.derive(key, lambda: _blocks_of_ends(grid, field.geometry, lines, worth.shape))
-    near = near * (worth > ENDS_SHARE * held)
+    near = near * (worth > ENDS_SHARE * limit)
     return np.packbits(near).tobytes() if near.any() else b""
 
 
@@ -137,7 +137,7 @@ def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = Fals
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     key = ("missed by rule" if by_rule else "missed", field.geometry, sampling)
-    return grid.derive(key, lambda: _missed(grid, field.geometry, sampling, by_rule), KEPT)
+    return grid.derive(key, lambda: _missed(grid, field.geometry, sampling, by_rule), CACHED)
 
 
 def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
@@ -186,14 +186,14 @@ def _greatest_on_lines(
 
     None for `changes` means that no line has a lever arm.
     """
-    key = "way", geometry, block, missed.shape, _nodes_key(grid)
-    way = lines.derive(key, lambda: way_of(grid, block, missed.shape, lines, geometry))
-    met, changing = missed[way.part], None if changes is None else changes[way.part]
-    found = float(met.max()) * way.longest
+    key = "path", geometry, block, missed.shape, _nodes_key(grid)
+    path = lines.derive(key, lambda: path_of(grid, block, missed.shape, lines, geometry))
+    met, changing = missed[path.part], None if changes is None else changes[path.part]
+    found = float(met.max()) * path.longest
     if changing is not None:
-        found += float(changing.max()) * way.lever_arm * way.longest
+        found += float(changing.max()) * path.lever_arm * path.longest
     # Along an axis that all rays run along: layer by layer, as far to the side as a ray may get.
-    for layers in way.layers:
+    for layers in path.layers:
         amount = met if changing is None else met + changing * layers.lever_arms
         for other, count in layers.beside:
             amount = greatest_of_neighbors(amount, count, other)
@@ -221,7 +221,7 @@ def _with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
 
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
     obliquity = along_axes(sampling.steepness, geometry)
-    block, fourth = roughness_by_axis(grid)
+    block, fourth, _ = roughness_of_blocks(grid)
     strides = [PEANO * (u * sampling.spacing) ** 4 for u in obliquity]
     missed = _joined([stride * change for stride, change in zip(strides, fourth, strict=True)])
     factor = 1.0 + MISSED_SLOPE * sampling.lever_arm / float(grid.spacing.min())
@@ -288,7 +288,7 @@ def _ends_of(grid: UniformGrid, sampling: Sampling) -> np.ndarray:
 
 def _by_blocks(grid: UniformGrid, geometry: str, sampling: Sampling, size: np.ndarray) -> np.ndarray:
     """Greatest mean that a ray meets on its path through each block, of sizes at nodes, along the rays' main axis."""
-    block, _ = roughness_by_axis(grid)
+    block = block_size(grid)
     obliquity, main = along_axes(sampling.steepness, geometry), _main_axis(sampling.steepness, geometry)
     across = [axis for axis in range(len(obliquity)) if axis != main]
     if main is None:

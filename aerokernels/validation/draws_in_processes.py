@@ -161,15 +161,15 @@ def share(
     every = [_Kind(name, seeds) for name in kinds]
     begun = time.monotonic()
     end, batches, number = begun + seconds, list[_Batch](), 0
-    told = dict.fromkeys((kind.name for kind in every), 0)
+    printed = dict.fromkeys((kind.name for kind in every), 0)
     try:
         while True:
             late = time.monotonic() > end
             batches = [batch for batch in batches if not batch.over(late)]
             for kind in every:
-                for text in kind.faults[told[kind.name] :]:
+                for text in kind.faults[printed[kind.name] :]:
                     print(f"{kind.name}, {text}", flush=True)
-                told[kind.name] = len(kind.faults)
+                printed[kind.name] = len(kind.faults)
             # A kind that has not been drawn yet is tried by one process first, to measure its time.
             waiting = [kind for kind in every if kind.left and (kind.done or not kind.under_way)]
             if (not waiting or late) and not batches:

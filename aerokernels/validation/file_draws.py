@@ -22,8 +22,8 @@ from ..jobs.recorded import recorded_echoes, recorded_labels
 from ..jobs.sweeps.records import CASES_FILE, DEFINITION_FILE, Records, read_definition
 from .damaged_files import damaged
 from .input_draws import Draw
-from .record_draws import looked_at
-from .refusals import told
+from .record_draws import check_echoes
+from .refusals import check_refusal
 
 SAMPLES = 20
 CELLS = ("", "nan", "inf", "1e999", "-1", "abc", "=1+1", "'", '"', "1;2", "1,5", "\x00", "\x1b[2J", "٣", "9" * 400, "é")
@@ -36,9 +36,9 @@ STORED = (0, -1, 2**63 - 1, 1e300, float("inf"), "text", b"", b"\xff", b"\x00" *
 def _read_all(path: Path) -> bool:
     """Read every echo of a file; return whether it could be read."""
     try:
-        return looked_at(recorded_echoes(path, recorded_labels(path)[0]))
+        return check_echoes(recorded_echoes(path, recorded_labels(path)[0]))
     except ValueError as fault:
-        return told(fault, path)
+        return check_refusal(fault, path)
 
 
 def table(draw: random.Random, folder: Path) -> bool:
@@ -47,13 +47,8 @@ def table(draw: random.Random, folder: Path) -> bool:
     if draw.random() < 0.5:
         rows = [["time_s", "mach=0", "mach=3"], *([t, "0.1", "0.2"] for t in time)]
     else:
-        head = [
-            "sequence",
-            "label_mach",
-            "sample_period_s",
-            "first_sample_time_s",
-            *(f"voltage_{k}_v" for k in range(20)),
-        ]
+        head = ["sequence", "label_mach", "sample_period_s", "first_sample_time_s"]
+        head += [f"voltage_{k}_v" for k in range(SAMPLES)]
         rows = [head, *([str(k), "3", "1e-9", "0", *["0.1"] * SAMPLES] for k in range(3))]
     for _ in range(draw.choice((0, 1, 1, 2))):
         row = draw.choice((rows[0], rows[1], draw.choice(rows)))
@@ -126,7 +121,7 @@ def store(draw: random.Random, folder: Path) -> bool:
             export(found, folder / draw.choice(("out.csv", "out.nc")))
             found.gaps()
     except (ValueError, StoreError) as fault:
-        return read or told(fault)
+        return read or check_refusal(fault)
     finally:
         if list(folder.glob(".out*")):
             raise AssertionError("a draft is left")
@@ -190,7 +185,7 @@ def sweep(draw: random.Random, folder: Path) -> bool:
     try:
         return read_definition(folder) is not None
     except ValueError as fault:
-        return told(fault)
+        return check_refusal(fault)
 
 
 DRAWS: dict[str, Draw] = {"table": table, "store": store, "store-read": store_read, "netcdf": netcdf, "sweep": sweep}

@@ -20,14 +20,14 @@ from ..flow.reading.foam_file import FoamFile
 from ..process.opened import OPENED
 from . import sound_files
 from .input_draws import Draw
-from .refusals import told
-from .spoiling import ODD_WORDS, spoilt_numbers, spoilt_text
+from .refusals import check_refusal
+from .spoiling import spoilt_numbers, spoilt_text
 
 NO_ROOM = "than the memory takes"  # must not be said of small files: their counts are checked before allocation
 MOST_VALUES = 1_000_000  # in files of some kilobytes; a larger number comes from a damaged count
 
 
-def looked_at(path: Path, found: Dataset) -> bool:
+def check_dataset(path: Path, found: Dataset) -> bool:
     """Check that arrays fit their points and cells, that cells refer to existing points, and densities are positive."""
     for block in found.blocks:
         count = len(block.points)
@@ -62,11 +62,11 @@ def looked_at(path: Path, found: Dataset) -> bool:
 
 def _read(path: Path, module: str, options: dict | None = None) -> bool:
     try:
-        return looked_at(path, read_here(module, path, None, options or {}))
+        return check_dataset(path, read_here(module, path, None, options or {}))
     except ReadError as fault:
-        return told(fault, path.parent, NO_ROOM)
+        return check_refusal(fault, path.parent, NO_ROOM)
     except ValueError as fault:  # unknown names of arrays and gases
-        return told(fault, path, NO_ROOM)
+        return check_refusal(fault, path, NO_ROOM)
 
 
 def _drawn_file(name: str, module: str, make: Callable[[random.Random], bytes]) -> Draw:
@@ -129,7 +129,7 @@ def foam_file(draw: random.Random, folder: Path) -> bool:
                 raise AssertionError("the cursor goes on")
             taken = True
     except ReadError as fault:
-        told(fault, path, NO_ROOM)
+        check_refusal(fault, path, NO_ROOM)
     except (TypeError, ValueError, OverflowError):  # `read_here` turns these into a refusal
         return False
     return taken
@@ -230,4 +230,3 @@ DRAWS: dict[str, Draw] = {
     "point-table": _drawn_file("a.csv", "point_table", words_of(sound_files.TABLES)),
     "npz": npz,
 }
-__all__ = ["DRAWS", "ODD_WORDS"]

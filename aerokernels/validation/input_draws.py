@@ -30,7 +30,7 @@ from ..scene import Scene, SceneError
 from ..scene.errors import known_keys
 from ..scene.loading import shipped_scene_text, shipped_scenes
 from .damaged_files import damaged
-from .refusals import told
+from .refusals import check_refusal
 
 Draw = Callable[[random.Random, Path], bool]
 """Makes an input and gives it to its parser. Returns whether it was accepted; False for a refusal in words."""
@@ -99,7 +99,7 @@ def scene(draw: random.Random, folder: Path) -> bool:
     try:
         Scene.load(path)
     except SceneError as fault:
-        return told(fault)
+        return check_refusal(fault)
     return True
 
 
@@ -114,7 +114,7 @@ def override(draw: random.Random, folder: Path) -> bool:
     try:
         Scene.load(draw.choice(("sea-level-mach3", "wind-tunnel-mach3")), changes)
     except SceneError as fault:
-        return told(fault)
+        return check_refusal(fault)
     return True
 
 
@@ -206,7 +206,7 @@ def preamble(draw: random.Random, folder: Path) -> bool:
             found = parse_rigol(",".join(values[: draw.choice((10, 10, 10, 9))]))
         curve = found.curve(draw.randbytes(draw.choice((8, 8, 16, 7, 0))), b"", 1)
     except PreambleError as fault:
-        return told(fault)
+        return check_refusal(fault)
     if not (np.isfinite(curve.voltage).all() and np.isfinite(curve.time).all()):
         raise AssertionError(f"voltages and times are finite: {found}")
     return True

@@ -27,7 +27,7 @@ from ..inputs.written_units import in_brackets
 from ..series.store import NUMBERS, ZarrStore
 from .input_draws import NUMBERS as WILD
 from .input_draws import Draw
-from .refusals import told
+from .refusals import check_refusal
 from .sound_files import COLLECTION, FILE_SERIES
 from .spoiling import spoilt_text
 
@@ -66,7 +66,7 @@ def unit(draw: random.Random, folder: Path) -> bool:
                 taken = True
         length_of("a", {"x": text, "y [mm]": ""})
     except ReadError as fault:
-        told(fault)
+        check_refusal(fault)
     unit_in_words(text)
     return taken
 
@@ -83,7 +83,7 @@ def names(draw: random.Random, folder: Path) -> bool:
     try:
         _, found = species_arrays("a", drawn, given)
     except ValueError as fault:
-        return told(fault)
+        return check_refusal(fault)
     if not set(found.values()) <= set(drawn):
         raise AssertionError(f"{found} of {drawn}")
     return True
@@ -110,7 +110,7 @@ def index(draw: random.Random, folder: Path) -> bool:
     try:
         entries = collection(path)
     except ValueError as fault:
-        return told(fault)
+        return check_refusal(fault)
     inside = all(entry.file.resolve().is_relative_to(folder.resolve()) for entry in entries)
     if not entries or not np.isfinite([entry.time for entry in entries]).all() or not inside:
         raise AssertionError(f"entries {entries}")
@@ -129,7 +129,7 @@ def journal(draw: random.Random, folder: Path) -> bool:
     try:
         found = ZarrStore(store, template, definition)
     except ValueError as fault:
-        return told(fault)
+        return check_refusal(fault)
     return found.done.count > 0
 
 

@@ -19,14 +19,14 @@ from ..files.netcdf_lazy import FarVariable, dataset_of, told_of
 from ..flow.reading.labelled import labelled_dataset
 from ..flow.series_files import series_of_dataset
 from ..jobs.recorded import waveforms
-from ..jobs.run_folder import RunFolder, RunWithoutEcho, match_runs, run_of
+from ..jobs.run_folder import RunFolder, match_runs, run_of
 from ..medium import IndexField
 from ..wavefront import Wavefront
 from ..wavefront.data import SIGN_CONVENTION
-from .flow_draws import looked_at
+from .flow_draws import check_dataset
 from .input_draws import NUMBERS, TEXTS, Draw
-from .record_draws import looked_at as looked_at_echoes
-from .refusals import told
+from .record_draws import check_echoes
+from .refusals import check_refusal
 from .spoiling import ODD_WORDS, spoilt_text
 
 PATH = Path("drawn.nc")
@@ -35,24 +35,8 @@ KEYS = ("units", "scale_factor", "add_offset", "_FillValue", "missing_value", "c
         "bounds", "ambient_density", "long_name", "grid_mapping", "_Unsigned", "time", "pixel", "wavelength", "radius",
         "sign_convention", "blocked", "direction", "removed", "opd_error", "scene", "ambient_index",
         "interpolation", "cell_averages", "cell_methods", "flag_values")  # fmt: skip
-NAMES = (
-    "rho",
-    "t",
-    "x",
-    "r",
-    "",
-    "a/b",
-    "\x1b",
-    "Density",
-    "time",
-    "voltage",
-    "p",
-    "T",
-    "y",
-    "echo",
-    "label_a b",
-    "weight",
-)
+NAMES = ("rho", "t", "x", "r", "", "a/b", "\x1b", "Density", "time", "voltage", "p", "T", "y", "echo", "label_a b",
+         "weight")  # fmt: skip
 ODD: tuple[Any, ...] = (
     *TEXTS, *ODD_WORDS, *NUMBERS, 3.0, -1, 0, np.float64("nan"), np.int16(2), np.array([1.0, 2.0]), np.array([]),
     b"\xff", True, [], ["a", "b"], "kg m-3", "mm", "ns", "1", "seconds since 1970-01-01", "days since 0000-00-00",
@@ -113,15 +97,15 @@ def spoil(far: Far, held: Held, draw: random.Random) -> None:
             held.pop(draw.choice((*held, "none")), None)
 
 
-def _told(fault: Exception, named: object = "") -> bool:
+def _check_refusal(fault: Exception, named: object = "") -> bool:
     text = str(fault)
     own = "cannot be read as NetCDF" not in text and "cannot be read (" not in text
     if own and BARE.search(text):
-        raise AssertionError(f"told as {text[:300]!r}") from fault
-    return told(fault, named)
+        raise AssertionError(f"refused as {text[:300]!r}") from fault
+    return check_refusal(fault, named)
 
 
-def _sound(good: bool, what: str) -> None:
+def _require(good: bool, what: str) -> None:
     if not good:
         raise AssertionError(what)
 
@@ -146,9 +130,9 @@ def echoes(draw: random.Random, folder: Path) -> bool:
     try:
         with told_of(PATH):
             data = dataset_of(PATH, far, held, False).load()
-        return looked_at_echoes(waveforms(data, PATH))
+        return check_echoes(waveforms(data, PATH))
     except ValueError as fault:
-        return _told(fault, PATH)
+        return _check_refusal(fault, PATH)
 
 
 SCENE = "[detector]\nthreshold = 0.01\n[target]\ndistance = 30.0\n"
@@ -177,22 +161,20 @@ def result(draw: random.Random, folder: Path) -> bool:
         if draw.random() < 0.3:
             found = echo_of_result(PATH, data)
             good = _finite(found) and bool((np.diff(found[0]) > 0.0).all())
-            _sound(good, f"an echo: {found}")
+            _require(good, f"an echo: {found}")
             return True
         run = run_of(PATH, summary, data)
-    except RunWithoutEcho as fault:
-        return _told(fault, PATH)
     except ValueError as fault:
-        return _told(fault, PATH)
-    _look_at_run(run)
+        return _check_refusal(fault, PATH)
+    _check_run(run)
     return True
 
 
-def _look_at_run(run: RunFolder) -> None:
+def _check_run(run: RunFolder) -> None:
     good = run.time.shape == run.voltage.shape and run.time.ndim == 1 and _finite(run.time) and _finite(run.voltage)
-    _sound(good and bool((np.diff(run.time) > 0.0).all()), f"volts at increasing times: {run}")
-    _sound(math.isfinite(run.distance) and hasattr(run.detector, "get"), f"a distance and a detector: {run}")
-    _sound(isinstance(run.name, str) and isinstance(run.error_of("range_m"), float), f"a name and errors: {run}")
+    _require(good and bool((np.diff(run.time) > 0.0).all()), f"volts at increasing times: {run}")
+    _require(math.isfinite(run.distance) and hasattr(run.detector, "get"), f"a distance and a detector: {run}")
+    _require(isinstance(run.name, str) and isinstance(run.error_of("range_m"), float), f"a name and errors: {run}")
     run.error_of("range_m", "centroid")
     with suppress(ValueError):
         match_runs([(("mach", "3"),)], [run])
@@ -214,17 +196,17 @@ def wavefront(draw: random.Random, folder: Path) -> bool:
         with told_of(PATH):
             data = dataset_of(PATH, far, held, True).load()
     except ValueError as fault:
-        return _told(fault, PATH)
+        return _check_refusal(fault, PATH)
     try:
         found = Wavefront.from_xarray(data)
         strehl = found.strehl()
     except ValueError as fault:
-        return _told(fault)
-    _sound(found.opd.dtype == np.float64 and _finite(found.opd[found.lit]) and found.weight.max() > 0.0, "an OPD")
-    _sound(0.0 <= strehl <= 1.0 + 1e-12, f"a Strehl ratio: {strehl}")
+        return _check_refusal(fault)
+    _require(found.opd.dtype == np.float64 and _finite(found.opd[found.lit]) and found.weight.max() > 0.0, "an OPD")
+    _require(0.0 <= strehl <= 1.0 + 1e-12, f"a Strehl ratio: {strehl}")
     good = math.isfinite(found.pixel * found.wavelength * float(found.radius or 0.0)) and 0.0 <= found.blocked <= 1.0
-    _sound(good, f"lengths: {found.pixel} {found.wavelength} {found.radius} {found.blocked}")
-    _sound(found.direction is None or (np.shape(found.direction) == (3,) and _finite(found.direction)), "a direction")
+    _require(good, f"lengths: {found.pixel} {found.wavelength} {found.radius} {found.blocked}")
+    _require(found.direction is None or (np.shape(found.direction) == (3,) and _finite(found.direction)), "a direction")
     return True
 
 
@@ -249,9 +231,9 @@ def flow(draw: random.Random, folder: Path) -> bool:
     try:
         with told_of(PATH):
             data = dataset_of(PATH, far, held, False).load()
-        return looked_at(PATH, labelled_dataset(PATH, data, None, draw.choice((None, "first", 1e-3)), "NetCDF"))
+        return check_dataset(PATH, labelled_dataset(PATH, data, None, draw.choice((None, "first", 1e-3)), "NetCDF"))
     except ValueError as fault:
-        return _told(fault)
+        return _check_refusal(fault)
 
 
 def attributes(draw: random.Random, folder: Path) -> bool:
@@ -261,11 +243,11 @@ def attributes(draw: random.Random, folder: Path) -> bool:
         with told_of(PATH):
             data = dataset_of(PATH, far, held, True)
         series = series_of_dataset(data, None, None, False, None, {}, str(PATH), {})
-        _sound(_finite(series.time) and bool((np.diff(series.time) > 0).all()), f"times {series.time}")
+        _require(_finite(series.time) and bool((np.diff(series.time) > 0).all()), f"times {series.time}")
         field = series[draw.randrange(len(series))]
-        _sound(_finite(field.density), "finite densities")  # type: ignore[attr-defined]  # of samples
+        _require(_finite(field.density), "finite densities")  # type: ignore[attr-defined]  # of samples
     except ValueError as fault:
-        return _told(fault)
+        return _check_refusal(fault)
     return True
 
 
@@ -281,17 +263,17 @@ def index(draw: random.Random, folder: Path) -> bool:
         with told_of(PATH):
             data = dataset_of(PATH, far, held, False).load()
     except ValueError as fault:
-        return _told(fault, PATH)
+        return _check_refusal(fault, PATH)
     if "density" not in data:
         return False
     try:
         field = IndexField.from_xarray(data["density"])
     except ValueError as fault:
-        return _told(fault)
+        return _check_refusal(fault)
     except TypeError as fault:
-        _sound("IndexField" in str(fault), f"an argument that is named: {fault}")
-        return _told(fault)
-    _sound(_finite(field.contrast_at(MIDDLE)) and math.isfinite(field.ambient_index), "finite contrasts")
+        _require("IndexField" in str(fault), f"an argument that is named: {fault}")
+        return _check_refusal(fault)
+    _require(_finite(field.contrast_at(MIDDLE)) and math.isfinite(field.ambient_index), "finite contrasts")
     return True
 
 

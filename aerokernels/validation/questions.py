@@ -142,12 +142,12 @@ def altitude(flows: Sequence[str] = FLOWS, kilometres: Sequence[float] = (), set
     sentences = []
     for a, flow in enumerate(flows):
         good = np.flatnonzero(strehl[a] >= GOOD)
-        told = f"is at least {GOOD:g} at none of the altitudes"
+        reached = f"is at least {GOOD:g} at none of the altitudes"
         if len(good):
-            told = f"is {with_error(strehl[a, good[0]], error[a, good[0]])} from {heights[good[0]]:g} km on"
+            reached = f"is {with_error(strehl[a, good[0]], error[a, good[0]])} from {heights[good[0]]:g} km on"
         sentences.append(
             f"At {MACH[flow]} the Strehl ratio of the 12 mm pupil is {with_error(strehl[a, 0], error[a, 0])} at "
-            f"{heights[0]:g} km, and {told}."
+            f"{heights[0]:g} km, and {reached}."
         )
     ranges = []
     for k, (method, style) in enumerate(zip(methods, ("-", "--"), strict=True)):

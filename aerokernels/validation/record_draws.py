@@ -15,7 +15,7 @@ import numpy as np
 from ..hardware.rows import echo_of, label_of
 from ..jobs.recorded import LEAST_SAMPLES, RecordedEcho, checked, waveforms
 from .input_draws import Draw
-from .refusals import told
+from .refusals import check_refusal
 
 SAMPLES = 20
 ODD = (0, 1, -1, 2**31, 2**63 - 1, -(2**63), 1e-300, 1e300, math.inf, -math.inf, math.nan, 0.5, "", "text", "1", b"",
@@ -25,7 +25,7 @@ UNITS = ("s", "ns", "us", "V", "mV", "furlong", "", "1", "\x1b[2J", 3.0, None, b
 KINDS = ("f8", "f4", "i2", "u8", "S3", "U3", "c16", "?", "O", "M8[ns]", "m8[ns]")
 
 
-def looked_at(echoes: Iterable[RecordedEcho]) -> bool:
+def check_echoes(echoes: Iterable[RecordedEcho]) -> bool:
     """Whether there are any echoes; check that all have finite voltages at increasing times, and labels of texts."""
     count = 0
     for echo in echoes:
@@ -60,9 +60,9 @@ def row(draw: random.Random, folder: Path) -> bool:
     if frame.samples.size < LEAST_SAMPLES or not frame.sample_period_ps > 0:
         return False
     try:
-        return looked_at([checked(RecordedEcho(tuple(label.items()), frame.time, frame.voltage), "row")])
+        return check_echoes([checked(RecordedEcho(tuple(label.items()), frame.time, frame.voltage), "row")])
     except ValueError as fault:
-        return told(fault)
+        return check_refusal(fault)
 
 
 def _values(draw: random.Random, name: str, shape: tuple[int, ...], kind: str) -> np.ndarray:
@@ -111,11 +111,11 @@ def dataset(draw: random.Random, folder: Path) -> bool:
     except ValueError:  # a dimension's name on a variable of other dimensions: xarray refuses it, as its reader does
         return False
     try:
-        return looked_at(waveforms(data, path))
+        return check_echoes(waveforms(data, path))
     except ValueError as fault:
         if str(path) not in str(fault):
             raise AssertionError(f"the file is not named: {fault}") from fault
-        return told(fault)
+        return check_refusal(fault)
 
 
 def summary(draw: random.Random, folder: Path) -> bool:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 PACKAGE = str(Path(__file__).resolve().parents[1])
-MOST_TOLD = 20_000  # characters; the text may contain names from a file
+MOST_TEXT = 20_000  # characters; the text may contain names from a file
 
 
 def attempt(function: Callable, arguments: dict[str, Any]) -> str | None:
@@ -26,7 +26,7 @@ def attempt(function: Callable, arguments: dict[str, Any]) -> str | None:
     return None
 
 
-def told(fault: Exception, named: object = "", never: str = "") -> bool:
+def check_refusal(fault: Exception, named: object = "", never: str = "") -> bool:
     """Return False, meaning a refusal, if the error's text is one line of limited length that contains `named`.
 
     Raises:
@@ -34,6 +34,6 @@ def told(fault: Exception, named: object = "", never: str = "") -> bool:
     """
     text = str(fault)
     bad = bool(never) and never in text
-    if bad or not text or "\n" in text.strip() or str(named) not in text or len(text) > MOST_TOLD:
-        raise AssertionError(f"told as {text[:300]!r}") from fault
+    if bad or not text or "\n" in text.strip() or str(named) not in text or len(text) > MOST_TEXT:
+        raise AssertionError(f"refused as {text[:300]!r}") from fault
     return False

@@ -23,8 +23,8 @@ from aerokernels.validation.series_speed import (
     DIRECTIONS,
     SPACING,
     exact_map,
+    map_error,
     mesh_of_shape,
-    off_by,
     pupil_before,
     timed,
 )
@@ -78,7 +78,7 @@ def measure_gpu(shape: tuple[int, int, int], pixels: int, device: str) -> Iterat
             "host_seconds": quickest(partial(summed, volume, device, field.mean)),
             "pinned_seconds": quickest(partial(summed, pinned, device, field.mean)),
             "device_seconds": quickest(partial(summed, there, device, field.mean)),
-            "error_m": off_by(summed(there, device, field.mean), truth, grid),
+            "error_m": map_error(summed(there, device, field.mean), truth, grid),
         }
 
 

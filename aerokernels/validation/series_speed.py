@@ -87,7 +87,7 @@ def exact_map(field: Fourier, grid: PupilGrid, along: np.ndarray, lines: LineInt
     return field.opd(entry, along, lines.length, 0.0)
 
 
-def off_by(values: np.ndarray, truth: np.ndarray, grid: PupilGrid) -> float:
+def map_error(values: np.ndarray, truth: np.ndarray, grid: PupilGrid) -> float:
     """The rms error over the pupil of integrals of the density, without the mean [m]."""
     weight = grid.weight[grid.lit]
     difference = CONSTANT * values - truth
@@ -103,7 +103,7 @@ def _one(name, way, mesh: GridMesh, volumes, field: Fourier, pixels: int, snapsh
     truth = exact_map(field, grid, along, lines)
 
     def off(values: np.ndarray) -> float:
-        return off_by(values, truth, grid)
+        return map_error(values, truth, grid)
 
     nearest = nearest_sums(mesh, volumes[0], grid.points, along)
     uniform = field.mean * (

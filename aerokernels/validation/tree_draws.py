@@ -20,9 +20,9 @@ from ..flow.reading.high_order import joined
 from ..flow.reading.named_arrays import arrays_as_dataset
 from ..flow.reading.read import check_blocks
 from ..flow.reading.vtk_files import blocks_of
-from .flow_draws import looked_at
+from .flow_draws import check_dataset
 from .input_draws import Draw
-from .refusals import told
+from .refusals import check_refusal
 from .spoiling import ODD_WORDS, REAL, WHOLE
 
 PATH = Path("drawn.cgns")
@@ -131,7 +131,7 @@ def cgns(draw: random.Random, folder: Path) -> bool:
             patches, notes = patches_of(root)
             length, arrays = units_of(PATH, root)
     except ReadError as fault:
-        return told(fault, PATH)
+        return check_refusal(fault, PATH)
     count = sum(own.data.size for _, own in _all(root) if own.data is not None)
     for patch in patches:
         corners = patch.edges if patch.polygons is None else patch.polygons.points
@@ -199,9 +199,9 @@ def arrays(draw: random.Random, folder: Path) -> bool:
     try:
         with _in_words():
             found = arrays_as_dataset(PATH, held, units, ends, variables, "HDF5", time)
-        return looked_at(PATH, found)
+        return check_dataset(PATH, found)
     except ValueError as fault:
-        return told(fault, PATH)
+        return check_refusal(fault, PATH)
 
 
 def vtk(draw: random.Random, folder: Path) -> bool:
@@ -221,9 +221,9 @@ def vtk(draw: random.Random, folder: Path) -> bool:
             blocks = [joined(block)[0] for block in blocks_of(PATH, data)]
         found = Dataset(blocks, "VTK", ambient=None)
         check_blocks(PATH, found)
-        return looked_at(PATH, found)
+        return check_dataset(PATH, found)
     except ValueError as fault:
-        return told(fault, PATH)
+        return check_refusal(fault, PATH)
 
 
 CELLS = {5: 3, 7: 5, 8: 4, 9: 4, 10: 4, 11: 8, 12: 8, 13: 6, 14: 5, 22: 6, 23: 8, 24: 10, 25: 20, 70: 9, 69: 6, 72: 27,
@@ -289,14 +289,8 @@ def _grid(draw: random.Random) -> Any:
             values = np.linspace(1.0, 2.0, length) if draw.random() < 0.8 else np.ones((length, draw.choice((1, 2, 3))))
             values = _other(values, draw) if draw.random() < 0.2 else values
             with suppress(TypeError, KeyError):
-                made = numpy_to_vtk(
-                    np.ascontiguousarray(values.astype(draw.choice(("f8", "f8", "f4", "i4", "u1")))), deep=True
-                )
-                made.SetName(
-                    draw.choice(
-                        ("rho", "rho", "p", "T", "density", "vtkGhostType", "vtkGhostType", "Mach", "\x1b", "é")
-                    )
-                )
+                made = numpy_to_vtk(np.ascontiguousarray(values.astype(draw.choice(TYPES))), deep=True)
+                made.SetName(draw.choice(ARRAYS))
                 attributes.AddArray(made)
     return data
 

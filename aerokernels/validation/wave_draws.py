@@ -18,6 +18,7 @@ from ..pupils import Annulus, Disc, Pupil, Rectangle
 from ..wavefront import wavefront
 from ..waves import split_step, validity
 from ..waves.bounds import change_bound
+from .closed_air import log_uniform
 
 KINDS = ("shock", "turbulence", "mixed")
 # Greatest number of nodes along z and across.
@@ -66,7 +67,7 @@ class VerdictCheck:
         by_rays: Strehl ratio of the traced wavefront.
         by_wave: Strehl ratio of the wave.
         wave_error: Error of the latter, from its steps and pixels.
-        told: Change of the Strehl ratio that the verdict reports.
+        reported: Change of the Strehl ratio that the verdict reports.
         said_good: The verdict.
         answered_by: The method that gave the verdict.
         limit: The change up to which rays are good.
@@ -76,7 +77,7 @@ class VerdictCheck:
     by_rays: float
     by_wave: float
     wave_error: float
-    told: float
+    reported: float
     said_good: bool
     answered_by: str
     limit: float
@@ -102,7 +103,7 @@ def check_verdict(
     begin = process_time()
     seen = wavefront(view.field, view.pupil, wavelength=view.wavelength, pixel_count=map_pixels)
     traced = process_time()
-    told = validity(view.field, view.pupil, wavelength=view.wavelength, wavefront=seen, limit=limit)
+    verdict = validity(view.field, view.pupil, wavelength=view.wavelength, wavefront=seen, limit=limit)
     done = process_time()
     wider = truth_window(view) / REACH
     wave = split_step(
@@ -117,9 +118,9 @@ def check_verdict(
         by_rays=seen.strehl(),
         by_wave=wave.strehl(),
         wave_error=wave.strehl_error,
-        told=told.strehl_change,
-        said_good=told.good,
-        answered_by=told.answered_by,
+        reported=verdict.strehl_change,
+        said_good=verdict.good,
+        answered_by=verdict.answered_by,
         limit=limit,
         seconds=(traced - begin, done - traced),
     )
@@ -139,14 +140,14 @@ def draw_view(seed: int, kind: str | None = None) -> DrawnView:
     """Return the view of a seed, of the given kind or of the kind that the seed selects."""
     rng = np.random.default_rng([19, seed])
     kind = KINDS[seed % len(KINDS)] if kind is None else kind
-    half = _log_uniform(rng, 0.5e-3, 10e-3)
+    half = log_uniform(rng, 0.5e-3, 10e-3)
     wavelength = float(rng.choice([355e-9, 532e-9, 633e-9, 905e-9, 1064e-9, 1550e-9]))
-    box = _log_uniform(rng, 0.03, 1.5)
+    box = log_uniform(rng, 0.03, 1.5)
     length = box * rng.uniform(0.2, 1.0)
     start = rng.uniform(0.0, box - length)
-    phase = _log_uniform(rng, 0.05, 5.0)
+    phase = log_uniform(rng, 0.05, 5.0)
     planar = kind == "shock"
-    smallest = half * _log_uniform(rng, 1.0 / 30.0, 1.0) if planar else half * _log_uniform(rng, 0.12, 1.0)
+    smallest = half * log_uniform(rng, 1.0 / 30.0, 1.0) if planar else half * log_uniform(rng, 0.12, 1.0)
     across = int(np.clip(np.ceil(4.0 * REACH * half / smallest), 24, MOST_ACROSS if planar else VOLUME_ACROSS))
     along = int(np.clip(np.ceil(2.0 * length / smallest), 32, MOST_ALONG if planar else VOLUME_ALONG))
     y = REACH * half * np.linspace(-1.0, 1.0, across)
@@ -206,10 +207,6 @@ def view_at_bound(view: DrawnView, limit: float = GOOD) -> DrawnView | None:
     return found if is_air and bound(factor) <= limit else None
 
 
-def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-
 def _pupil(rng: np.random.Generator, half: float) -> Pupil:
     """A pupil just ahead of the box, with half width `half`."""
     kind, center = rng.integers(4), (0.0, 0.0, -1e-3)
@@ -231,12 +228,12 @@ def _shocks(rng, axes: tuple[Any, ...], half: float, cell: float, length: float,
     y, z = axes[-2], axes[-1]
     total = np.zeros((len(y), len(z)))
     for _ in range(rng.integers(1, 4)):
-        angle = rng.choice([-1.0, 1.0]) * _log_uniform(rng, np.deg2rad(0.5), np.deg2rad(80.0))  # to the line of sight
+        angle = rng.choice([-1.0, 1.0]) * log_uniform(rng, np.deg2rad(0.5), np.deg2rad(80.0))  # to the line of sight
         middle = start + length * rng.uniform(0.2, 0.8)
         offset = half * rng.uniform(-0.7, 0.7)
         curve = rng.uniform(-0.3, 0.3) / half
         across, along = np.cos(angle), np.sin(angle)
-        thickness = max(thinnest * _log_uniform(rng, 1.0, 3.0), 2.0 * cell * abs(along), 2.0 * (y[1] - y[0]) * across)
+        thickness = max(thinnest * log_uniform(rng, 1.0, 3.0), 2.0 * cell * abs(along), 2.0 * (y[1] - y[0]) * across)
         height = y[:, None] - offset
         distance = across * height - along * (z - middle) - across * curve * height**2
         total += rng.uniform(-1.0, 1.0) * 0.5 * (1.0 + np.tanh(2.0 * distance / thickness))

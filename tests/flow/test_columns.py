@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels import ArcLength, RayBundle, flow, trace
 from aerokernels.medium import QuadMesh
-from aerokernels.tracing.lacking import lacking_columns
+from aerokernels.tracing.average_deficit import deficit_integrals
 
 
 def skewed(geometry: str) -> flow.CellDensity:
@@ -86,14 +86,14 @@ def test_what_the_interpolant_lacks_is_what_rays_miss_of_the_cells():
     y = (np.arange(1500) + 0.5) / 1500
     start = np.stack([0.0 * y, y, np.full(1500, -2.0)], axis=1)
     along = np.array([0.0, 0.0, 1.0])
-    lacks = lacking_columns(index, RayBundle(start, np.tile(along, (1500, 1))), None)
+    lacks = deficit_integrals(index, RayBundle(start, np.tile(along, (1500, 1))), None)
     z = -1.0 + (np.arange(400) + 0.5) / 200
     points = np.stack(np.broadcast_arrays(0.0, y[:, None], z), axis=-1).reshape(-1, 3)
     held = index.contrast_at(points).reshape(1500, 400).sum(axis=1) / 200
     cells = 1e-4 * field.columns(start, along)
     assert abs((held + lacks - cells).mean()) < 1e-3 * np.abs(lacks).mean()
     assert np.abs(lacks).mean() > 1e-2 * np.abs(cells).mean()
-    few = lacking_columns(index, RayBundle(start[::150], np.tile(along, (10, 1))), ArcLength(1.0))
+    few = deficit_integrals(index, RayBundle(start[::150], np.tile(along, (10, 1))), ArcLength(1.0))
     assert not few.any()  # they end where the field begins
 
 

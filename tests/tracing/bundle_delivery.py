@@ -25,9 +25,9 @@ def deliver(table: BundleTable, rays: RayBundle, outputs: frozenset) -> dict[str
 
 
 def _deliver(table: BundleTable, position: np.ndarray, direction: np.ndarray, outputs: frozenset) -> dict:
-    ambient = table.ways.field.ambient_index
+    ambient = table.classes.field.ambient_index
     block, parameters = find(table, position, direction)
-    length = undisturbed_length(table.ways.field, position, direction, table.ways.until)
+    length = undisturbed_length(table.classes.field, position, direction, table.classes.until)
     good = (block >= 0) & np.isfinite(length) & (length > 0.0)
     status = np.where(good, int(RayStatus.OK), NOT_DELIVERED).astype(np.int32)
     length = np.where(good, length, 0.0)
@@ -56,8 +56,8 @@ def find(table: BundleTable, position: np.ndarray, direction: np.ndarray) -> tup
     inside = ((place >= 0) & (place < table.map.shape)).all(axis=1)
     place = np.where(inside[:, None], place, 0)
     block = np.where(inside & table.family.holds_for(position, direction), table.map[tuple(place.T)], -1)
-    if not table.ways.are_all_alike:
-        alike = table.header[np.maximum(block, 0), 4] == table.ways.numbers(position, direction)
+    if not table.classes.are_all_alike:
+        alike = table.header[np.maximum(block, 0), 4] == table.classes.numbers(position, direction)
         block = np.where(alike, block, -1)
     return block, parameters
 

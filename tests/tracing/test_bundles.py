@@ -9,7 +9,7 @@ import pytest
 from aerokernels import ArcLength, Body, IndexField, Plane, RayBundle, trace
 from aerokernels.tracing import RayStatus
 from aerokernels.tracing.bundle.family import SAMPLE, find_family, some_rows
-from aerokernels.tracing.bundle.run import Asked, find_table
+from aerokernels.tracing.bundle.run import BundleRequest, find_table
 from aerokernels.tracing.result import RAY_OUTPUTS
 from aerokernels.tracing.trace import run_plan
 
@@ -109,7 +109,7 @@ def test_kernels_deliver_what_the_formulae_say(engine: str, outputs: tuple[str, 
     options = {"precision": "float32", "tolerance": 1e-3, "max_steps": None, "path_length": None, **on(engine)}
     for kind, until in (("slanted", STOPS["far"]), ("wide", None), ("divergent", STOPS["arc"])):
         rays = bundle(kind, side=200)
-        asked = Asked(smooth_field(), rays, until, WAVE, frozenset(outputs), options, run_plan)
+        asked = BundleRequest(smooth_field(), rays, until, WAVE, frozenset(outputs), options, run_plan)
         family = find_family(smooth_field(), rays, until)
         table = find_table(asked, family)
         assert table is not None
@@ -219,7 +219,7 @@ def test_what_is_not_a_bundle_is_traced_ray_by_ray():
     """Other methods, "off", few rays and incoherent ones: every ray is traced, and the plan says why."""
     rays = bundle("slanted")
     off = traced(smooth_field(), rays, bundle="off")
-    assert off.plan.bundle is None and "every ray is traced: asked for" in off.plan.reasons
+    assert off.plan.bundle is None and "every ray is traced: requested by bundle='off'" in off.plan.reasons
     few = traced(smooth_field(), rays[:4000])
     assert few.plan.bundle is None and "fewer than" in few.plan.reasons[-1]
     assert np.array_equal(few.opd, traced(smooth_field(), rays[:4000], bundle="off").opd)

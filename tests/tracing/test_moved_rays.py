@@ -10,7 +10,7 @@ from aerokernels import IndexField, RayBundle
 from aerokernels.tracing import ArcLength, Plane
 from aerokernels.tracing.budget_rays import roughness
 from aerokernels.tracing.bundle.family import find_family
-from aerokernels.tracing.bundle.nodes import Ways, undisturbed_length
+from aerokernels.tracing.bundle.nodes import FaceClasses, undisturbed_length
 from aerokernels.tracing.known_air import may_be_lost
 from aerokernels.tracing.lever_arms import lever_arms_of, obliquity
 from aerokernels.tracing.lines import FACES, SIDE, box_span, cell_along, crossing_of_box
@@ -171,12 +171,12 @@ def test_lines_that_leave_near_an_edge_are_of_no_class():
     y = np.array([0.0, 0.0, high[1] - 0.5 * PITCH, 0.0, 0.0, low[1] + 0.5 * PITCH, low[1] + 2.0 * PITCH])
     position = np.stack([x, y, np.full(7, -14.0 * PITCH)], axis=1)
     up = np.tile([0.0, 0.0, 1.0], (7, 1))
-    found = Ways(PLAIN.field(), None, matters, PITCH).numbers(position, up)
+    found = FaceClasses(PLAIN.field(), None, matters, PITCH).numbers(position, up)
     assert (found < 0).tolist() == [True, False, True, True, False, True, False]
     assert len(set(found[[1, 4, 6]].tolist())) == 1
-    stopped = Ways(PLAIN.field(), Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), matters, PITCH).numbers(position, up)
+    stopped = FaceClasses(PLAIN.field(), Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), matters, PITCH).numbers(position, up)
     assert (stopped >= 0).all() and len(set(stopped.tolist())) == 1
-    aside = Ways(PLAIN.field(), None, matters, PITCH).numbers(position + 5.0 * BOX, up)
+    aside = FaceClasses(PLAIN.field(), None, matters, PITCH).numbers(position + 5.0 * BOX, up)
     assert (aside < 0).all()
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from aerokernels import IndexField, RayBundle
 from aerokernels.tracing.bundle.roughness import roughness_of
-from aerokernels.tracing.held import SHARE, greatest_path, held_error, path_exceeds
+from aerokernels.tracing.error_limit import SHARE, error_limit, greatest_path, path_exceeds
 from aerokernels.tracing.prediction import greatest_turn
 from aerokernels.tracing.step_bound import CONES, cones_of, step_bound
 from aerokernels.tracing.straight_lines import lines_through
@@ -71,7 +71,7 @@ def test_safe_steps(changed: Moved, interpolation: str):
     numbers = cones_of(ways, "volume"), cones_of(changed.way(ways), "volume")
     for before, after in zip(*numbers, strict=True):
         assert CONES[before].spread == CONES[after].spread
-        same(CONES[after].way, changed.way(CONES[before].way))
+        same(CONES[after].axis_vector, changed.way(CONES[before].axis_vector))
         tables = [
             step_bound(by.field(interpolation).samples, "volume", 1e-3 * WAVE, CONES[number]).length
             for by, number in ((PLAIN, before), (changed, after))
@@ -119,8 +119,8 @@ def test_the_longest_path_of_a_constant():
             path = 1e-6 * expected
             assert greatest_path(field) == pytest.approx(path, rel=1e-12)
             assert path_exceeds(field, 0.999 * path) and not path_exceeds(field, 1.001 * path)
-            assert held_error(field, 0.9 * SHARE * path) == 0.9 * SHARE * path
-            assert held_error(field, 2.0 * SHARE * path) == pytest.approx(SHARE * path)
+            assert error_limit(field, 0.9 * SHARE * path) == 0.9 * SHARE * path
+            assert error_limit(field, 2.0 * SHARE * path) == pytest.approx(SHARE * path)
             assert greatest_turn(field.samples) == 0.0
 
 

@@ -36,7 +36,7 @@ def test_cones_hold_the_directions_that_pick_them():
     numbers = cones_of(way, "volume")
     for number in np.unique(numbers[numbers > 0]):
         cone = CONES[number]
-        angle = np.arccos(np.clip(way[numbers == number] @ cone.way, -1.0, 1.0))
+        angle = np.arccos(np.clip(way[numbers == number] @ cone.axis_vector, -1.0, 1.0))
         assert angle.max() <= cone.spread - 0.0199
     assert (numbers[-6:] > 0).all() and len(set(numbers[-6:])) == 6
     assert set(cones_of(way, "axisymmetric")) <= {0, *range(9, 13)}

@@ -16,6 +16,20 @@ from .backends import ENGINES, on
 FAR = Plane((0.0, 0.0, 10e-3), (0.0, 0.0, 1.0))
 
 
+def smooth_blob() -> IndexField:
+    """A Gaussian in the middle of a volume of 20 mm."""
+    place = np.linspace(-1.0, 1.0, 24)
+    x, y, z = np.meshgrid(place, place, place, indexing="ij")
+    contrast = 1e-5 * np.exp(-4.0 * (x**2 + y**2 + z**2))
+    return IndexField.from_samples(contrast, origin=(-1e-2,) * 3, spacing=(2e-2 / 23,) * 3, geometry="volume")
+
+
+def parallel_rays(count: int) -> RayBundle:
+    """Rays along z that start ahead of the volume."""
+    across = np.random.default_rng(1).uniform(-5e-3, 5e-3, (count, 2))
+    return RayBundle(np.c_[across, np.full(count, -11e-3)], [[0.0, 0.0, 1.0]])
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
@@ -39,6 +53,22 @@ def test_bad_arguments_are_refused_by_name(settings, words):
     """Every refusal names the value and what would do."""
     with pytest.raises(ValueError, match=words):
         trace(uniform_field("planar"), oblique_rays(2), until=FAR, **settings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"step": 1e-4}, "step belongs to method 'fixed', not to 'auto'"),
+        ({"tolerance": -1.0}, "tolerance must be positive.*got -1.0"),
+    ],
+)
+def test_many_rays_are_refused_like_few(settings, words):
+    """A bundle that is interpolated between a few traced lines has the same checks: the step was ignored there."""
+    rays = parallel_rays(12_000)
+    assert trace(smooth_blob(), rays).plan.bundle is not None
+    for some in (rays, rays[:10]):
+        with pytest.raises(ValueError, match=words):
+            trace(smooth_blob(), some, **settings)
 
 
 def test_wrong_kinds_are_type_errors():

@@ -11,7 +11,7 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.held import held_error
+from aerokernels.tracing.error_limit import error_limit
 from aerokernels.tracing.launch import launch
 from aerokernels.tracing.leapfrog import LEAST_RAYS, pilot_of
 from aerokernels.tracing.plan import TracePlan
@@ -81,7 +81,7 @@ def test_rays_through_a_needle_that_no_pilot_meets_are_right(engine, slope, geom
 
 def sampled(field: IndexField, rays: RayBundle, count: int, engine: str, with_table: bool, until=FAR):
     """OPD and estimated errors [m] by so many samples, and how they are spaced; nothing else is taken for an error."""
-    low, high = support_box(field, held_error(field, WAVE * 1e-3))
+    low, high = support_box(field, error_limit(field, WAVE * 1e-3))
     lines = lines_through(field, rays, until, low, high)
     steepness = tuple(float(size) for size in np.abs(rays.direction).max(axis=0))
     sampling = Sampling(1.001 * float(lines.length.max()) / count, steepness, 0.0)

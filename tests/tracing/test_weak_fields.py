@@ -7,7 +7,7 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.held import SHARE, greatest_path, held_error
+from aerokernels.tracing.error_limit import SHARE, error_limit, greatest_path
 
 from .backends import ENGINES, WAVE, on
 
@@ -77,6 +77,6 @@ def test_only_weak_fields_are_held_to_less_than_the_tolerance():
     tolerance = 1e-3 * WAVE
     strong, weak = blob(1e-3), blob(1e-6)
     assert greatest_path(strong) == pytest.approx(1e-3 * WIDTH * np.sqrt(np.pi), rel=1e-3)
-    assert held_error(strong, tolerance) == tolerance
-    assert held_error(weak, tolerance) == pytest.approx(SHARE * greatest_path(weak))
-    assert held_error(blob(0.0), tolerance) == tolerance
+    assert error_limit(strong, tolerance) == tolerance
+    assert error_limit(weak, tolerance) == pytest.approx(SHARE * greatest_path(weak))
+    assert error_limit(blob(0.0), tolerance) == tolerance

@@ -159,7 +159,7 @@ def find_family(field: IndexField, rays: RayBundle, until) -> Family | str:
             return "they start neither in one plane nor ahead of the field's box"
         point, normal = plane or (axis * min(least, float((position @ axis).min())), axis)
         if not parallel and abs((origin - point) @ normal) <= close:
-            return "their apex lies in the plane in which they start"
+            return "their apex is in the plane in which they start"
     axes = np.stack([*transverse_axes(axis), axis])
     family = Family(not parallel, origin, axes, np.zeros(2), np.zeros(2), point, normal, ahead, close)
     if not family.holds_for(position, direction).all():

@@ -24,7 +24,7 @@ FRAME_SIZE, FAMILY_SIZE = 41, 26
 
 def frame_of(table: BundleTable) -> np.ndarray:
     """The kernels' array `frame`, shape (41,); kernels/include/bundle_family.h has the order."""
-    until, field = table.ways.until, table.ways.field
+    until, field = table.classes.until, table.classes.field
     is_plane = isinstance(until, Plane)
     low, high = field.box
     numbers = [
@@ -33,7 +33,7 @@ def frame_of(table: BundleTable) -> np.ndarray:
         [until.length if isinstance(until, ArcLength) else 0.0],
         low,
         high,
-        [field.ambient_index, table.ways.margin],
+        [field.ambient_index, table.classes.margin],
     ]
     return _flat(family_numbers(table.family, table.rate), *numbers)
 
@@ -67,9 +67,9 @@ def kernel_arrays(table: BundleTable) -> list[np.ndarray]:
 
 def kernel_numbers(table: BundleTable, outputs: frozenset) -> list[int]:
     """The scalar arguments of the kernel up to the rays: from map_u to outputs."""
-    until = table.ways.until
+    until = table.classes.until
     stop = STOPS["plane" if isinstance(until, Plane) else "none" if until is None else "arc"]
-    faces = sum(1 << face for face, matters in enumerate(table.ways.matters) if matters)
-    shape = SHAPES[table.ways.field.geometry]
-    checks = not table.ways.are_all_alike
+    faces = sum(1 << face for face, matters in enumerate(table.classes.matters) if matters)
+    shape = SHAPES[table.classes.field.geometry]
+    checks = not table.classes.are_all_alike
     return [*table.map.shape, int(table.family.converges), stop, shape, int(checks), faces, output_mask(outputs)]

@@ -21,7 +21,7 @@ class Lattice:
         step: Parameters from node to node, shape (2,).
         blocks: Blocks along each axis.
         values: CHANNELS of each node, NaN where it was not traced or is not OK, shape (nu, nv, 8).
-        way: Class of each node in nodes.Ways, shape (nu, nv).
+        line_class: Class of each node in nodes.FaceClasses, shape (nu, nv).
         costs: Step error [m], steps, evaluations, shape (nu, nv, 3).
         is_traced: Whether it was traced, shape (nu, nv).
     """
@@ -30,7 +30,7 @@ class Lattice:
     step: np.ndarray
     blocks: tuple[int, int]
     values: np.ndarray
-    way: np.ndarray
+    line_class: np.ndarray
     costs: np.ndarray
     is_traced: np.ndarray
 
@@ -59,13 +59,13 @@ class Lattice:
     def halved(self) -> "Lattice":
         """Return the lattice of half the step, with the nodes that both share."""
         made = Lattice.empty(self.low, 0.5 * self.step, (2 * self.blocks[0], 2 * self.blocks[1]))
-        for name in ("values", "way", "costs", "is_traced"):
+        for name in ("values", "line_class", "costs", "is_traced"):
             getattr(made, name)[::2, ::2] = getattr(self, name)
         return made
 
     def take_over(self, finer_one: "Lattice") -> None:
         """Copy the shared nodes from the lattice of half the step."""
-        for name in ("values", "way", "costs", "is_traced"):
+        for name in ("values", "line_class", "costs", "is_traced"):
             getattr(self, name)[...] = getattr(finer_one, name)[::2, ::2]
 
     def missing(self, blocks: np.ndarray) -> np.ndarray:
@@ -83,7 +83,7 @@ class Lattice:
     def put(self, nodes: np.ndarray, traced: Traced) -> None:
         """Store the results of traced nodes (n, 2)."""
         at = tuple(nodes.T)
-        self.values[at], self.way[at], self.costs[at] = traced.values, traced.way, traced.costs
+        self.values[at], self.line_class[at], self.costs[at] = traced.values, traced.line_class, traced.costs
         self.is_traced[at] = True
 
     def _gather(self, name: str, blocks: np.ndarray, beside: int, fill) -> np.ndarray:
@@ -97,16 +97,16 @@ class Lattice:
 
     def are_uniform(self, blocks: np.ndarray) -> np.ndarray:
         """Whether all nodes of blocks (n, 2) are OK and of one class, shape (n,)."""
-        values, way = self._gather("values", blocks, 0, 0), self._gather("way", blocks, 0, 0)
+        values, line_class = self._gather("values", blocks, 0, 0), self._gather("line_class", blocks, 0, 0)
         return np.asarray(
             np.isfinite(values[..., 0]).all(axis=(1, 2))
-            & (way == way[:, :1, :1]).all(axis=(1, 2))
-            & (way[:, 0, 0] >= 0)
+            & (line_class == line_class[:, :1, :1]).all(axis=(1, 2))
+            & (line_class[:, 0, 0] >= 0)
         )
 
-    def block_ways(self, blocks: np.ndarray) -> np.ndarray:
+    def block_classes(self, blocks: np.ndarray) -> np.ndarray:
         """Class of the lines of blocks (n, 2)."""
-        return np.asarray(self.way[CELLS * blocks[:, 0], CELLS * blocks[:, 1]])
+        return np.asarray(self.line_class[CELLS * blocks[:, 0], CELLS * blocks[:, 1]])
 
     def block_costs(self, blocks: np.ndarray) -> np.ndarray:
         """Greatest step error [m], steps and evaluations of the nodes of blocks (n, 2), shape (n, 3)."""
@@ -114,10 +114,10 @@ class Lattice:
 
     def patches(self, blocks: np.ndarray, channels: int) -> np.ndarray:
         """Patches of uniform blocks (n, 2): see hermite.patches."""
-        way = self._gather("way", blocks, BESIDE, -1)
+        line_class = self._gather("line_class", blocks, BESIDE, -1)
         values = self._gather("values", blocks, BESIDE, np.nan)[..., :channels]
         middle = WINDOW // 2
-        usable = np.isfinite(values[..., 0]) & (way == way[:, middle, middle, None, None])
+        usable = np.isfinite(values[..., 0]) & (line_class == line_class[:, middle, middle, None, None])
         return patches(np.where(usable[..., None], values, 0.0), usable)
 
     def surplus(self, blocks: np.ndarray, made: np.ndarray, finer_one: "Lattice", scale: np.ndarray) -> np.ndarray:

@@ -43,7 +43,7 @@ def channels_of(outputs: frozenset) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
+class FaceClasses:
     """Classify lines by the faces through which they enter and leave a field's box.
 
     Attributes:
@@ -109,26 +109,26 @@ class Traced:
 
     Attributes:
         values: CHANNELS of each, shape (n, 8); NaN where a ray is not OK.
-        way: Class of each in `Ways`, shape (n,).
+        line_class: Class of each line in `FaceClasses`, shape (n,).
         costs: Step error [m], steps and evaluations of each, shape (n, 3).
     """
 
     values: np.ndarray
-    way: np.ndarray
+    line_class: np.ndarray
     costs: np.ndarray
 
 
-def trace_lines(family: Family, ways: Ways, tracer: Tracer, parameters: np.ndarray) -> Traced:
+def trace_lines(family: Family, classes: FaceClasses, tracer: Tracer, parameters: np.ndarray) -> Traced:
     """Trace the lines with these parameters, shape (n, 2)."""
     position, direction = family.rays(parameters)
     arrays = tracer(RayBundle(position, direction))
-    length = undisturbed_length(ways.field, position, direction, ways.until)
+    length = undisturbed_length(classes.field, position, direction, classes.until)
     values = np.full((len(position), CHANNELS), np.nan)
-    way = ways.numbers(position, direction)
-    good = (arrays["status"] == RayStatus.OK) & np.isfinite(length) & (way >= 0)
+    line_class = classes.numbers(position, direction)
+    good = (arrays["status"] == RayStatus.OK) & np.isfinite(length) & (line_class >= 0)
     values[good, 0] = arrays["opd"][good]
     values[good, 1:4] = (arrays["direction"] - direction)[good]
     values[good, 4:7] = (arrays["position"] - position)[good] - length[good, None] * direction[good]
     values[good, 7] = arrays["arc_length"][good] - length[good]
     costs = np.stack([arrays[name] for name in ("step_error", "step_count", "evaluation_count")], axis=1)
-    return Traced(values, way, costs)
+    return Traced(values, line_class, costs)

@@ -22,7 +22,7 @@ import numpy as np
 from .clearance import Clearance
 from .family import Family
 from .lattice import Lattice
-from .nodes import Tracer, Ways, trace_lines
+from .nodes import FaceClasses, Tracer, trace_lines
 from .table import BundleTable, map_of
 from .tubes import RESOLVED, Tubes
 
@@ -77,7 +77,7 @@ class Refinement:
 
     Attributes:
         family: The lines.
-        ways: Classes of lines by the faces through which they enter and leave the box.
+        classes: Classes of lines by the faces through which they enter and leave the box.
         tracer: Traces rays.
         tubes: Bounds the structure of the field between lines; None where no bound is known.
         clearance: Finds the blocks that stay clear of the body; None without a body.
@@ -86,7 +86,7 @@ class Refinement:
     """
 
     family: Family
-    ways: Ways
+    classes: FaceClasses
     tracer: Tracer
     tubes: Tubes | None
     clearance: Clearance | None
@@ -120,7 +120,7 @@ class Refinement:
 
     def _trace(self, lattice: Lattice, nodes: np.ndarray) -> None:
         if len(nodes):
-            lattice.put(nodes, trace_lines(self.family, self.ways, self.tracer, lattice.parameters(nodes)))
+            lattice.put(nodes, trace_lines(self.family, self.classes, self.tracer, lattice.parameters(nodes)))
             self.traced += len(nodes)
 
     def _first(self, counted: np.ndarray) -> _Level:
@@ -132,9 +132,9 @@ class Refinement:
         finest = lattices[-1]
         nodes = finest.missing(_occupied(finest, counted))
         self._trace(finest, nodes)
-        if not self.ways.are_all_alike:
-            self.ways = replace(self.ways, margin=MARGIN * self._bent(finest))
-            finest.way[tuple(nodes.T)] = self.ways.numbers(*family.rays(finest.parameters(nodes)))
+        if not self.classes.are_all_alike:
+            self.classes = replace(self.classes, margin=MARGIN * self._bent(finest))
+            finest.line_class[tuple(nodes.T)] = self.classes.numbers(*family.rays(finest.parameters(nodes)))
         for coarse, fine in zip(lattices[-2::-1], lattices[:0:-1], strict=True):
             coarse.take_over(fine)
         blocks = _occupied(lattices[0], counted)
@@ -161,10 +161,10 @@ class Refinement:
             why[rows[near]] = "air near the body"
             rows = rows[~near]
             bound = self._bound(lattice, blocks[rows]) / self.limits.error
-            held = bound <= 1.0
-            why[rows[~held]] = "structure narrower than the spacing of traced rays"
-            levels_to_go[rows[~held]] = self._until_resolved(lattice, blocks[rows])[~held]
-            rows = rows[held]
+            within = bound <= 1.0
+            why[rows[~within]] = "structure narrower than the spacing of traced rays"
+            levels_to_go[rows[~within]] = self._until_resolved(lattice, blocks[rows])[~within]
+            rows = rows[within]
             close = expected[rows] <= HOPELESS
             measured = np.full(len(rows), np.inf)
             measured[close] = self._check(lattice, finer, blocks[rows[close]])
@@ -249,7 +249,7 @@ class Refinement:
             costs[:, 0] += errors
             first = lattice.parameters(4 * blocks)
             rate = np.broadcast_to(1.0 / lattice.step, first.shape)
-            headers.append(np.concatenate([first, rate, lattice.block_ways(blocks)[:, None], costs], axis=1))
+            headers.append(np.concatenate([first, rate, lattice.block_classes(blocks)[:, None], costs], axis=1))
             values.append(lattice.patches(blocks, self.channels))
         header, whole = np.concatenate(headers), np.concatenate(values)
         # Single precision halves the data loaded for each ray; it is used where no channel shows the difference.
@@ -260,7 +260,7 @@ class Refinement:
             header[:, 5] += rounding[0]
             self.error += float(rounding[0])
         return BundleTable(
-            self.family, self.ways, self.channels, made, header, whole, self.traced, self.error, self.refused
+            self.family, self.classes, self.channels, made, header, whole, self.traced, self.error, self.refused
         )
 
 
@@ -276,6 +276,6 @@ def _block_of(lattice: Lattice, parameters: np.ndarray) -> np.ndarray:
 
 def _occupied(lattice: Lattice, counted: np.ndarray) -> np.ndarray:
     """Blocks (n, 2) that contain rays."""
-    held = np.zeros(lattice.blocks, bool)
-    held[tuple(_block_of(lattice, counted).T)] = True
-    return np.argwhere(held)
+    occupied = np.zeros(lattice.blocks, bool)
+    occupied[tuple(_block_of(lattice, counted).T)] = True
+    return np.argwhere(occupied)

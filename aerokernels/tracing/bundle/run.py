@@ -3,7 +3,6 @@
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,19 +11,20 @@ from ...device_arrays import DeviceArray, on_host, rows_there
 from ...medium import IndexField
 from ...rays import RayBundle
 from ..engines import engine_of
-from ..held import held_error
+from ..error_limit import error_limit
 from ..known_air import face_strengths
 from ..launch import in_chunks, starts_of
-from ..leapfrog import LEAST_RAYS, pilot_of, spread_of
+from ..leapfrog import LEAST_RAYS, pilot_of
 from ..lever_arms import lever_arms_of
 from ..lines import box_size
 from ..plan import BundleCounts, TracePlan
-from ..planning import make_plan, plan_rays
+from ..planning import make_plan, plan_bundle
 from ..status import NOT_DELIVERED
+from ..stop import stop_key
 from .clearance import Clearance
 from .family import Family, counted_parameters, find_family
-from .known import known_family
-from .nodes import CHANNELS, TRACED, Ways, channels_of
+from .known_family import known_family
+from .nodes import CHANNELS, TRACED, FaceClasses, channels_of
 from .refine import Limits, Refinement
 from .table import BundleTable
 from .tubes import Tubes
@@ -39,13 +39,13 @@ LEAST_SHARE = 0.5
 # tolerance.
 UNDISTURBED = 0.02
 # Tables cached on a field.
-KEPT = 4  # speed only
+CACHED = 4  # speed only
 # (field, rays, plan, until, wavelength, outputs) -> per-ray arrays by name
 Run = Callable[[IndexField, RayBundle, TracePlan, Any, float, frozenset], dict[str, np.ndarray]]
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class BundleRequest:
     """A request to trace a bundle.
 
     Attributes:
@@ -67,87 +67,87 @@ class Asked:
     run: Run
 
     @property
-    def held(self) -> float:
+    def error_limit(self) -> float:
         """The OPD error allowed to each ray [m]."""
-        return held_error(self.field, self.choices["tolerance"] * self.wavelength)
+        return error_limit(self.field, self.choices["tolerance"] * self.wavelength)
 
 
-def trace_bundle(asked: Asked) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
+def trace_bundle(request: BundleRequest) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
     """The plan and the per-ray arrays of a bundle; or a sentence that says why all its rays are traced one by one."""
-    field, rays = asked.field, asked.rays
+    field, rays = request.field, request.rays
     if rays.ray_count < LEAST_BUNDLE:
         return f"fewer than {LEAST_BUNDLE} rays are traced one by one"
     # The same rays are often traced repeatedly, and recognising a family takes longer than the kernel.
-    key = ("last bundle", weakref.ref(rays), asked.until, asked.wavelength, channels_of(asked.outputs))
-    found = field.derive((*key, tuple(asked.choices.values())), lambda: _recognised(asked), 1)
+    key = ("last bundle", weakref.ref(rays), request.until, request.wavelength, channels_of(request.outputs))
+    found = field.derive((*key, tuple(request.choices.values())), lambda: _recognised(request), 1)
     if isinstance(found, str):
         return f"rays are traced one by one: {found}"
     family, table, plan = found
-    ready = engine_of(plan.backend, plan.device).prepare_bundle(table, asked.outputs)
-    arrays = in_chunks(ready, starts_of(rays), asked.outputs)
+    ready = engine_of(plan.backend, plan.device).prepare_bundle(table, request.outputs)
+    arrays = in_chunks(ready, starts_of(rays), request.outputs)
     left = rows_there(arrays["status"], NOT_DELIVERED)
     if len(left) > (1.0 - LEAST_SHARE) * rays.ray_count:
-        return f"rays are traced one by one: patches between traced rays would hold for {rays.ray_count - len(left)}"
+        return (
+            f"rays are traced one by one: interpolation would be accurate for only {rays.ray_count - len(left)} of them"
+        )
     if len(left):
-        _trace_left(asked, table, left, arrays)
+        _trace_left(request, table, left, arrays)
     counts = BundleCounts(table.traced, rays.ray_count - len(left), len(left), table.error, dict(table.refused))
     share = (table.traced + len(left)) / rays.ray_count
     predicted = None if plan.predicted_evaluations is None else plan.predicted_evaluations * share
-    reasons = (counts.sentence(family.converges, asked.wavelength), *plan.reasons)
+    reasons = (counts.sentence(family.converges, request.wavelength), *plan.reasons)
     return replace(plan, bundle=counts, reasons=reasons, predicted_evaluations=predicted), arrays
 
 
-def _recognised(asked: Asked) -> tuple[Family, BundleTable, TracePlan] | str:
+def _recognised(request: BundleRequest) -> tuple[Family, BundleTable, TracePlan] | str:
     """The family of the rays, its patches and the plan of its lines; or the reason why there are none."""
-    known: list[Family] = asked.field.derive("families", list)
-    family = known_family(asked.field, asked.rays, asked.until, known)
+    known: list[Family] = request.field.derive("families", list)
+    family = known_family(request.field, request.rays, request.until, known)
     if family is None:
-        found = find_family(asked.field, asked.rays, asked.until)
+        found = find_family(request.field, request.rays, request.until)
         if isinstance(found, str):
             return found
-        if not asked.field.is_uniform:
-            return "the field lies on a mesh"
+        if not request.field.is_uniform:
+            return "the field is on a mesh"
         family = found
     # The family that matched last is tried first the next time.
-    known[:] = [family, *(each for each in known if each is not family)][:KEPT]
-    table = find_table(asked, family)
+    known[:] = [family, *(each for each in known if each is not family)][:CACHED]
+    table = find_table(request, family)
     if table is None:
-        return "nothing between traced rays is smooth enough"
-    key = ("plan of lines", family.key, asked.wavelength, tuple(asked.choices.values()))
-    return family, table, asked.field.derive(key, lambda: _line_plan(asked, 1.0), KEPT)
+        return "no map between traced rays is smooth enough"
+    key = ("plan of lines", family.key, request.wavelength, tuple(request.choices.values()))
+    return family, table, request.field.derive(key, lambda: _line_plan(request, 1.0), CACHED)
 
 
-def find_table(asked: Asked, family: Family) -> BundleTable | None:
+def find_table(request: BundleRequest, family: Family) -> BundleTable | None:
     """The patches of a family, cached on the field; None where no block can be interpolated."""
-    until = asked.until
-    stop = None if until is None else tuple(np.concatenate([np.ravel(v) for v in vars(until).values()]).tolist())
-    channels = channels_of(asked.outputs)
-    choices = tuple(asked.choices[name] for name in ("backend", "device", "precision", "tolerance", "max_steps"))
-    key = ("bundle", family.key, type(until).__name__, stop, asked.wavelength, channels, choices)
-    found: BundleTable | None = asked.field.derive(key, lambda: _find_table(asked, family, channels), KEPT)
+    channels = channels_of(request.outputs)
+    choices = tuple(request.choices[name] for name in ("backend", "device", "precision", "tolerance", "max_steps"))
+    key = ("bundle", family.key, stop_key(request.until), request.wavelength, channels, choices)
+    found: BundleTable | None = request.field.derive(key, lambda: _find_table(request, family, channels), CACHED)
     return found
 
 
-def _find_table(asked: Asked, family: Family, channels: int) -> BundleTable | None:
-    field, held = asked.field, asked.held
-    counted, share = counted_parameters(family, asked.rays)
+def _find_table(request: BundleRequest, family: Family, channels: int) -> BundleTable | None:
+    field, limit = request.field, request.error_limit
+    counted, share = counted_parameters(family, request.rays)
     refinement = Refinement(
         family=family,
-        ways=Ways(field, asked.until, face_strengths(field) * box_size(field) > UNDISTURBED * held),
-        tracer=_Tracer(asked),
-        tubes=Tubes.of(field, family, asked.until, channels > 1),
-        clearance=None if field.body is None else Clearance(field, family, asked.until),
-        limits=_limits(asked, held),
+        classes=FaceClasses(field, request.until, face_strengths(field) * box_size(field) > UNDISTURBED * limit),
+        tracer=_Tracer(request),
+        tubes=Tubes.of(field, family, request.until, channels > 1),
+        clearance=None if field.body is None else Clearance(field, family, request.until),
+        limits=_limits(request, limit),
         channels=channels,
     )
     return refinement.run(counted, share)
 
 
-def _limits(asked: Asked, held: float) -> Limits:
+def _limits(request: BundleRequest, limit: float) -> Limits:
     """The error limits of patches; a direction's is the slope that changes the path by its limit over one cell."""
-    error = PATCH_SHARE * held
-    lever_arms = lever_arms_of(asked.field, pilot_of(asked.rays), asked.until)
-    turn = held / float(np.min(asked.field.spacing))
+    error = PATCH_SHARE * limit
+    lever_arms = lever_arms_of(request.field, pilot_of(request.rays), request.until)
+    turn = limit / float(np.min(request.field.spacing))
     scale = np.full(CHANNELS, error)
     scale[1:4] = turn
     scale[4:7] = max(turn * (lever_arms.reach if lever_arms is not None else 0.0), error)
@@ -157,52 +157,41 @@ def _limits(asked: Asked, held: float) -> Limits:
 class _Tracer:
     """Trace lines to a fraction of the tolerance: many at a time by leapfrog steps where these are accurate enough."""
 
-    def __init__(self, asked: Asked):
-        self.asked = asked
-        self.few = _line_plan(asked, TRACED_SHARE)
+    def __init__(self, request: BundleRequest):
+        self.request = request
+        self.few = _line_plan(request, TRACED_SHARE)
         self.many: TracePlan | None = None
 
     def __call__(self, rays: RayBundle) -> dict[str, np.ndarray]:
-        asked, plan = self.asked, self.few
+        request, plan = self.request, self.few
         if rays.ray_count >= LEAST_RAYS:
-            self.many = self.many or _plan_many(asked, rays, TRACED_SHARE)
+            self.many = self.many or _plan_many(request, rays, TRACED_SHARE)
             plan = self.many
-        return on_host(asked.run(asked.field, rays, plan, asked.until, asked.wavelength, TRACED))
+        return on_host(request.run(request.field, rays, plan, request.until, request.wavelength, TRACED))
 
 
-def _line_plan(asked: Asked, share: float) -> TracePlan:
+def _line_plan(request: BundleRequest, share: float) -> TracePlan:
     """The plan that traces rays with error control to a fraction `share` of the tolerance."""
-    choices = {**asked.choices, "tolerance": share * asked.choices["tolerance"]}
-    directions = pilot_of(asked.rays).direction
+    choices = {**request.choices, "tolerance": share * request.choices["tolerance"]}
+    directions = pilot_of(request.rays).direction
     return make_plan(
-        asked.field, method="auto", step=None, wavelength=asked.wavelength, directions=directions, **choices
+        request.field, method="auto", step=None, wavelength=request.wavelength, directions=directions, **choices
     )
 
 
-def _plan_many(asked: Asked, rays: RayBundle, share: float) -> TracePlan:
-    choices = {**asked.choices, "tolerance": share * asked.choices["tolerance"]}
-    return plan_rays(
-        asked.field,
-        partial(pilot_of, rays),
-        rays.ray_count,
-        asked.until,
-        method="auto",
-        step=None,
-        wavelength=asked.wavelength,
-        directions=rays.direction if rays.device is None else pilot_of(rays).direction,
-        spread=partial(spread_of, rays),
-        **choices,
-    )
+def _plan_many(request: BundleRequest, rays: RayBundle, share: float) -> TracePlan:
+    choices = {**request.choices, "tolerance": share * request.choices["tolerance"]}
+    return plan_bundle(request.field, rays, request.until, wavelength=request.wavelength, **choices)
 
 
-def _trace_left(asked: Asked, table: BundleTable, rows: Any, arrays: dict[str, Any]) -> None:
+def _trace_left(request: BundleRequest, table: BundleTable, rows: Any, arrays: dict[str, Any]) -> None:
     """Trace the rays of these rows one by one, and write their results into `arrays`."""
-    rays = asked.rays.part(rows)
+    rays = request.rays.part(rows)
     # The rays that a table does not cover are in the same parts of the family, whichever sample of it they are.
     many = rays.ray_count >= LEAST_RAYS
-    plan = table.derive(("plan of the rays left over", many), lambda: _plan_many(asked, rays, 1.0))
-    outputs = asked.outputs | {"step_error"}
-    found = asked.run(asked.field, rays, plan, asked.until, asked.wavelength, outputs)
+    plan = table.derive(("plan of the rays left over", many), lambda: _plan_many(request, rays, 1.0))
+    outputs = request.outputs | {"step_error"}
+    found = request.run(request.field, rays, plan, request.until, request.wavelength, outputs)
     for name, array in found.items():
         if name in arrays:
             arrays[name][rows] = array if isinstance(arrays[name], DeviceArray) else np.asarray(array)

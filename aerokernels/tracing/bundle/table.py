@@ -7,10 +7,10 @@ import numpy as np
 from ...derived import Derived
 from .family import Family
 from .hermite import CELLS, NODES
-from .nodes import Ways
+from .nodes import FaceClasses
 
 # Numbers in the header of a block: parameters of its first node (2), cells per unit of each parameter (2), the class of
-# its lines (nodes.Ways), and the greatest step error [m], step count and evaluation count of its lines.
+# its lines (nodes.FaceClasses), and the greatest step error [m], step count and evaluation count of its lines.
 HEADER = 8
 
 
@@ -20,7 +20,7 @@ class BundleTable(Derived):
 
     Attributes:
         family: The lines.
-        ways: Classes of lines by the faces through which they enter and leave the box.
+        classes: Classes of lines by the faces through which they enter and leave the box.
         channels: How many of nodes.CHANNELS the patches have.
         map: Number of the block at each place of the parameter range, -1 where there is none, shape (mu, mv).
         header: HEADER numbers of each block, shape (block_count, 8).
@@ -32,7 +32,7 @@ class BundleTable(Derived):
     """
 
     family: Family
-    ways: Ways
+    classes: FaceClasses
     channels: int
     map: np.ndarray
     header: np.ndarray

@@ -12,7 +12,7 @@ from ...derived import Derived
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...medium.grid_places import known
-from ..held import held_error
+from ..error_limit import error_limit
 from ..plan import TracePlan
 from ..result import output_mask
 from ..scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
@@ -196,7 +196,7 @@ def trace_members(
         "plane_offset": 0.0,
         "plane_in_box": 0,
         "step": plan.sampling.spacing if plan.sample_count and plan.sampling else plan.step or 0.0,
-        "tolerance": held_error(field, plan.tolerance * wavelength),
+        "tolerance": error_limit(field, plan.tolerance * wavelength),
         "max_steps": plan.max_steps,
         "quadrature_error_scale": plan.quadrature_error_scale,
         "trajectory_error_scale": plan.trajectory_error_scale,
@@ -226,7 +226,7 @@ def _support_members(field: IndexField, data: FieldData, plan: TracePlan, wavele
     """Return the members for the field's support, which only leapfrog samples use."""
     if not plan.sample_count:
         return {"support_low": np.zeros(3), "support_high": np.zeros(3), "support_radius": 0.0}
-    low, high = support_box(field, held_error(field, plan.tolerance * wavelength), plan.lever_arms)
+    low, high = support_box(field, error_limit(field, plan.tolerance * wavelength), plan.lever_arms)
     radius = float(high[0]) if field.geometry == "axisymmetric" else 0.0
     missing = np.zeros(3 - len(low))
     return {
@@ -240,7 +240,7 @@ def _left_members(field: IndexField, plan: TracePlan, wavelength: float) -> dict
     """Bound what leapfrog samples leave out: the potential outside the support, and its slope [1/m]."""
     if not plan.sample_count:
         return {"left_potential": 0.0, "left_slope": 0.0}
-    potential, slope = left_out(field, held_error(field, plan.tolerance * wavelength), plan.lever_arms)
+    potential, slope = left_out(field, error_limit(field, plan.tolerance * wavelength), plan.lever_arms)
     # A spline's slope is below twice its greatest coefficient over the spacing.
     return {
         "left_potential": potential,
@@ -259,7 +259,7 @@ def step_bound_tables(
     Returns:
         Arrays "step_bound" [m], flat, and "step_bound_start", -1 for a cone without a table; members of Control.
     """
-    budget = held_error(field, min(plan.tolerance, LAXEST) * wavelength)
+    budget = error_limit(field, min(plan.tolerance, LAXEST) * wavelength)
     start = np.full(len(CONES), -1, dtype=np.int32)
     lengths = [np.zeros(1)]
     members: dict[str, object] = {"block_count": np.ones(3, dtype=int), "block": 1}

@@ -19,7 +19,7 @@ LEAST = 1e-24
 EVERY, ROUNDING = 4, 1e-9
 
 
-def held_error(field: IndexField, tolerance: float) -> float:
+def error_limit(field: IndexField, tolerance: float) -> float:
     """The OPD error [m] allowed to a ray, at most the requested `tolerance` [m]."""
     if path_exceeds(field, tolerance / SHARE):
         return tolerance

@@ -13,7 +13,7 @@ from ..rays import RayBundle
 from .stop import stop_distance
 
 
-def lacking_columns(field: IndexField, rays: RayBundle, until) -> np.ndarray:
+def deficit_integrals(field: IndexField, rays: RayBundle, until) -> np.ndarray:
     """Integrals of the cells' deficits, from the rays' starts to their stop [m], shape (ray_count,).
 
     Zero for fields on uniform grids, for values at vertices, and for rays that never leave a planar field.

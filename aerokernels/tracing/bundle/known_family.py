@@ -14,7 +14,7 @@ from ..stop import ArcLength
 from .family import SAMPLE, Family, some_rows
 
 # Ray counts for which a field caches the rows that are tested.
-KEPT = 4
+CACHED = 4
 
 
 def known_family(field: IndexField, rays: RayBundle, until, known: list[Family]) -> Family | None:
@@ -34,13 +34,13 @@ def parameter_range(field: IndexField, rays: RayBundle, family: Family) -> tuple
     None where some of them do not belong to the family.
     """
     count = rays.ray_count
-    rows = field.derive(("rows of a family", count), lambda: some_rows(count, SAMPLE), KEPT)
+    rows = field.derive(("rows of a family", count), lambda: some_rows(count, SAMPLE), CACHED)
     position, direction = rays.held("position"), rays.held("direction")
     if isinstance(position, DeviceArray) and isinstance(direction, DeviceArray):
         from ..engines.warp.family_range import range_on_device, rows_on_device
 
         key = ("rows of a family on a device", position.device, count)
-        there = field.derive(key, lambda: rows_on_device(rows, position.device), KEPT)
+        there = field.derive(key, lambda: rows_on_device(rows, position.device), CACHED)
         return range_on_device(family, there, position.buffer, direction.buffer)
     # An image has many bundles: testing a single ray rules out most families.
     if not family.holds_for(np.asarray(position[:1]), np.asarray(direction[:1])).all():

@@ -31,7 +31,7 @@ class Layers:
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class BlockPath:
     """Where lines pass the blocks of a grid.
 
     Attributes:
@@ -47,7 +47,7 @@ class Way:
     layers: tuple[Layers, ...]
 
 
-def way_of(grid: UniformGrid, block: int, shape: tuple[int, ...], lines: Lines, geometry: str) -> Way:
+def path_of(grid: UniformGrid, block: int, shape: tuple[int, ...], lines: Lines, geometry: str) -> BlockPath:
     """The path of lines through blocks of `block` cells; `shape` is the number of blocks along each axis."""
     size = block * np.asarray(grid.spacing)
     local = local_range(lines, geometry)
@@ -68,7 +68,7 @@ def way_of(grid: UniformGrid, block: int, shape: tuple[int, ...], lines: Lines, 
             beside = tuple((other, 1 + int(np.ceil(drift[other] + DEFLECTED))) for other in others)
             levers = levers.reshape([-1 if other == axis else 1 for other in range(len(shape))])
             layers.append(Layers(axis, levers, beside, float(size[axis]), least))
-    return Way(part, longest, float(lines.lever_arm.max(initial=0.0)), tuple(layers))
+    return BlockPath(part, longest, float(lines.lever_arm.max(initial=0.0)), tuple(layers))
 
 
 def _lever_arms_from(lines: Lines, faces: np.ndarray, component: int) -> np.ndarray:
