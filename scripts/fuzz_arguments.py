@@ -8,7 +8,7 @@ Without SECONDS each case is tried once; with SECONDS, cases are chosen at rando
 import sys
 import time
 
-from aerokernels.validation import argument_draws
+from tests.draws import argument_draws
 
 
 def main() -> int:

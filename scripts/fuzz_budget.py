@@ -8,8 +8,8 @@ import time
 
 import numpy as np
 
-from aerokernels.validation.scene_check import Finding, check
-from aerokernels.validation.scene_draws import draw
+from tests.draws.scene_check import Finding, check
+from tests.draws.scene_draws import draw
 
 
 def main() -> None:

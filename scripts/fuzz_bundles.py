@@ -1,6 +1,6 @@
 """Compare random bundles through random fields with the reference: failures by kind, and the worst with their seeds.
 
-The cases and checks are those of aerokernels/validation/bundle_draws.py. `--only SEED` repeats a case.
+The cases and checks are those of tests/draws/bundle_draws.py. `--only SEED` repeats a case.
 """
 
 import argparse
@@ -13,8 +13,8 @@ import warnings
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from aerokernels.validation.bundle_check import Finding, check
-from aerokernels.validation.bundle_draws import draw
+from tests.draws.bundle_check import Finding, check
+from tests.draws.bundle_draws import draw
 
 
 def parse(arguments=None) -> argparse.Namespace:

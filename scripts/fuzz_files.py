@@ -19,9 +19,9 @@ import fuzzing
 
 from aerokernels.flow.reading.calling import read_here
 from aerokernels.flow.reading.formats import format_of
-from aerokernels.validation.damaged_files import DamagedCopies
-from aerokernels.validation.draws_in_processes import Report, share
-from aerokernels.validation.forked_readers import fork_readers
+from tests.draws.damaged_files import DamagedCopies
+from tests.draws.draws_in_processes import Report, share
+from tests.draws.forked_readers import fork_readers
 
 
 def main() -> int:

@@ -1,6 +1,6 @@
 """Feed random input to every parser: count what is read and what is refused in words, print faults with their seeds.
 
-The inputs are those of aerokernels/validation/parser_draws.py. They run in separate processes. A process that is ended
+The inputs are those of tests/draws/parser_draws.py. They run in separate processes. A process that is ended
 by a signal, hangs or requests more than 4 GB is a fault of its seed, and another process goes on after it. Exit status
 1 if there is a fault. Needs `fork`.
 """
@@ -18,9 +18,9 @@ from types import FrameType
 from typing import NoReturn
 
 from aerokernels.files import netcdf_reading  # noqa: F401  # so that forked readers have it
-from aerokernels.validation.draws_in_processes import Report, share
-from aerokernels.validation.forked_readers import addresses, fork_readers
-from aerokernels.validation.parser_draws import DRAWS
+from tests.draws.draws_in_processes import Report, share
+from tests.draws.forked_readers import addresses, fork_readers
+from tests.draws.parser_draws import DRAWS
 
 MEMORY, LONGEST = 4_000_000_000, 5.0  # [bytes] of a process's addresses beyond its parent's, [s] of computing per input
 

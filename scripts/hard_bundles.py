@@ -1,12 +1,12 @@
 """Trace bundles through fields with features between traced lines: count rays with unreported errors above tolerance.
 
-The fields and checks are those of aerokernels/validation/hard_bundles.py. Exit status 1 if a ray is wrong.
+The fields and checks are those of tests/draws/hard_bundles.py. Exit status 1 if a ray is wrong.
 """
 
 import argparse
 import time
 
-from aerokernels.validation.hard_bundles import SIDE, check
+from tests.draws.hard_bundles import SIDE, check
 
 
 def main() -> int:

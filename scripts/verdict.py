@@ -1,6 +1,6 @@
 """Test the verdict on ray optics: rays against a finely sampled wave, through random shocks and turbulence.
 
-The views and the comparison are those of aerokernels/validation/wave_draws.py.
+The views and the comparison are those of tests/draws/wave_draws.py.
 """
 
 import argparse
@@ -8,7 +8,7 @@ from collections import Counter
 
 import numpy as np
 
-from aerokernels.validation.wave_draws import (
+from tests.draws.wave_draws import (
     GOOD,
     KINDS,
     MAP_PIXELS,

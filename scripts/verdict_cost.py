@@ -14,7 +14,7 @@ import numpy as np
 
 from aerokernels import Disc, IndexField, validity, wavefront
 from aerokernels.validation.random_fields import mesh_field, uniform_field
-from aerokernels.validation.wave_draws import draw_view
+from tests.draws.wave_draws import draw_view
 
 WAVELENGTH, PIXELS = 905e-9, (4, 16, 64, 316)
 SCENES = ("planar", "axisymmetric", "volume", "mesh planar", "mesh axisymmetric", "view 1000", "view 1001", "view 1002")

@@ -24,8 +24,8 @@ from aerokernels.echo import estimate_range
 from aerokernels.echo.pulses import GaussianPulse, HeliosPulse, SampledPulse
 from aerokernels.flow.vortex import Vortex
 from aerokernels.inputs.arguments import Numbers, checked
-from aerokernels.validation import argument_draws, refusals
 from aerokernels.wavefront.terms import fit_tilt
+from tests.draws import argument_draws, refusals
 
 WAVE = np.arange(64) * 1e-10, np.exp(-(((np.arange(64) - 30) / 5.0) ** 2))  # times [s] and a pulse
 

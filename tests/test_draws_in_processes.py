@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from aerokernels import fragile
-from aerokernels.validation import draws_in_processes, forked_readers
-from aerokernels.validation.draws_in_processes import Report, share
+from tests.draws import draws_in_processes, forked_readers
+from tests.draws.draws_in_processes import Report, share
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 

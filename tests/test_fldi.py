@@ -12,7 +12,7 @@ import pytest
 
 from aerokernels import FLDI, IndexField, fldi_response
 from aerokernels.tracing.pupil_air import TruncationWarning
-from aerokernels.validation.fldi_draws import check_reading, draw_reading
+from tests.draws.fldi_draws import check_reading, draw_reading
 
 THICKNESS, STRENGTH = 2e-4, 1e-7
 

@@ -382,7 +382,7 @@ def test_cosines_of_steep_rays():
 @pytest.mark.parametrize("seed", [0, 9, 11])
 def test_the_errors_told_hold_displacement_and_blur(seed: int):
     """Drawn cameras before air of closed form, whose rays are followed by Runge-Kutta steps of their own."""
-    from aerokernels.validation.camera_draws import check_camera, draw_camera
+    from tests.draws.camera_draws import check_camera, draw_camera
 
     found = check_camera(draw_camera(seed))
     assert (found.blur_missed <= found.blur_error + 1e-5).all(), found

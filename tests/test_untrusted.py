@@ -22,8 +22,8 @@ from aerokernels.jobs.recorded import load_netcdf, recorded_labels
 from aerokernels.jobs.store import read_result
 from aerokernels.scene import Scene, SceneError
 from aerokernels.schlieren.picture_file import read_picture
-from aerokernels.validation import file_draws
-from aerokernels.validation.parser_draws import DRAWS
+from tests.draws import file_draws
+from tests.draws.parser_draws import DRAWS
 
 CORPUS = {"scene": (8380,), "override": (1018, 5030), "preamble": (1780,), "netcdf": (50,),
           "store": (9, 13, 18, 21, 30, 41, 61, 40010600, 50170604), "sweep": (41,), "row": (109, 149),

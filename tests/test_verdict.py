@@ -10,12 +10,12 @@ import pytest
 from aerokernels import Annulus, Body, Disc, IndexField, Rectangle, Wave, split_step, validity, wavefront
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.validation.random_fields import uniform_field
-from aerokernels.validation.wave_draws import check_verdict, draw_view
 from aerokernels.waves.diffraction import Ways, bending
 from aerokernels.waves.layers import sample_layers
 from aerokernels.waves.screens import paths_of
 from aerokernels.waves.slabs import FINEST, LookingAlong, slabs_of
 from aerokernels.waves.split_step import plane_wave
+from tests.draws.wave_draws import check_verdict, draw_view
 from tests.phase_plates import WAVELENGTH, phase_plate
 
 K = 2.0 * np.pi / WAVELENGTH
@@ -102,7 +102,7 @@ def test_rays_that_cross_are_told_of():
 
 
 def test_the_verdict_is_right_of_random_views():
-    """Drawn shocks (validation/wave_draws.py): rays beside a wave, of which the verdict knows no Strehl ratio.
+    """Drawn shocks (tests/draws/wave_draws.py): rays beside a wave, of which the verdict knows no Strehl ratio.
 
     In two of them rays are off by more than 0.01; in one of those only because they bend. scripts/verdict counts more.
     """

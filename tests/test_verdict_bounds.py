@@ -7,8 +7,8 @@ import pytest
 
 from aerokernels import Disc, IndexField, Rectangle, Wavefront, split_step, validity, wavefront
 from aerokernels.validation.random_fields import mesh_field, uniform_field
-from aerokernels.validation.wave_draws import draw_view, view_at_bound
 from aerokernels.waves.bounds import change_bound
+from tests.draws.wave_draws import draw_view, view_at_bound
 
 WAVELENGTH = 905e-9
 LENGTH = 0.1

@@ -12,7 +12,7 @@ import pytest
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
-from aerokernels.validation.bundle_draws import WAVE, draw
+from tests.draws.bundle_draws import WAVE, draw
 
 from .backends import ENGINES, on
 

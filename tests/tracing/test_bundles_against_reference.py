@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from aerokernels.tracing import trace
-from aerokernels.validation import bundle_check
-from aerokernels.validation.bundle_check import check
-from aerokernels.validation.bundle_draws import WAVE, draw
+from tests.draws import bundle_check
+from tests.draws.bundle_check import check
+from tests.draws.bundle_draws import WAVE, draw
 
 from .backends import ENGINES, on
 

@@ -7,8 +7,8 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
 from aerokernels.tracing.lines import FACES, box_span, crossing_of_box
-from aerokernels.validation.bundle_check import check
-from aerokernels.validation.bundle_draws import draw
+from tests.draws.bundle_check import check
+from tests.draws.bundle_draws import draw
 
 from .backends import ENGINES, WAVE, on
 

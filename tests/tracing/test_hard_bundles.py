@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerokernels.validation import hard_bundles
+from tests.draws import hard_bundles
 
 pytest.importorskip("pyopencl")
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from aerokernels.tracing import Plane
-from aerokernels.validation import scene_check
-from aerokernels.validation.scene_check import check
-from aerokernels.validation.scene_draws import Air, draw, true_opd
+from tests.draws import scene_check
+from tests.draws.scene_check import check
+from tests.draws.scene_draws import Air, draw, true_opd
 
 from .backends import ENGINES, on
 

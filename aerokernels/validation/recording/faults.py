@@ -10,8 +10,8 @@ import numpy as np
 from aerokernels.hardware.faults import FaultPlan
 from aerokernels.hardware.frames import encode
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal
+from tests.draws import input_draws
 
-from .. import input_draws
 from .line import Outcome, RecorderProcess, counts, is_whole, made_frames, stored, wait_for_reader
 
 DAMAGE = {"torn": 0.0125, "flipped": 0.0125, "glued": 0.0125, "garbage": 0.0125}

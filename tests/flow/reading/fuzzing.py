@@ -8,7 +8,7 @@ import numpy as np
 import vtk_writers
 import writers
 
-from aerokernels.validation.damaged_files import DamagedCopies
+from tests.draws.damaged_files import DamagedCopies
 
 
 def plain(folder: Path, kind: str) -> Path:

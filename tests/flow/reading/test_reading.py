@@ -15,7 +15,7 @@ from aerokernels.flow.reading.polygon_cells import Polygons
 from aerokernels.flow.reading.polygons import quad_mesh
 from aerokernels.medium import QuadMesh
 from aerokernels.medium.kept_averages import conserving_values
-from aerokernels.validation.damaged_files import DamagedCopies
+from tests.draws.damaged_files import DamagedCopies
 
 
 @pytest.fixture

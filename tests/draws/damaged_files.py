@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.random import Generator
 
-from ..flow import DensityField, read
-from ..process.fragile import LibraryEndedError
+from aerokernels.flow import DensityField, read
+from aerokernels.process.fragile import LibraryEndedError
+
 from .damaged_structure import damage_structure, has_structure
 
 

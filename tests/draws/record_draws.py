@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from ..hardware.rows import echo_of, label_of
-from ..jobs.recorded import LEAST_SAMPLES, RecordedEcho, checked, waveforms
+from aerokernels.hardware.rows import echo_of, label_of
+from aerokernels.jobs.recorded import LEAST_SAMPLES, RecordedEcho, checked, waveforms
+
 from .input_draws import Draw
 from .refusals import check_refusal
 
@@ -120,7 +121,7 @@ def dataset(draw: random.Random, folder: Path) -> bool:
 
 def summary(draw: random.Random, folder: Path) -> bool:
     """Random values for a summary, which must become valid JSON."""
-    from ..jobs.store import to_json
+    from aerokernels.jobs.store import to_json
 
     value: Any = draw.choice(ODD)
     for _ in range(draw.randrange(4)):

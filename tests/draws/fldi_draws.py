@@ -10,7 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..fldi import FLDI, fldi_response
+from aerokernels.fldi import FLDI, fldi_response
+
 from .closed_air import HALF, DrawnAir, draw_air, log_uniform
 
 # Range of the air's contrast.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..medium import IndexField
+from aerokernels.medium import IndexField
 
 KINDS = ("waves", "blobs", "layers")
 GEOMETRIES = ("planar", "axisymmetric", "volume")

@@ -9,7 +9,7 @@ import signal
 import time
 from pathlib import Path
 
-from ..process import fragile
+from aerokernels.process import fragile
 
 COMPUTING = 1.0  # [s], as `fragile.LEAST_COMPUTING`: a forked reader has nothing to import
 

@@ -14,12 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..hardware.export import export
-from ..hardware.frames import EchoFrame
-from ..hardware.store import EchoStore
-from ..hardware.transaction import StoreError
-from ..jobs.recorded import recorded_echoes, recorded_labels
-from ..jobs.sweeps.records import CASES_FILE, DEFINITION_FILE, Records, read_definition
+from aerokernels.hardware.export import export
+from aerokernels.hardware.frames import EchoFrame
+from aerokernels.hardware.store import EchoStore
+from aerokernels.hardware.transaction import StoreError
+from aerokernels.jobs.recorded import recorded_echoes, recorded_labels
+from aerokernels.jobs.sweeps.records import CASES_FILE, DEFINITION_FILE, Records, read_definition
+
 from .damaged_files import damaged
 from .input_draws import Draw
 from .record_draws import check_echoes

@@ -14,17 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from ..flow.reading.array_units import length_of, unit_of_array
-from ..flow.reading.dataset import ReadError
-from ..flow.reading.density import plain_name
-from ..flow.reading.foam_case import times_of, unit_in_words
-from ..flow.reading.fractions import species_arrays
-from ..flow.reading.tecplot_text import coordinate_columns
-from ..flow.reading.vtk_collections import collection
-from ..inputs.units import DIMENSIONS, quantity
-from ..inputs.written_units import DIMENSIONS as WRITTEN
-from ..inputs.written_units import in_brackets
-from ..series.store import NUMBERS, ZarrStore
+from aerokernels.flow.reading.array_units import length_of, unit_of_array
+from aerokernels.flow.reading.dataset import ReadError
+from aerokernels.flow.reading.density import plain_name
+from aerokernels.flow.reading.foam_case import times_of, unit_in_words
+from aerokernels.flow.reading.fractions import species_arrays
+from aerokernels.flow.reading.tecplot_text import coordinate_columns
+from aerokernels.flow.reading.vtk_collections import collection
+from aerokernels.inputs.units import DIMENSIONS, quantity
+from aerokernels.inputs.written_units import DIMENSIONS as WRITTEN
+from aerokernels.inputs.written_units import in_brackets
+from aerokernels.series.store import NUMBERS, ZarrStore
+
 from .input_draws import NUMBERS as WILD
 from .input_draws import Draw
 from .refusals import check_refusal

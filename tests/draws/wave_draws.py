@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from ..medium import IndexField
-from ..medium.grid import UniformGrid
-from ..pupils import Annulus, Disc, Pupil, Rectangle
-from ..wavefront import wavefront
-from ..waves import split_step, validity
-from ..waves.bounds import change_bound
+from aerokernels.medium import IndexField
+from aerokernels.medium.grid import UniformGrid
+from aerokernels.pupils import Annulus, Disc, Pupil, Rectangle
+from aerokernels.wavefront import wavefront
+from aerokernels.waves import split_step, validity
+from aerokernels.waves.bounds import change_bound
+
 from .closed_air import log_uniform
 
 KINDS = ("shock", "turbulence", "mixed")

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..imaging import Camera, background_displacement
-from ..imaging.shift import aperture
-from ..pupils import Annulus, Disc, Pupil, Rectangle
+from aerokernels.imaging import Camera, background_displacement
+from aerokernels.imaging.shift import aperture
+from aerokernels.pupils import Annulus, Disc, Pupil, Rectangle
+
 from .closed_air import HALF, DrawnAir, draw_air, log_uniform
 
 STRENGTHS = (1e-6, 1e-4)

@@ -14,15 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from ..echo.stored import echo_of_result
-from ..files.netcdf_lazy import FarVariable, dataset_of, told_of
-from ..flow.reading.labelled import labelled_dataset
-from ..flow.series_files import series_of_dataset
-from ..jobs.recorded import waveforms
-from ..jobs.run_folder import RunFolder, match_runs, run_of
-from ..medium import IndexField
-from ..wavefront import Wavefront
-from ..wavefront.data import SIGN_CONVENTION
+from aerokernels.echo.stored import echo_of_result
+from aerokernels.files.netcdf_lazy import FarVariable, dataset_of, told_of
+from aerokernels.flow.reading.labelled import labelled_dataset
+from aerokernels.flow.series_files import series_of_dataset
+from aerokernels.jobs.recorded import waveforms
+from aerokernels.jobs.run_folder import RunFolder, match_runs, run_of
+from aerokernels.medium import IndexField
+from aerokernels.wavefront import Wavefront
+from aerokernels.wavefront.data import SIGN_CONVENTION
+
 from .flow_draws import check_dataset
 from .input_draws import NUMBERS, TEXTS, Draw
 from .record_draws import check_echoes

@@ -13,11 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..flow.reading.calling import read_here
-from ..flow.reading.dataset import Dataset, ReadError
-from ..flow.reading.density import Reference, beside_the_flow, block_density, choose_density
-from ..flow.reading.foam_file import FoamFile
-from ..process.opened import OPENED
+from aerokernels.flow.reading.calling import read_here
+from aerokernels.flow.reading.dataset import Dataset, ReadError
+from aerokernels.flow.reading.density import Reference, beside_the_flow, block_density, choose_density
+from aerokernels.flow.reading.foam_file import FoamFile
+from aerokernels.process.opened import OPENED
+
 from . import sound_files
 from .input_draws import Draw
 from .refusals import check_refusal

@@ -14,21 +14,22 @@ from typing import Any
 
 import numpy as np
 
-from .. import flow, zernike
-from ..compare import compare_waveforms
-from ..echo import estimate_range, plane_target_echo, range_statistics
-from ..medium import Body, IndexField, QuadMesh
-from ..rays import Annulus, Disc, Mask, Polygon, RayBundle, Rectangle
-from ..scene import Scene
-from ..schlieren import interferogram, shadowgraph
-from ..schlieren.knife_edge import schlieren
-from ..strehl import strehl, strehl_marechal
-from ..strehl.estimate import estimate_strehl
-from ..tracing import ArcLength, Plane
-from ..tracing.trace import trace
-from ..wavefront import point_spread_function
-from ..wavefront.traced import wavefront
-from ..waves import split_step, validity
+from aerokernels import flow, zernike
+from aerokernels.compare import compare_waveforms
+from aerokernels.echo import estimate_range, plane_target_echo, range_statistics
+from aerokernels.medium import Body, IndexField, QuadMesh
+from aerokernels.rays import Annulus, Disc, Mask, Polygon, RayBundle, Rectangle
+from aerokernels.scene import Scene
+from aerokernels.schlieren import interferogram, shadowgraph
+from aerokernels.schlieren.knife_edge import schlieren
+from aerokernels.strehl import strehl, strehl_marechal
+from aerokernels.strehl.estimate import estimate_strehl
+from aerokernels.tracing import ArcLength, Plane
+from aerokernels.tracing.trace import trace
+from aerokernels.wavefront import point_spread_function
+from aerokernels.wavefront.traced import wavefront
+from aerokernels.waves import split_step, validity
+
 from .refusals import attempt
 
 # Unsuitable values by name.

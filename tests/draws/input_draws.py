@@ -21,14 +21,15 @@ from typing import Any
 import numpy as np
 from cobs import cobs
 
-from ..hardware.blocks import Block, BlockDecoder, TextLine
-from ..hardware.decoder import DamagedPiece, FrameDecoder
-from ..hardware.frames import GREATEST_FRAME_LENGTH, EchoFrame
-from ..hardware.preamble import PreambleError, parse_rigol, parse_tektronix
-from ..process.opened import OPENED
-from ..scene import Scene, SceneError
-from ..scene.errors import known_keys
-from ..scene.loading import shipped_scene_text, shipped_scenes
+from aerokernels.hardware.blocks import Block, BlockDecoder, TextLine
+from aerokernels.hardware.decoder import DamagedPiece, FrameDecoder
+from aerokernels.hardware.frames import GREATEST_FRAME_LENGTH, EchoFrame
+from aerokernels.hardware.preamble import PreambleError, parse_rigol, parse_tektronix
+from aerokernels.process.opened import OPENED
+from aerokernels.scene import Scene, SceneError
+from aerokernels.scene.errors import known_keys
+from aerokernels.scene.loading import shipped_scene_text, shipped_scenes
+
 from .damaged_files import damaged
 from .refusals import check_refusal
 
