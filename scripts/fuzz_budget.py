@@ -1,6 +1,6 @@
 """Check that the reported error covers the true error, in random scenes that combine what tracers get wrong.
 
-scene_draws.py in aerokernels/validation makes the scenes, and scene_check.py beside it the checks.
+tests/draws/scene_draws.py makes the scenes, and scene_check.py beside it the checks.
 """
 
 import argparse

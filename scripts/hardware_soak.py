@@ -10,9 +10,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from aerokernels.validation.recording import faults, load
-from aerokernels.validation.recording.line import Outcome
 from aerokernels.validation.report import markdown_table
+from tests.recording import faults, load
+from tests.recording.line import Outcome
 
 PARTS: dict[str, tuple[Callable[[Path, float], Outcome], float, float]] = {
     # name: its function, its size in full and in quick runs

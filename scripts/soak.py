@@ -38,9 +38,9 @@ from aerokernels.scene import Scene
 from aerokernels.schlieren.knife_edge import schlieren
 from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import available_backends
-from aerokernels.validation.recording.line import made_frames
 from aerokernels.validation.report import markdown_table
 from aerokernels.wavefront.traced import wavefront
+from tests.recording.line import made_frames
 
 GREATEST_SLOPE = 0.1  # [MiB/min]: 144 MiB a day
 RECORDED = 200  # echoes of one recording

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from aerokernels import fragile
+from aerokernels.process import fragile
 from tests.draws import draws_in_processes, forked_readers
 from tests.draws.draws_in_processes import Report, share
 
