@@ -1,1 +1,1 @@
-"""Random inputs, fields, bundles, scenes and damaged files, with what must hold of each; scripts/fuzz_* take them too."""
+"""Random inputs, fields, bundles, scenes and damaged files, and what must hold of each; scripts/fuzz_* use them."""

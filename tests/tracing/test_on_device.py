@@ -16,7 +16,7 @@ from aerokernels.device_arrays import DeviceArray, extremes_of, plain_array, row
 from aerokernels.device_arrays.rays import checked_rays
 from aerokernels.tracing import RayStatus
 from aerokernels.tracing.bundle.family import SAMPLE, find_family, some_rows
-from aerokernels.tracing.bundle.known import known_family, parameter_range
+from aerokernels.tracing.bundle.known_family import known_family, parameter_range
 
 from .backends import ENGINES, WARP, WAVE, on
 
