@@ -8,14 +8,13 @@ import importlib.util
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import count
 from typing import Any
 
 import numpy as np
 
 from aerokernels.benchmark.bundle_scenes import KINDS, BundleScene, bundle_scene
 from aerokernels.benchmark.errors import chosen_rays, errors
-from aerokernels.benchmark.measuring import kernel_clocks, measure, spread
+from aerokernels.benchmark.measuring import measure, plan_facts, spread, traced_clocks
 from aerokernels.benchmark.peers import drjit_schemes, measured_scheme
 from aerokernels.benchmark.scenes import WAVELENGTH
 from aerokernels.benchmark.targets import Settings, on_processor
@@ -71,10 +70,8 @@ def _run(
     call: Callable[..., TraceResult] = partial(trace, outputs=OUTPUTS, **options)
     compiled = measure(lambda: call(field, rays), 0)
     fresh = measure(lambda: call(replace(field), rays), 0)
-    others = (scene.make_rays(settings.ray_count, seed) for seed in count(2))
-    seeds = [next(others) for _ in range(settings.repeats)]
-    again = iter(seeds)
-    seeded = [measure(lambda: call(field, next(again)), 0).first_seconds for _ in seeds]
+    others = [scene.make_rays(settings.ray_count, seed) for seed in range(2, 2 + settings.repeats)]
+    seeded = [measure(partial(call, field, some), 0).first_seconds for some in others]
     timing = measure(lambda: call(field, rays), settings.repeats)
     result = timing.results[-1]
     assert result.direction is not None and result.opd is not None
@@ -90,12 +87,12 @@ def _run(
             "ray_count": rays.ray_count,
             "repeats": settings.repeats,
         },
-        "plan": {"method": result.plan.method, "step": None, "reasons": list(result.plan.reasons)},
-        "first_call_seconds": compiled.first_seconds,
-        "compile_seconds": compiled.first.seconds["compile"],
+        "plan": plan_facts(result.plan),
         "fresh_field_seconds": fresh.first_seconds,
         "new_seed_seconds": spread(seeded),
-        **kernel_clocks(timing, rays.ray_count, on_processor(backend, device)),
+        **traced_clocks(timing, rays.ray_count, on_processor(backend, device)),
+        "first_call_seconds": compiled.first_seconds,
+        "compile_seconds": compiled.first.seconds["compile"],
         "rays_traced": traced,
         "evaluations_per_ray": predicted if predicted is not None else float("nan"),
         "error": errors(truth, result.direction[rows], result.opd[rows], result.ok[rows]),

@@ -28,20 +28,11 @@ def errors(truth: Truth, direction: Any, opd: Any, good: Any = None) -> dict:
         good: Which rays arrived, shape (n,); None for all.
     """
     good = np.ones(len(opd), dtype=bool) if good is None else np.asarray(good)
-    if not good.any():
-        return {
-            "opd_rms_waves": None,
-            "opd_max_waves": None,
-            "direction_max_urad": None,
-            "ray_count": 0,
-            "lost_ray_count": len(good),
-        }
-    waves = (np.asarray(opd) - truth.opd)[good] / WAVELENGTH
-    angle = np.linalg.norm((np.asarray(direction) - truth.direction)[good], axis=1)
-    return {
-        "opd_rms_waves": float(np.sqrt(np.mean(waves**2))),
-        "opd_max_waves": float(np.abs(waves).max()),
-        "direction_max_urad": float(1e6 * angle.max()),
-        "ray_count": int(good.sum()),
-        "lost_ray_count": int((~good).sum()),
-    }
+    found: dict[str, float | None] = dict.fromkeys(("opd_rms_waves", "opd_max_waves", "direction_max_urad"))
+    if good.any():
+        waves = (np.asarray(opd) - truth.opd)[good] / WAVELENGTH
+        angle = np.linalg.norm((np.asarray(direction) - truth.direction)[good], axis=1)
+        found["opd_rms_waves"] = float(np.sqrt(np.mean(waves**2)))
+        found["opd_max_waves"] = float(np.abs(waves).max())
+        found["direction_max_urad"] = float(1e6 * angle.max())
+    return {**found, "ray_count": int(good.sum()), "lost_ray_count": int((~good).sum())}

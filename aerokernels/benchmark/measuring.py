@@ -71,13 +71,22 @@ def clocks(count: int, kernel: Sequence[float], wall: Sequence[float], processor
     }
 
 
-def kernel_clocks(timing: Timing, count: int, on_cpu: bool) -> dict:
-    """`clocks` of a call whose results contain kernel seconds; also per core where they ran on a CPU."""
+def traced_clocks(timing: Timing, count: int, on_cpu: bool) -> dict:
+    """Times of the first call and `clocks` of the others, of a call whose results have `seconds`; per core on a CPU."""
     from aerokernels.process.machine import core_count
 
     kernel = [result.seconds["kernel"] for result in timing.results]
-    per_core = rate(count / core_count(), kernel) if on_cpu else None
-    return {**clocks(count, kernel, timing.wall_seconds, timing.cpu_seconds), "kernel_rays_per_core_second": per_core}
+    return {
+        "first_call_seconds": timing.first_seconds,
+        "compile_seconds": timing.first.seconds["compile"],
+        **clocks(count, kernel, timing.wall_seconds, timing.cpu_seconds),
+        "kernel_rays_per_core_second": rate(count / core_count(), kernel) if on_cpu else None,
+    }
+
+
+def plan_facts(plan: Any) -> dict:
+    """The method, step and reasons of a plan."""
+    return {"method": plan.method, "step": plan.step, "reasons": list(plan.reasons)}
 
 
 def installed(package: str) -> str | None:

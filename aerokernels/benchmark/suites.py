@@ -10,7 +10,7 @@ import numpy as np
 from aerokernels.benchmark.bundle_suite import bundle_runs
 from aerokernels.benchmark.ceiling import share
 from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
-from aerokernels.benchmark.measuring import Timing, kernel_clocks, measure, rate, spread
+from aerokernels.benchmark.measuring import Timing, measure, plan_facts, rate, spread, traced_clocks
 from aerokernels.benchmark.scenes import WAVELENGTH, PupilScene, strehl_scene
 from aerokernels.benchmark.targets import Settings, on_processor
 from aerokernels.flow import shipped
@@ -47,8 +47,8 @@ def cone_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -
         yield {
             "suite": "cone",
             "settings": _settings(options, settings),
-            "plan": _plan(result),
-            **_clocks(timing, rays.ray_count, options),
+            "plan": plan_facts(result.plan),
+            **traced_clocks(timing, rays.ray_count, on_processor(options["backend"], options["device"])),
             "fresh_field_seconds": measure(
                 partial(trace, cone_field(), rays, outputs=OUTPUTS, **options), 0
             ).first_seconds,
@@ -74,8 +74,8 @@ def strehl_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict])
             yield {
                 "suite": "strehl",
                 "settings": {**_settings(options, settings), "symmetry": symmetry},
-                "plan": _plan(found),
-                **_clocks(timing, found.traced_ray_count, options),
+                "plan": plan_facts(found.plan),
+                **traced_clocks(timing, found.traced_ray_count, on_processor(options["backend"], options["device"])),
                 "fresh_field_seconds": measure(partial(estimate, fresh.field, fresh.pupil), 0).first_seconds,
                 "rays_traced": found.traced_ray_count,
                 "evaluations_per_ray": found.evaluation_count / found.traced_ray_count,
@@ -109,7 +109,7 @@ def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) 
         yield {
             "suite": "sweep",
             "settings": _settings(options, settings),
-            "plan": _plan(found[0]),
+            "plan": plan_facts(found[0].plan),
             "first_call_seconds": timing.first_seconds,
             "compile_seconds": sum(each.seconds["compile"] for each in timing.first),
             "kernel_seconds": spread([sum(each.seconds["kernel"] for each in many) for many in timing.results]),
@@ -193,19 +193,6 @@ def _choices(settings: Settings, targets: Targets) -> Iterator[dict]:
 
 def _settings(options: dict, settings: Settings) -> dict:
     return {**options, "ray_count": settings.ray_count, "repeats": settings.repeats}
-
-
-def _plan(result: Any) -> dict:
-    plan = result.plan
-    return {"method": plan.method, "step": plan.step, "reasons": list(plan.reasons)}
-
-
-def _clocks(timing: Timing, ray_count: int, options: dict) -> dict:
-    return {
-        "first_call_seconds": timing.first_seconds,
-        "compile_seconds": timing.first.seconds["compile"],
-        **kernel_clocks(timing, ray_count, on_processor(options["backend"], options["device"])),
-    }
 
 
 def _share(field: IndexField, options: dict, evaluations: float, timing: Timing, ceilings: dict[str, dict]) -> dict:

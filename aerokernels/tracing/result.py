@@ -201,19 +201,12 @@ class TraceResult:
         import xarray
 
         variables: dict[str, tuple] = {}
-        for name, (unit, meaning) in RAY_OUTPUTS.items():
+        starts = {"start_position": ("m", "position at the start"), "start_direction": ("1", "direction at the start")}
+        for name, (unit, meaning) in {**RAY_OUTPUTS, **starts}.items():
             array = getattr(self, name)
             if array is not None:
                 dims = ("ray", "axis") if array.ndim == 2 else ("ray",)
                 variables[name] = (dims, array, {"units": unit, "long_name": meaning})
-        for name, array in (("start_position", self.start_position), ("start_direction", self.start_direction)):
-            if array is not None:
-                place = name == "start_position"
-                words = {
-                    "units": "m" if place else "1",
-                    "long_name": f"{'position' if place else 'direction'} at the start",
-                }
-                variables[name] = (("ray", "axis"), array, words)
         codes = " ".join(f"{int(s)}={s.name}" for s in RayStatus)
         variables["status"] = (("ray",), self.status, {"long_name": f"ray status: {codes}"})
         variables["weight"] = (("ray",), self.weight, {"units": "1", "long_name": "share of the bundle"})

@@ -13,9 +13,8 @@ from .lines import crossing_of_box
 from .scheme import LEAST_COSINE
 from .stop import Plane
 
-# Number of lines that are tested near a body, and of outermost rays at the end of a bundle's spread
-# (leapfrog.spread_of).
-BESIDE_BODY, OUTERMOST = 192, 12
+# Number of lines that are tested near a body, in addition to the outermost ones.
+BESIDE_BODY = 192
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +45,8 @@ def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, hi
     """Lines of the rays that meet the part of the field from `low` to `high` [m, along the field's own axes]."""
     p, d = rays.position, rays.direction
     if field.body is not None and len(p) > BESIDE_BODY:  # each line is tested against every segment of the body
-        rows = np.r_[np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int), np.arange(len(p) - OUTERMOST, len(p))]
+        outermost = [ends for vectors in (p, d) for ends in (vectors.argmin(axis=0), vectors.argmax(axis=0))]
+        rows = np.concatenate([np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int), *outermost])
         p, d = p[rows], d[rows]
     enter, leave, _ = crossing_of_box(p, d, low, high, field.geometry)
     if field.body is not None:
