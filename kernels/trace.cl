@@ -76,9 +76,10 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             const Stride ahead = stride(
                 &field, &arrays, &control, current_cell, cone, cell, frac, total, force, index, derating, h_cell,
                 h_next, h_cap);
-            const real3 shown = IS_STRAIGHT ? frac + q * rate : frac;
+            const real3 ray_frac = IS_STRAIGHT ? frac + q * rate : frac;
             int event, runs;
-            real h = event_location(&control, rate, interval.side, cell, shown, tangent, force, ahead.h, &event, &runs);
+            real h = event_location(
+                &control, rate, interval.side, cell, ray_frac, tangent, force, ahead.h, &event, &runs);
             if (STOP == ARC) {
                 h = arc_event_location(arc_left - (ambient * sums.x + sums.z), index, total, force, h, &event);
             }
@@ -96,16 +97,16 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             const real3 kick = kick_of(h, force, s2, s3);
 
             real angle_now, direction_weight, step_displacement;
-            const real off = step_error(
+            const real error = step_error(
                 ambient, d, total, momentum, h, h <= ahead.safe, max_deflection, &to_stop, pot, force, s2, s3, s4,
                 &angle_now, &direction_weight, &step_displacement);
 
             int accept = 1;
             if (CONTROLLED) {
-                const real rounding = step_rounding(&control, ambient, h, direction_weight, rate, frac, pot, force, s3);
+                const real rounding = step_rounding(&control, h, direction_weight, rate, frac, pot, force, s3);
                 real ratio;
                 accept = step_acceptance(
-                    &control, off, rounding, used, h, h_cell, h_least, index, to_stop.reach, &ratio);
+                    &control, error, rounding, used, h, h_cell, h_least, index, to_stop.reach, &ratio);
                 if (accept) {
                     // A step cut short by a surface is no reason to shorten the next one.
                     h_next = greater(h * ratio, h_least);
@@ -120,7 +121,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             // If the force changes along the step, the parabola may miss the surface: come closer first.
             int runs_on = 0;  // whether the step ends in a face
             if (accept && h > h_least) {
-                const real3 there = shown + (h * tangent + kick) * rate;
+                const real3 there = ray_frac + (h * tangent + kick) * rate;
                 const real3 end_velocity = (tangent + h * FORCE(s4)) * rate;
                 real nearest;
                 int missed = passed_surface(&control, interval.side, cell, there, event, &nearest);
@@ -155,14 +156,14 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             if (accept) {
                 h_cap = control.extent / ambient;
                 steps++;
-                used += off;
+                used += error;
                 if (CONTROLLED && (runs || undecided)) {
                     const real late =
                         undecided
                             ? h
-                            : time_beyond_face(&control, rate, interval.side, cell, shown, tangent, force, h);
+                            : time_beyond_face(&control, rate, interval.side, cell, ray_frac, tangent, force, h);
                     gain += late * possible_gain(ambient, &to_stop, angle_now, pot, force, s3);
-                    if (leaves_by_rounding(&control, event, rate, interval.side, cell, shown, tangent)) {
+                    if (leaves_by_rounding(&control, event, rate, interval.side, cell, ray_frac, tangent)) {
                         gain = NO_ROOT;
                     }
                 }
@@ -191,7 +192,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     carry_over(&cell, &frac);
                     const real over = AT_FACE / size3(bearing * rate);
                     const real3 push = push_off_faces(frac, bearing * rate);
-                    const real4 beyond = sample(&field, &arrays, cell, frac + over * (bearing * rate) + push, current_cell);
+                    const real4 beyond = sample(
+                        &field, &arrays, cell, frac + over * (bearing * rate) + push, current_cell);
                     force = FORCE(beyond);
                     pot = beyond.x - over * dot(force, bearing);
                     pot -= push.y * force.y / rate.y + push.z * force.z / rate.z;

@@ -126,8 +126,8 @@ static inline double grazing_correction(
     const double most = GRAZING_TOLERANCE / (double)greatest(VECTOR(control->cell_rate));
     const int is_flat = fabs(dot(normal, d)) <= LEAST_COSINE;
     const int grazes = is_flat && fabs(miss) < most * fabs(cosine);
-    const double lack = is_flat && !grazes ? fabs(miss) / fmax(fabs(cosine), 1.0e-200) : 0.0;
-    *grazing = (double2)(lack, fabs(cosine));
+    const double shortfall = is_flat && !grazes ? fabs(miss) / fmax(fabs(cosine), 1.0e-200) : 0.0;
+    *grazing = (double2)(shortfall, fabs(cosine));
     return grazes ? -miss / cosine : 0.0;
 }
 

@@ -109,7 +109,8 @@ static inline double obliquity_of(const Bounds *bounds, const Interval *interval
 
 // Position of a ray, from the sums of its steps so far.
 static inline double3 place_of(
-    double3 p, double3 d, const Interval *interval, double ambient, real3 q, real3 q_carry, real4 sums, real4 sums_carry)
+    double3 p, double3 d, const Interval *interval, double ambient, real3 q, real3 q_carry, real4 sums,
+    real4 sums_carry)
 {
     const double sigma = (double)sums.x - (double)sums_carry.x;
     return p + (interval->t_enter + ambient * sigma) * d + (convert_double3(q) - convert_double3(q_carry));

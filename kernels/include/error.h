@@ -29,9 +29,9 @@ static inline real step_error(
     // After the ray has turned, the initial obliquity does not apply; the angle of the turn counts instead.
     const real obliquity = to_stop->obliquity * greater(R(1.0) - max_deflection / OBLIQUITY_KEPT, R(0.0));
     const real3 f2 = FORCE(s2), f3 = FORCE(s3), f4 = FORCE(s4);
-    const real off_s = h * (RKN_F1 * pot + RKN_F2 * s2.x + RKN_F3 * s3.x + RKN_F4 * s4.x);
-    real3 off_q = (h * h) * (RKN_E1 * force + RKN_E2 * f2 + RKN_E3 * f3 + RKN_E4 * f4);
-    real3 off_p = h * (RKN_F1 * force + RKN_F2 * f2 + RKN_F3 * f3 + RKN_F4 * f4);
+    const real error_s = h * (RKN_F1 * pot + RKN_F2 * s2.x + RKN_F3 * s3.x + RKN_F4 * s4.x);
+    real3 error_q = (h * h) * (RKN_E1 * force + RKN_E2 * f2 + RKN_E3 * f3 + RKN_E4 * f4);
+    real3 error_p = h * (RKN_F1 * force + RKN_F2 * f2 + RKN_F3 * f3 + RKN_F4 * f4);
     const real3 end_momentum = momentum + h * f4;
     *angle = greater(max_deflection, size3(end_momentum - dot(end_momentum, d) * d) / ambient);
     real error_ratio = R(1.0);
@@ -44,20 +44,20 @@ static inline real step_error(
         const real slope4 = dot(f4, total + (R(0.5) * h) * (force + f4));
         real fine = h * (RKN_G1 * pot + RKN_G2 * s2.x + RKN_G3 * s3.x + RKN_G4 * s4.x);
         fine += (h * h) * (RKN_K1 * slope1 + RKN_K2 * slope2 + RKN_K3 * slope3 + RKN_K4 * slope4);
-        error_ratio = fabs(fine) / greater(fabs(off_s), TINY);
+        error_ratio = fabs(fine) / greater(fabs(error_s), TINY);
         const int smooth = (INTERPOLATION == LINEAR && GEOMETRY != AXISYMMETRIC) || is_smooth;
         const real least_ratio = smooth ? LEAST_RATIO_SMOOTH : LEAST_RATIO;
         error_ratio = bounded(error_ratio, lesser(least_ratio + RATIO_GROWTH * *angle, R(1.0)), R(1.0));
     }
-    real off = R(4.0) * error_ratio * fabs(off_s);
+    real error = R(4.0) * error_ratio * fabs(error_s);
     if (!CONSISTENT_GRADIENT || *angle > NEARLY_STRAIGHT) {
         // The errors along d and in arc length.
-        const real off_m = RKN_F1 * contrast(ambient, pot) + RKN_F2 * contrast(ambient, s2.x)
+        const real error_m = RKN_F1 * contrast(ambient, pot) + RKN_F2 * contrast(ambient, s2.x)
             + RKN_F3 * contrast(ambient, s3.x) + RKN_F4 * contrast(ambient, s4.x);
-        off += ambient * (fabs(dot(off_q, d)) + h * fabs(off_m));
+        error += ambient * (fabs(dot(error_q, d)) + h * fabs(error_m));
     }
-    off_q -= dot(off_q, d) * d;
-    off_p -= dot(off_p, d) * d;
+    error_q -= dot(error_q, d) * d;
+    error_p -= dot(error_p, d) * d;
     const real weight = *angle + error_ratio * DIRECTION_SHARE;
     // At far stops the ray's own deflection adds to the obliquity. The error of a direction is assumed to be
     // overestimated less than that of the path, because it is not a sum along the ray.
@@ -66,15 +66,15 @@ static inline real step_error(
     const real tilt_ratio = is_far || INTERPOLATION == LINEAR ? greater(error_ratio, LEAST_RATIO) : error_ratio;
     const real tilt = tilt_ratio * (obliquity + own);
     *direction_weight = weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h);
-    const real off_p_size = size3(MAGNIFIED * off_p) / MAGNIFIED, off_q_size = size3(MAGNIFIED * off_q) / MAGNIFIED;
-    *step_displacement = greater(error_ratio, LEAST_RATIO) * (off_q_size + reach * off_p_size / ambient);
-    return off + off_p_size * (weight * reach + tilt * lever_arm) + ambient * off_q_size * (weight + tilt);
+    const real error_p_size = size3(MAGNIFIED * error_p) / MAGNIFIED;
+    const real error_q_size = size3(MAGNIFIED * error_q) / MAGNIFIED;
+    *step_displacement = greater(error_ratio, LEAST_RATIO) * (error_q_size + reach * error_p_size / ambient);
+    return error + error_p_size * (weight * reach + tilt * lever_arm) + ambient * error_q_size * (weight + tilt);
 }
 
 // Rounding error of a step [m].
 static inline real step_rounding(
     const Control *control,
-    real ambient,
     real h,
     real direction_weight,
     real3 rate,
@@ -137,18 +137,18 @@ static inline real event_location_error(
     real used, real ambient, real cell, int ends_on, double2 grazing, real obliquity, real opd_rate,
     real displacement)
 {
-    real lack = (real)fmin(grazing.x, 1.0e30);
+    real shortfall = (real)fmin(grazing.x, 1.0e30);
     const real cosine = (real)fmax(grazing.y, 1.0e-15);
     const real rounded = EVENT_LOCATION_NOISE * cell / cosine;
     if (STOP == NONE) {
-        lack += cosine < (real)LEAST_COSINE ? rounded : R(0.0);
-        return greater(used * greater(R(1.0) / (cosine * (R(1.0) + obliquity)), R(1.0)), ambient * lack);
+        shortfall += cosine < (real)LEAST_COSINE ? rounded : R(0.0);
+        return greater(used * greater(R(1.0) / (cosine * (R(1.0) + obliquity)), R(1.0)), ambient * shortfall);
     }
     if (ends_on == FACE_COUNT) {
-        return greater(used, ambient * lack);
+        return greater(used, ambient * shortfall);
     }
     const real beside = rounded + (cosine < (real)LEAST_COSINE ? displacement / cosine : R(0.0));
-    return used + opd_rate * (lack + beside);
+    return used + opd_rate * (shortfall + beside);
 }
 
 #endif

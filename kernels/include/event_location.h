@@ -242,20 +242,20 @@ APART int in_face(const Control *control, real side, int3 cell, real3 frac, real
 // velocity and its derivative are in cells. A ray that is neither behind the surface nor close to it takes another step
 // toward it.
 APART real surface_intersection(
-    const Control *control, int k, real side, int3 cell, real3 frac, real3 velocity, real3 pull, real h, real h_cell,
-    int *done)
+    const Control *control, int k, real side, int3 cell, real3 frac, real3 velocity, real3 acceleration, real h,
+    real h_cell, int *done)
 {
     const real4 now = oriented(control, k, side, cell, frac);
     const real speed = dot(now.yzw, velocity);
     const real unit = surface_unit(control, k);
     // Behind the surface, or close enough to fly the rest along the parabola.
     if (speed > R(0.0) && now.x >= -EVENT_LOCATION_SHARE * speed * h - rounding_of(control, k)) {
-        const real root = sqrt(greater(speed * speed - R(2.0) * dot(now.yzw, pull) * now.x, R(0.0)));
+        const real root = sqrt(greater(speed * speed - R(2.0) * dot(now.yzw, acceleration) * now.x, R(0.0)));
         // A ray that only rounding moves goes back no further than its step.
         const real back = greater(R(-2.0) * now.x / (speed + root), -h);
         // The rest may cross another surface first.
         real nearest;
-        const real3 there = frac + back * velocity + (R(0.5) * back * back) * pull;
+        const real3 there = frac + back * velocity + (R(0.5) * back * back) * acceleration;
         *done = back <= R(0.0) || !passed_surface(control, side, cell, there, k, &nearest);
         return *done ? back : R(0.0);
     }

@@ -90,7 +90,7 @@ static inline void take_sample(
         ray->arc += weight * ray->slowness * (R(2.0) * ray->s / (index + ambient));
     }
     const reals place = ray->sigma + R(0.5) * pace, moment_kick = kick * place;
-    const reals lack = R(3.0) * third * pace, moment_lack = lack * place;
+    const reals coarse_kick = R(3.0) * third * pace, coarse_moment_kick = coarse_kick * place;
     if (j == 1) {
         gather(&ray->coarse, &ray->coarse_carry, third * (R(2.0) * ray->s * ray->slowness - ambient * deficit));
     }
@@ -101,8 +101,8 @@ static inline void take_sample(
         ray->impulse[c] += kick * ray->f[c];
         ray->moment[c] += moment_kick * ray->f[c];
         if (j == 1) {
-            ray->momentum_diff[c] -= lack * ray->f[c];
-            ray->deviation_diff[c] -= moment_lack * ray->f[c];
+            ray->momentum_diff[c] -= coarse_kick * ray->f[c];
+            ray->deviation_diff[c] -= coarse_moment_kick * ray->f[c];
         }
     }
     ray->sigma += pace;

@@ -42,15 +42,16 @@ static inline Stride stride(
         // The interpolant has kinks at the cells' faces, so no step crosses one. On a linear grid the ray flies the
         // rest along the tangent (rest_to_face); on a monotone grid a face nearer than the distance to keep from faces
         // counts as reached.
-        const real3 rate = VECTOR(field->inverse_spacing), pace = total * rate, pull = force * rate;
+        const real3 rate = VECTOR(field->inverse_spacing), velocity = total * rate, acceleration = force * rate;
         if (INTERPOLATION == LINEAR) {
             // How far before a face to stop, in cells: a share of the bend over a cell, because the parabola leaves out
             // that the bend changes over the step.
-            const real bend = R(0.15) * size3(pull) / dot(pace, pace);
+            const real bend = R(0.15) * size3(acceleration) / dot(velocity, velocity);
             out.stand_off = R(0.1) * FACE_TOLERANCE + lesser(bend, GREATEST_STAND_OFF);
         }
-        const real face = to_face(frac, pace, pull, INTERPOLATION == LINEAR ? AT_FACE : R(10.0) * out.stand_off);
-        limit = greater(face - out.stand_off / size3(pace), R(0.5) * face);
+        const real close = INTERPOLATION == LINEAR ? AT_FACE : R(10.0) * out.stand_off;
+        const real face = to_face(frac, velocity, acceleration, close);
+        limit = greater(face - out.stand_off / size3(velocity), R(0.5) * face);
     }
     // End before the face at which the first block that is not smooth may begin.
     out.safe = derating * step_bound_of(control, arrays, cone, cell, frac, total) - R(10.0) * FACE_TOLERANCE * h_cell;
@@ -61,10 +62,10 @@ static inline Stride stride(
 }
 
 // Rest [sigma] to the face `stand_off` cells before which a step of length h stopped; 0 if it did not.
-static inline real rest_to_face(real3 frac, real3 pace, real3 pull, real stand_off, real h)
+static inline real rest_to_face(real3 frac, real3 velocity, real3 acceleration, real stand_off, real h)
 {
-    const real rest = to_face(frac, pace, pull, R(0.0));
-    return rest <= h && rest * size3(pace) <= R(4.0) * stand_off ? rest : R(0.0);
+    const real rest = to_face(frac, velocity, acceleration, R(0.0));
+    return rest <= h && rest * size3(velocity) <= R(4.0) * stand_off ? rest : R(0.0);
 }
 
 // The field at a stage; on a straight line it is linear in the deviation from the line.
@@ -105,7 +106,7 @@ static inline real3 impulse_of(real h, real3 force, real4 s2, real4 s3, real4 s4
 // Whether a step with this error is accepted; `ratio` is the ratio of the next step's length to this.
 static inline int step_acceptance(
     const Control *control,
-    real off,
+    real error,
     real rounding,
     real used,
     real h,
@@ -121,10 +122,10 @@ static inline int step_acceptance(
         allowed = greater(allowed, rounding);
     }
     *ratio = R(4.0);
-    if (off > R(0.0)) {
-        *ratio = bounded(R(0.9) * sqrt(sqrt(allowed / off)), R(0.2), R(4.0));
+    if (error > R(0.0)) {
+        *ratio = bounded(R(0.9) * sqrt(sqrt(allowed / error)), R(0.2), R(4.0));
     }
-    return (off <= allowed && isfinite(off)) || h <= h_least;
+    return (error <= allowed && isfinite(error)) || h <= h_least;
 }
 
 #endif

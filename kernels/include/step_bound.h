@@ -74,16 +74,16 @@ static inline real step_bound_of(
 #endif
 }
 
-// First t > 0 with speed t + pull t^2 / 2 = gap, for gap > 0.
-static inline real meet_face(real gap, real speed, real pull)
+// First t > 0 with speed t + acceleration t^2 / 2 = gap, for gap > 0.
+static inline real meet_face(real gap, real speed, real acceleration)
 {
-    const real disc = speed * speed + R(2.0) * pull * gap;
+    const real disc = speed * speed + R(2.0) * acceleration * gap;
     const real toward = speed + sqrt(greater(disc, R(0.0)));
     return disc < R(0.0) || toward <= R(0.0) ? NO_STEP : R(2.0) * gap / toward;
 }
 
 // Step to the next face along an axis with faces at whole numbers.
-static inline real flat_face(real place, real speed, real pull, real face_tolerance)
+static inline real flat_face(real place, real speed, real acceleration, real face_tolerance)
 {
     real behind = place - floor(place);
     real ahead = R(1.0) - behind;
@@ -93,16 +93,16 @@ static inline real flat_face(real place, real speed, real pull, real face_tolera
     if (behind < face_tolerance) {
         behind += R(1.0);
     }
-    return lesser(meet_face(ahead, speed, pull), meet_face(behind, -speed, -pull));
+    return lesser(meet_face(ahead, speed, acceleration), meet_face(behind, -speed, -acceleration));
 }
 
 // Step to the next cylinder of whole radius R: (r^2 - R^2) / 2 along the parabola without the quartic term.
-static inline real round_face(real3 frac, real3 velocity, real3 pull, real face_tolerance)
+static inline real round_face(real3 frac, real3 velocity, real3 acceleration, real face_tolerance)
 {
     const real square = frac.x * frac.x + frac.y * frac.y;
     const real b = frac.x * velocity.x + frac.y * velocity.y;
     const real a = velocity.x * velocity.x + velocity.y * velocity.y;
-    const real c = a + frac.x * pull.x + frac.y * pull.y;
+    const real c = a + frac.x * acceleration.x + frac.y * acceleration.y;
     const real radius = sqrt(square);
     const real close = face_tolerance + RADIUS_NOISE * radius;
     real inner = floor(radius);
@@ -156,16 +156,16 @@ static inline real3 push_off_faces(real3 frac, real3 velocity)
 }
 
 // Step to the next face of a cell farther than face_tolerance; velocity and its derivative are in cells.
-static inline real to_face(real3 frac, real3 velocity, real3 pull, real face_tolerance)
+static inline real to_face(real3 frac, real3 velocity, real3 acceleration, real face_tolerance)
 {
-    real step = flat_face(frac.z, velocity.z, pull.z, face_tolerance);
+    real step = flat_face(frac.z, velocity.z, acceleration.z, face_tolerance);
     if (GEOMETRY == VOLUME) {
-        step = lesser(step, flat_face(frac.x, velocity.x, pull.x, face_tolerance));
+        step = lesser(step, flat_face(frac.x, velocity.x, acceleration.x, face_tolerance));
     }
     if (GEOMETRY != AXISYMMETRIC) {
-        step = lesser(step, flat_face(frac.y, velocity.y, pull.y, face_tolerance));
+        step = lesser(step, flat_face(frac.y, velocity.y, acceleration.y, face_tolerance));
     } else {
-        step = lesser(step, round_face(frac, velocity, pull, face_tolerance));
+        step = lesser(step, round_face(frac, velocity, acceleration, face_tolerance));
     }
     return step;
 }

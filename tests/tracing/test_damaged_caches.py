@@ -121,7 +121,7 @@ def test_a_process_with_damaged_caches_says_so_once_and_goes_on(filled, tmp_path
     for path in place.rglob("*.sqlite"):
         path.write_bytes(b"no database" * 1000)
     said = launched(place)
-    assert said.count("RuntimeWarning") == 2 and "held 2 programs" in said and "launchers is damaged" in said
+    assert said.count("RuntimeWarning") == 2 and "had 2 programs" in said and "launchers is damaged" in said
     assert launched(place) == ""
 
 
@@ -148,7 +148,7 @@ def test_without_a_linker_auto_takes_warp_and_says_why(tmp_path, linker):
     done = run_python(code, tmp_path, PATH=str(tmp_path), **caches)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("('warp', 'cpu'") and "apt install gcc" in done.stdout and not done.stderr
-    reason = "no `ld` on PATH" if linker == "none" else "no libraries of GCC"
+    reason = "no `ld` on PATH" if linker == "none" else "not find the libraries of GCC"
     assert reason in done.stdout
 
 

@@ -185,3 +185,31 @@ def test_the_walk_and_the_bins_find_the_same(scene, precision, engine):
     assert (off < 1e-3 * WAVE).mean() > 0.99
     if precision == "float64":
         assert off.max() < 1e-3 * WAVE
+
+
+# --- meshes far from 0 -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+def test_float32_is_as_accurate_on_a_mesh_far_from_zero(geometry, engine):
+    """A mesh of cells of 0.1 mm, and the same at z = 1 km: equal OPDs within 1e-3 wave and within the reported errors.
+
+    The coordinates' own rounding at 1 km, 1e-13 m, times slopes of the contrast of 1 per metre, is far below.
+    """
+    mesh = mesh_field("bilinear", geometry)
+    start = np.array([[1e-4, 3e-4, -1e-3], [2e-4, -5e-4, -1e-3], [0.0, 7e-4, -1e-3]])
+    heading = [[0.0, 0.0, 1.0], [0.02, 0.05, 1.0], [0.0, -0.1, 1.0]]
+    found = []
+    for shift in (0.0, 1000.0):
+        moved = QuadMesh(mesh.samples.mesh.vertices + np.array([0.0, shift]), mesh.samples.mesh.cells, geometry)
+        field = IndexField.from_mesh(
+            moved, mesh.samples.values, ambient_index=mesh.ambient_index, interpolation="bilinear"
+        )
+        stop = Plane((0.0, 0.0, shift + 6e-3), (0.0, 0.0, 1.0))
+        rays = RayBundle(start + np.array([0.0, 0.0, shift]), heading)
+        found.append(trace(field, rays, until=stop, method="adaptive", precision="float32", **on(engine)))
+    here, there = found
+    assert np.array_equal(here.status, there.status)
+    assert np.abs(there.opd - here.opd).max() < 1e-3 * WAVE
+    assert (np.abs(there.opd - here.opd) <= here.step_error + there.step_error).all()

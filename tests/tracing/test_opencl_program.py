@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerokernels.tracing.engines.layout import OPTIONS
 from aerokernels.tracing.engines.opencl import program as opencl_program
 from aerokernels.tracing.engines.opencl.headers import HEADERS
 from aerokernels.tracing.engines.opencl.program import (
-    OPTION_VALUES,
     WORK_GROUP,
     build,
     build_options,
@@ -123,8 +123,9 @@ def test_installed_sources_are_found_and_missing_ones_name_both_places(root: Pat
 def test_options_are_distinct_and_each_has_a_number_in_the_header():
     """Every value that Python can ask for is one that options.h numbers, and no two scenes share their options."""
     header = "\n".join(HEADERS["options.h"]())
+    named = [option.choices for option in OPTIONS.values() if isinstance(option.choices, tuple)]
     made = set()
-    for geometry, interpolation, method, stop in product(*OPTION_VALUES.values()):
+    for geometry, interpolation, method, stop in product(*named):
         options = build_options(geometry=geometry, interpolation=interpolation, method=method, stop=stop)
         made.add(options)
         for option in options:
@@ -138,7 +139,7 @@ def test_options_are_distinct_and_each_has_a_number_in_the_header():
         {"measured": False},
     ):
         made.add(build_options(**change))
-    assert len(made) == np.prod([len(values) for values in OPTION_VALUES.values()]) + 4
+    assert len(made) == np.prod([len(values) for values in named]) + 4
     assert not [option for option in opencl_program.BASE_OPTIONS if "math" in option or "mad" in option]
 
 

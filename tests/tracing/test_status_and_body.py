@@ -116,6 +116,17 @@ def test_too_few_steps_and_the_neighbours(engine):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+def test_more_steps_than_32_bits_count(engine):
+    """max_steps above 2^31 - 1 is legal: no ray takes as many steps, so the result is that of the default."""
+    backend, stop = on(engine), Plane((0, 0, 6e-3), UP)
+    default = one((0, 0, -1e-3), UP, until=stop, method="adaptive", **backend)
+    assert default.opd[0] != 0.0 and default.step_count[0] > 3
+    for max_steps in (2**31, 2**32 + 2, 10**12):
+        result = one((0, 0, -1e-3), UP, until=stop, method="adaptive", max_steps=max_steps, **backend)
+        assert result.status[0] == default.status[0] and result.opd[0] == default.opd[0]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_rays_along_x_in_a_planar_field(engine):
     """A planar field has no end in x: with a stop the ray gets there, without one it says so."""
     backend = on(engine)

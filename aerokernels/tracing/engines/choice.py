@@ -30,7 +30,7 @@ def available_backends() -> list[BackendInfo]:
     warp, opencl = _warp_devices(memory=True), _opencl_devices()
     gpus, processors = (preferred(_of_kind(warp, kind), _of_kind(opencl, kind)) for kind in KINDS)
     if gpus:
-        processors = [replace(info, reason="a GPU goes before it") for info in processors]
+        processors = [replace(info, reason="a GPU is preferred") for info in processors]
     return [*gpus, *processors, _reference(), *(info for info in (*warp, *opencl) if not info.available)]
 
 
@@ -49,7 +49,7 @@ def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
     if backend == "reference":
         if device not in (None, "cpu"):
             raise ValueError(f"backend 'reference' runs on 'cpu' only, got device {device!r}")
-        return "reference", "cpu", "backend reference: asked for"
+        return "reference", "cpu", "backend reference: requested"
     if backend == "opencl":
         return _opencl_named(device)
     if backend == "warp":
@@ -58,7 +58,7 @@ def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
     if device is None or device.lower() in ("cpu", "gpu"):
         return _best(warp, device and device.lower())
     if any(info.available and info.device == device for info in warp):
-        return "warp", device, f"backend warp on {device}: asked for"
+        return "warp", device, f"backend warp on {device}: requested"
     try:
         return _opencl_named(device)
     except ValueError as error:
@@ -80,7 +80,7 @@ def _best(warp: list[BackendInfo], wanted: str | None) -> tuple[str, str, str]:
             elif mine:
                 reason = taken.reason
             else:
-                reason = "a GPU is taken where there is one" if kind == "gpu" else warp[0].reason
+                reason = "a GPU is preferred" if kind == "gpu" else warp[0].reason
             return taken.backend, taken.device, f"backend {taken.backend} on {taken.device}: {reason}"
     if wanted == "gpu":
         raise ValueError(
@@ -105,11 +105,11 @@ def preferred(warp: list[BackendInfo], opencl: list[BackendInfo]) -> list[Backen
     forced = os.environ.get(variable)
     if forced not in (None, "", "warp", "opencl"):
         raise ValueError(f"{variable} is {forced!r}: set it to 'warp' or 'opencl', or unset it")
-    reason = "OpenCL goes before Warp where it can trace: about as fast or faster (docs/backend-speed.md)"
+    reason = "OpenCL is preferred to Warp: about as fast or faster (docs/backend-speed.md)"
     taken, other = (warp[0], opencl[0]) if forced == "warp" else (opencl[0], warp[0])
     return [
-        replace(taken, reason=f"{variable} says so" if forced else reason),
-        replace(other, reason=f"{taken.backend} goes before it"),
+        replace(taken, reason=f"chosen by {variable}" if forced else reason),
+        replace(other, reason=f"{taken.backend} is preferred"),
         *warp[1:],
         *opencl[1:],
     ]
@@ -123,7 +123,7 @@ def _warp_named(warp: list[BackendInfo], device: str | None) -> tuple[str, str, 
     names = [info.device for info in warp]
     if device not in names:
         raise ValueError(f"device {device!r} is not there: backend 'warp' has {', '.join(names)}")
-    return "warp", device, f"backend warp on {device}: asked for"
+    return "warp", device, f"backend warp on {device}: requested"
 
 
 def _opencl_named(device: str | None) -> tuple[str, str, str]:
@@ -133,7 +133,7 @@ def _opencl_named(device: str | None) -> tuple[str, str, str]:
         name = find_device(device).info.device
     except OpenCLUnavailable as error:
         raise OpenCLUnavailable(f"backend 'opencl' cannot trace here: {error}") from error
-    return "opencl", name, f"backend opencl on {name}: asked for"
+    return "opencl", name, f"backend opencl on {name}: requested"
 
 
 def _warp_devices(quick: bool = False, memory: bool = False) -> list[BackendInfo]:
@@ -172,8 +172,8 @@ def _of_kind(devices: list[BackendInfo], kind: str) -> list[BackendInfo]:
 def _reference() -> BackendInfo:
     import scipy
 
-    text = "float64 NumPy (DOP853, step by smooth piece of the field): the oracle, slow"
-    return BackendInfo("reference", "cpu", text, scipy.__version__, True, True, known_memory(), "never taken by auto")
+    text = "float64 NumPy (DOP853 within one smooth piece of the field after another): the oracle, slow"
+    return BackendInfo("reference", "cpu", text, scipy.__version__, True, True, known_memory(), "never chosen by auto")
 
 
 def _why_not(opencl: list[BackendInfo]) -> str:

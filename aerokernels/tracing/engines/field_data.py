@@ -23,6 +23,10 @@ from ..unresolved import lookup_table
 
 # How many FieldData of recent bodies and precisions are cached for one set of grid nodes.
 KEPT = 16  # speed only
+# A mesh whose coordinates exceed so many lengths of its box counts as far from 0.
+FAR_BOX = 2.0
+# Greatest count of steps: the kernels' counters have 32 bits.
+MOST_STEPS = 2**31 - 1
 # No ray in the box meets a plane further than this from the box, however its last step rounds [cells].
 NEAR_BOX = 2.0
 
@@ -100,11 +104,11 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
         cell_rate = 1.0 / spacing
     else:
         mesh = samples.mesh
-        spacing, origin = np.ones(3), np.zeros(3)
-        members |= _mesh_members(mesh, precision)
+        spacing, origin = np.ones(3), _mesh_origin(field.geometry, mesh.box)
+        members |= _mesh_members(mesh, origin[1:], precision)
         gradients = samples.gradients if field.interpolation != "bilinear" else np.zeros_like(mesh.vertices)
         arrays |= {
-            "corners": mesh.corners.reshape(-1, 2),
+            "corners": mesh.corners.reshape(-1, 2) - origin[1:],
             "values": samples.values[mesh.cells].ravel(),
             "gradients": gradients[mesh.cells].reshape(-1, 2),
             "neighbors": mesh.neighbors.ravel(),
@@ -153,13 +157,26 @@ def _grid_members(samples: UniformGrid) -> dict[str, object]:
     return {"row": np.array(row), "pitch": np.array(pitch)}
 
 
-def _mesh_members(mesh, precision: str) -> dict[str, object]:
-    extent = float(np.abs(np.stack(mesh.box)).max())
+def _mesh_origin(geometry: str, box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return the origin of kernel coordinates on a mesh [m]: along axes on which the mesh is far from 0, its middle.
+
+    Kernels round coordinates on a mesh to their precision, and float32 would lose the place in a cell far from 0.
+    """
+    low, high = box
+    is_far = np.maximum(np.abs(low), np.abs(high)) > FAR_BOX * (high - low)
+    if geometry == "axisymmetric":
+        is_far[0] = False  # the radius counts from the axis
+    return np.array([0.0, *np.where(is_far, 0.5 * (low + high), 0.0)])
+
+
+def _mesh_members(mesh, origin: np.ndarray, precision: str) -> dict[str, object]:
+    low, high = (corner - origin for corner in mesh.box)
+    extent = float(np.abs(np.stack([low, high])).max())
     return {
-        "mesh_low": mesh.box[0],
-        "mesh_high": mesh.box[1],
+        "mesh_low": low,
+        "mesh_high": high,
         "bin_count": np.array(mesh.bins.count),
-        "bin_origin": mesh.bins.origin,
+        "bin_origin": mesh.bins.origin - origin,
         "bin_rate": 1.0 / mesh.bins.size,
         "edge_tolerance": extent * (4e-7 if precision == "float32" else 1e-13),
         "cell_count": len(mesh.cells),
@@ -190,14 +207,14 @@ def trace_members(
 ) -> tuple[dict, dict]:
     """Return the members of Bounds and of Control that depend on the plan, the stop and the requested outputs."""
     bounds: dict[str, object] = {"plane_point": np.zeros(3), "plane_normal": np.zeros(3), "length": 0.0}
-    bounds |= _support_members(field, data, plan, wavelength)
+    bounds |= _support_members(field, plan, wavelength)
     control: dict[str, object] = {
         "plane_normal": np.zeros(3),
         "plane_offset": 0.0,
         "plane_in_box": 0,
         "step": plan.sampling.spacing if plan.sample_count and plan.sampling else plan.step or 0.0,
         "tolerance": error_limit(field, plan.tolerance * wavelength),
-        "max_steps": plan.max_steps,
+        "max_steps": min(plan.max_steps, MOST_STEPS),
         "quadrature_error_scale": plan.quadrature_error_scale,
         "trajectory_error_scale": plan.trajectory_error_scale,
         "sample_count": plan.sample_count,
@@ -222,7 +239,7 @@ def _comes_near(plane: Plane, box: tuple[np.ndarray, np.ndarray], margin: float)
     return bool(ends.min(axis=0).sum() - offset <= margin and ends.max(axis=0).sum() - offset >= -margin)
 
 
-def _support_members(field: IndexField, data: FieldData, plan: TracePlan, wavelength: float) -> dict[str, object]:
+def _support_members(field: IndexField, plan: TracePlan, wavelength: float) -> dict[str, object]:
     """Return the members for the field's support, which only leapfrog samples use."""
     if not plan.sample_count:
         return {"support_low": np.zeros(3), "support_high": np.zeros(3), "support_radius": 0.0}

@@ -34,7 +34,7 @@ class Value(NamedTuple):
         """The type of one number or struct, the length of a vector (1 for a scalar), and the number of indices."""
         found = _KIND.fullmatch(self.kind)
         if found is None:
-            raise ValueError(f"{self.name}: {self.kind!r} is no kind, see layout.py")
+            raise ValueError(f"{self.name}: {self.kind!r} is not a kind, see layout.py")
         return found[1], int(found[2] or 1), len(found[3])
 
     def number_type(self, precision: str = "float64") -> type:
@@ -47,8 +47,8 @@ class Value(NamedTuple):
 STRUCTS: dict[str, tuple[Value, ...]] = {
     "Field": (
         Value("coefficients", "real*", "uniform grid: of the potential, see medium/spline.py, flat"),
-        Value("row", "int3", "nodes less one along each local axis, for clamping"),
-        Value("pitch", "int3", "distance in the flat array of neighbours along each local axis"),
+        Value("row", "int3", "greatest cell number along each local axis, for clamping"),
+        Value("pitch", "int3", "distance in the flat array between neighbours along each local axis"),
         Value("inverse_spacing", "real3", "cells per metre along x, y, z"),
         Value("ambient", "real"),
         Value("corners", "real2*", "mesh: four corners of each cell"),
@@ -62,21 +62,21 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("bin_count", "int2"),
         Value("bin_origin", "real2"),
         Value("bin_rate", "real2", "bins per metre"),
-        Value("edge_tolerance", "real", "within which a point beside a cell lies in it"),
+        Value("edge_tolerance", "real", "distance within which a point beside a cell counts as inside"),
         Value("cell_count", "int", "of the mesh"),
         Value("paper_step", "real*", "eq 5 for each cell"),
-        Value("wall", "double4*", "the body's surface in segments or triangles, see medium/wall_tree.py"),
-        Value("wall_boxes", "double4*", "boxes about them"),
-        Value("wall_links", "int3*"),
-        Value("wall_count", "int", "boxes about the body's surface"),
+        Value("wall", "double4*", "segments or triangles of the body's surface, see medium/wall_tree.py"),
+        Value("wall_boxes", "double4*", "boxes around groups of them"),
+        Value("wall_links", "int3*", "of each box: next box if missed, first and last piece"),
+        Value("wall_count", "int", "number of boxes"),
     ),
     "Bounds": (
-        Value("origin", "double3", "where cell = 0, frac = 0 lies"),
+        Value("origin", "double3", "position of cell = 0, frac = 0"),
         Value("spacing", "double3", "metres per cell"),
         Value("low", "double3", "box"),
         Value("high", "double3"),
         Value("radius", "double", "of an axisymmetric box"),
-        Value("support_low", "double3", "the part of it outside which the air is uniform"),
+        Value("support_low", "double3", "part of the box outside which the air is uniform"),
         Value("support_high", "double3"),
         Value("support_radius", "double"),
         Value("ambient", "double"),
@@ -90,10 +90,10 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("radius", "real", "in cells"),
         Value("plane_normal", "real3", "per cell, so that plane_normal . cells - plane_offset is in metres"),
         Value("plane_offset", "real"),
-        Value("plane_in_box", "int", "whether the plane comes near the box: else no step asks about it"),
+        Value("plane_in_box", "int", "whether the plane comes near the box; otherwise no step checks it"),
         Value("cell_rate", "real3", "typical cells per metre, for limits on the step"),
-        Value("step", "real", '"fixed": arc length; leapfrog: greatest distance of samples that step_bound holds for'),
-        Value("step_limit", "real", "step in cells up to which step_bound is not asked"),
+        Value("step", "real", '"fixed": arc length; leapfrog: sample spacing up to which step_bound is valid'),
+        Value("step_limit", "real", "step in cells that is allowed whatever step_bound is"),
         Value("step_bound", "real*", "of each block, see step_bound.py; leapfrog: error per metre, see unresolved.py"),
         Value("step_bound_start", "int*", "where each cone's table starts in step_bound; -1 where it has none"),
         Value("block_count", "int3", "blocks along each local axis"),
@@ -101,21 +101,21 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("tolerance", "real", "OPD error allowed for the whole ray"),
         Value("extent", "real", "a few diagonals of the box, longer than any step"),
         Value("max_steps", "int"),
-        Value("quadrature_error_scale", "real", "leapfrog: the share of a difference that is taken for the error"),
-        Value("trajectory_error_scale", "real", "and that of int P^2 / w dt"),
-        Value("sample_count", "int", "of a ray whose samples are even, a multiple of three"),
-        Value("left_potential", "real", "greatest potential outside the support"),
-        Value("left_slope", "real", "and its slope [1/m]"),
-        Value("outputs", "int", "of a ray that are wanted, a bit each, see result.py"),
+        Value("quadrature_error_scale", "real", "leapfrog: share of a difference that counts as the error"),
+        Value("trajectory_error_scale", "real", "leapfrog: share of int P^2 / w dt that counts as the error"),
+        Value("sample_count", "int", "leapfrog: samples of a ray, a multiple of three"),
+        Value("left_potential", "real", "leapfrog: greatest potential outside the support"),
+        Value("left_slope", "real", "leapfrog: greatest slope outside the support [1/m]"),
+        Value("outputs", "int", "requested outputs of a ray, a bit each, see result.py"),
     ),
     # The undisturbed ray against the box and the stop; distances along the ray.
     "Interval": (
         Value("t_enter", "double", "where the first step begins"),
-        Value("t_exit", "double", "where it leaves the box, or stops before that"),
+        Value("t_exit", "double", "where it leaves the box, or reaches the stop before"),
         Value("stop_distance", "double"),
-        Value("has_stop", "bool", "whether it ever gets to the stop"),
+        Value("has_stop", "bool", "whether it ever reaches the stop"),
         Value("meets", "bool", "whether it meets the box before the stop"),
-        Value("side", "real", "times this, the normal of the stop plane points away from where the ray starts"),
+        Value("side", "real", "sign that turns the normal of the stop plane away from the ray's start"),
     ),
     # A ray at the stop.
     "Arrival": (
@@ -124,25 +124,21 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("optical_path", "double"),
         Value("opd", "double"),
         Value("arc_length", "double"),
-        Value("flight", "double", "beyond the box"),
-        Value("grazing", "double2", "what a ray that grazes its last surface lacks of it, and its cosine there"),
+        Value("flight", "double", "length of the path beyond the box"),
+        Value("grazing", "double2", "if it grazes its last surface: length left to it; cosine there"),
         Value("status", "int"),
     ),
     # How an error of the direction grows up to the stop.
     "StopGeometry": (
-        Value("obliquity", "real", "of the stop"),
-        Value("lever_arm", "real", "how far on the error grows"),
-        Value("reach", "real", "the part of that in the box"),
-        Value(
-            "derating",
-            "real",
-            "share of the step bounds of step_bound.py, which know nothing of the distance to a far stop",
-        ),
+        Value("obliquity", "real", "tangent of the angle of incidence on the stop"),
+        Value("lever_arm", "real", "length over which the error grows"),
+        Value("reach", "real", "part of that length in the box"),
+        Value("derating", "real", "share of the step bounds, which do not allow for a far stop"),
     ),
     # The next step.
     "Stride": (
-        Value("h", "real", "to try [sigma]"),
-        Value("safe", "real", "in smooth air"),
+        Value("h", "real", "length to try [sigma]"),
+        Value("safe", "real", "length up to which the air is smooth [sigma]"),
         Value("stand_off", "real", "distance to keep from faces, in cells"),
     ),
     # A line p + t d, prepared for intersections with the body's surface; d need not be a unit vector.
@@ -151,9 +147,9 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("across", "double", "planar: dy; axisymmetric: dx^2 + dy^2"),
         Value("along", "double", "dz"),
         Value("z", "double", "of p"),
-        Value("nearest", "double", "axisymmetric: t where it is nearest to the axis"),
-        Value("height", "double", "z there"),
-        Value("square", "double", "dy^2 + dz^2, of a planar line; in a volume dx^2 + dy^2 + dz^2"),
+        Value("nearest", "double", "axisymmetric: t of the point nearest to the axis"),
+        Value("height", "double", "z of that point"),
+        Value("square", "double", "planar: dy^2 + dz^2; volume: dx^2 + dy^2 + dz^2"),
         Value("point", "double3", "volume: p"),
         Value("toward", "double3", "volume: d"),
         Value("right", "double3", "volume: unit vectors across d, right-handed with it"),
@@ -162,18 +158,15 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
     # Where a line crosses a segment r1, z1, r2, z2 (planar: y instead of r), or a triangle.
     "Crossings": (
         Value("count", "int", "0, 1 or 2 crossings"),
-        Value(
-            "enters",
-            "bool",
-            "whether the first one leads into the body, which lies to the left of the segment, behind the triangle",
-        ),
-        Value("one", "double", "t of the first"),
-        Value("two", "double", "and of the second, which leads the other way"),
+        # The body is to the left of a segment, and behind a triangle.
+        Value("enters", "bool", "whether the first crossing leads into the body"),
+        Value("one", "double", "t of the first crossing"),
+        Value("two", "double", "t of the second crossing, which leads the other way"),
     ),
     # Where a line meets the body's surface between two of its points.
     "WallMeeting": (
-        Value("entry", "double", "where it first enters it, NEVER if it does not"),
-        Value("exit", "double", "where it first leaves it"),
+        Value("entry", "double", "where it first enters the body, NEVER if it does not"),
+        Value("exit", "double", "where it first leaves the body, NEVER if it does not"),
         Value("odd", "bool", "whether it crosses the surface an odd number of times"),
     ),
     # The outputs for each ray; arrays that are not requested have one row.
@@ -200,20 +193,21 @@ class Option(NamedTuple):
 
 OPTIONS: dict[str, Option] = {
     "real_is_double": Option(0, "whether deviations are float64"),
-    "geometry": Option(("volume", "planar", "axisymmetric"), "of the field"),
+    "geometry": Option(("volume", "planar", "axisymmetric"), "geometry of the field"),
     "interpolation": Option(
-        ("cubic", "linear", "monotone", "bilinear", "bilinear-barron", "idw"), "on a grid, then on a mesh"
+        ("cubic", "linear", "monotone", "bilinear", "bilinear-barron", "idw"),
+        "interpolation of the field, three on a grid and three on a mesh",
     ),
-    "method": Option(("adaptive", "straight", "fixed", "paper"), "how long steps are"),
+    "method": Option(("adaptive", "straight", "fixed", "paper"), "method that sets the length of steps"),
     "stop": Option(("none", "plane", "arc"), "where rays end"),
     "on_mesh": Option(0, "whether samples are on a mesh"),
     "has_body": Option(0, "whether the field has a body"),
     "measured": Option(1, "whether the errors of steps are estimated; error control needs them"),
-    "lanes": Option(1, "rays that a work-item of leapfrog samples moves in step"),
-    "packets": Option(1, "packets of so many rays that it moves in turns"),
-    "packed": Option(0, "whether coefficients are the polynomials of cells, for leapfrog samples in two dimensions"),
-    "cubes": Option(0, "whether coefficients are the polynomials of cubes of cells, for leapfrog samples in a volume"),
-    "in_plane": Option(0, "whether all rays of leapfrog samples run along z, in a field of two dimensions"),
+    "lanes": Option(1, "leapfrog: rays that a work-item moves in step"),
+    "packets": Option(1, "leapfrog: packets of that many rays that a work-item interleaves"),
+    "packed": Option(0, "leapfrog, two dimensions: whether coefficients are the polynomials of cells"),
+    "cubes": Option(0, "leapfrog, volume: whether coefficients are the polynomials of cubes of cells"),
+    "in_plane": Option(0, "leapfrog, two dimensions: whether all rays run along z"),
     "channels": Option(8, "how many numbers are interpolated between traced rays"),
 }
 

@@ -156,8 +156,8 @@ def _open(found: FoundDevice) -> Session:
         queue = cl.CommandQueue(context, found.device)
     except cl.Error as error:
         raise OpenCLUnavailable(
-            f"OpenCL device {found.info.device!r} is listed but does not open ({error}): is it in use, or its "
-            "memory full? Choose another one, or backend 'warp'"
+            f"OpenCL device {found.info.device!r} is listed but does not open ({error}): it may be in use, or its "
+            "memory full. Choose another device, or backend 'warp'"
         ) from error
     return Session(found.info.device, found.device, context, queue, found.options)
 
@@ -189,8 +189,8 @@ def survey() -> tuple[list[FoundDevice], list[str]]:
     found: Survey = OPENED.once("OpenCL devices", _survey)
     if found.opened_by not in (None, os.getpid()):
         raise OpenCLUnavailable(
-            "this process was forked from one in which OpenCL was open already, and its drivers' threads do not "
-            "survive that: start worker processes with multiprocessing's method 'spawn', or choose backend 'warp'"
+            "this process was forked from one that had opened OpenCL, and the drivers' threads do not survive a fork: "
+            "start worker processes with multiprocessing's method 'spawn', or choose backend 'warp'"
         )
     if not found.devices:
         raise OpenCLUnavailable("; ".join(found.troubles))
@@ -249,11 +249,11 @@ def _describe(cl, platform, device) -> FoundDevice:
     reason = done = ""
     if not float64:
         reason = (
-            f"float64 is missing on {name}, and ray ends and path sums are always computed in float64: take a device "
-            "whose float64 column says yes in `aerokernels backends`, or backend 'warp'"
+            f"float64 is missing on {name}, but ends of rays and sums of paths need it: choose a device whose float64 "
+            "column says yes in `aerokernels backends`, or backend 'warp'"
         )
     elif not (device.available and device.compiler_available):
-        reason = f"{name} says it is not available now" if not device.available else f"{name} has no compiler"
+        reason = f"{name} reports that it is not available" if not device.available else f"{name} has no compiler"
     elif platform.name.strip() == POCL:
         # PoCL contains its own compiler, which may be older than the CPU; other drivers know their devices.
         options = name_processor(device)
@@ -261,8 +261,8 @@ def _describe(cl, platform, device) -> FoundDevice:
         reason = linker_trouble(options)  # before the trial, which would end the process if it could not write
         if not reason and (trouble := _trial(cl, device, options)):
             reason = (
-                f"the compiler of PoCL builds nothing for this processor ({trouble}): install a newer PoCL as the "
-                "system's OpenCL driver, or take backend 'warp'"
+                f"PoCL's compiler fails on this CPU ({trouble}): install a newer PoCL as the system's OpenCL driver, "
+                "or choose backend 'warp'"
             )
     # PoCL's version string continues with how it was compiled: keep only its beginning.
     version = f"{platform.name.strip()} {re.split(r'  |,', platform.version.strip())[0]}"

@@ -17,14 +17,14 @@ def broken_drivers() -> list[str]:
         try:
             lines = path.read_text(encoding="utf-8", errors="replace").split()
         except OSError as error:
-            troubles.append(f"OpenCL driver file {path} cannot be read ({error.strerror}): mend or remove it")
+            troubles.append(f"OpenCL driver file {path} cannot be read ({error.strerror}): correct or remove it")
             continue
         if not lines:
             troubles.append(f"OpenCL driver file {path} is empty: it should name a driver's library; remove it")
             continue
         trouble = _trouble(lines[0])
         if trouble:
-            troubles.append(f"OpenCL driver file {path} names {lines[0]}, {trouble}: mend or remove it")
+            troubles.append(f"OpenCL driver file {path} names {lines[0]}, {trouble}: correct or remove it")
     return troubles
 
 
@@ -47,4 +47,4 @@ def _trouble(library: str) -> str:
     # A driver provides its platforms by this function, directly or through clGetExtensionFunctionAddress.
     if hasattr(driver, "clIcdGetPlatformIDsKHR") or hasattr(driver, "clGetExtensionFunctionAddress"):
         return ""
-    return "which is no OpenCL driver (it has no clIcdGetPlatformIDsKHR)"
+    return "which is not an OpenCL driver (it has no clIcdGetPlatformIDsKHR)"

@@ -13,11 +13,11 @@ from ....process.clock import stage
 from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
-from ...cube_polynomials import cubes_of
 from ...plan import TracePlan
-from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
+from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import REAL_TYPES, Value, arrays_of
+from ..uploads import FieldUploads
 from .arguments import Kernel, pack
 from .devices import session
 from .launchers import give_back, take_kernel
@@ -39,7 +39,7 @@ CONTROL, FIRST_ARRAY = 2, 3
 PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "reduce_sums": 1}
 
 
-class Engine:
+class Engine(FieldUploads):
     """OpenCL on one device; see interface.py."""
 
     def __init__(self, device: str | None):
@@ -71,9 +71,9 @@ class Engine:
         packs = leapfrog and not plan.few_rays and may_be_packed(field, REAL_TYPES[plan.precision], int(self.memory[1]))
         in_plane = leapfrog and field.geometry != "volume" and not np.any(directions[:, :2])
         with stage("upload"):
-            arguments = self.arguments(field, plan, until, wavelength, outputs, directions, packs)
-            if plan.looks_up_cubes:
-                arguments[FIRST_ARRAY] = self._cubes(field)
+            arguments = self.arguments(field, plan, until, wavelength, outputs, directions)
+            if packs:
+                arguments[FIRST_ARRAY] = self._packed_coefficients(field, plan.precision)
         options = build_options(
             precision=plan.precision,
             geometry=field.geometry,
@@ -102,25 +102,14 @@ class Engine:
             return prepared
 
     def arguments(
-        self,
-        field: IndexField,
-        plan: TracePlan,
-        until,
-        wavelength: float,
-        outputs: frozenset,
-        directions: np.ndarray,
-        packs: bool = False,
+        self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
     ) -> list:
-        """Return the structs Field, Bounds and Control, and their arrays, for `prepare`; see `_upload` for `packs`."""
-        data = field_data(field, plan.precision, plan.method == "paper")
-        bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
-        tables, blocks = step_bound_tables(field, plan, wavelength, directions)
+        """Return the structs Field, Bounds and Control, and their arrays, for `prepare`."""
+        data, members = self.uploaded(field, plan, until, wavelength, outputs, directions)
         return [
             _packed_field(data, plan.precision),
-            pack("Bounds", plan.precision, data.bounds | bounds),
-            pack("Control", plan.precision, data.control | control | blocks),
-            *self._upload(field, data, plan.precision, plan.method == "paper", packs),
-            *self._tables(field, plan.precision, tables),
+            *(pack(name, plan.precision, members[name]) for name in ("Bounds", "Control")),
+            *(members[name][member.name] for name in ("Field", "Control") for member in arrays_of(name)),
         ]
 
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
@@ -129,18 +118,6 @@ class Engine:
         for name, value in numbers.items():
             control[name] = value
         return [*arguments[:CONTROL], control, *arguments[CONTROL + 1 :]]
-
-    def _tables(self, field: IndexField, precision: str, tables: dict) -> list:
-        """Return the buffers of the arrays of Control; they are cached if the field has no step bounds."""
-
-        def upload() -> list:
-            return [self._buffer(member, tables[member.name], precision) for member in arrays_of("Control")]
-
-        if tables["step_bound_start"].max() >= 0:
-            return upload()
-        holder = getattr(field.samples, "shared_places", None) or field
-        kept: list = holder.derive(("opencl without tables", self.session, precision), upload)
-        return kept
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
         """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
@@ -270,51 +247,26 @@ class Engine:
             prepared.launch([nowhere, nowhere], prepared.allocate(0), 0).wait()
             self.session.launched.add(program)
 
-    def _buffer(self, member: Value, values: np.ndarray, precision: str):
+    def struct_array(self, member: Value, values: np.ndarray, precision: str):
         """Upload an array of a struct to the device."""
         numbers: np.ndarray = np.asarray(values, member.number_type(precision))
         limit = int(self.memory[1])
         if numbers.nbytes > limit:
             raise ValueError(
-                f"the field's {member.name} take {numbers.nbytes / 2**20:.0f} MiB in {precision}, device "
-                f"{self.device!r} gives {limit / 2**20:.0f} MiB in one piece: use a coarser grid, or another device"
+                f"the field's {member.name} need {numbers.nbytes / 2**20:.0f} MiB in {precision}, but device "
+                f"{self.device!r} allocates at most {limit / 2**20:.0f} MiB at once: use a coarser grid, or another "
+                "device"
             )
         return self.put(numbers)
 
-    def _upload(self, field: IndexField, data: FieldData, precision: str, with_paper_step: bool, packs: bool) -> list:
-        """Return the buffers of the arrays of Field, cached on the field; `packs` packs coefficients for leapfrog."""
-
-        def upload() -> list:
-            there = self._coefficients(field, precision)
-            others = data.derive(("opencl", self.session, precision), lambda: self._others(data, precision))
-            return [
-                others[member.name]
-                if member.name in others
-                else self._buffer(member, array_of(field, data, member.name), precision)
-                if there is None
-                else there
-                for member in arrays_of("Field")
-            ]
-
-        unpacked: list = field.derive(("opencl", self.session, precision, with_paper_step), upload)
-        if not packs:
-            return unpacked
+    def _packed_coefficients(self, field: IndexField, precision: str):
+        """Return the table of polynomials of cells for leapfrog in two dimensions, cached on the field."""
         coefficients, kind = field.samples.coefficients, REAL_TYPES[precision]
-        table = field.derive(
+        return field.derive(
             ("opencl packed", self.session, precision), lambda: self.put(cell_polynomials(coefficients, kind))
         )
-        return [table, *unpacked[1:]]
 
-    def _others(self, data: FieldData, precision: str) -> dict[str, Any]:
-        """Return the buffers of the arrays in `data`, by name, which fields on the same nodes may share."""
-        members = [member for member in arrays_of("Field") if member.name in data.arrays]
-        return {member.name: self._buffer(member, data.arrays[member.name], precision) for member in members}
-
-    def _cubes(self, field: IndexField):
-        """Return the table of polynomials of cubes, cached on the field."""
-        return field.derive(("opencl cubes", self.session), lambda: self.put(cubes_of(field)))
-
-    def _coefficients(self, field: IndexField, precision: str) -> Any:
+    def computed_coefficients(self, field: IndexField, precision: str) -> Any:
         """Return a grid's coefficients if this device has computed them, else None."""
         found = field.samples.held(self.grid_key)
         if found is None or precision == "float64":

@@ -42,7 +42,7 @@ def make_kernel(program, name: str):
         cl._PYOPENCL_NO_CACHE = True  # as PYOPENCL_NO_CACHE does; checked whenever a launcher is made
         words = f"PyOpenCL's cache of launchers is damaged ({type(error).__name__}: {error})"
         warnings.warn(
-            f"{words}: {'removed ' + removed[0].name if removed else 'it is not used'}", RuntimeWarning, stacklevel=2
+            f"{words}: {removed[0].name + ' is removed' if removed else 'it is not used'}", RuntimeWarning, stacklevel=2
         )
         return cl.Kernel(program, name)
 

@@ -85,15 +85,15 @@ def linker_trouble(options: tuple[str, ...] = ()) -> str:
         return ""
     if (greatest := _greatest_file()) < LEAST_SPACE:
         return (
-            f"PoCL writes kernels to files, which may have {greatest} bytes here (ulimit -f), and it ends the process "
-            "where they do not fit: raise the limit, or take backend 'warp'"
+            f"PoCL writes kernels to files, which are limited to {greatest} bytes here (ulimit -f), and would end the "
+            "process if one is longer: raise the limit, or choose backend 'warp'"
         )
     with tempfile.TemporaryDirectory(prefix="aerokernels-linker-", ignore_cleanup_errors=True) as folder:
         if _links(folder) or _compiles(folder, options):
             return ""
-    missing = "`ld` finds no libraries of GCC and of C" if _linker() else "there is no `ld` on PATH"
+    missing = "`ld` does not find the libraries of GCC and C" if _linker() else "there is no `ld` on PATH"
     return (
-        f"PoCL cannot link its kernels: {missing}, and its first kernel would end the process; install a compiler of "
-        "C, which brings them (on Debian and Ubuntu: apt install gcc libc6-dev), with its folder on PATH, or take "
+        f"PoCL cannot link its kernels: {missing}, and its first kernel would end the process; install a C compiler, "
+        "which contains them (on Debian and Ubuntu: apt install gcc libc6-dev), with its folder on PATH, or choose "
         "backend 'warp'"
     )

@@ -61,7 +61,7 @@ def make_safe() -> None:
     elif damaged:
         count = f"{len(damaged)} programs" if len(damaged) > 1 else "a program"
         warnings.warn(
-            f"PoCL's kernel cache in {folder} held {count} with damaged files: removed, and built anew",
+            f"PoCL's kernel cache in {folder} had {count} with damaged files: they are removed and built again",
             RuntimeWarning,
             stacklevel=2,
         )

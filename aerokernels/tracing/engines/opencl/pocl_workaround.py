@@ -71,16 +71,17 @@ def workaround(device, options: tuple[str, ...]) -> str:
         return ""
     if given != UNKNOWN:
         return (
-            f"PoCL 3.0 inlines its functions on no {given!r}: it is told of {asked or processor_name()!r} before "
-            f"anything is compiled; {VARIABLE}=off leaves PoCL alone, {VARIABLE}=NAME tells it of another one"
+            f"PoCL 3.0 does not inline its functions on a {given!r}: the CPU's name is set to "
+            f"{asked or processor_name()!r} before anything is compiled; {VARIABLE}=off leaves PoCL unchanged, "
+            f"{VARIABLE}=NAME sets another name"
         )
     if options:
         return (
-            f"PoCL 3.0 does not know this processor: it is told of {asked or processor_name()!r} before anything is "
-            f"compiled; {VARIABLE}=off leaves PoCL alone, {VARIABLE}=NAME tells it of another one"
+            f"PoCL 3.0 does not know this CPU: its name is set to {asked or processor_name()!r} before anything is "
+            f"compiled; {VARIABLE}=off leaves PoCL unchanged, {VARIABLE}=NAME sets another name"
         )
-    why = f"{VARIABLE} is {asked!r}; unset it" if asked else "its record of the device is another one than expected"
-    return f"PoCL 3.0 does not know this processor, and it is left alone: {why}"
+    why = f"{VARIABLE} is {asked!r}; unset it" if asked else "its record of the device is not as expected"
+    return f"PoCL 3.0 does not know this CPU, and is left unchanged: {why}"
 
 
 def processor_name() -> str:

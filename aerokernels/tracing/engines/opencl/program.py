@@ -24,8 +24,6 @@ WORK_GROUP = 64
 BASE_OPTIONS = ("-cl-std=CL1.2", "-w", f"-DWORK_GROUP={WORK_GROUP}")
 # Seconds after which the package's own sources are checked for changes again.
 LOOKED = 1.0
-# The values of the options that have names; in C, values and options are upper-case with underscores.
-OPTION_VALUES = {name: option.choices for name, option in OPTIONS.items() if isinstance(option.choices, tuple)}
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"\n]+)"[ \t]*(?://.*)?$')
 
 

@@ -8,7 +8,7 @@ POCL = "Portable Computing Language"
 def why_no_devices(title: str) -> str:
     """Return the remedy for a platform without devices."""
     if POCL in title:
-        return "it needs a folder to write to for its cache: set POCL_CACHE_DIR to one"
+        return "it needs a writable folder for its cache: set POCL_CACHE_DIR to one"
     return "for a GPU, check that its driver is loaded"
 
 
@@ -20,5 +20,5 @@ def no_platform() -> str:
     )
     vendors = os.environ.get("OCL_ICD_VENDORS")
     if vendors is not None:
-        message += f"; OCL_ICD_VENDORS is set to {vendors!r} and drivers are looked for there: unset it, or mend it"
+        message += f"; OCL_ICD_VENDORS is {vendors!r}, so drivers are searched only there: unset it, or correct it"
     return message

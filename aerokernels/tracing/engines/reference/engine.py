@@ -1,7 +1,7 @@
 r"""The reference engine: traces whole bundles in float64 NumPy, for readability and without formulas of the kernels.
 
 "adaptive" and "straight" integrate with steps.py: DOP853 within one smooth piece of the field after another, to the
-requested tolerance, at most TIGHTEST. "fixed" and "paper" take the steps of their rule with rule.py. `step_error` is
+requested tolerance, at most LAXEST. "fixed" and "paper" take the steps of their rule with rule.py. `step_error` is
 the sum over the steps of the errors by the embedded formulas, multiplied by their lever arms to the stop, and of
 rounding.
 """
@@ -20,7 +20,7 @@ from .rule import march
 from .steps import Integrator
 
 # The greatest tolerance with which it integrates [waves], and the share of the tolerance that the steps may use.
-TIGHTEST = 1e-9
+LAXEST = 1e-9
 SHARE = 0.1
 
 
@@ -40,12 +40,12 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
             air,
             field.ambient_index,
             ends,
-            SHARE * min(plan.tolerance, TIGHTEST) * wavelength,
+            SHARE * min(plan.tolerance, LAXEST) * wavelength,
             plan.max_steps,
             plan.method == "straight" and not air.jumps,
         )
         if plan.method in ("fixed", "paper"):
-            turn = march(field, ends, integrator, flight, plan)
+            turn = march(field, ends, flight, plan)
         else:
             inside = np.flatnonzero(~air.in_gap(flight.cell))
             integrator.enter(flight, inside)

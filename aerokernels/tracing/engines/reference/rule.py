@@ -15,14 +15,13 @@ from ...tableau import BT, NEARLY_STRAIGHT, STAGE_MOMENTUM, A, C, has_consistent
 from .ends import Ends
 from .flight import Flight
 from .medium import dot
-from .steps import Integrator
 
 BISECTIONS = 60
 # Columns of the state: position, momentum, optical path, arc length, lag.
 PATH, ARC, LAG = 6, 7, 8
 
 
-def march(field: IndexField, ends: Ends, integrator: Integrator, flight: Flight, plan: TracePlan) -> np.ndarray:
+def march(field: IndexField, ends: Ends, flight: Flight, plan: TracePlan) -> np.ndarray:
     """Take a flight to its end; return its tangents minus the first directions, shape (n, 3)."""
     rule = _Rule(field, ends, flight, plan)
     rule.run()

@@ -132,7 +132,7 @@ class Integrator:
         root[turning & (value > -tolerance[:, None])] = np.inf
         if nearest is not None:
             root[~np.isfinite(nearest), -1] = np.inf
-        hop = self.hops(value, rate, turning, place, tolerance, root)
+        hop = self.hops(value, turning, place, tolerance, root)
         chosen = root.argmin(axis=1)
         first = root[np.arange(len(rows)), chosen]
         wanted = np.minimum(self.wanted[rows], self.cap[rows])
@@ -276,7 +276,7 @@ class Integrator:
         self.drift(flight, rows, h, potential, np.zeros((len(rows), 3)))
         flight.steps[rows] += 1
 
-    def hops(self, value, rate, turning, place, tolerance, root) -> np.ndarray:
+    def hops(self, value, turning, place, tolerance, root) -> np.ndarray:
         """Rays that hop over a kink on the axis because they are close and head straight for it; others aim short."""
         result = np.zeros(len(place), dtype=bool)
         if not self.air.axis_is_kink or self.straight:

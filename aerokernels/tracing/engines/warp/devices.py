@@ -12,9 +12,9 @@ def list_devices(memory: bool = False) -> list[BackendInfo]:
     version, found = wp.__version__, []
     for device in wp.get_devices():
         if device.is_cuda:
-            size, reason = device.total_memory if memory else None, "a GPU is taken where there is one"
+            size, reason = device.total_memory if memory else None, "a GPU is preferred"
             found.append(BackendInfo("warp", device.alias, device.name, version, True, True, size, reason))
         else:
-            reason = "a GPU goes before it" if wp.is_cuda_available() else NO_CUDA
+            reason = "a GPU is preferred" if wp.is_cuda_available() else NO_CUDA
             found.append(warp_processor(version, reason, memory))
     return sorted(found, key=lambda info: info.device == "cpu")

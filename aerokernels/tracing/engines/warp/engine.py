@@ -19,11 +19,11 @@ from ....process.threads import in_threads
 from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
-from ...cube_polynomials import cubes_of
 from ...plan import TracePlan
-from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
+from ..field_data import stop_kind
 from ..interface import GRID_TABLES, Prepared
-from ..layout import STRUCTS, Value, arrays_of
+from ..layout import STRUCTS, Value
+from ..uploads import FieldUploads
 from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
@@ -52,7 +52,7 @@ SCALARS: dict[Any, type] = {
 VECTORS = {2: wp.vec2d, 3: wp.vec3d}
 
 
-class Engine:
+class Engine(FieldUploads):
     """Warp on one device; see interface.py."""
 
     def __init__(self, device: str):
@@ -97,30 +97,9 @@ class Engine:
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
     ) -> list:
         """Return the structs Field, Bounds and Control, with their arrays, for `prepare`."""
-        data = field_data(field, plan.precision, plan.method == "paper")
-        bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
-        tables, blocks = step_bound_tables(field, plan, wavelength, directions)
-        arrays = self._upload(field, data, plan.precision, plan.method == "paper")
-        if plan.looks_up_cubes:
-            arrays = {**arrays, "coefficients": self._cubes(field)}
-        bound_arrays = self._tables(field, plan.precision, tables)
-        return [
-            _filled("Field", data.field | arrays, plan.precision),
-            _filled("Bounds", data.bounds | bounds, plan.precision),
-            _filled("Control", data.control | control | blocks | bound_arrays, plan.precision),
-        ]
-
-    def _tables(self, field: IndexField, precision: str, tables: dict) -> dict[str, wp.array]:
-        """Return the arrays of Control on the device; they are cached if the field has no step bounds."""
-
-        def upload() -> dict[str, wp.array]:
-            return {member.name: self._array(member, tables[member.name], precision) for member in arrays_of("Control")}
-
-        if tables["step_bound_start"].max() >= 0:
-            return upload()
-        holder = getattr(field.samples, "shared_places", None) or field
-        kept: dict[str, wp.array] = holder.derive(("warp without tables", self.device, precision), upload)
-        return kept
+        data, members = self.uploaded(field, plan, until, wavelength, outputs, directions)
+        members["Field"] = data.field | members["Field"]
+        return [_filled(name, members[name], plan.precision) for name in ("Field", "Bounds", "Control")]
 
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
         """Return the same structs with the last one, Control, changed in place."""
@@ -259,38 +238,12 @@ class Engine:
         # The block size of a default launch on the CPU is 1; for another one, Warp would compile again at the launch.
         load_module(module, self.device, 1 if self.device == "cpu" else None)
 
-    def _array(self, member: Value, values: np.ndarray, precision: str) -> wp.array:
+    def struct_array(self, member: Value, values: np.ndarray, precision: str) -> wp.array:
         """Upload an array of a struct to the device."""
         numbers: np.ndarray = np.ascontiguousarray(values, member.number_type(precision))
         return wp.array(numbers, dtype=types(precision).kinds[member.kind.rstrip("*")], device=self.device)
 
-    def _upload(self, field: IndexField, data: FieldData, precision: str, with_paper_step: bool) -> dict[str, wp.array]:
-        """Return the field's arrays on the device, by name, cached on the field."""
-
-        def upload() -> dict[str, wp.array]:
-            there = self._coefficients(field, precision)
-            others = data.derive(("warp", self.device, precision), lambda: self._others(data, precision))
-            return {
-                member.name: others[member.name]
-                if member.name in others
-                else self._array(member, array_of(field, data, member.name), precision)
-                if there is None
-                else there
-                for member in arrays_of("Field")
-            }
-
-        return field.derive(("warp", self.device, precision, with_paper_step), upload)
-
-    def _others(self, data: FieldData, precision: str) -> dict[str, wp.array]:
-        """Upload the arrays in `data`, by name, which fields on the same nodes may share."""
-        members = [member for member in arrays_of("Field") if member.name in data.arrays]
-        return {member.name: self._array(member, data.arrays[member.name], precision) for member in members}
-
-    def _cubes(self, field: IndexField) -> wp.array:
-        """Return the table of polynomials of cubes, cached on the field."""
-        return field.derive(("warp cubes", self.device), lambda: self.put(cubes_of(field)))
-
-    def _coefficients(self, field: IndexField, precision: str) -> wp.array | None:
+    def computed_coefficients(self, field: IndexField, precision: str) -> wp.array | None:
         """Return a grid's coefficients if this device has computed them, else None."""
         found = field.samples.held(self.grid_key)
         if found is None or precision == "float64":

@@ -30,7 +30,7 @@ def load_module(module, device: str, block_size: int | None) -> None:
         shutil.rmtree(folder, ignore_errors=True)
         why = " ".join(str(error).split())
         warnings.warn(
-            f"Warp's kernel cache in {folder} does not load ({why}): built anew", RuntimeWarning, stacklevel=2
+            f"Warp's kernel cache in {folder} does not load ({why}): it is built again", RuntimeWarning, stacklevel=2
         )
         module.load(device, block_size)
 

@@ -63,7 +63,7 @@ def takes(kernel: str, precision: str = "float64") -> Callable:
     def decorate(function: Callable) -> Callable:
         names = list(inspect.signature(function).parameters)
         if names != [value.name for value in KERNELS[kernel]]:
-            raise TypeError(f"the arguments of {kernel} are {', '.join(names)}: kernel_table.py has others")
+            raise TypeError(f"the arguments of {kernel} are {', '.join(names)}, but kernel_table.py lists others")
         kinds = types(precision).kinds
         function.__annotations__ = {value.name: type_of(value, kinds) for value in KERNELS[kernel]}
         return function

@@ -167,12 +167,12 @@ def build_grazing_correction(library: KernelLibrary, geometry: str):
         most = wp.float64(GRAZING_TOLERANCE) / wp.float64(wp.max(control.cell_rate))
         grazes = wp.abs(wp.dot(normal, d)) <= wp.float64(LEAST_COSINE) and wp.abs(miss[0]) < most * wp.abs(cosine)
         rest = wp.float64(0.0)
-        lack = wp.float64(0.0)
+        shortfall = wp.float64(0.0)
         if grazes:
             rest = -miss[0] / cosine
         elif wp.abs(wp.dot(normal, d)) <= wp.float64(LEAST_COSINE):
-            lack = wp.abs(miss[0]) / wp.max(wp.abs(cosine), wp.float64(1.0e-200))
-        return wp.vec3d(rest, lack, wp.abs(cosine))
+            shortfall = wp.abs(miss[0]) / wp.max(wp.abs(cosine), wp.float64(1.0e-200))
+        return wp.vec3d(rest, shortfall, wp.abs(cosine))
 
     return grazing_correction
 

@@ -84,9 +84,9 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         force2 = vec3(s2[1], s2[2], s2[3])
         force3 = vec3(s3[1], s3[2], s3[3])
         force4 = vec3(s4[1], s4[2], s4[3])
-        off_s = h * (real(f1) * pot + real(f2) * s2[0] + real(f3) * s3[0] + real(f4) * s4[0])
-        off_q = (h * h) * (real(e1) * force + real(e2) * force2 + real(e3) * force3 + real(e4) * force4)
-        off_p = h * (real(f1) * force + real(f2) * force2 + real(f3) * force3 + real(f4) * force4)
+        error_s = h * (real(f1) * pot + real(f2) * s2[0] + real(f3) * s3[0] + real(f4) * s4[0])
+        error_q = (h * h) * (real(e1) * force + real(e2) * force2 + real(e3) * force3 + real(e4) * force4)
+        error_p = h * (real(f1) * force + real(f2) * force2 + real(f3) * force3 + real(f4) * force4)
         end_momentum = momentum + h * force4
         angle = wp.max(max_deflection, wp.length(end_momentum - wp.dot(end_momentum, d) * d) / ambient)
         error_ratio = real(1.0)
@@ -99,19 +99,19 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
             slope4 = wp.dot(force4, total + (real(0.5) * h) * (force + force4))
             fine = h * (real(g1) * pot + real(g2) * s2[0] + real(g3) * s3[0] + real(g4) * s4[0])
             fine += (h * h) * (real(k1) * slope1 + real(k2) * slope2 + real(k3) * slope3 + real(k4) * slope4)
-            error_ratio = wp.abs(fine) / wp.max(wp.abs(off_s), real(tiny))
+            error_ratio = wp.abs(fine) / wp.max(wp.abs(error_s), real(tiny))
             least_ratio = real(LEAST_RATIO)
             if wp.static(interpolation == "linear" and geometry != "axisymmetric") or is_smooth:
                 least_ratio = real(LEAST_RATIO_SMOOTH)
             error_ratio = wp.clamp(error_ratio, wp.min(least_ratio + real(RATIO_GROWTH) * angle, real(1.0)), real(1.0))
-        off = real(4.0) * error_ratio * wp.abs(off_s)
+        error = real(4.0) * error_ratio * wp.abs(error_s)
         if wp.static(not consistent_gradient) or angle > real(NEARLY_STRAIGHT):
             # The errors along d and in arc length.
-            off_m = real(f1) * contrast(ambient, pot) + real(f2) * contrast(ambient, s2[0])
-            off_m += real(f3) * contrast(ambient, s3[0]) + real(f4) * contrast(ambient, s4[0])
-            off += ambient * (wp.abs(wp.dot(off_q, d)) + h * wp.abs(off_m))
-        off_q -= wp.dot(off_q, d) * d
-        off_p -= wp.dot(off_p, d) * d
+            error_m = real(f1) * contrast(ambient, pot) + real(f2) * contrast(ambient, s2[0])
+            error_m += real(f3) * contrast(ambient, s3[0]) + real(f4) * contrast(ambient, s4[0])
+            error += ambient * (wp.abs(wp.dot(error_q, d)) + h * wp.abs(error_m))
+        error_q -= wp.dot(error_q, d) * d
+        error_p -= wp.dot(error_p, d) * d
         weight = angle + error_ratio * real(DIRECTION_SHARE)
         tilt = error_ratio * obliquity
         if wp.static(interpolation == "linear"):
@@ -122,17 +122,16 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
             tilt = wp.max(error_ratio, real(LEAST_RATIO)) * (
                 obliquity + wp.where(angle < real(LEAPFROG_ANGLE), angle, real(0.0))
             )
-        off_p_size = wp.length(real(MAGNIFIED) * off_p) / real(MAGNIFIED)
-        off_q_size = wp.length(real(MAGNIFIED) * off_q) / real(MAGNIFIED)
-        off += off_p_size * (weight * reach + tilt * lever_arm) + ambient * off_q_size * (weight + tilt)
+        error_p_size = wp.length(real(MAGNIFIED) * error_p) / real(MAGNIFIED)
+        error_q_size = wp.length(real(MAGNIFIED) * error_q) / real(MAGNIFIED)
+        error += error_p_size * (weight * reach + tilt * lever_arm) + ambient * error_q_size * (weight + tilt)
         direction_weight = weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h)
-        step_displacement = wp.max(error_ratio, real(LEAST_RATIO)) * (off_q_size + reach * off_p_size / ambient)
-        return vec4(off, angle, direction_weight, step_displacement)
+        step_displacement = wp.max(error_ratio, real(LEAST_RATIO)) * (error_q_size + reach * error_p_size / ambient)
+        return vec4(error, angle, direction_weight, step_displacement)
 
     @wp.func
     def step_rounding(
         control: Control,
-        ambient: real,
         h: real,
         direction_weight: real,
         rate: vec3,
@@ -208,17 +207,17 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         surface, the position is wrong by a share of a `cell` [m] by rounding and by `displacement` from the steps;
         along the ray, by these over the cosine.
         """
-        lack = real(wp.min(grazing[0], wp.float64(1.0e30)))
+        shortfall = real(wp.min(grazing[0], wp.float64(1.0e30)))
         cosine = real(wp.max(grazing[1], wp.float64(1.0e-15)))
         rounded = real(event_location_noise) * cell / cosine
         if wp.static(stop == "none"):
             if cosine < real(LEAST_COSINE):
-                lack += rounded
-            return wp.max(used * wp.max(real(1.0) / (cosine * (real(1.0) + obliquity)), real(1.0)), ambient * lack)
+                shortfall += rounded
+            return wp.max(used * wp.max(real(1.0) / (cosine * (real(1.0) + obliquity)), real(1.0)), ambient * shortfall)
         if ends_on == plane:
-            return wp.max(used, ambient * lack)
+            return wp.max(used, ambient * shortfall)
         if cosine < real(LEAST_COSINE):
             rounded += displacement / cosine
-        return used + opd_rate * (lack + rounded)
+        return used + opd_rate * (shortfall + rounded)
 
     return step_error, step_rounding, possible_gain, stop_error, event_location_error

@@ -270,7 +270,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         cell: wp.vec3i,
         frac: vec3,
         velocity: vec3,
-        pull: vec3,
+        acceleration: vec3,
         h: real,
         h_cell: real,
     ):
@@ -284,12 +284,12 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         # Behind the surface, or close enough to fly the rest along the parabola.
         unit = surface_unit(control, k)
         if speed > real(0.0) and now[0] >= real(-EVENT_LOCATION_SHARE) * speed * h - rounding_of(control, k):
-            curve = wp.dot(vec3(now[1], now[2], now[3]), pull)
+            curve = wp.dot(vec3(now[1], now[2], now[3]), acceleration)
             root = wp.sqrt(wp.max(speed * speed - real(2.0) * curve * now[0], real(0.0)))
             # A ray that only rounding moves goes back no further than its step.
             back = wp.max(real(-2.0) * now[0] / (speed + root), -h)
             # The rest may cross another surface first.
-            there = frac + back * velocity + (real(0.5) * back * back) * pull
+            there = frac + back * velocity + (real(0.5) * back * back) * acceleration
             behind, _ = passed_surface(control, side, cell, there, k)
             if back > real(0.0) and behind:
                 return real(0.0), bool(False)

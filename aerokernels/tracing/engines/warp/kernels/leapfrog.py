@@ -37,6 +37,7 @@ from .box import build_surface_distance
 from .cubes import build_cube_sample
 from .ends import build_end, build_last_surface, build_start
 from .grid import build_sample
+from .motion import advance
 from .outputs import build_write_outputs
 from .support import (
     build_exit,
@@ -93,13 +94,6 @@ def build_leapfrog_kernel(
     tiny = TINY[library.precision]
     beyond_support = wp.constant(BEYOND_SUPPORT)
 
-    @wp.func
-    def gather(total: vec4, carry: vec4, term: vec4):
-        """A compensated sum."""
-        y = term - carry
-        s = total + y
-        return s, (s - total) - y
-
     # With fast_math a GPU uses its own roots and quotients, accurate to about two units in the last place; here they
     # are factors of small deviations. Compensated sums stay as written: the compiler does not change their order.
     @wp.kernel(
@@ -140,7 +134,7 @@ def build_leapfrog_kernel(
         whole = wp.vec2d(wp.float64(0.0), wp.float64(0.0))  # ends of its path in the box, with the part in uniform air
         missed = real(0.0)
         start = none
-        swerves = none  # sums of error bounds of the cubes: of the potential, of the slope, and of the slope's moments
+        cube_errors = none  # sums of error bounds of the cubes: of the potential, its slope, and the slope's moments
         clear = bool(True)
         ends_on = int(-1)
         uniform = bool(False)
@@ -167,8 +161,8 @@ def build_leapfrog_kernel(
                     middle = real(0.5) * h * slowness
                     here_in_cells = start + along * pace + wp.cw_mul(q + middle * momentum, rate)
                     if wp.static(cubes):
-                        at, off, off_slope = sample(field, here_in_cells)
-                        swerves += vec3(off, off_slope, along * off_slope)
+                        at, bound, slope_bound = sample(field, here_in_cells)
+                        cube_errors += vec3(bound, slope_bound, along * slope_bound)
                     else:
                         at = sample(field, corner, here_in_cells, 0)
                     s = at[0]
@@ -180,12 +174,12 @@ def build_leapfrog_kernel(
                     surplus = real(2.0) * s - across
                     w = wp.sqrt(wp.max(ambient * ambient + surplus, real(tiny)))
                     slowness = real(1.0) / w
-                    off = surplus / (w + ambient) * slowness
+                    deficit = surplus / (w + ambient) * slowness
                     stretch = real(0.0)
                     if (control.outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
                         index = wp.sqrt(wp.max(ambient * ambient + real(2.0) * s, real(0.0)))
                         stretch = slowness * (real(2.0) * s / (index + ambient))
-                    added += weight * vec4(s * slowness, off, stretch, real(0.0))
+                    added += weight * vec4(s * slowness, deficit, stretch, real(0.0))
                     pace_now = h * slowness
                     momentum += pace_now * force
                     q += pace_now * here
@@ -196,15 +190,15 @@ def build_leapfrog_kernel(
                     if j == 1:
                         third = real(quadrature_weight(triple, count // 3))
                         added += vec4(
-                            real(0.0), real(0.0), real(0.0), third * (real(2.0) * s * slowness - ambient * off)
+                            real(0.0), real(0.0), real(0.0), third * (real(2.0) * s * slowness - ambient * deficit)
                         )
-                        lack = real(3.0) * third * pace_now
-                        momentum_diff -= lack * force
-                        deviation_diff -= (lack * place) * force
+                        coarse_kick = real(3.0) * third * pace_now
+                        momentum_diff -= coarse_kick * force
+                        deviation_diff -= (coarse_kick * place) * force
                     sigma += pace_now
                     bend += across * slowness
                     max_deflection = wp.max(max_deflection, across)
-                sums, carry = gather(sums, carry, added)
+                sums, carry = advance(sums, carry, added)
             difference = wp.abs(h * ((real(2.0) * sums[0] - ambient * sums[1]) - real(3.0) * sums[3]))
             error = wp.max(difference * control.quadrature_error_scale, h * bend * control.trajectory_error_scale)
 
@@ -322,10 +316,10 @@ def build_leapfrog_kernel(
             else:
                 flight += more
             # The error of direction of a deflected ray also has a part along d, which shifts where it meets a far stop.
-            swerve = wp.vec3d(wp.float64(turned[0]), wp.float64(turned[1]), wp.float64(turned[2]))
+            pushed = wp.vec3d(wp.float64(turned[0]), wp.float64(turned[1]), wp.float64(turned[2]))
             displacement = beside + flight * wp.float64(slowness) * aside
             off_stop = wp.abs(wp.dot(normal, displacement)) + wp.abs(
-                wp.dot(wp.float64(slowness) * swerve, displacement)
+                wp.dot(wp.float64(slowness) * pushed, displacement)
             )
             cosine = wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
             error = wp.max(error, control.quadrature_error_scale * real(bounds.ambient * off_stop / cosine))
@@ -339,8 +333,8 @@ def build_leapfrog_kernel(
                 error = wp.max(error, left)
             if wp.static(cubes):
                 # The errors of the cubes' polynomials at the samples, and the effect of their slopes up to the stop.
-                swerve_ends = (length + real(flight)) * swerves[1] - swerves[2]
-                error += h * slowness * (swerves[0] + swerve_ends * real(greatest_tangent))
+                slope_error = (length + real(flight)) * cube_errors[1] - cube_errors[2]
+                error += h * slowness * (cube_errors[0] + slope_error * real(greatest_tangent))
         if missed > real(0.0):
             onward = real(wp.length(arrival.position - end) + interval.t_exit - interval.t_enter)
             error += with_lever_arm(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))

@@ -51,17 +51,17 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
                 # The interpolant has kinks at the cells' faces, so no step crosses one. On a linear grid the ray flies
                 # the rest along the tangent (rest_to_face); on a monotone grid a face nearer than the distance to keep
                 # from faces counts as reached.
-                pace = wp.cw_mul(total, field.inverse_spacing)
-                pull = wp.cw_mul(force, field.inverse_spacing)
+                velocity = wp.cw_mul(total, field.inverse_spacing)
+                acceleration = wp.cw_mul(force, field.inverse_spacing)
                 close = real(10.0) * out.stand_off
                 if wp.static(linear):
                     # How far before a face to stop, in cells: a share of the bend over a cell, because the parabola
                     # leaves out that the bend changes over the step.
-                    bend = real(0.15) * wp.length(pull) / wp.dot(pace, pace)
+                    bend = real(0.15) * wp.length(acceleration) / wp.dot(velocity, velocity)
                     out.stand_off += wp.min(bend, real(GREATEST_STAND_OFF))
                     close = real(at_face)
-                face = to_face(frac, pace, pull, close)
-                limit = wp.max(face - out.stand_off / wp.length(pace), real(0.5) * face)
+                face = to_face(frac, velocity, acceleration, close)
+                limit = wp.max(face - out.stand_off / wp.length(velocity), real(0.5) * face)
             # End before the face at which the first block that is not smooth may begin.
             bound = derating * step_bound_of(control, cone, cell, frac, total)
             out.safe = bound - real(clearance) * h_cell
@@ -70,10 +70,10 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
         return out
 
     @wp.func
-    def rest_to_face(frac: vec3, pace: vec3, pull: vec3, stand_off: real, h: real):
+    def rest_to_face(frac: vec3, velocity: vec3, acceleration: vec3, stand_off: real, h: real):
         """Rest [sigma] to the face `stand_off` cells before which a step of length h stopped; 0 if it did not."""
-        rest = to_face(frac, pace, pull, real(0.0))
-        if rest <= h and rest * wp.length(pace) <= real(4.0) * stand_off:
+        rest = to_face(frac, velocity, acceleration, real(0.0))
+        if rest <= h and rest * wp.length(velocity) <= real(4.0) * stand_off:
             return rest
         return real(0.0)
 
@@ -142,7 +142,7 @@ def build_step_acceptance(library: KernelLibrary):
     @wp.func
     def step_acceptance(
         control: Control,
-        off: real,
+        error: real,
         rounding: real,
         used: real,
         h: real,
@@ -156,8 +156,8 @@ def build_step_acceptance(library: KernelLibrary):
         if h <= real(NOISE_STEP) * h_cell:
             allowed = wp.max(allowed, rounding)
         ratio = real(4.0)
-        if off > real(0.0):
-            ratio = wp.clamp(real(0.9) * wp.pow(allowed / off, real(0.25)), real(0.2), real(4.0))
-        return bool((off <= allowed and wp.isfinite(off)) or h <= h_least), ratio
+        if error > real(0.0):
+            ratio = wp.clamp(real(0.9) * wp.pow(allowed / error, real(0.25)), real(0.2), real(4.0))
+        return bool((error <= allowed and wp.isfinite(error)) or h <= h_least), ratio
 
     return step_acceptance

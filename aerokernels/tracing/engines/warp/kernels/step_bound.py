@@ -105,9 +105,9 @@ def build_to_face(library: KernelLibrary, geometry: str):
     radius_noise, at_face = RADIUS_NOISE[library.precision], AT_FACE[library.precision]
 
     @wp.func
-    def meet_face(gap: real, speed: real, pull: real):
-        """First t > 0 with speed t + pull t^2 / 2 = gap, for gap > 0."""
-        disc = speed * speed + real(2.0) * pull * gap
+    def meet_face(gap: real, speed: real, acceleration: real):
+        """First t > 0 with speed t + acceleration t^2 / 2 = gap, for gap > 0."""
+        disc = speed * speed + real(2.0) * acceleration * gap
         if disc < real(0.0):
             return real(none)
         toward = speed + wp.sqrt(disc)
@@ -116,7 +116,7 @@ def build_to_face(library: KernelLibrary, geometry: str):
         return real(2.0) * gap / toward
 
     @wp.func
-    def flat_face(place: real, speed: real, pull: real, face_tolerance: real):
+    def flat_face(place: real, speed: real, acceleration: real, face_tolerance: real):
         """Step to the next face along an axis with faces at whole numbers."""
         ahead = place - wp.floor(place)
         behind = ahead
@@ -125,15 +125,15 @@ def build_to_face(library: KernelLibrary, geometry: str):
             ahead += real(1.0)
         if behind < face_tolerance:
             behind += real(1.0)
-        return wp.min(meet_face(ahead, speed, pull), meet_face(behind, -speed, -pull))
+        return wp.min(meet_face(ahead, speed, acceleration), meet_face(behind, -speed, -acceleration))
 
     @wp.func
-    def round_face(frac: vec3, velocity: vec3, pull: vec3, face_tolerance: real):
+    def round_face(frac: vec3, velocity: vec3, acceleration: vec3, face_tolerance: real):
         """Step to the next cylinder of whole radius R: (r^2 - R^2) / 2 along the parabola without the quartic term."""
         square = frac[0] * frac[0] + frac[1] * frac[1]
         b = frac[0] * velocity[0] + frac[1] * velocity[1]
         a = velocity[0] * velocity[0] + velocity[1] * velocity[1]
-        c = a + frac[0] * pull[0] + frac[1] * pull[1]
+        c = a + frac[0] * acceleration[0] + frac[1] * acceleration[1]
         radius = wp.sqrt(square)
         close = face_tolerance + real(radius_noise) * radius
         inner = wp.floor(radius)
@@ -187,17 +187,17 @@ def build_to_face(library: KernelLibrary, geometry: str):
         return push
 
     @wp.func
-    def to_face(frac: vec3, velocity: vec3, pull: vec3, face_tolerance: real):
+    def to_face(frac: vec3, velocity: vec3, acceleration: vec3, face_tolerance: real):
         """Step to the next face of a cell farther than face_tolerance; velocity and its derivative are in cells."""
         step = real(none)
         if wp.static(0 in axes):
-            step = wp.min(step, flat_face(frac[0], velocity[0], pull[0], face_tolerance))
+            step = wp.min(step, flat_face(frac[0], velocity[0], acceleration[0], face_tolerance))
         if wp.static(1 in axes):
-            step = wp.min(step, flat_face(frac[1], velocity[1], pull[1], face_tolerance))
+            step = wp.min(step, flat_face(frac[1], velocity[1], acceleration[1], face_tolerance))
         if wp.static(2 in axes):
-            step = wp.min(step, flat_face(frac[2], velocity[2], pull[2], face_tolerance))
+            step = wp.min(step, flat_face(frac[2], velocity[2], acceleration[2], face_tolerance))
         if wp.static(geometry == "axisymmetric"):
-            step = wp.min(step, round_face(frac, velocity, pull, face_tolerance))
+            step = wp.min(step, round_face(frac, velocity, acceleration, face_tolerance))
         return step
 
     return to_face, push_off_faces

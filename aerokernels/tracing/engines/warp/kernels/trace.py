@@ -159,10 +159,10 @@ def build_kernel(
                 ahead = stride(
                     field, control, current_cell, cone, cell, frac, total, force, index, derating, h_cell, h_next, h_cap
                 )
-                shown = frac
+                ray_frac = frac
                 if wp.static(straight):
-                    shown = frac + wp.cw_mul(q, rate)
-                h, event, runs = event_location(control, rate, interval.side, cell, shown, tangent, force, ahead.h)
+                    ray_frac = frac + wp.cw_mul(q, rate)
+                h, event, runs = event_location(control, rate, interval.side, cell, ray_frac, tangent, force, ahead.h)
                 if wp.static(stop == "arc"):
                     rest = arc_left - (ambient * sums[0] + sums[2])
                     h, event = arc_event_location(rest, index, total, force, h, event)
@@ -180,13 +180,13 @@ def build_kernel(
                 judged = step_error(
                     ambient, d, total, momentum, h, h <= ahead.safe, max_deflection, to_stop, pot, force, s2, s3, s4
                 )
-                off = judged[0]
+                error = judged[0]
                 angle_now = judged[1]
 
                 accept = bool(True)
                 if wp.static(controlled):
-                    rounding = step_rounding(control, ambient, h, judged[2], rate, frac, pot, force, s3)
-                    accept, ratio = step_acceptance(control, off, rounding, used, h, h_cell, h_least, index, reach)
+                    rounding = step_rounding(control, h, judged[2], rate, frac, pot, force, s3)
+                    accept, ratio = step_acceptance(control, error, rounding, used, h, h_cell, h_least, index, reach)
                     if accept:
                         # A step cut short by a surface is no reason to shorten the next one.
                         h_next = wp.max(h * ratio, h_least)
@@ -198,7 +198,7 @@ def build_kernel(
                 # If the force changes along the step, the parabola may miss the surface: come closer first.
                 runs_on = bool(False)  # whether the step ends in a face
                 if accept and h > h_least:
-                    there = shown + wp.cw_mul(h * (tangent) + kick, rate)
+                    there = ray_frac + wp.cw_mul(h * (tangent) + kick, rate)
                     end_velocity = wp.cw_mul(tangent + h * force4, rate)
                     missed, nearest = passed_surface(control, interval.side, cell, there, event)
                     if event >= 0 and event != arc_surface:
@@ -227,14 +227,14 @@ def build_kernel(
                 if accept:
                     h_cap = control.extent / ambient
                     steps += 1
-                    used += off
+                    used += error
                     if wp.static(controlled):
                         if runs or undecided:
                             late = h
                             if not undecided:
-                                late = time_beyond_face(control, rate, interval.side, cell, shown, tangent, force, h)
+                                late = time_beyond_face(control, rate, interval.side, cell, ray_frac, tangent, force, h)
                             gain += late * possible_gain(ambient, to_stop, angle_now, pot, force, s3)
-                            if leaves_by_rounding(control, event, rate, interval.side, cell, shown, tangent):
+                            if leaves_by_rounding(control, event, rate, interval.side, cell, ray_frac, tangent):
                                 gain = real(1.0e30)
                         undecided = undecided or runs_on
                     displacement += judged[3]
@@ -300,12 +300,20 @@ def build_kernel(
                             rest = arc_left - (ambient * sums[0] + sums[2])
                             back, done = arc_surface_intersection(rest, ambient + contrast(ambient, pot), arc_left, h)
                         else:
-                            shown = frac
+                            ray_frac = frac
                             if wp.static(straight):
-                                shown = frac + wp.cw_mul(q, rate)
+                                ray_frac = frac + wp.cw_mul(q, rate)
                             velocity = wp.cw_mul(ambient * d + momentum, rate)
                             back, done = surface_intersection(
-                                control, event, interval.side, cell, shown, velocity, wp.cw_mul(force, rate), h, h_cell
+                                control,
+                                event,
+                                interval.side,
+                                cell,
+                                ray_frac,
+                                velocity,
+                                wp.cw_mul(force, rate),
+                                h,
+                                h_cell,
                             )
                         if done:
                             running = bool(False)

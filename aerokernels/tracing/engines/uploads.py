@@ -1,0 +1,96 @@
+"""Upload the arrays of a field to an engine's device, and cache them on the field."""
+
+from typing import Any
+
+import numpy as np
+
+from ...medium import IndexField
+from ..cube_polynomials import cubes_of
+from ..plan import TracePlan
+from .field_data import FieldData, array_of, field_data, step_bound_tables, trace_members
+from .layout import Value, arrays_of
+
+
+class FieldUploads:
+    """The uploads that the engines share. An engine provides `put`, `struct_array` and `computed_coefficients`.
+
+    Attributes:
+        grid_key: See interface.py; without its first entry, it tells the uploads of engines and devices apart.
+    """
+
+    grid_key: tuple
+
+    def put(self, array: np.ndarray) -> Any:
+        """Return a buffer with a copy of the array."""
+        raise NotImplementedError
+
+    def struct_array(self, member: Value, values: np.ndarray, precision: str) -> Any:
+        """Upload an array of a struct to the device."""
+        raise NotImplementedError
+
+    def computed_coefficients(self, field: IndexField, precision: str) -> Any:
+        """Return a grid's coefficients if this device has computed them, else None."""
+        raise NotImplementedError
+
+    def uploaded(
+        self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
+    ) -> tuple[FieldData, dict[str, dict]]:
+        """Return the data of a field, and the members of the structs Field, Bounds and Control by name.
+
+        Arrays are on the device. Numbers of struct Field are in the data.
+        """
+        with_paper_step = plan.method == "paper"
+        data = field_data(field, plan.precision, with_paper_step)
+        bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
+        tables, blocks = step_bound_tables(field, plan, wavelength, directions)
+        arrays = self._field_arrays(field, data, plan.precision, with_paper_step)
+        if plan.looks_up_cubes:
+            arrays = {**arrays, "coefficients": self._cubes(field)}
+        return data, {
+            "Field": arrays,
+            "Bounds": data.bounds | bounds,
+            "Control": data.control | control | blocks | self._control_arrays(field, plan.precision, tables),
+        }
+
+    def _field_arrays(
+        self, field: IndexField, data: FieldData, precision: str, with_paper_step: bool
+    ) -> dict[str, Any]:
+        """Return the arrays of Field on the device, by name, cached on the field."""
+
+        def upload() -> dict[str, Any]:
+            coefficients = self.computed_coefficients(field, precision)
+            shared = data.derive((*self.grid_key[1:], precision), lambda: self._shared_arrays(data, precision))
+            return {
+                member.name: shared[member.name]
+                if member.name in shared
+                else self.struct_array(member, array_of(field, data, member.name), precision)
+                if coefficients is None
+                else coefficients
+                for member in arrays_of("Field")
+            }
+
+        return field.derive((*self.grid_key[1:], precision, with_paper_step), upload)
+
+    def _shared_arrays(self, data: FieldData, precision: str) -> dict[str, Any]:
+        """Upload the arrays in `data`, by name, which fields on the same nodes may share."""
+        members = [member for member in arrays_of("Field") if member.name in data.arrays]
+        return {member.name: self.struct_array(member, data.arrays[member.name], precision) for member in members}
+
+    def _control_arrays(self, field: IndexField, precision: str, tables: dict) -> dict[str, Any]:
+        """Return the arrays of Control on the device, by name; they are cached if the field has no step bounds."""
+
+        def upload() -> dict[str, Any]:
+            return {
+                member.name: self.struct_array(member, tables[member.name], precision)
+                for member in arrays_of("Control")
+            }
+
+        if tables["step_bound_start"].max() >= 0:
+            return upload()
+        holder = getattr(field.samples, "shared_places", None) or field
+        arrays: dict[str, Any] = holder.derive((*self.grid_key[1:], "without step bounds", precision), upload)
+        return arrays
+
+    def _cubes(self, field: IndexField) -> Any:
+        """Return the table of polynomials of cubes, cached on the field."""
+        return field.derive((*self.grid_key[1:], "cubes"), lambda: self.put(cubes_of(field)))
