@@ -190,7 +190,7 @@ class SampledDensity(DensityField):
         if given is None and composition is None and self.composition is not None:
             if relation in MODELS and relation not in RELATIONS:
                 gas, remedy = ", ".join(self.composition.fractions), "take 'gladstone-dale' or 'lorentz-lorenz'"
-                raise ValueError(f"relation {relation!r} is air's, and the flow is a mixture of {gas}: {remedy}")
+                raise ValueError(f"relation {relation!r} is for air, and the flow is a mixture of {gas}: {remedy}")
             composition = self.composition
         model = refractivity_model(relation, constant=given, composition=composition)
         contrast = np.asarray(model.contrast(self.density, self.ambient_density, wavelength))

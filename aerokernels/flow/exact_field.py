@@ -101,7 +101,7 @@ def edges(low: float, high: float, spacing: float) -> np.ndarray:
     below, above = (math.ceil(reach / spacing * (1.0 - 1e-9)) for reach in (-low, high))
     if below + above > CELL_LIMIT:
         raise ValueError(
-            f"spacing {spacing:g} m asks for {below + above} cells from {low:g} to {high:g} m: take a wider one"
+            f"spacing {spacing:g} m gives {below + above} cells from {low:g} to {high:g} m: take a wider one"
         )
     return spacing * np.arange(-below, above + 1)
 
@@ -114,10 +114,10 @@ def rectangles(y: np.ndarray, z: np.ndarray, geometry: str = "planar") -> QuadMe
     """
     cells = (len(y) - 1, len(z) - 1)
     if cells[0] * cells[1] > CELL_LIMIT:
-        raise ValueError(f"spacing asks for {cells[0]} x {cells[1]} cells, more than {CELL_LIMIT}: take a wider one")
+        raise ValueError(f"spacing gives {cells[0]} x {cells[1]} cells, more than {CELL_LIMIT}: take a wider one")
     if min(cells) < LEAST_CELLS:
         raise ValueError(
-            f"spacing leaves {cells[0]} x {cells[1]} cells: take one with at least {LEAST_CELLS} either way"
+            f"spacing gives {cells[0]} x {cells[1]} cells: take one with at least {LEAST_CELLS} along either axis"
         )
     first, second = np.meshgrid(y, z, indexing="ij")
     return QuadMesh.structured(first, second, geometry)

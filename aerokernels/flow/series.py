@@ -232,7 +232,7 @@ class InOrder:
     def first(self) -> Any:
         """Return the first item, which can still be read afterwards."""
         if self._next:
-            raise ValueError(f"{self._what} 0 has gone by")
+            raise ValueError(f"{self._what} 0 was read before")
         if not self._ahead:
             self._ahead = [self._take(0)]
         return self._ahead[0]
@@ -245,7 +245,7 @@ class InOrder:
         """
         if number < self._next:
             raise ValueError(
-                f"{self._what} {number} has gone by: an iterator gives its snapshots once, in order; give a list, or "
+                f"{self._what} {number} was read before or skipped: an iterator gives each once, in order; give a list, or "
                 "start it anew"
             )
         while True:

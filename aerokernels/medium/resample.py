@@ -127,7 +127,7 @@ def _region(field, region):
         raise ValueError(f"the region of an axisymmetric field starts at r = 0, got {first[0]!r}")
     finite = np.isfinite(first).all() and np.isfinite(last).all()
     if not (finite and (last > first).all() and (first < high).all() and (last > low).all()):
-        raise ValueError(f"region {region!r} does not lie in the field's box {low.tolist()} to {high.tolist()}")
+        raise ValueError(f"region {region!r} does not overlap the field's box {low.tolist()} to {high.tolist()}")
     return first, last
 
 

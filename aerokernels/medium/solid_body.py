@@ -195,7 +195,7 @@ def _outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     if (there[1:] == there[:-1]).any():
         edge = int(there[:-1][there[1:] == there[:-1]][0])
         raise ValueError(
-            f"triangles of the body do not go round the same way, or overlap: two have the edge from vertex "
+            f"triangles of the body differ in orientation, or overlap: two have the edge from vertex "
             f"{edge // count} to {edge % count} at {vertices[edge // count].tolist()} m"
         )
     open_edges = np.setdiff1d(there, back, assume_unique=True)
