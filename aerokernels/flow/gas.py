@@ -130,11 +130,13 @@ def tunnel_conditions(
     check_positive(gas_constant, "gas_constant")
     if stagnation_pressure < LEAST_STAGNATION_PRESSURE:
         raise ValueError(
-            f"stagnation_pressure of {stagnation_pressure:g} Pa is too low for a tunnel: give pascals, 630e3 for 0.63 MPa"
+            f"stagnation_pressure of {stagnation_pressure:g} Pa is too low for a tunnel: give pascals, 630e3 for "
+            "0.63 MPa"
         )
     if stagnation_temperature < LEAST_STAGNATION_TEMPERATURE:
         raise ValueError(
-            f"stagnation_temperature of {stagnation_temperature:g} K is too low for a gas: give kelvins, 288 for 15 degC"
+            f"stagnation_temperature of {stagnation_temperature:g} K is too low for a gas: give kelvins, 288 for "
+            "15 degC"
         )
     ratio = isentropic(mach, gamma=gamma)
     temperature = stagnation_temperature * ratio.temperature_ratio
@@ -217,7 +219,8 @@ def check_density(density: float, name: str) -> float:
     value = check_positive(density, name)
     if value > GREATEST_DENSITY:
         raise ValueError(
-            f"{name} of {value:g} kg/m3 is too great for a gas (at most {GREATEST_DENSITY:g}): give kg/m3, 1.225 for 1225 g/m3"
+            f"{name} of {value:g} kg/m3 is too great for a gas (at most {GREATEST_DENSITY:g}): give kg/m3, 1.225 for "
+            "1225 g/m3"
         )
     return value
 

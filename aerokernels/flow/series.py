@@ -245,8 +245,8 @@ class InOrder:
         """
         if number < self._next:
             raise ValueError(
-                f"{self._what} {number} was read before or skipped: an iterator gives each once, in order; give a list, or "
-                "start it anew"
+                f"{self._what} {number} was read before or skipped: an iterator gives each once, in order; give a "
+                "list, or start it anew"
             )
         while True:
             item = self._ahead.pop() if self._ahead else self._take(self._next)
