@@ -54,8 +54,8 @@ def check_box(low: np.ndarray, high: np.ndarray) -> None:
     if extent.max() > LARGEST_BOX or extent.min() < SMALLEST_BOX:
         sides = " by ".join(f"{side:.3g}" for side in extent)
         raise ValueError(
-            f"the field's box is {sides} m, outside the range of flows (sides of {SMALLEST_BOX:g} to {LARGEST_BOX:g} m): "
-            "give lengths in metres"
+            f"the field's box is {sides} m, outside the range of flows (sides of {SMALLEST_BOX:g} to "
+            f"{LARGEST_BOX:g} m): give lengths in metres"
         )
 
 
