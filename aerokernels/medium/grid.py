@@ -44,6 +44,18 @@ def check_finite(array: np.ndarray, what: str) -> None:
         )
 
 
+def as_points(points, dimension: int) -> np.ndarray:
+    """Return points as a float64 array, shape (n, dimension).
+
+    Raises:
+        ValueError: Another shape.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != dimension:
+        raise ValueError(f"points need shape (n, {dimension}), got {points.shape}")
+    return points
+
+
 def check_box(low: np.ndarray, high: np.ndarray) -> None:
     """Reject a box [m] whose size no flow has, mostly because its lengths are in another unit.
 
