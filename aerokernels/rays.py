@@ -144,24 +144,15 @@ class RayBundle(ReadOnly):
         """Take over positions and directions of which at least one is on a device; None if it is on the host."""
         from .device_arrays.rays import checked_rays
 
-        place, way = checked_rays(
+        position, direction = checked_rays(
             plain_array(self.position) if position is None else position,
             plain_array(self.direction) if direction is None else direction,
         )
-        weight = np.broadcast_to(1.0 / len(place), len(place)) if self.weight is None else self._shares(len(place))
+        count = len(position)
+        weight = np.broadcast_to(1.0 / count, count) if self.weight is None else self._shares(count)
         weight.setflags(write=False)
-        for name, array in (("position", place), ("direction", way), ("weight", weight)):
+        for name, array in (("position", position), ("direction", direction), ("weight", weight)):
             object.__setattr__(self, name, array)
-
-    @classmethod
-    def _made(
-        cls, device: str, made: "Made", points: SquareMap | np.ndarray, weight: np.ndarray | None, count: int, seed: int
-    ) -> "RayBundle":
-        """Return rays made on a device."""
-        from .device_arrays.rays import made_rays
-
-        shares = np.broadcast_to(1.0 / count, count) if weight is None else weight
-        return cls._of(*made_rays(device, made, count, seed, points), shares)
 
     def held(self, name: str) -> Any:
         """Return `position` or `direction` as it is stored: a DeviceArray if it is on a device."""
@@ -203,8 +194,8 @@ class RayBundle(ReadOnly):
         """Return the rays of an array of indices (NumPy's or Warp's) with equal weights, on the device they are on."""
         if self.device is None:
             return self.rows(plain_array(rows))
-        place, way = (self.held(name).part(rows) for name in ("position", "direction"))
-        return self._of(place, way, np.broadcast_to(1.0 / len(rows), len(rows)))
+        position, direction = (self.held(name).part(rows) for name in ("position", "direction"))
+        return self._of(position, direction, np.broadcast_to(1.0 / len(rows), len(rows)))
 
     @classmethod
     def of_units(cls, position: np.ndarray, direction: np.ndarray) -> "RayBundle":
@@ -339,8 +330,10 @@ class RayBundle(ReadOnly):
         seed: int,
     ) -> "RayBundle":
         """Return rays made on a device, from Sobol points computed there or from `samples()` copied there."""
+        from .device_arrays.rays import made_rays
+
         count = check_count(ray_count)
         if sampling == "sobol":
-            return cls._made(device, made, points, None, count, seed)
+            return cls._of(*made_rays(device, made, count, seed, points), np.broadcast_to(1.0 / count, count))
         flat, weight = samples()
-        return cls._made(device, made, flat, weight, len(flat), seed)
+        return cls._of(*made_rays(device, made, len(flat), seed, flat), weight)

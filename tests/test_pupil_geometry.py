@@ -37,3 +37,12 @@ def test_sides_of_pixels_may_differ():
     assert mask.reach == pytest.approx(np.hypot(2.5e-3, 3e-3))
     box = Rectangle(5e-3, 6e-3)
     assert box.half_extent == pytest.approx((2.5e-3, 3e-3)) and box.area == pytest.approx(30e-6)
+
+
+def test_a_ring_that_names_its_first_corner_again_is_the_polygon():
+    """As closed rings of other software do; edges of no length were taken to meet their neighbours."""
+    corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+    for ring in ([*corners, corners[0]], [corners[0], *corners, corners[-1]]):
+        assert np.array_equal(Polygon(ring).vertices, corners)
+    with pytest.raises(ValueError, match="enclose nothing"):
+        Polygon([[1.0, 2.0]] * 4)

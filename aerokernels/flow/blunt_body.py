@@ -16,6 +16,7 @@ from ..inputs.arguments import checked
 from ..inputs.checks import check_positive
 from ..medium import Body
 from .billig import BowShock, bow_shock
+from .exact_averages import unit_gauss
 from .exact_field import MARGIN, ExactField, edges, rectangles, square_step
 from .gas import (
     GAMMA_AIR,
@@ -25,7 +26,7 @@ from .gas import (
     free_stream,
     isentropic,
 )
-from .shocks import normal_shock
+from .shocks import density_jump, normal_shock
 
 CELLS_PER_RADIUS = 50
 POINTS = 6
@@ -67,8 +68,7 @@ class BluntBodyFlow:
 
     def shock_ratio_at(self, r) -> np.ndarray:
         """Density just behind the shock over the free stream's, exact for the shock's slope at r from the axis [m]."""
-        square = self.bow.normal_mach_square_at(r)
-        return (self.gamma + 1.0) * square / ((self.gamma - 1.0) * square + 2.0)
+        return density_jump(self.bow.normal_mach_square_at(r), self.gamma)
 
     def wall_ratio_at(self, angle) -> np.ndarray:
         """Density at the wall over that of the free stream, modified Newtonian, at angles from the nose [rad]."""
@@ -153,8 +153,7 @@ def _averages(flow: BluntBodyFlow, r: np.ndarray, z: np.ndarray, *, weighted: bo
     In each cell the parts behind and ahead of the shock are integrated separately: along z the Gauss points end at the
     shock, and along r the integral is split where the shock enters and leaves the cell.
     """
-    node, weight = np.polynomial.legendre.leggauss(POINTS)
-    share, weight = 0.5 * (node + 1.0), 0.5 * weight
+    share, weight = unit_gauss(POINTS)
     low, high = z[:-1], z[1:]
     result = np.empty((len(r) - 1, len(z) - 1))
     for row, (inner, outer) in enumerate(pairwise(r)):

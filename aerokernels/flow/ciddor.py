@@ -137,7 +137,7 @@ def water_fraction(temperature: float, pressure: float, humidity: float) -> floa
     enhancement = 1.00062 + 3.14e-8 * pressure + 5.6e-7 * celsius**2
     water = enhancement * humidity * saturation / pressure
     if water > 1.0:
-        raise ValueError(f"humidity {humidity:g} at {temperature:g} K asks for more vapour than {pressure:g} Pa hold")
+        raise ValueError(f"humidity {humidity:g} at {temperature:g} K needs a vapour pressure above {pressure:g} Pa")
     return water
 
 

@@ -12,6 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .exact_averages import unit_gauss
+
 # Weights of the seven half cells about a node; variance of the kernel [cells^2]: of these weights and of a half cell.
 BELL = np.array([1.0, 6.0, 15.0, 20.0, 15.0, 6.0, 1.0]) / 64.0
 VARIANCE = 6.0 / 16.0 + 1.0 / 48.0
@@ -61,7 +63,7 @@ def cell_averages(
     r = step[0] * np.arange(shape[0])
     z = low + step[1] * np.arange(shape[1])
     edges = np.stack([np.maximum(r - 0.5 * step[0], 0.0), r + 0.5 * step[0]])
-    near, far = np.meshgrid(edges[0], z - 0.5 * step[1], indexing="ij"), None
+    near = np.meshgrid(edges[0], z - 0.5 * step[1], indexing="ij")
     far = np.meshgrid(edges[1], z + 0.5 * step[1], indexing="ij")
     # `near` and `far` hold the corners of each cell with the least and the greatest polar angle.
     behind = np.arctan2(near[0], -near[1]) < shock_angle
@@ -82,9 +84,8 @@ def cell_averages(
             if point_count == 2:
                 average[rows] = _gauss(contrast, pieces, point_count)
             else:
-                average[rows] = (
-                    _gauss_to_shock(contrast, shock_angle, pieces, point_count).reshape(-1, parts**2).mean(1)
-                )
+                averages = _gauss_to_shock(contrast, shock_angle, pieces, point_count)
+                average[rows] = averages.reshape(-1, parts**2).mean(1)
         result[place] = average
     return result
 
@@ -102,8 +103,7 @@ def _divided(box: np.ndarray, parts: int) -> np.ndarray:
 
 def _gauss(contrast, box, point_count) -> np.ndarray:
     """Return averages over boxes behind the shock, by a product Gauss rule."""
-    node, weight = np.polynomial.legendre.leggauss(point_count)
-    share, weight = 0.5 * (node + 1.0), 0.5 * weight
+    share, weight = unit_gauss(point_count)
     r = box[:, :1] + (box[:, 1:2] - box[:, :1]) * share
     z = box[:, 2:3] + (box[:, 3:] - box[:, 2:3]) * share
     value = contrast(np.arctan2(r[:, :, None], -z[:, None, :]))
@@ -117,8 +117,7 @@ def _gauss_to_shock(contrast, shock_angle, box, point_count) -> np.ndarray:
     The variable along z is the square root of the distance from the shock, because behind a weak shock the density
     rises with that root.
     """
-    node, weight = np.polynomial.legendre.leggauss(point_count)
-    share, weight = 0.5 * (node + 1.0), 0.5 * weight
+    share, weight = unit_gauss(point_count)
     r_low, r_high, z_low, z_high = box.T
     tangent = math.tan(shock_angle)
     # For r < `first` the shock passes above the box, for r > `last` below the box.

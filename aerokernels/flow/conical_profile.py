@@ -93,9 +93,9 @@ class ConeShock:
         """
         angle = np.asarray(polar_angle, dtype=np.float64)
         behind = angle <= self.shock_angle
-        held = np.maximum(angle, self.half_angle)
+        outside = np.maximum(angle, self.half_angle)
         u, w = self.profile.deviation(self._depth(angle))
-        return np.cos(held) + np.where(behind, u, 0.0), np.where(behind, w, 0.0) - np.sin(held)
+        return np.cos(outside) + np.where(behind, u, 0.0), np.where(behind, w, 0.0) - np.sin(outside)
 
     def _depth(self, angle: np.ndarray) -> np.ndarray:
         return np.clip(self.shock_angle - angle, 0.0, self.profile.depth[-1])

@@ -1,10 +1,9 @@
 """Density fields: the base classes of all flows, and `CellDensity`, finite-volume averages on a mesh."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -126,6 +125,8 @@ class SampledDensity(DensityField):
     conditions: FreeStream | None
     composition: Composition | None
     density: np.ndarray
+    wall: WallDensity | None = None
+    _column_error = 0.0  # error of the integral of density along z [kg/m2] from resampling
 
     @property
     def mach(self) -> float:
@@ -146,7 +147,7 @@ class SampledDensity(DensityField):
             ambient_density=float(ambient_density),
             conditions=None if self.conditions is None else self.conditions.at_density(self.conditions.density * ratio),
             provenance=f"{self.provenance}; densities multiplied by {ratio:.8g}".lstrip("; "),
-            **self._also_scaled(ratio),
+            **({} if self.wall is None else {"wall": self.wall.scaled(ratio)}),
         )
 
     @checked
@@ -189,11 +190,15 @@ class SampledDensity(DensityField):
         if given is None and composition is None and self.composition is not None:
             if relation in MODELS and relation not in RELATIONS:
                 gas, remedy = ", ".join(self.composition.fractions), "take 'gladstone-dale' or 'lorentz-lorenz'"
-                raise ValueError(f"relation {relation!r} is air's, and the flow is a mixture of {gas}: {remedy}")
+                raise ValueError(f"relation {relation!r} is for air, and the flow is a mixture of {gas}: {remedy}")
             composition = self.composition
         model = refractivity_model(relation, constant=given, composition=composition)
         contrast = np.asarray(model.contrast(self.density, self.ambient_density, wavelength))
         contrast.setflags(write=False)  # an index field does not copy a read-only array
+        walls = {}
+        if self.wall is not None and not composition:
+            at_walls = model.contrast(self.wall.density, self.ambient_density, wavelength)
+            walls["walls"] = self.wall.points, at_walls
         return self._index(
             contrast,
             interpolation,
@@ -201,7 +206,7 @@ class SampledDensity(DensityField):
             body=self.body,
             wavelength=wavelength,
             upstream=model.upstream(wavelength, self._column_error),
-            **({} if composition else self._walls(lambda rho: model.contrast(rho, self.ambient_density, wavelength))),
+            **walls,
         )
 
     def _where_known(self, density: np.ndarray, local: np.ndarray) -> np.ndarray:
@@ -210,16 +215,6 @@ class SampledDensity(DensityField):
         if self.body is not None:
             unknown |= self.body.contains(local)
         return np.where(unknown, np.nan, density)
-
-    def _also_scaled(self, ratio: float) -> dict[str, Any]:
-        """Return other attributes that scale with the density, multiplied by a ratio."""
-        return {}
-
-    def _walls(self, contrast_of: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:
-        """Return the known contrasts at walls as arguments for `_index`."""
-        return {}
-
-    _column_error = 0.0  # error of the integral of density along z [kg/m2] from resampling
 
     @abstractmethod
     def _index(self, contrast: np.ndarray, interpolation: str | None, **common) -> IndexField:
@@ -243,6 +238,13 @@ class MeshDensity(SampledDensity):
             raise TypeError(f"mesh must be a QuadMesh, got {type(self.mesh).__name__}: see QuadMesh.structured")
         refuse_masked(self.density, "density")
         object.__setattr__(self, "ambient_density", check_density(self.ambient_density, "ambient_density"))
+
+    def _check_shape(self, density: np.ndarray, shapes: list[tuple[int, ...]], wanted: str) -> None:
+        if density.shape not in shapes:
+            raise ValueError(
+                f"density has shape {density.shape}, the mesh {wanted}: give one density for each, shape "
+                f"{' or '.join(map(str, shapes))}"
+            )
 
     @property
     def geometry(self) -> str:
@@ -282,12 +284,7 @@ class CellDensity(MeshDensity):
         """Check the densities."""
         self._check_mesh()
         density = np.array(self.density, dtype=np.float64)
-        _, shapes = self.mesh.array_shapes
-        if density.shape not in shapes:
-            raise ValueError(
-                f"density has shape {density.shape}, the mesh {len(self.mesh.cells)} cells: "
-                f"give one average for each cell, shape {' or '.join(map(str, shapes))}"
-            )
+        self._check_shape(density, self.mesh.array_shapes[1], f"{len(self.mesh.cells)} cells")
         density = density.ravel()
         if wrong := no_gas(density):
             self._refuse(density, *wrong)
@@ -335,12 +332,6 @@ class CellDensity(MeshDensity):
         from ..medium.mesh_columns import mesh_columns
 
         return mesh_columns(self.mesh, self.density - self.ambient_density, position, direction)
-
-    def _also_scaled(self, ratio: float) -> dict[str, Any]:
-        return {} if self.wall is None else {"wall": self.wall.scaled(ratio)}
-
-    def _walls(self, contrast_of: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:
-        return {} if self.wall is None else {"walls": (self.wall.points, contrast_of(self.wall.density))}
 
     def _index(self, contrast: np.ndarray, interpolation: str | None, **common) -> IndexField:
         usual = "conserving" if "walls" in common else "bilinear"

@@ -19,6 +19,12 @@ import numpy as np
 POINTS = 12
 
 
+def unit_gauss(points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points and weights of Gauss's rule on the interval from 0 to 1, shape (points,) each."""
+    node, weight = np.polynomial.legendre.leggauss(points)
+    return 0.5 * (node + 1.0), 0.5 * weight
+
+
 def piecewise_means(
     function: Callable[[np.ndarray], np.ndarray], edges: np.ndarray, breaks: Sequence[float], points: int = POINTS
 ) -> np.ndarray:
@@ -30,14 +36,14 @@ def piecewise_means(
         breaks: Positions of jumps and kinks.
         points: Gauss points in each part of an interval.
     """
-    node, weight = np.polynomial.legendre.leggauss(points)
+    share, weight = unit_gauss(points)
     low, high = edges[:-1], edges[1:]
     cuts = np.stack([low, *(np.clip(place, low, high) for place in sorted(breaks)), high])
     start, width = cuts[:-1], np.diff(cuts, axis=0)
-    values = function(start[..., None] + width[..., None] * (0.5 * (node + 1.0)))
+    values = function(start[..., None] + width[..., None] * share)
     # Averaging differences from the first value returns a constant function to the last bit.
     first = values[..., 0]
-    mean = first + (values - first[..., None]) @ (0.5 * weight)
+    mean = first + (values - first[..., None]) @ weight
     return (width / (high - low) * mean).sum(axis=0)
 
 
@@ -84,8 +90,7 @@ def smooth_averages(
     function: Callable[[np.ndarray, np.ndarray], np.ndarray], y: np.ndarray, z: np.ndarray, points: int = 8
 ) -> np.ndarray:
     """Return averages over rectangular cells of a function of (y, z), smooth in each, by a product Gauss rule."""
-    node, weight = np.polynomial.legendre.leggauss(points)
-    share, weight = 0.5 * (node + 1.0), 0.5 * weight
+    share, weight = unit_gauss(points)
     across = y[:-1, None] + np.diff(y)[:, None] * share
     along = z[:-1, None] + np.diff(z)[:, None] * share
     result = np.empty((len(across), len(along)))

@@ -1,6 +1,7 @@
 """A density field made from a formula: exact averages over rectangular cells, together with the formula."""
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -8,8 +9,10 @@ import numpy as np
 
 from ..display.shown import shown
 from ..inputs.checks import check_positive
-from ..medium import QuadMesh
+from ..medium import Body, QuadMesh
 from .density_field import CellDensity, in_plane
+from .exact_averages import direction_averages
+from .gas import FreeStream
 
 # A spacing given in the wrong unit could otherwise request more cells than fit in memory.
 CELL_LIMIT = 4_000_000
@@ -24,6 +27,31 @@ class Solution(Protocol):
     def density_ratio_at(self, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Density over the ambient density at (y, z) or (r, z) [m]."""
         ...
+
+
+class DirectionFlow(ABC):
+    """A flow in a plane whose density depends only on the direction from the origin; the stream comes from +z."""
+
+    @abstractmethod
+    def ratio_of_angle(self, angle) -> np.ndarray:
+        """Density over the ambient density in a direction from the origin, an angle from -z towards +y [rad]."""
+
+    @property
+    @abstractmethod
+    def breaks(self) -> tuple[float, ...]:
+        """Directions of its jumps and kinks [rad]."""
+
+    def density_ratio_at(self, y, z) -> np.ndarray:
+        """Density over the ambient density at (y, z) [m]."""
+        return self.ratio_of_angle(np.arctan2(y, -np.asarray(z)))
+
+    def field(
+        self, y: np.ndarray, z: np.ndarray, stream: FreeStream, body: Body | None, provenance: str
+    ) -> "ExactField":
+        """Return the flow as a density field on rectangular cells between edges along y and z [m]."""
+        mesh = rectangles(y, z)
+        ratio = direction_averages(self.ratio_of_angle, self.breaks, y, z)
+        return ExactField(mesh, stream.density * ratio, stream.density, body, stream, provenance, self)
 
 
 @shown
@@ -73,7 +101,7 @@ def edges(low: float, high: float, spacing: float) -> np.ndarray:
     below, above = (math.ceil(reach / spacing * (1.0 - 1e-9)) for reach in (-low, high))
     if below + above > CELL_LIMIT:
         raise ValueError(
-            f"spacing {spacing:g} m asks for {below + above} cells from {low:g} to {high:g} m: take a wider one"
+            f"spacing {spacing:g} m gives {below + above} cells from {low:g} to {high:g} m: take a wider one"
         )
     return spacing * np.arange(-below, above + 1)
 
@@ -86,10 +114,10 @@ def rectangles(y: np.ndarray, z: np.ndarray, geometry: str = "planar") -> QuadMe
     """
     cells = (len(y) - 1, len(z) - 1)
     if cells[0] * cells[1] > CELL_LIMIT:
-        raise ValueError(f"spacing asks for {cells[0]} x {cells[1]} cells, more than {CELL_LIMIT}: take a wider one")
+        raise ValueError(f"spacing gives {cells[0]} x {cells[1]} cells, more than {CELL_LIMIT}: take a wider one")
     if min(cells) < LEAST_CELLS:
         raise ValueError(
-            f"spacing leaves {cells[0]} x {cells[1]} cells: take one with at least {LEAST_CELLS} either way"
+            f"spacing gives {cells[0]} x {cells[1]} cells: take one with at least {LEAST_CELLS} along either axis"
         )
     first, second = np.meshgrid(y, z, indexing="ij")
     return QuadMesh.structured(first, second, geometry)

@@ -19,8 +19,7 @@ import numpy as np
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive
 from ..medium import Body
-from .exact_averages import direction_averages
-from .exact_field import MARGIN, ExactField, edges, rectangles, square_step
+from .exact_field import MARGIN, DirectionFlow, ExactField, edges, square_step
 from .gas import (
     GAMMA_AIR,
     GAS_CONSTANT_AIR,
@@ -30,11 +29,11 @@ from .gas import (
     free_stream,
     isentropic,
 )
-from .shocks import _bisect, prandtl_meyer
+from .shocks import bisect, prandtl_meyer
 
 
 @dataclass(frozen=True)
-class ExpansionFan:
+class ExpansionFan(DirectionFlow):
     """A centred expansion relative to the stream ahead of it. Angles are measured from that stream's direction.
 
     Attributes:
@@ -59,10 +58,6 @@ class ExpansionFan:
     tail_angle: float
     gamma: float
 
-    def density_ratio_at(self, y, z) -> np.ndarray:
-        """Density over that of the stream ahead at (y, z) [m], the corner at the origin, the stream along -z."""
-        return self.ratio_of_angle(np.arctan2(y, -np.asarray(z)))
-
     def ratio_of_angle(self, angle) -> np.ndarray:
         """Density over that of the stream ahead in a direction from the corner, an angle from -z towards +y [rad].
 
@@ -76,6 +71,11 @@ class ExpansionFan:
         # On either side of the fan the ratio is that of the uniform state, to the last bit.
         fan = np.where(angle <= self.tail_angle, self.density_ratio, fan)
         return np.where((angle < self.inner_angle) | (angle >= self.head_angle), 1.0, fan)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Directions of the first and the last Mach line and of the plane that halves the body [rad]."""
+        return self.head_angle, self.tail_angle, self.inner_angle
 
     @property
     def inner_angle(self) -> float:
@@ -97,7 +97,7 @@ def mach_after_turn(angle: float, *, gamma: float = GAMMA_AIR) -> float:
             f"angle {angle!r} rad has no Mach number: the Prandtl-Meyer angle is between 0 and {greatest:.6g} rad "
             f"({math.degrees(greatest):.4g} deg), where the gas reaches vacuum"
         )
-    share = _bisect(lambda u: root * u - math.atan(root * math.tan(u)) - angle, 0.0, 0.5 * math.pi)
+    share = bisect(lambda u: root * u - math.atan(root * math.tan(u)) - angle, 0.0, 0.5 * math.pi)
     tangent = root * math.tan(share)
     return math.sqrt(1.0 + tangent**2)
 
@@ -195,21 +195,12 @@ def expansion(
     depth = foot - MARGIN * step
     ahead = 0.5 * length
     y, z = edges(depth, tall, step), edges(-length, ahead, step)
-    mesh = rectangles(y, z)
-    stream = free_stream(mach, density, temperature, gamma=gamma, gas_constant=gas_constant)
-    ratio = direction_averages(fan.ratio_of_angle, (fan.head_angle, fan.tail_angle, fan.inner_angle), y, z)
-    return ExactField(
-        mesh,
-        density * ratio,
-        density,
-        Body(_below_the_wall(y, z, foot, length), "planar"),
-        stream,
-        f"exact flow around a corner of {math.degrees(deflection):.6g} deg at Mach {mach:g} (Prandtl-Meyer)",
-        fan,
-    )
-
-
-def _below_the_wall(y: np.ndarray, z: np.ndarray, foot: float, length: float) -> np.ndarray:
-    """Return the outline of the body: along the wall, and back below the field."""
     low, front = float(y[0]), float(z[-1])
-    return np.array([[0.0, front], [0.0, 0.0], [foot, -length], [low, -length], [low, front]])
+    outline = np.array([[0.0, front], [0.0, 0.0], [foot, -length], [low, -length], [low, front]])
+    return fan.field(
+        y,
+        z,
+        free_stream(mach, density, temperature, gamma=gamma, gas_constant=gas_constant),
+        Body(outline, "planar"),
+        f"exact flow around a corner of {math.degrees(deflection):.6g} deg at Mach {mach:g} (Prandtl-Meyer)",
+    )

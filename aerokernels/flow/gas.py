@@ -127,31 +127,23 @@ def tunnel_conditions(
     check_positive(mach, "mach")
     check_positive(stagnation_pressure, "stagnation_pressure")
     check_positive(stagnation_temperature, "stagnation_temperature")
+    check_positive(gas_constant, "gas_constant")
     if stagnation_pressure < LEAST_STAGNATION_PRESSURE:
         raise ValueError(
-            f"stagnation_pressure of {stagnation_pressure:g} Pa is no tunnel's: give pascals, 630e3 for 0.63 MPa"
+            f"stagnation_pressure of {stagnation_pressure:g} Pa is too low for a tunnel: give pascals, 630e3 for "
+            "0.63 MPa"
         )
     if stagnation_temperature < LEAST_STAGNATION_TEMPERATURE:
         raise ValueError(
-            f"stagnation_temperature of {stagnation_temperature:g} K is no gas's: give kelvins, 288 for 15 degC"
+            f"stagnation_temperature of {stagnation_temperature:g} K is too low for a gas: give kelvins, 288 for "
+            "15 degC"
         )
-    check_positive(gas_constant, "gas_constant")
     ratio = isentropic(mach, gamma=gamma)
     temperature = stagnation_temperature * ratio.temperature_ratio
     pressure = stagnation_pressure * ratio.pressure_ratio
-    sound_speed = math.sqrt(gamma * gas_constant * temperature)
-    stream = FreeStream(
-        mach=float(mach),
-        density=pressure / (gas_constant * temperature),
-        pressure=pressure,
-        temperature=temperature,
-        velocity=mach * sound_speed,
-        sound_speed=sound_speed,
-        stagnation_pressure=float(stagnation_pressure),
-        stagnation_temperature=float(stagnation_temperature),
-        gamma=float(gamma),
-        gas_constant=float(gas_constant),
-    )
+    isentropic_density = pressure / (gas_constant * temperature)
+    static = (isentropic_density, pressure, temperature)
+    stream = _stream(mach, static, (stagnation_pressure, stagnation_temperature), gamma, gas_constant)
     return stream if density is None else stream.at_density(density)
 
 
@@ -182,16 +174,29 @@ def free_stream(
     check_positive(gas_constant, "gas_constant")
     ratio = isentropic(mach, gamma=gamma)
     pressure = density * gas_constant * temperature
+    stagnation = (pressure / ratio.pressure_ratio, temperature / ratio.temperature_ratio)
+    return _stream(mach, (density, pressure, temperature), stagnation, gamma, gas_constant)
+
+
+def _stream(
+    mach: float,
+    static: tuple[float, float, float],
+    stagnation: tuple[float, float],
+    gamma: float,
+    gas_constant: float,
+) -> FreeStream:
+    """Return a stream of a static density, pressure and temperature, and a stagnation pressure and temperature."""
+    density, pressure, temperature = map(float, static)
     sound_speed = math.sqrt(gamma * gas_constant * temperature)
     return FreeStream(
         mach=float(mach),
-        density=float(density),
+        density=density,
         pressure=pressure,
-        temperature=float(temperature),
+        temperature=temperature,
         velocity=mach * sound_speed,
         sound_speed=sound_speed,
-        stagnation_pressure=pressure / ratio.pressure_ratio,
-        stagnation_temperature=temperature / ratio.temperature_ratio,
+        stagnation_pressure=float(stagnation[0]),
+        stagnation_temperature=float(stagnation[1]),
         gamma=float(gamma),
         gas_constant=float(gas_constant),
     )
@@ -214,7 +219,8 @@ def check_density(density: float, name: str) -> float:
     value = check_positive(density, name)
     if value > GREATEST_DENSITY:
         raise ValueError(
-            f"{name} of {value:g} kg/m3 is no gas's (up to {GREATEST_DENSITY:g}): give kg/m3, 1.225 for 1225 g/m3"
+            f"{name} of {value:g} kg/m3 is too great for a gas (at most {GREATEST_DENSITY:g}): give kg/m3, 1.225 for "
+            "1225 g/m3"
         )
     return value
 
@@ -231,7 +237,7 @@ def no_gas(density: np.ndarray, passed: np.ndarray | None = None) -> tuple[str, 
     for fault, bad in (
         ("not finite", ~np.isfinite(density)),
         ("not positive", density <= 0.0),
-        (f"no gas's, above {GREATEST_DENSITY:g} kg/m3", density > GREATEST_DENSITY),
+        (f"too great for a gas, above {GREATEST_DENSITY:g} kg/m3", density > GREATEST_DENSITY),
     ):
         bad = bad if passed is None else bad & ~passed
         if bad.any():

@@ -145,7 +145,7 @@ def refractivity_model(
     if relation == "ciddor":
         return _ciddor(composition)
     if relation == "paper" and composition is not None:
-        raise ValueError("relation 'paper' is air's: with a composition take 'gladstone-dale' or 'ciddor'")
+        raise ValueError("relation 'paper' is for air: with a composition take 'gladstone-dale' or 'ciddor'")
     form = "gladstone-dale" if relation == "paper" else relation
     if constant is not None:
         index_contrast(0.0, 0.0, constant, form)  # raises ValueError for a bad constant
@@ -175,7 +175,7 @@ def _ciddor(composition) -> RefractivityModel:
     fractions = {} if composition is None else composition
     if not isinstance(fractions, Mapping) or not set(fractions) <= {WATER, "CO2"}:
         raise ValueError(
-            f"relation 'ciddor' is air's: its composition gives the mole fractions of 'H2O' and 'CO2' alone, got "
+            f"relation 'ciddor' is for air: its composition gives only the mole fractions of 'H2O' and 'CO2', got "
             f"{composition!r}; other gases go with relation 'gladstone-dale'"
         )
     water, co2 = float(fractions.get(WATER, 0.0)), float(fractions.get("CO2", ciddor.STANDARD_CO2))

@@ -99,6 +99,6 @@ def _check(gladstone_dale: float | np.ndarray, relation: str) -> None:
         raise ValueError(f"the Gladstone-Dale constant must be positive and finite, got {gladstone_dale!r} m3/kg")
     if np.min(gladstone_dale) < LEAST_CONSTANT or np.max(gladstone_dale) > GREATEST_CONSTANT:
         raise ValueError(
-            f"a Gladstone-Dale constant of {np.max(gladstone_dale):g} m3/kg is no gas's ({LEAST_CONSTANT:g} to "
-            f"{GREATEST_CONSTANT:g} m3/kg): air has 2.25e-4 m3/kg, which is 0.225 cm3/g"
+            f"a Gladstone-Dale constant of {np.max(gladstone_dale):g} m3/kg is outside the range of gases "
+            f"({LEAST_CONSTANT:g} to {GREATEST_CONSTANT:g} m3/kg): air has 2.25e-4 m3/kg, which is 0.225 cm3/g"
         )

@@ -18,7 +18,7 @@ import numpy as np
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive
 from .gas import GAMMA_AIR, GAS_CONSTANT_AIR, check_gamma
-from .shocks import _bisect
+from .shocks import bisect
 
 
 @checked
@@ -158,7 +158,7 @@ def riemann(left: GasState, right: GasState, *, gamma: float = GAMMA_AIR) -> Rie
         low -= 2.0
     while balance(high) < 0.0:
         high += 2.0
-    pressure = math.exp(_bisect(balance, low, high))
+    pressure = math.exp(bisect(balance, low, high))
     # The contact's speed is computed from the side with the smaller change, which loses fewer digits.
     changes = _change(pressure, left, gamma), _change(pressure, right, gamma)
     if abs(changes[0]) < abs(changes[1]):

@@ -55,12 +55,7 @@ class VertexDensity(MeshDensity):
         """Check the densities."""
         self._check_mesh()
         density = _checked(self.density, "at vertices")
-        shapes, _ = self.mesh.array_shapes
-        if density.shape not in shapes:
-            raise ValueError(
-                f"density has shape {density.shape}, the mesh {len(self.mesh.vertices)} vertices: "
-                f"give one density for each vertex, shape {' or '.join(map(str, shapes))}"
-            )
+        self._check_shape(density, self.mesh.array_shapes[0], f"{len(self.mesh.vertices)} vertices")
         object.__setattr__(self, "density", density.reshape(-1))
 
     @checked

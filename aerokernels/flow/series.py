@@ -11,11 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from ..derived import Derived
 from ..device_arrays import device_array, host_array
 from ..display.shown import shown
 from ..inputs.arguments import seconds
 from ..inputs.checks import check_choice, check_positive
 from ..medium import Body, QuadMesh, SolidBody
+from ..medium.grid import checked_axes
 from ..medium.mesh import GEOMETRIES
 from .density_field import CellDensity, DensityField
 from .gas import FreeStream, check_density
@@ -25,7 +27,7 @@ MARKED = 1 << 20  # samples in the hash that distinguishes one series from anoth
 
 
 @dataclass(frozen=True, eq=False)
-class GridMesh:
+class GridMesh(Derived):
     """The uniform grid on which the samples of a series are given, in the optical frame.
 
     Attributes:
@@ -36,7 +38,8 @@ class GridMesh:
         cell_averages: The samples are averages over cells centred on the nodes, not values at the nodes.
 
     Raises:
-        ValueError: An unknown geometry, entries that do not match its axes, a spacing that is not positive.
+        ValueError: An unknown geometry, entries that do not match its axes, a spacing that is not positive, or fewer
+            than two nodes along an axis.
     """
 
     geometry: str
@@ -48,18 +51,12 @@ class GridMesh:
     def __post_init__(self) -> None:
         """Check."""
         check_choice(self.geometry, "geometry", GEOMETRIES)
-        dimension = 3 if self.geometry == "volume" else 2
-        if len(self.shape) != dimension:
-            raise ValueError(f"a {self.geometry} series has arrays of {dimension} axes, got shape {tuple(self.shape)}")
-        for name in ("origin", "spacing"):
-            value = np.array(getattr(self, name), dtype=np.float64).reshape(-1)
-            if value.shape != (dimension,) or not np.isfinite(value).all():
-                raise ValueError(f"{name} needs {dimension} finite entries, one per array axis, got {value!r}")
-            value.setflags(write=False)
+        dimension, shape = 3 if self.geometry == "volume" else 2, tuple(int(count) for count in self.shape)
+        if len(shape) != dimension:
+            raise ValueError(f"a {self.geometry} series has arrays of {dimension} axes, got shape {shape}")
+        origin, spacing = checked_axes(shape, self.origin, self.spacing)
+        for name, value in (("origin", origin), ("spacing", spacing), ("shape", shape)):
             object.__setattr__(self, name, value)
-        if not (self.spacing > 0.0).all():
-            raise ValueError(f"spacing must be positive along every axis, got {self.spacing!r}")
-        object.__setattr__(self, "shape", tuple(int(count) for count in self.shape))
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
@@ -141,14 +138,11 @@ class Series:
             IndexError: No such snapshot.
             ValueError: A shape other than the mesh's.
         """
-        number = self._number(index)
-        found = self.get(number)
-        if isinstance(found, DensityField):
-            density = getattr(found, "density", None)
-            if density is None:
-                raise ValueError(f"snapshot {number} is a {type(found).__name__}, which has no samples")
-            return np.asarray(density)
-        return self._checked(found, number)
+        found = self.read(index)
+        density = getattr(found, "density", None) if isinstance(found, DensityField) else found
+        if density is None:
+            raise ValueError(f"snapshot {index} is a {type(found).__name__}, which has no samples")
+        return np.asarray(density)
 
     def read(self, index: int, on_device: bool = False) -> Any:
         """Return a snapshot as its source gives it: an array of densities on the series' mesh, or a DensityField.
@@ -159,8 +153,14 @@ class Series:
         found = self.get(number)
         if isinstance(found, DensityField):
             return found
-        kept = device_array(found, pinned=True) if on_device else None
-        return self._checked(found, number) if kept is None else self._of_shape(kept, number)
+        array = device_array(found, pinned=True) if on_device else None
+        if array is None:
+            array = host_array(found)
+        if isinstance(self.mesh, GridMesh) and tuple(array.shape) != self.mesh.shape:
+            raise ValueError(
+                f"snapshot {number} has shape {array.shape}, the first one {self.mesh.shape}: one mesh, one shape"
+            )
+        return array
 
     def mark(self) -> str:
         """Return a hash of the first snapshot's samples, which distinguishes series of other contents.
@@ -177,22 +177,8 @@ class Series:
 
     def lies_here(self, flow: DensityField) -> bool:
         """Return whether a field has its samples on the series' mesh, and a body exactly if the series has one."""
-        if (flow.body is None) != (self.body is None):
-            return False
-        other = mesh_of(flow)
-        if isinstance(self.mesh, GridMesh) and isinstance(other, GridMesh):
-            same = (self.mesh.geometry, self.mesh.shape, self.mesh.cell_averages)
-            if same != (other.geometry, other.shape, other.cell_averages):
-                return False
-            return np.array_equal(self.mesh.origin, other.origin) and np.array_equal(self.mesh.spacing, other.spacing)
-        if isinstance(self.mesh, QuadMesh) and isinstance(other, QuadMesh):
-            alike = self.mesh.geometry == other.geometry and self.mesh.shape == other.shape
-            return self.mesh is other or (
-                alike
-                and np.array_equal(self.mesh.vertices, other.vertices)
-                and np.array_equal(self.mesh.cells, other.cells)
-            )
-        return False
+        alike = self.mesh is not None and self.mesh.equals(mesh_of(flow))
+        return alike and (flow.body is None) == (self.body is None)
 
     def _number(self, index: int) -> int:
         if isinstance(index, bool) or not isinstance(index, (int, np.integer)):
@@ -201,17 +187,6 @@ class Series:
         if not 0 <= number < len(self):
             raise IndexError(f"snapshot {index} of a series of {len(self)}")
         return number
-
-    def _checked(self, found: Any, number: int) -> np.ndarray:
-        return self._of_shape(host_array(found), number)
-
-    def _of_shape(self, array: Any, number: int) -> Any:
-        expected = self.mesh.shape if isinstance(self.mesh, GridMesh) else None
-        if expected is not None and tuple(array.shape) != expected:
-            raise ValueError(
-                f"snapshot {number} has shape {array.shape}, the first one {expected}: one mesh, one shape"
-            )
-        return array
 
     def field(self, density: Any, number: int) -> DensityField:
         """Return the density field of a snapshot that `read` returned."""
@@ -257,7 +232,7 @@ class InOrder:
     def first(self) -> Any:
         """Return the first item, which can still be read afterwards."""
         if self._next:
-            raise ValueError(f"{self._what} 0 has gone by")
+            raise ValueError(f"{self._what} 0 was read before")
         if not self._ahead:
             self._ahead = [self._take(0)]
         return self._ahead[0]
@@ -270,8 +245,8 @@ class InOrder:
         """
         if number < self._next:
             raise ValueError(
-                f"{self._what} {number} has gone by: an iterator gives its snapshots once, in order; give a list, or "
-                "start it anew"
+                f"{self._what} {number} was read before or skipped: an iterator gives each once, in order; give a "
+                "list, or start it anew"
             )
         while True:
             item = self._ahead.pop() if self._ahead else self._take(self._next)

@@ -10,13 +10,14 @@ import numpy as np
 from ..files.netcdf_reading import open_netcdf
 from ..inputs.arguments import seconds
 from ..inputs.written_units import unit_of
+from ..medium.labelled_grid import GEOMETRIES
 from ..process.room import check_file, check_room
 from .reading.array_units import ambient_attribute, stated_unit
 from .reading.density import DENSITY_NAMES, plain_name
 from .series import GridMesh, Series
 
 TIME_NAMES = ("time", "t", "Time")
-_AXES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
+
 # Fraction of a spacing by which nodes may deviate from an even grid: coordinates may be rounded to single precision.
 UNEVEN = 1e-3
 
@@ -75,7 +76,7 @@ def series_of_dataset(
     clock = next((one for one in TIME_NAMES if one in array.dims), None)
     if clock is None:
         raise ValueError(f"{name}: {array.name} has axes {', '.join(map(str, array.dims))} and no time")
-    axes = next((one for one in _AXES if sorted((clock, *one)) == sorted(map(str, array.dims))), None)
+    axes = next((one for one in GEOMETRIES if sorted((clock, *one)) == sorted(map(str, array.dims))), None)
     if axes is None:
         raise ValueError(
             f"{name}: {array.name} has axes {', '.join(map(str, array.dims))}: rename them to time and "
@@ -87,7 +88,7 @@ def series_of_dataset(
     array = array.transpose(clock, *axes)
     ends = [_even(name, axis, array) for axis in axes]
     where = GridMesh(
-        _AXES[axes],
+        GEOMETRIES[axes],
         np.array([first for first, _ in ends]),
         np.array([step for _, step in ends]),
         array.shape[1:],

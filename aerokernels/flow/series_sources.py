@@ -141,11 +141,11 @@ def _matching(pattern: Path) -> list[Path]:
     found = list(root.glob(str(Path(*parts[first:]))))
     if not found:
         raise ValueError(f"{pattern}: no file matches; check the folder and the pattern")
-    return sorted(found, key=lambda path: [int(text) if text.isdecimal() else text for text in _pieces(path.name)])
 
+    def numbers(path: Path) -> list[int | str]:
+        return [int(text) if text.isdecimal() else text for text in re.split(r"(\d+)", path.name)]
 
-def _pieces(name: str) -> list[str]:
-    return re.split(r"(\d+)", name)
+    return sorted(found, key=numbers)
 
 
 def _of_files(

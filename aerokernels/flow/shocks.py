@@ -71,7 +71,7 @@ def normal_shock(mach: float, *, gamma: float = GAMMA_AIR) -> Shock:
         >>> round(normal_shock(2.0).density_ratio, 4)
         2.6667
     """
-    _check_supersonic(mach, gamma)
+    check_supersonic(mach, gamma)
     return _behind(mach, 0.5 * math.pi, 0.0, gamma)
 
 
@@ -95,7 +95,7 @@ def oblique_shock(mach: float, deflection: float, *, strong: bool = False, gamma
         >>> round(math.degrees(shock.shock_angle), 2), round(shock.density_ratio, 3)
         (32.24, 2.032)
     """
-    _check_supersonic(mach, gamma)
+    check_supersonic(mach, gamma)
     if not (math.isfinite(deflection) and deflection >= 0.0):
         raise ValueError(f"deflection must be zero or positive, got {deflection!r}: a negative turn expands the flow")
     summit = _angle_of_maximum_deflection(mach, gamma)
@@ -107,14 +107,14 @@ def oblique_shock(mach: float, deflection: float, *, strong: bool = False, gamma
         )
     flat = 0.5 * math.pi if strong else math.asin(1.0 / mach)
     # The deflection rises from zero at the Mach angle to the summit and falls to zero at the normal shock.
-    angle = flat if deflection == 0.0 else _bisect(lambda b: _deflection(mach, b, gamma) - deflection, flat, summit)
+    angle = flat if deflection == 0.0 else bisect(lambda b: _deflection(mach, b, gamma) - deflection, flat, summit)
     return _behind(mach, angle, deflection, gamma)
 
 
 @checked
 def maximum_deflection(mach: float, *, gamma: float = GAMMA_AIR) -> float:
     """Return the greatest deflection [rad] at which the shock of a wedge is attached."""
-    _check_supersonic(mach, gamma)
+    check_supersonic(mach, gamma)
     return _deflection(mach, _angle_of_maximum_deflection(mach, gamma), gamma)
 
 
@@ -130,15 +130,20 @@ def prandtl_meyer(mach: float, *, gamma: float = GAMMA_AIR) -> PrandtlMeyer:
         >>> round(math.degrees(prandtl_meyer(2.0).angle), 2)
         26.38
     """
-    _check_supersonic(mach, gamma)
+    check_supersonic(mach, gamma)
     root = math.sqrt(mach**2 - 1.0)
     stretch = math.sqrt((gamma + 1.0) / (gamma - 1.0))
     return PrandtlMeyer(float(mach), stretch * math.atan(root / stretch) - math.atan(root), math.asin(1.0 / mach))
 
 
+def density_jump(normal_mach_square, gamma: float):
+    """Return rho2 / rho1 across a shock from the square of the Mach number normal to it, a number or an array."""
+    return (gamma + 1.0) * normal_mach_square / ((gamma - 1.0) * normal_mach_square + 2.0)
+
+
 def _behind(mach: float, angle: float, deflection: float, gamma: float) -> Shock:
     square = max((mach * math.sin(angle)) ** 2, 1.0)
-    density = (gamma + 1.0) * square / ((gamma - 1.0) * square + 2.0)
+    density = density_jump(square, gamma)
     pressure = 1.0 + 2.0 * gamma / (gamma + 1.0) * (square - 1.0)
     temperature = pressure / density
     # The velocity along the shock is unchanged, the normal one is divided by the density ratio; sound speed^2 ~ T.
@@ -168,7 +173,7 @@ def _angle_of_maximum_deflection(mach: float, gamma: float) -> float:
     return math.asin(math.sqrt(min(sine_square, 1.0)))
 
 
-def _bisect(function, low: float, high: float) -> float:
+def bisect(function, low: float, high: float) -> float:
     """Return the root of a function, negative at `low` and not negative at `high`, to the last bit."""
     while True:
         middle = 0.5 * (low + high)
@@ -180,7 +185,8 @@ def _bisect(function, low: float, high: float) -> float:
             high = middle
 
 
-def _check_supersonic(mach: float, gamma: float) -> None:
+def check_supersonic(mach: float, gamma: float) -> None:
+    """Raise ValueError for a Mach number below 1, or a ratio of specific heats that is not above 1."""
     if not (math.isfinite(mach) and mach >= 1.0):
         raise ValueError(f"mach must be 1 or more for a shock or an expansion, got {mach!r}")
     check_gamma(gamma)

@@ -276,7 +276,7 @@ def molar_mass(name: str) -> float:
         ValueError: An unknown species; the message lists the known ones.
     """
     if name not in SPECIES_NAMES:
-        raise ValueError(f"species {name!r} is not known: choose of {', '.join(SPECIES_NAMES)}")
+        raise ValueError(f"species {name!r} is not known: choose one of {', '.join(SPECIES_NAMES)}")
     return ciddor.WATER_MOLAR_MASS if name == WATER else SPECIES[name].molar_mass
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from ..inputs.arguments import checked
 from .conical_profile import ConeShock, ConicalProfile, temperature_excess
 from .gas import GAMMA_AIR, stagnation_ratio
-from .shocks import _check_supersonic, maximum_deflection, oblique_shock
+from .shocks import check_supersonic, density_jump, maximum_deflection, oblique_shock
 
 # Below this half angle the shock's strength is less than 1e-24 and the flow is the free stream to double precision.
 LEAST_HALF_ANGLE = 1e-6
@@ -52,7 +52,7 @@ def cone_shock(mach: float, half_angle: float, *, gamma: float = GAMMA_AIR) -> C
         >>> round(math.degrees(cone_shock(3.0, math.radians(15.0)).shock_angle), 2)
         25.26
     """
-    _check_supersonic(mach, gamma)
+    check_supersonic(mach, gamma)
     if not (math.isfinite(half_angle) and half_angle >= LEAST_HALF_ANGLE):
         raise ValueError(f"half_angle must be at least {LEAST_HALF_ANGLE:g} rad, got {half_angle!r}: give radians")
     strength = _strength(float(mach), float(half_angle), float(gamma))
@@ -62,7 +62,7 @@ def cone_shock(mach: float, half_angle: float, *, gamma: float = GAMMA_AIR) -> C
 @checked
 def maximum_cone_angle(mach: float, *, gamma: float = GAMMA_AIR) -> float:
     """Return the greatest half angle [rad] of a cone at which the shock is attached."""
-    _check_supersonic(mach, gamma)
+    check_supersonic(mach, gamma)
     return _summit(float(mach), float(gamma))[1]
 
 
@@ -189,7 +189,7 @@ def _assemble(mach: float, half_angle: float, gamma: float, strength: float) -> 
     for array in (depth, radial, polar, polar_slope):
         array.setflags(write=False)
 
-    density = (gamma + 1.0) * (1.0 + strength) / ((gamma - 1.0) * (1.0 + strength) + 2.0)
+    density = density_jump(1.0 + strength, gamma)
     pressure = 1.0 + 2.0 * gamma / (gamma + 1.0) * strength
     stagnation = stagnation_ratio(density, pressure, gamma)
     state = {

@@ -48,8 +48,8 @@ class Vortex:
         greatest = math.sqrt(2.0 / ((self.gamma - 1.0) * math.e))
         if self.mach >= greatest:
             raise ValueError(
-                f"mach {self.mach:g} empties the vortex: it must be below {greatest:.6g}, where the gas in the middle "
-                f"reaches vacuum (gamma {self.gamma:g})"
+                f"mach {self.mach:g} is too great for a vortex: it must be below {greatest:.6g}, where the gas in the "
+                f"middle reaches vacuum (gamma {self.gamma:g})"
             )
 
     @checked

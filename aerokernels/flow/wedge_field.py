@@ -12,14 +12,13 @@ import numpy as np
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive
 from ..medium import Body
-from .exact_averages import direction_averages
-from .exact_field import MARGIN, ExactField, edges, rectangles, square_step
+from .exact_field import MARGIN, DirectionFlow, ExactField, edges, square_step
 from .gas import GAMMA_AIR, GAS_CONSTANT_AIR, SEA_LEVEL_DENSITY, SEA_LEVEL_TEMPERATURE, free_stream
 from .shocks import Shock, normal_shock, oblique_shock
 
 
 @dataclass(frozen=True)
-class PlaneShock:
+class PlaneShock(DirectionFlow):
     """One plane shock through the origin, or the two shocks of a wedge, mirrored at y = 0.
 
     Attributes:
@@ -29,10 +28,6 @@ class PlaneShock:
 
     shock: Shock
     mirrored: bool
-
-    def density_ratio_at(self, y, z) -> np.ndarray:
-        """Density over that of the free stream at (y, z) [m]."""
-        return self.ratio_of_angle(np.arctan2(y, -np.asarray(z)))
 
     def ratio_of_angle(self, angle) -> np.ndarray:
         """Density over that of the free stream in a direction from the origin, an angle from -z towards +y [rad]."""
@@ -98,8 +93,7 @@ def wedge(
         raise ValueError(f"height {reach:g} m cuts the flow: the shock reaches {least:g} m at the base of the wedge")
     base = length * math.tan(half_angle)
     words = f"a wedge of half angle {math.degrees(half_angle):.6g} deg at Mach {mach:g}"
-    return _field(
-        PlaneShock(shock, mirrored=True),
+    return PlaneShock(shock, mirrored=True).field(
         edges(-reach, reach, step),
         edges(-length, MARGIN * step, step),
         free_stream(mach, density, temperature, gamma=gamma, gas_constant=gas_constant),
@@ -150,17 +144,10 @@ def plane_shock(
         words = f"{'strong' if strong else 'weak'} oblique shock with a turn of {math.degrees(deflection):.6g} deg"
     step = square_step(length, spacing)
     tall = length if height is None else check_positive(height, "height")
-    return _field(
-        PlaneShock(shock, mirrored=False),
+    return PlaneShock(shock, mirrored=False).field(
         edges(-0.5 * tall, 0.5 * tall, step),
         edges(-0.5 * length, 0.5 * length, step),
         free_stream(mach, density, temperature, gamma=gamma, gas_constant=gas_constant),
         None,
         f"exact {words} at Mach {mach:g}",
     )
-
-
-def _field(solution: PlaneShock, y, z, stream, body, words: str) -> ExactField:
-    mesh = rectangles(y, z)
-    ratio = direction_averages(solution.ratio_of_angle, solution.breaks, y, z)
-    return ExactField(mesh, stream.density * ratio, stream.density, body, stream, words, solution)

@@ -16,7 +16,7 @@ from ..derived import Derived
 from ..display.shown import shown
 from ..inputs.arguments import checked
 from .crossings import crossings
-from .grid import check_finite
+from .grid import as_points, check_finite
 from .wall_tree import WallTree, wall_tree
 from .walls import bounding_walls
 
@@ -118,12 +118,15 @@ class Body(Derived):
             position: A point on each line in x, y, z [m], shape (line_count, 3) or (3,); crossings behind it have
                 negative distances.
             direction: Unit vectors, shape (line_count, 3) or (3,).
+
+        Raises:
+            ValueError: Directions that are not unit vectors, or other shapes.
         """
         return crossings(*self.surface, self.geometry, position, direction)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         """Return whether each point (n, 2) is inside the body, by the crossing number along the first axis."""
-        points = np.asarray(points, dtype=np.float64)
+        points = as_points(points, 2)
         # Sorted by the second coordinate, the points that an edge straddles are contiguous.
         order = np.argsort(points[:, 1], kind="stable")
         first, second = points[order].T
@@ -145,7 +148,8 @@ class Body(Derived):
         Points are processed in square tiles. A segment farther from a tile's middle than the nearest segment by more
         than the tile's diameter is nearest to none of the tile's points, and is skipped.
         """
-        points = np.asarray(points, dtype=np.float64)
+        points = as_points(points, 2)
+        check_finite(points, "the points")
         foot = np.empty_like(points)
         if len(points) == 0:
             return foot

@@ -25,6 +25,21 @@ PARALLEL = 1e-24
 BLOCK = 1_000_000  # speed only
 
 
+def as_lines(position, direction) -> tuple[np.ndarray, np.ndarray]:
+    """Return a point on each line [m] and its unit vector as float64 arrays, shape (line_count, 3) each.
+
+    Raises:
+        ValueError: Other shapes, or directions whose length is not 1 within 1e-9.
+    """
+    position = np.atleast_2d(np.asarray(position, dtype=np.float64))
+    direction = np.atleast_2d(np.asarray(direction, dtype=np.float64))
+    shapes_fit = position.shape[1:] == direction.shape[1:] == (3,)
+    if not shapes_fit or (np.abs(np.linalg.norm(direction, axis=1) - 1.0) > 1e-9).any():
+        raise ValueError("lines need points and unit vectors of shape (n, 3)")
+    position, direction = np.broadcast_arrays(position, direction)
+    return position, direction
+
+
 def crossings(start: np.ndarray, end: np.ndarray, geometry: str, position, direction) -> np.ndarray:
     """Return distances along lines [m] at which they cross segments, ascending, shape (line_count, greatest number).
 
@@ -36,10 +51,11 @@ def crossings(start: np.ndarray, end: np.ndarray, geometry: str, position, direc
         geometry: "planar": corners are (y, z); "axisymmetric": (r, z).
         position: A point on each line [m], shape (line_count, 3).
         direction: Unit vectors, shape (line_count, 3).
+
+    Raises:
+        ValueError: Directions that are not unit vectors, or other shapes.
     """
-    position = np.atleast_2d(np.asarray(position, dtype=np.float64))
-    direction = np.atleast_2d(np.asarray(direction, dtype=np.float64))
-    position, direction = np.broadcast_arrays(position, direction)
+    position, direction = as_lines(position, direction)
     function = _planar if geometry == "planar" else _axisymmetric
     block = max(1, BLOCK // max(1, len(start)))  # speed only
     parts = []

@@ -24,7 +24,7 @@ class EdgeLines:
         mean: Matrix that gives the means over the edges from values at the vertices, sparse, shape (n, vertices).
         middle: The vertex in the middle of each edge, shape (n,).
         cells: The cells on either side of each edge, shape (n, 2).
-        wanted: Target mean over each edge, shape (n,).
+        target: Target mean over each edge, shape (n,).
         length: Length of each edge [m], shape (n,).
         line: Number of the line of edges to which each edge belongs, shape (n,).
     """
@@ -32,7 +32,7 @@ class EdgeLines:
     mean: Any
     middle: np.ndarray
     cells: np.ndarray
-    wanted: np.ndarray
+    target: np.ndarray
     length: np.ndarray
     line: np.ndarray
 
@@ -50,7 +50,7 @@ def edge_lines(finer: QuadMesh, average: np.ndarray) -> EdgeLines | None:
     if whole is None or whole.shape is None or min(whole.shape) < 3:
         return None
     ni, nj = whole.shape
-    wanted = edge_means(whole, average)
+    target = edge_means(whole, average)
     a, b = edges_of_four(whole)
     found = []
     for axis, step in ((0, 1), (1, nj)):  # lines of one row of vertices, and of one column
@@ -60,7 +60,7 @@ def edge_lines(finer: QuadMesh, average: np.ndarray) -> EdgeLines | None:
         inner = (line > 0) & (line < (ni, nj)[axis] - 1)
         order = np.flatnonzero(inner)[np.lexsort((along[inner], line[inner]))]
         cells = np.stack([first, first + (nj - 1, 1)[axis]], axis=1)
-        found.append((edge[order], cells[order], wanted[axis][i[order], j[order]], line[order] + axis * ni))
+        found.append((edge[order], cells[order], target[axis][i[order], j[order]], line[order] + axis * ni))
     edge, cells, mean, line = (np.concatenate(parts) for parts in zip(*found, strict=True))
     middle = len(whole.vertices) + edge
     ends = np.stack([a[edge], middle, b[edge]], axis=1)

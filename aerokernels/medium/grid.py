@@ -44,6 +44,18 @@ def check_finite(array: np.ndarray, what: str) -> None:
         )
 
 
+def as_points(points, dimension: int) -> np.ndarray:
+    """Return points as a float64 array, shape (n, dimension).
+
+    Raises:
+        ValueError: Another shape.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != dimension:
+        raise ValueError(f"points need shape (n, {dimension}), got {points.shape}")
+    return points
+
+
 def check_box(low: np.ndarray, high: np.ndarray) -> None:
     """Reject a box [m] whose size no flow has, mostly because its lengths are in another unit.
 
@@ -54,8 +66,8 @@ def check_box(low: np.ndarray, high: np.ndarray) -> None:
     if extent.max() > LARGEST_BOX or extent.min() < SMALLEST_BOX:
         sides = " by ".join(f"{side:.3g}" for side in extent)
         raise ValueError(
-            f"the field's box is {sides} m, which is no flow's (sides of {SMALLEST_BOX:g} to {LARGEST_BOX:g} m): give "
-            "lengths in metres"
+            f"the field's box is {sides} m, outside the range of flows (sides of {SMALLEST_BOX:g} to "
+            f"{LARGEST_BOX:g} m): give lengths in metres"
         )
 
 

@@ -19,7 +19,7 @@ Beside a captured shock no vertex value leaves the range of the averages of its 
 of these cells and their neighbours by at most a quarter of that range. Initial values are always allowed, except
 densities below a tenth of those around a vertex. With these bounds not every average can be kept: a cell of 1.1 between
 cells of 1 and 2 would need a value of 0.7 in its middle. The deficit of such a cell is transferred to its neighbours,
-so that the sums along rows and columns of cells are kept (row_sums.py); `what_is_lacking` returns the deficit of each
+so that the sums along rows and columns of cells are kept (row_sums.py); `cell_deficits` returns the deficit of each
 cell.
 
 Cells that are not cut ("bilinear") are swept twice where the flow is smooth; after one sweep the deficit is of fourth
@@ -28,22 +28,22 @@ order.
 
 import numpy as np
 
-from .cell_shares import CellShares, cell_shares
 from .edge_lines import edge_lines
 from .mesh import QuadMesh
 from .opposite_sides import joined_across
 from .refined import cut_in_four, has_seam
 from .row_sums import keep_row_sums
 from .vertex_values import linear_values_and_smooth, of_parents, values_and_smooth, vertex_gradients
+from .vertex_weights import VertexWeights, vertex_weights
 
 PASSES = 2  # sweeps over cells that are not cut
 SWEEPS, FIRST_SWEEPS = 200, 40  # most sweeps near cells with a deficit, and over all cells
-LOOK = 10  # sweeps between two checks whether the deficits still change
-ENOUGH = 1e-8  # change of a deficit, over the range of the averages, at which the sweeps end
+CHECK_INTERVAL = 10  # sweeps between two checks whether the deficits still change
+SETTLED = 1e-8  # change of a deficit, over the range of the averages, at which the sweeps end
 RINGS = 4  # rings of cells around those with a deficit over which the sweeps continue
-BEYOND = 0.25  # how far a vertex may leave the range of the averages around it in smooth flow, over that range
-NEAR = 1e-8  # points of a wall nearer than this to a vertex, over the mesh's size, are taken to be at the vertex
-LEAST_SHARE = 0.1  # least value of a vertex over the least average around it, both measured from vacuum
+OVERSHOOT = 0.25  # how far a vertex may leave the range of the averages around it in smooth flow, over that range
+AT_VERTEX = 1e-8  # points of a wall nearer than this to a vertex, over the mesh's size, are taken to be at the vertex
+LEAST_FRACTION = 0.1  # least value of a vertex over the least average around it, both measured from vacuum
 
 
 def conserving_values(mesh: QuadMesh, average: np.ndarray, vacuum: float = -np.inf) -> np.ndarray:
@@ -61,12 +61,12 @@ def conserving_values(mesh: QuadMesh, average: np.ndarray, vacuum: float = -np.i
     share = np.bincount(vertex, weights.ravel(), len(mesh.vertices))
     share = np.where(share > 0.0, share, 1.0)
     for _ in range(PASSES):
-        lacks = np.where(smooth, what_is_lacking(mesh, average, values), 0.0)
-        values = values + np.bincount(vertex, (weights * lacks[:, None]).ravel(), len(mesh.vertices)) / share
+        deficit = np.where(smooth, cell_deficits(mesh, average, values), 0.0)
+        values = values + np.bincount(vertex, (weights * deficit[:, None]).ravel(), len(mesh.vertices)) / share
     return np.asarray(values)
 
 
-def what_is_lacking(mesh: QuadMesh, average: np.ndarray, values: np.ndarray) -> np.ndarray:
+def cell_deficits(mesh: QuadMesh, average: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return each cell's deficit: the flow's cell average minus the mean of the interpolant over that cell.
 
     A cell that is a part of a flow's cell has the deficit of the flow's cell.
@@ -77,8 +77,8 @@ def what_is_lacking(mesh: QuadMesh, average: np.ndarray, values: np.ndarray) -> 
         values: Values at the vertices, shape (vertex_count,).
     """
     weights = mesh.corner_weights
-    lacks = average - (weights * values[mesh.cells]).sum(axis=1) / weights.sum(axis=1)
-    return lacks if mesh.parents is None else of_parents(mesh, lacks)[mesh.parents]
+    deficit = average - (weights * values[mesh.cells]).sum(axis=1) / weights.sum(axis=1)
+    return deficit if mesh.parents is None else of_parents(mesh, deficit)[mesh.parents]
 
 
 def cut_and_kept(
@@ -110,8 +110,8 @@ def cut_and_kept(
         mesh, values = cut_in_four(mesh, values, gradient)
         average = average[mesh.parents]
         average.setflags(write=False)
-    held = None if walls is None else _held(mesh, *walls)
-    return mesh, keep_averages(mesh, values, average, smooth, vacuum, held), average
+    fixed = None if walls is None else _vertices_at(mesh, *walls)
+    return mesh, keep_averages(mesh, values, average, smooth, vacuum, fixed), average
 
 
 def keep_averages(
@@ -120,7 +120,7 @@ def keep_averages(
     average: np.ndarray,
     smooth: np.ndarray,
     vacuum: float = -np.inf,
-    held: tuple[np.ndarray, np.ndarray] | None = None,
+    fixed: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> np.ndarray:
     """Return values near the given ones that keep the averages.
 
@@ -130,87 +130,89 @@ def keep_averages(
         average: Averages, shape (cell_count,).
         smooth: Which of the flow's cells neither contain a captured shock nor touch a cell that does.
         vacuum: The value in vacuum.
-        held: Vertices whose values are fixed, and these values.
+        fixed: Vertices whose values are fixed, and these values.
     """
-    own, cells = of_parents(mesh, average), cell_shares(mesh)
-    low, high = _bounds(cells.share, cells.turned, own, smooth, values, vacuum)
-    if held is not None:
-        low[held[0]] = high[held[0]] = held[1]
+    target, weights = of_parents(mesh, average), vertex_weights(mesh)
+    low, high = _bounds(weights.matrix, weights.transposed, target, smooth, values, vacuum)
+    if fixed is not None:
+        low[fixed[0]] = high[fixed[0]] = fixed[1]
     found = np.clip(values, low, high)
-    enough = ENOUGH * float(np.ptp(own))
-    _sweep(cells, np.arange(len(own)), own, found, low, high, enough, FIRST_SWEEPS)
-    near = (np.abs(cells.lacks(own, found)) > enough).astype(float)
+    settled = SETTLED * float(np.ptp(target))
+    _sweep(weights, np.arange(len(target)), target, found, low, high, settled, FIRST_SWEEPS)
+    near = (np.abs(weights.deficit(target, found)) > settled).astype(float)
     if near.any():
         for _ in range(RINGS):
-            near = ((cells.share @ (cells.turned @ near)) > 0.0).astype(float)
-        _sweep(cells, np.flatnonzero(near), own, found, low, high, enough, SWEEPS)
-    alone = np.flatnonzero(cells.alone)
-    theirs = cells.share[:, alone]
-    room = np.asarray(theirs.sum(axis=1))
-    lacks = cells.lacks(own, found) * cells.size / np.where(room > 0.0, room, 1.0)
-    cell = cells.turned.indices[cells.turned.indptr[alone]]
-    found[alone] = np.clip(found[alone] + lacks[cell], low[alone], high[alone])
+            near = ((weights.matrix @ (weights.transposed @ near)) > 0.0).astype(float)
+        _sweep(weights, np.flatnonzero(near), target, found, low, high, settled, SWEEPS)
+    single = np.flatnonzero(weights.single)
+    inner = weights.matrix[:, single]
+    room = np.asarray(inner.sum(axis=1))
+    deficit = weights.deficit(target, found) * weights.cell_total / np.where(room > 0.0, room, 1.0)
+    cell = weights.transposed.indices[weights.transposed.indptr[single]]
+    found[single] = np.clip(found[single] + deficit[cell], low[single], high[single])
     joined = None if mesh.whole is None else joined_across(mesh.whole)
-    return keep_row_sums(cells, own, found, low, high, joined, edge_lines(mesh, own))
+    return keep_row_sums(weights, target, found, low, high, joined, edge_lines(mesh, target))
 
 
-def _sweep(cells: CellShares, some, own, found, low, high, enough: float, sweeps: int) -> None:
+def _sweep(weights: VertexWeights, some, target, found, low, high, settled: float, sweeps: int) -> None:
     """Sweep over some of the flow's cells and the vertices that belong to no other cells, in place.
 
-    Ends when no deficit has changed by more than `enough` in LOOK sweeps: it is then negligible, or as small as the
-    bounds permit.
+    Ends when no deficit has changed by more than `settled` in CHECK_INTERVAL sweeps: all deficits are then
+    negligible, or as small as the bounds permit.
     """
-    share, size, own = cells.share[some], cells.size[some], own[some]
-    if len(some) < len(cells.size):
+    share, size, target = weights.matrix[some], weights.cell_total[some], target[some]
+    if len(some) < len(weights.cell_total):
         count = np.bincount(share.indices, minlength=len(found))
-        vertex = np.flatnonzero((count > 0) & (count == np.diff(cells.turned.indptr)))
+        vertex = np.flatnonzero((count > 0) & (count == np.diff(weights.transposed.indptr)))
     else:
         vertex = np.arange(len(found))
     inner = share.tocsc()[:, vertex].tocsr()
-    turned = inner.T.tocsr()
+    transposed = inner.T.tocsr()
     values, low, high = found[vertex], low[vertex], high[vertex]
-    wanted = own * size - share @ found + inner @ values
-    whole = cells.whole[vertex]
-    rate = np.where(whole > 0.0, 1.0 / np.where(whole > 0.0, whole, 1.0), 0.0)
-    before, ahead, restart = np.full(len(own), np.inf), values, 0
+    wanted = target * size - share @ found + inner @ values
+    total = weights.vertex_total[vertex]
+    rate = np.where(total > 0.0, 1.0 / np.where(total > 0.0, total, 1.0), 0.0)
+    before, ahead, restart = np.full(len(target), np.inf), values, 0
     for sweep in range(sweeps):
-        lacks = (wanted - inner @ ahead) / size
-        if sweep % LOOK == 0:
-            if np.abs(lacks - before).max() <= enough:
+        deficit = (wanted - inner @ ahead) / size
+        if sweep % CHECK_INTERVAL == 0:
+            if np.abs(deficit - before).max() <= settled:
                 break
-            before = lacks
-        moved = np.clip(ahead + rate * (turned @ lacks), low, high)
+            before = deficit
+        moved = np.clip(ahead + rate * (transposed @ deficit), low, high)
         step = moved - values
-        if np.sum((ahead - moved) * whole * step) > 0.0:  # not by BLAS, whose threads cost more time than they save
+        if np.sum((ahead - moved) * total * step) > 0.0:  # not by BLAS, whose threads cost more time than they save
             restart = sweep
         ahead = moved + (sweep - restart) / (sweep - restart + 3.0) * step
         values = moved
     found[vertex] = values
 
 
-def _held(mesh: QuadMesh, points: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _vertices_at(mesh: QuadMesh, points: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices at some points, and the mean of the values at each."""
     from scipy.spatial import KDTree
 
     size = float(np.ptp(mesh.vertices, axis=0).max())
     distance, vertex = KDTree(mesh.vertices).query(points)
-    near = distance < NEAR * size
+    near = distance < AT_VERTEX * size
     count = np.bincount(vertex[near], minlength=len(mesh.vertices))
     some = np.flatnonzero(count)
     return some, np.bincount(vertex[near], values[near], len(mesh.vertices))[some] / count[some]
 
 
-def _bounds(share, turned, own, smooth, values, vacuum: float) -> tuple[np.ndarray, np.ndarray]:
+def _bounds(share, transposed, target, smooth, values, vacuum: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the least and greatest value allowed at each vertex, initial values included except near vacuum."""
-    low, high = _extremes(turned, own, own, values)
-    wide = _extremes(turned, *_extremes(share, low, high, own), values)
-    alone = np.diff(turned.indptr) == 1  # one cell's average gives no range, so that of its neighbours is used
-    low, high = np.where(alone, wide[0], low), np.where(alone, wide[1], high)
-    touched = (turned @ (~smooth).astype(float)) > 0.0
-    more = BEYOND * (wide[1] - wide[0])
+    low, high = _extremes(transposed, target, target, values)
+    wide = _extremes(transposed, *_extremes(share, low, high, target), values)
+    single = np.diff(transposed.indptr) == 1  # one cell's average gives no range, so that of its neighbours is used
+    low, high = np.where(single, wide[0], low), np.where(single, wide[1], high)
+    touched = (transposed @ (~smooth).astype(float)) > 0.0
+    more = OVERSHOOT * (wide[1] - wide[0])
     least, greatest = np.where(touched, low, wide[0] - more), np.where(touched, high, wide[1] + more)
-    floor = np.where(low > vacuum, vacuum + LEAST_SHARE * (low - vacuum), -np.inf) if np.isfinite(vacuum) else -np.inf
-    return np.maximum(np.minimum(least, values), floor), np.maximum(greatest, values)
+    least = np.minimum(least, values)
+    if np.isfinite(vacuum):
+        least = np.maximum(least, np.where(low > vacuum, vacuum + LEAST_FRACTION * (low - vacuum), -np.inf))
+    return least, np.maximum(greatest, values)
 
 
 def _extremes(rows, low, high, empty) -> tuple[np.ndarray, np.ndarray]:

@@ -4,8 +4,10 @@ Cells are found by uniform bins: each bin lists the cells whose bounding box tou
 point are tested against their four edges.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -150,16 +152,19 @@ class QuadMesh(Derived):
         node, weight = np.polynomial.legendre.leggauss(3)
         total = np.zeros(len(self.cells))
         moment = np.zeros((len(self.cells), 2))
-        for a, wa in zip(node, weight, strict=True):
-            for b, wb in zip(node, weight, strict=True):
-                xi, eta = 0.5 * (a + 1), 0.5 * (b + 1)
-                point, jacobian = bilinear_point(self.corners, xi, eta)
-                share = 0.25 * wa * wb * np.abs(jacobian)
-                if self.geometry == "axisymmetric":
-                    share = share * point[:, 0]
-                total += share
-                moment += share[:, None] * point
+        for _, _, point, measure in self._gauss_points(0.5 * (node + 1.0), 0.5 * weight):
+            total += measure
+            moment += measure[:, None] * point
         return moment / total[:, None]
+
+    def _gauss_points(self, nodes, weights) -> Iterator[tuple[float, float, np.ndarray, np.ndarray]]:
+        """Yield xi, eta, the point in each cell and its weight in an integral over the cell [m2, or m3 per radian]."""
+        for (xi, first), (eta, second) in product(zip(nodes, weights, strict=True), repeat=2):
+            point, jacobian = bilinear_point(self.corners, xi, eta)
+            measure = first * second * np.abs(jacobian)
+            if self.geometry == "axisymmetric":
+                measure = measure * point[:, 0]
+            yield xi, eta, point, measure
 
     @cached_property
     def corner_weights(self) -> np.ndarray:
@@ -169,13 +174,8 @@ class QuadMesh(Derived):
         in m3 per radian). Exact by 2 x 2 Gauss points.
         """
         weights = np.zeros((len(self.cells), 4))
-        for a in GAUSS_2:
-            for b in GAUSS_2:
-                point, jacobian = bilinear_point(self.corners, a, b)
-                share = 0.25 * np.abs(jacobian)
-                if self.geometry == "axisymmetric":
-                    share = share * point[:, 0]
-                weights += share[:, None] * np.array([(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b])
+        for a, b, _, measure in self._gauss_points(GAUSS_2, (0.5, 0.5)):
+            weights += measure[:, None] * np.array([(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b])
         return weights
 
     @cached_property

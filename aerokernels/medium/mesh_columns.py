@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from .crossings import crossings
+from .crossings import as_lines, crossings
 from .mesh import QuadMesh
 
 LINES = 64  # lines that are cut together; speed only
@@ -27,12 +27,12 @@ def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=N
             lines.
 
     Raises:
-        ValueError: Directions that are not unit vectors, or lines along x of a planar mesh, which never leave it.
+        ValueError: Points that are not finite, directions that are not unit vectors, or lines along x of a planar mesh,
+            which never leave it.
     """
-    position, direction = np.broadcast_arrays(np.atleast_2d(np.asarray(position, dtype=np.float64)),
-                                              np.atleast_2d(np.asarray(direction, dtype=np.float64)))  # fmt: skip
-    if position.shape[1:] != (3,) or np.abs(np.linalg.norm(direction, axis=1) - 1.0).max(initial=0.0) > 1e-9:
-        raise ValueError("lines need points and unit vectors of shape (n, 3)")
+    position, direction = as_lines(position, direction)
+    if not np.isfinite(position).all():
+        raise ValueError("the points of lines must be finite")
     if mesh.geometry == "planar" and (np.hypot(direction[:, 1], direction[:, 2]) == 0.0).any():
         raise ValueError("lines along x never leave a planar mesh")
     ends = None if ends is None else np.asarray(ends, dtype=np.float64)

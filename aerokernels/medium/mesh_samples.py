@@ -20,7 +20,7 @@ import numpy as np
 from ..derived import Derived
 from ..display.shown import shown
 from .grid import eq5_step
-from .kept_averages import what_is_lacking
+from .kept_averages import cell_deficits
 from .mesh import Places, QuadMesh
 from .rows_of_cells import AveragesLacking, averages_lacking
 from .vertex_values import of_parents, values_and_smooth, vertex_gradients
@@ -89,13 +89,13 @@ class MeshSamples(Derived):
         """`lacking` with its mesh: for cells cut in four the mesh before the cut, which has a quarter of the cells."""
         if self.averages is None or self.interpolation != "bilinear":
             return None
-        lacks = what_is_lacking(self.mesh, self.averages, self.values)
+        lacks = cell_deficits(self.mesh, self.averages, self.values)
         if self.mesh.parents is None:
             return self.mesh, lacks
         if self.mesh.whole is not None and self.mesh.whole.parents is None:
             return self.mesh.whole, of_parents(self.mesh, lacks)
         start, smooth = values_and_smooth(self.mesh, self.averages)
-        unsure = lacks + 0.5 * what_is_lacking(self.mesh, self.averages, start)
+        unsure = lacks + 0.5 * cell_deficits(self.mesh, self.averages, start)
         return self.mesh, np.asarray(lacks + np.where(smooth[self.mesh.parents], 0.0, unsure))
 
     @cached_property

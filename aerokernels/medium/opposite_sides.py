@@ -49,7 +49,7 @@ def row_numbers(joined: tuple[np.ndarray, np.ndarray], count: int, some: np.ndar
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
-def ways_across(mesh: QuadMesh) -> np.ndarray:
+def widths_across(mesh: QuadMesh) -> np.ndarray:
     """Return distances across each cell [m], between midpoints of sides 0 and 2, then of 1 and 3: shape (2 count,)."""
     middle = 0.5 * (mesh.corners + np.roll(mesh.corners, -1, axis=1))
     return np.concatenate([np.linalg.norm(middle[:, k + 2] - middle[:, k], axis=1) for k in (0, 1)])

@@ -8,6 +8,7 @@ stores the original field, and the budget of a trace sends rays of the trace thr
 """
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -58,8 +59,8 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
         tolerance: greatest allowed change of the optical path along lines parallel to z, in waves. The spacing is
             halved until the measured change is within it.
         wavelength: Wavelength for `tolerance` [m]; None takes the field's own, or 905 nm where it has none.
-        region: Lowest and highest corner along the field's axes [m], of which the part in the field's box is resampled;
-            None takes the whole box.
+        region: Lowest and highest corner along the field's axes [m]; the whole box if None. Beyond the box the field is
+            ambient: where it is not ambient at a face, the jump there is smoothed over a cell of the grid.
         interpolation: Interpolant of the result.
 
     Returns:
@@ -126,9 +127,8 @@ def _region(field, region):
         raise ValueError(f"the region of an axisymmetric field starts at r = 0, got {first[0]!r}")
     finite = np.isfinite(first).all() and np.isfinite(last).all()
     if not (finite and (last > first).all() and (first < high).all() and (last > low).all()):
-        raise ValueError(f"region {region!r} does not lie in the field's box {low.tolist()} to {high.tolist()}")
-    # Nodes outside the box would be ambient, and an interpolant would smooth the jump at its faces.
-    return np.maximum(first, low), np.minimum(last, high)
+        raise ValueError(f"region {region!r} does not overlap the field's box {low.tolist()} to {high.tolist()}")
+    return first, last
 
 
 def _resample_once(field, low, high, step, interpolation):
@@ -136,16 +136,16 @@ def _resample_once(field, low, high, step, interpolation):
     # The region is divided evenly: nodes beyond it would sample ambient air, which is a jump at the face.
     step = (high - low) / (count - 1)
     step = step + 2.0 * np.maximum(high - (low + step * (count - 1)), 0.0) / (count - 1)
-    geometry = _geometry(field, low, high, step, count)
-    contrast = _continued(field, geometry).reshape(count)
+    points = _points(field, low, high, step, count)
+    contrast = _extrapolated(field, points).reshape(count)
     even = field.geometry == "axisymmetric"
     grid = UniformGrid(contrast, low, step, interpolation, even, field.ambient_index)
     result = replace(field, samples=grid, resampling=None)
-    return replace(result, resampling=_measure(field, result, geometry))
+    return replace(result, resampling=_measure(field, result, points))
 
 
 @dataclass(frozen=True, eq=False)
-class _Asked:
+class _PointSet:
     """Points at which a field is evaluated.
 
     Attributes:
@@ -167,14 +167,17 @@ class _Asked:
         return result
 
     def evaluate(self, field, with_gradient: bool = True) -> tuple[np.ndarray, np.ndarray]:
-        """Return the contrast and its gradient [1/m] at the points `rows`."""
-        known = () if field.is_uniform else (self.places, with_gradient)
-        found: tuple[np.ndarray, np.ndarray] = field.samples.evaluate(self.points, *known)
-        return found
+        """Return the contrast and its gradient [1/m] at the points `rows`; zero outside the field's box."""
+        if not field.is_uniform:
+            return field.samples.evaluate(self.points, self.places, with_gradient)
+        value, gradient = field.samples.evaluate(self.points)
+        outside = ~np.all((self.points >= field.samples.low) & (self.points <= field.samples.high), axis=1)
+        value[outside], gradient[outside] = 0.0, 0.0
+        return value, gradient
 
 
 @dataclass(frozen=True, eq=False)
-class _Geometry:
+class _ResamplingPoints:
     """The points at which resampling evaluates a field; they do not depend on the field's values.
 
     Attributes:
@@ -189,43 +192,40 @@ class _Geometry:
         length: Length of the line that each point represents [m].
     """
 
-    nodes: _Asked
+    nodes: _PointSet
     inside: np.ndarray
-    skin: _Asked
-    ahead: _Asked
+    skin: _PointSet
+    ahead: _PointSet
     fade: np.ndarray
-    probe: _Asked
-    lines: _Asked
+    probe: _PointSet
+    lines: _PointSet
     line_points: int
     length: float
 
 
-def _geometry(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, count: np.ndarray) -> _Geometry:
+def _points(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, count: np.ndarray) -> _ResamplingPoints:
     """Return the points for a grid; the last result is cached on a mesh for fields of other values on it."""
-
-    def make() -> _Geometry:
-        return _make_geometry(field, low, high, step, count)
-
+    make = partial(_make_points, field, low, high, step, count)
     if field.is_uniform or np.prod(count) > KEPT_NODES:
         return make()
     key = ("resampling", low.tobytes(), high.tobytes(), step.tobytes(), tuple(count), field.body)
-    found: _Geometry = field.samples.mesh.derive(key, make, most=1)
+    found: _ResamplingPoints = field.samples.mesh.derive(key, make, most=1)
     return found
 
 
-def _make_geometry(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, count: np.ndarray) -> _Geometry:
+def _make_points(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, count: np.ndarray) -> _ResamplingPoints:
     dimension, box = len(low), (field.samples.low, field.samples.high)
 
-    def asked(points: np.ndarray, kept: np.ndarray) -> _Asked:
+    def point_set(points: np.ndarray, kept: np.ndarray) -> _PointSet:
         rows = np.flatnonzero(kept)
         places = None if field.is_uniform else field.samples.mesh.places(points[rows])
-        return _Asked(len(points), rows, points[rows], places)
+        return _PointSet(len(points), rows, points[rows], places)
 
-    def within(points: np.ndarray) -> _Asked:
-        return asked(points, np.all((points >= box[0]) & (points <= box[1]), axis=1))
+    def within(points: np.ndarray) -> _PointSet:
+        return point_set(points, np.all((points >= box[0]) & (points <= box[1]), axis=1))
 
-    def flowing(points: np.ndarray) -> _Asked:
-        return asked(points, np.ones(len(points), bool) if field.body is None else ~field.body.contains(points))
+    def flowing(points: np.ndarray) -> _PointSet:
+        return point_set(points, np.ones(len(points), bool) if field.body is None else ~field.body.contains(points))
 
     axes = [np.minimum(low[k] + step[k] * np.arange(count[k]), high[k]) for k in range(dimension)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
@@ -238,69 +238,57 @@ def _make_geometry(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, c
     reach = float(step.min())
     mirrored = np.minimum(depth, 2.0 * reach)
 
-    first = np.maximum(box[0], low)
-    extent = np.minimum(box[1], low + step * (count - 1)) - first
+    grid_high = low + step * (count - 1)
+    extent = np.where(high > box[1], grid_high, np.minimum(box[1], grid_high)) - low
     line_points = min(8192, max(256, int(4 * np.max(extent[-1] / step[-1]))))
-    across = first[:-1] + extent[:-1] * sobol_points(LINE_COUNT, dimension - 1, seed=2)
-    along = first[-1] + extent[-1] * (np.arange(line_points) + 0.5) / line_points
+    across = low[:-1] + extent[:-1] * sobol_points(LINE_COUNT, dimension - 1, seed=2)
+    along = low[-1] + extent[-1] * (np.arange(line_points) + 0.5) / line_points
     lines = np.concatenate([np.repeat(across, line_points, axis=0), np.tile(along, LINE_COUNT)[:, None]], axis=1)
-    return _Geometry(
+    return _ResamplingPoints(
         within(nodes),
         inside,
         within(foot + 1e-3 * reach * normal),
         within(foot + (mirrored + 1e-3 * reach)[:, None] * normal),
         np.exp(-np.maximum(depth - reach, 0.0) / reach),
-        flowing(first + extent * sobol_points(PROBE_COUNT, dimension, seed=1)),
+        flowing(low + extent * sobol_points(PROBE_COUNT, dimension, seed=1)),
         flowing(lines),
         line_points,
         extent[-1] / line_points,
     )
 
 
-def _continued(field, geometry: _Geometry) -> np.ndarray:
-    """Return the contrast at the nodes, continued into the body."""
-    value = geometry.nodes.contrast(field)
-    if len(geometry.inside):
-        skin, ahead = geometry.skin.contrast(field), geometry.ahead.contrast(field)
-        value[geometry.inside] = skin + (skin - ahead) * geometry.fade
+def _extrapolated(field, points: _ResamplingPoints) -> np.ndarray:
+    """Return the contrast at the nodes, extrapolated into the body."""
+    value = points.nodes.contrast(field)
+    if len(points.inside):
+        skin, ahead = points.skin.contrast(field), points.ahead.contrast(field)
+        value[points.inside] = skin + (skin - ahead) * points.fade
     return value
 
 
-def _measure(source, result, geometry: _Geometry) -> ResamplingError:
+def _measure(source, result, points: _ResamplingPoints) -> ResamplingError:
     """Compare both fields at scattered points, and along lines parallel to the last axis (z)."""
-    change = _difference(source, result, geometry.probe).value
-    found, shape = _difference(source, result, geometry.lines), (LINE_COUNT, geometry.line_points)
-    opd = geometry.length * found.value.reshape(shape).sum(axis=1)
-    deflection = geometry.length * found.slope.reshape(shape).sum(axis=1)
+    change, _ = _difference(source, result, points.probe)
+    along_lines, slope = _difference(source, result, points.lines)
+    shape = LINE_COUNT, points.line_points
+    opd = points.length * along_lines.reshape(shape).sum(axis=1)
+    deflection = points.length * slope.reshape(shape).sum(axis=1)
     return ResamplingError(
         source=source,
         spacing=tuple(float(s) for s in result.samples.spacing),
         contrast_rms=float(np.sqrt(np.mean(change**2))),
-        contrast_max=float(max(np.abs(change).max(), np.abs(found.value).max())),
+        contrast_max=float(max(np.abs(change).max(), np.abs(along_lines).max())),
         opd_rms=float(np.sqrt(np.mean(opd**2))),
         opd_max=float(np.abs(opd).max()),
         direction_rms=float(np.sqrt(np.mean(deflection**2))),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Difference:
-    """Differences of two fields at some points; inside the body, where there is no flow, they are zero.
-
-    Attributes:
-        value: Change of the contrast, shape (n,).
-        slope: Change of its slope across the lines [1/m], shape (n,).
-    """
-
-    value: np.ndarray
-    slope: np.ndarray
-
-
-def _difference(source, result, asked: _Asked) -> _Difference:
-    """Compare two fields at points of the flow."""
-    found = _Difference(*np.zeros((2, asked.count)))
-    before, slope_before = asked.evaluate(source)
-    after, slope_after = asked.evaluate(result)
-    found.value[asked.rows] = after - before
-    found.slope[asked.rows] = (slope_after - slope_before)[:, 0]
-    return found
+def _difference(source, result, points: _PointSet) -> tuple[np.ndarray, np.ndarray]:
+    """Return the changes of the contrast and of its slope across the lines [1/m], shape (n,) each; zero in the body."""
+    value, slope = np.zeros((2, points.count))
+    before, slope_before = points.evaluate(source)
+    after, slope_after = points.evaluate(result)
+    value[points.rows] = after - before
+    slope[points.rows] = (slope_after - slope_before)[:, 0]
+    return value, slope

@@ -33,8 +33,8 @@ def node_counts(field, low: np.ndarray, high: np.ndarray, step: np.ndarray) -> n
     if coarse.any():
         most = extent[coarse].min() / LEAST_CELLS
         raise ValueError(
-            f"spacing {_text(step)} m leaves fewer than {LEAST_CELLS} cells along a side of the region of {size}, on "
-            f"which nothing of the flow is left: give at most {most:.3g} m, better a hundredth of the region, in metres"
+            f"spacing {_text(step)} m leaves fewer than {LEAST_CELLS} cells along a side of the region of {size}, "
+            f"which cannot resolve a flow: give at most {most:.3g} m, better a hundredth of the region, in metres"
         )
     with np.errstate(over="ignore"):
         nodes = float(np.prod(np.maximum(cells, 1.0) + 1.0))

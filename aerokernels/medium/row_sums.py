@@ -19,22 +19,22 @@ the bounds forbid to remove remains and is reported by `MeshSamples.lacking`.
 import numpy as np
 
 from .bounded import least_change
-from .cell_shares import CellShares
 from .edge_lines import EdgeLines
 from .opposite_sides import row_numbers
+from .vertex_weights import VertexWeights
 
 REACH = 8  # steps from cell to cell over which a deficit may be distributed
-LACKING = 1e-6  # deficits below this fraction of the range of the averages are neglected
+NEGLIGIBLE = 1e-6  # deficits below this fraction of the range of the averages are neglected
 MOST_CELLS = 30_000  # larger connected regions are left unchanged, to limit the time
 # The constants e of bounded.py for a cell's average, the sum along a line of edges, and a row's sum: the greater, the
 # more readily the equation is violated.
-GIVE_CELL, GIVE_LINE, GIVE_ROW = 1e-2, 3e-4, 1e-10
+CELL_COMPLIANCE, LINE_COMPLIANCE, ROW_COMPLIANCE = 1e-2, 3e-4, 1e-10
 ALONG = 0.5  # fraction of a row's cells with a deficit above which the row counts as running along the shock
 HAT = 1.5  # half width of a hat function, in cells
 
 
 def keep_row_sums(
-    cells: CellShares,
+    weights: VertexWeights,
     average: np.ndarray,
     values: np.ndarray,
     low: np.ndarray,
@@ -45,7 +45,7 @@ def keep_row_sums(
     """Return values at the vertices, shape (vertex_count,), within their bounds, that keep the sums along rows.
 
     Args:
-        cells: Weights of the vertices in the flow's cells.
+        weights: Weights of the vertices in the flow's cells.
         average: Averages over the flow's cells, shape (flow's cells,).
         values: Initial values, within the bounds, shape (vertex_count,).
         low: Least values allowed, shape (vertex_count,).
@@ -56,63 +56,63 @@ def keep_row_sums(
     from scipy.sparse.csgraph import connected_components
 
     scale = float(np.ptp(average))
-    lacks = cells.lacks(average, values)
-    lacking = np.abs(lacks) > LACKING * scale
-    if scale == 0.0 or not lacking.any():
+    deficit = weights.deficit(average, values)
+    short = np.abs(deficit) > NEGLIGIBLE * scale
+    if scale == 0.0 or not short.any():
         return values
-    near = lacking.astype(np.int32)
+    near = short.astype(np.int32)
     for _ in range(REACH):
-        near = ((cells.across @ near) > 0).astype(np.int32)
+        near = ((weights.adjacent @ near) > 0).astype(np.int32)
     region = np.flatnonzero(near)
-    count, part = connected_components(cells.across[region][:, region], directed=False)
+    count, part = connected_components(weights.adjacent[region][:, region], directed=False)
     order = np.argsort(part, kind="stable")
     found = values.copy()
     # A vertex may change if all its cells are in the region; they are then in one connected part of it.
-    inside = np.diff(cells.turned.indptr) == np.asarray((cells.turned.astype(bool) @ near.astype(float)), dtype=int)
-    for some in np.split(region[order], np.cumsum(np.bincount(part, minlength=count))[:-1]):
-        if len(some) > MOST_CELLS:
-            continue
-        sums = _hats(some, cells) if joined is None else _stretches(some, joined, len(average))
-        _place(cells, some, sums, lines, lacking, lacks / scale, found, inside, low, high, scale)
+    cells_in_region = np.asarray(weights.transposed.astype(bool) @ near.astype(float), dtype=int)
+    inside = np.diff(weights.transposed.indptr) == cells_in_region
+    for cells in np.split(region[order], np.cumsum(np.bincount(part, minlength=count))[:-1]):
+        if len(cells) <= MOST_CELLS:
+            sums = _hats(cells, weights) if joined is None else _row_parts(cells, joined, len(average))
+            _balance(weights, cells, sums, lines, short, deficit / scale, found, inside, low, high, scale)
     return found
 
 
-def _place(cells, some, sums, lines, lacking, lacks, found, inside, low, high, scale: float) -> None:
+def _balance(weights, cells, sums, lines, short, deficit, found, inside, low, high, scale: float) -> None:
     """Change the values `found` in one connected part of the region, in place."""
     from scipy.sparse import csr_array, diags_array, vstack
 
-    rows, of, weight = sums
-    weight = weight * cells.area[some][of]
-    total = np.bincount(rows, weight)
-    crossed = np.bincount(rows, weight * lacking[some][of]) <= ALONG * total
-    share = cells.share[some]
-    vertex = np.unique(share.indices)
+    row, column, entry = sums
+    area = weights.area[cells]
+    entry = entry * area[column]
+    total = np.bincount(row, entry)
+    constrained = np.bincount(row, entry * short[cells][column]) <= ALONG * total
+    matrix = weights.matrix[cells]
+    vertex = np.unique(matrix.indices)
     vertex = vertex[inside[vertex]]
-    mean = diags_array(1.0 / cells.size[some]) @ share.tocsc()[:, vertex].tocsr()
-    number = np.cumsum(crossed) - 1
-    kept = crossed[rows]
-    over = csr_array(
-        (weight[kept] / total[rows[kept]], (number[rows[kept]], of[kept])), shape=(int(crossed.sum()), len(some))
+    mean = diags_array(1.0 / weights.cell_total[cells]) @ matrix.tocsc()[:, vertex].tocsr()
+    number = np.cumsum(constrained) - 1
+    kept = constrained[row]
+    row_mean = csr_array(
+        (entry[kept] / total[row[kept]], (number[row[kept]], column[kept])), shape=(int(constrained.sum()), len(cells))
     )
-    area = cells.area[some]
-    asked, equations = [lacks[some], over @ lacks[some]], [mean, over @ mean]
+    equations, targets = [mean, row_mean @ mean], [deficit[cells], row_mean @ deficit[cells]]
+    compliances = [CELL_COMPLIANCE * np.median(area) / area, np.full(row_mean.shape[0], ROW_COMPLIANCE)]
     if lines is not None:
         edge = np.flatnonzero(np.isin(lines.middle, vertex))
-        along = _along_lines(lines, edge, lacking)
-        own = lines.mean[edge]
-        asked.append(along @ ((lines.wanted[edge] - own @ found) / scale))
-        equations.append(along @ own.tocsc()[:, vertex].tocsr())
-    gives = [GIVE_CELL * np.median(area) / area, np.full(over.shape[0], GIVE_ROW)]
-    gives += [np.full(len(own), GIVE_LINE) for own in asked[2:]]
-    give = np.concatenate(gives)
+        line_mean = _line_means(lines, edge, short)
+        edge_mean = lines.mean[edge]
+        equations.append(line_mean @ edge_mean.tocsc()[:, vertex].tocsr())
+        targets.append(line_mean @ ((lines.target[edge] - edge_mean @ found) / scale))
+        compliances.append(np.full(line_mean.shape[0], LINE_COMPLIANCE))
+    compliance = np.concatenate(compliances)
     least = np.minimum((low[vertex] - found[vertex]) / scale, 0.0)
     most = np.maximum((high[vertex] - found[vertex]) / scale, 0.0)
-    hard = give == GIVE_ROW
-    change = least_change(vstack(equations).tocsr(), give, np.concatenate(asked), least, most, hard)
+    hard = compliance == ROW_COMPLIANCE
+    change = least_change(vstack(equations).tocsr(), compliance, np.concatenate(targets), least, most, hard)
     found[vertex] = np.clip(found[vertex] + scale * change, low[vertex], high[vertex])
 
 
-def _along_lines(lines: EdgeLines, edge: np.ndarray, lacking: np.ndarray):
+def _line_means(lines: EdgeLines, edge: np.ndarray, short: np.ndarray):
     """Return a matrix of means along contiguous edges, sparse, shape (stretches, edges), none of them along a shock."""
     from scipy.sparse import csr_array
 
@@ -120,30 +120,28 @@ def _along_lines(lines: EdgeLines, edge: np.ndarray, lacking: np.ndarray):
     new[1:] = (np.diff(edge) != 1) | (np.diff(lines.line[edge]) != 0)
     stretch, length = np.cumsum(new) - 1, lines.length[edge]
     total = np.bincount(stretch, length)
-    crossed = np.bincount(stretch, length * lacking[lines.cells[edge]].any(axis=1)) <= ALONG * total
-    kept = crossed[stretch]
-    number = (np.cumsum(crossed) - 1)[stretch[kept]]
+    constrained = np.bincount(stretch, length * short[lines.cells[edge]].any(axis=1)) <= ALONG * total
+    kept = constrained[stretch]
+    number = (np.cumsum(constrained) - 1)[stretch[kept]]
     weight = length[kept] / total[stretch[kept]]
-    return csr_array((weight, (number, np.flatnonzero(kept))), shape=(int(crossed.sum()), len(edge)))
+    return csr_array((weight, (number, np.flatnonzero(kept))), shape=(int(constrained.sum()), len(edge)))
 
 
-def _stretches(some: np.ndarray, joined, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _row_parts(cells: np.ndarray, joined, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the contiguous parts of rows in a set of cells: number of the part, index in the set, and weight."""
-    rows = row_numbers(joined, count, some)
-    return rows, np.tile(np.arange(len(some)), 2), np.ones(len(rows))
+    rows = row_numbers(joined, count, cells)
+    return rows, np.tile(np.arange(len(cells)), 2), np.ones(len(rows))
 
 
-def _hats(some: np.ndarray, cells: CellShares) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _hats(cells: np.ndarray, weights: VertexWeights) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the same for cells without rows: each has weights in two hat functions along either axis."""
-    step = HAT * float(np.sqrt(np.median(cells.area[some])))
-    rows, of, weight, count = [], [], [], 0
-    for place in cells.center[some].T:
-        at = (place - place.min()) / step
-        left = np.floor(at).astype(int)
-        for hat, share in ((left, 1.0 - (at - left)), (left + 1, at - left)):
-            rows.append(count + hat)
-            of.append(np.arange(len(some)))
-            weight.append(share)
+    step = HAT * float(np.sqrt(np.median(weights.area[cells])))
+    hats, entries, count = [], [], 0
+    for coordinate in weights.center[cells].T:
+        position = (coordinate - coordinate.min()) / step
+        left = np.floor(position).astype(int)
+        hats += [count + left, count + left + 1]
+        entries += [1.0 - (position - left), position - left]
         count += int(left.max()) + 2
-    _, number = np.unique(np.concatenate(rows), return_inverse=True)
-    return number, np.concatenate(of), np.concatenate(weight)
+    _, number = np.unique(np.concatenate(hats), return_inverse=True)
+    return number, np.tile(np.arange(len(cells)), 4), np.concatenate(entries)

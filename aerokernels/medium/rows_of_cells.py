@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..display.shown import shown
-from .kept_averages import what_is_lacking
+from .kept_averages import cell_deficits
 from .mesh import QuadMesh
-from .opposite_sides import joined_across, row_numbers, ways_across
+from .opposite_sides import joined_across, row_numbers, widths_across
 from .vertex_values import of_parents
 
 KEPT = 1e-6  # deficit over the range of the averages below which rows count as kept
@@ -68,7 +68,7 @@ def averages_lacking(mesh: QuadMesh, average: np.ndarray, values: np.ndarray) ->
         average: Average [1] over the flow's cell that each cell is or is a part of, shape (cell_count,).
         values: Values at the vertices, shape (vertex_count,).
     """
-    lacks = of_parents(mesh, what_is_lacking(mesh, average, values))
+    lacks = of_parents(mesh, cell_deficits(mesh, average, values))
     area = mesh.cell_area if mesh.parents is None else np.bincount(mesh.parents, mesh.cell_area)
     span = float(np.ptp(average))
     scale = span or 1.0  # equal averages have no range, and no deficit
@@ -83,6 +83,6 @@ def averages_lacking(mesh: QuadMesh, average: np.ndarray, values: np.ndarray) ->
     row, cell = row_numbers(joined_across(flow_mesh), count), np.tile(np.arange(count), 2)
     size = np.bincount(row, area[cell])
     mean = np.abs(np.bincount(row, (area * lacks)[cell])) / size
-    path = mean * np.bincount(row, ways_across(flow_mesh))
+    path = mean * np.bincount(row, widths_across(flow_mesh))
     rms = float(np.sqrt(np.sum(size * mean**2) / size.sum())) / scale
     return AveragesLacking(float(mean.max()) / scale, rms, float(path.max()), cells_max, cells_rms)

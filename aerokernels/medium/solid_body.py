@@ -11,7 +11,7 @@ import numpy as np
 
 from ..derived import Derived
 from .body import Body
-from .grid import check_finite
+from .grid import as_points, check_finite
 from .section import outlines
 from .triangle_crossings import triangle_crossings
 from .wall_tree import WallTree, wall_tree
@@ -24,6 +24,9 @@ NEAREST = 12  # triangles with the nearest centroids, among which the search for
 @dataclass(frozen=True, eq=False)
 class SolidBody(Derived):
     """A solid body in a volume field, bounded by triangles.
+
+    A point is inside where an odd number of triangles lies on one side of it: where two closed parts overlap it counts
+    as outside, and a closed part within another is a cavity.
 
     Attributes:
         vertices: Points of the surface [m], shape (vertex_count, 3).
@@ -114,7 +117,7 @@ class SolidBody(Derived):
 
     def contains(self, points) -> np.ndarray:
         """Return whether each point (n, 3) is inside the body."""
-        points = np.asarray(points, dtype=np.float64)
+        points = as_points(points, 3)
         low, high = self.box
         inside = np.all((points >= low) & (points <= high), axis=1)
         rows = np.flatnonzero(inside)
@@ -128,7 +131,8 @@ class SolidBody(Derived):
         The nearest of the dozen triangles with the nearest centroids limits the boxes of the tree that may contain a
         nearer one.
         """
-        points = np.asarray(points, dtype=np.float64)
+        points = as_points(points, 3)
+        check_finite(points, "the points")
         if not len(points):
             return np.empty((0, 3))
         count = min(NEAREST, len(self.triangles))
@@ -195,7 +199,7 @@ def _outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     if (there[1:] == there[:-1]).any():
         edge = int(there[:-1][there[1:] == there[:-1]][0])
         raise ValueError(
-            f"triangles of the body do not go round the same way, or overlap: two have the edge from vertex "
+            f"triangles of the body differ in orientation, or overlap: two have the edge from vertex "
             f"{edge // count} to {edge % count} at {vertices[edge // count].tolist()} m"
         )
     open_edges = np.setdiff1d(there, back, assume_unique=True)

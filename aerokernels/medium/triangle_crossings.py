@@ -14,6 +14,7 @@ line. So no line passes between two triangles, and the number of crossings of a 
 
 import numpy as np
 
+from .crossings import as_lines
 from .wall_tree import WallTree
 
 LINES = 4096  # lines that descend the tree together; speed only
@@ -38,10 +39,11 @@ def triangle_crossings(tree: WallTree, position, direction) -> np.ndarray:
         tree: The triangles in their tree of boxes.
         position: A point on each line [m], shape (line_count, 3).
         direction: Unit vectors, shape (line_count, 3).
+
+    Raises:
+        ValueError: Directions that are not unit vectors, or other shapes.
     """
-    position = np.atleast_2d(np.asarray(position, dtype=np.float64))
-    direction = np.atleast_2d(np.asarray(direction, dtype=np.float64))
-    position, direction = np.broadcast_arrays(position, direction)
+    position, direction = as_lines(position, direction)
     lines, distances = [], []
     for first in range(0, len(position), LINES):
         part = slice(first, first + LINES)

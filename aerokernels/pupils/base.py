@@ -115,9 +115,6 @@ class Pupil(ABC):
         """Return the points of `sample` along both axes in units of `reach`, shape (n, 2), and their weights."""
         count = check_count(count)
         check_choice(sampling, "sampling", SAMPLINGS)
-        return self._flat_sample(count, sampling, seed)
-
-    def _flat_sample(self, count: int, sampling: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
         if sampling == "gauss":
             return self._gauss(count)
         if sampling == "grid":

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from ..display.shown import shown
 from ..inputs.arguments import checked
-from ..inputs.checks import check_choice, check_count, check_positive
-from .base import SAMPLINGS, Pupil, cell_shares
+from ..inputs.checks import check_positive
+from .base import Pupil, cell_shares
 from .square_map import RING, SquareMap
 
 
@@ -21,9 +21,7 @@ def unit_disc_samples(count: int, sampling: str, seed: int = 0) -> tuple[np.ndar
     equispaced in angle: exact for polynomials) and "grid" (the centres in the disc of the cells of a square grid) give
     about `count`.
     """
-    count = check_count(count)
-    check_choice(sampling, "sampling", SAMPLINGS)
-    return Disc(1.0)._flat_sample(count, sampling, seed)
+    return Disc(1.0).flat_sample(count, sampling, seed)
 
 
 def _ring_grid(count: int, inner: float) -> tuple[np.ndarray, np.ndarray]:

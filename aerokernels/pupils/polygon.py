@@ -45,8 +45,10 @@ class Polygon(Pupil):
         corner = np.array(self.vertices, dtype=np.float64)
         if corner.ndim != 2 or corner.shape[1] != 2 or len(corner) < 3 or not np.isfinite(corner).all():
             raise ValueError(f"the vertices of a Polygon must be finite, of shape (3 or more, 2), got {corner.shape}")
-        size = np.abs(corner - corner.mean(axis=0)).max()
-        area = _signed_area(corner)
+        # A corner that is given twice in a row, such as the last one of a closed ring, is one corner.
+        corner = corner[np.any(corner != np.roll(corner, -1, axis=0), axis=1)]
+        size = np.abs(corner - corner[:1]).max(initial=0.0)
+        area = _signed_area(corner) if len(corner) else 0.0
         if not abs(area) > 1e-12 * size**2:
             raise ValueError("the vertices of a Polygon enclose nothing: they lie on a line, or edges cross")
         crossed = _first_crossing(corner)

@@ -140,7 +140,7 @@ def test_wavelengths_in_the_wrong_unit_are_refused(wavelength):
 def test_bad_air_is_refused():
     with pytest.raises(ValueError, match=r"humidity must be between 0 and 1, got 50"):
         flow.ciddor_refractivity(905e-9, 293.15, 1e5, humidity=50)
-    with pytest.raises(ValueError, match="more vapour than 1000 Pa hold"):
+    with pytest.raises(ValueError, match="needs a vapour pressure above 1000 Pa"):
         flow.water_fraction(300.0, 1e3, 1.0)
     with pytest.raises(ValueError, match=r"carbon dioxide must be between 0 and 0\.002, got 450"):
         flow.ciddor_constant(905e-9, co2=450)

@@ -50,6 +50,8 @@ def test_columns_through_rings_and_rows_are_exact():
 
 
 def test_lines_that_are_none_are_refused():
+    with pytest.raises(ValueError, match="the points of lines must be finite"):
+        flow.wedge(3.0, 0.2, spacing=5e-3).columns([0.0, np.nan, 0.0], [0.0, 0.0, 1.0])
     with pytest.raises(ValueError, match="unit vectors"):
         skewed("planar").columns([0.0, 0.0, 0.0], [0.0, 0.0, 2.0])
     with pytest.raises(ValueError, match="never leave"):

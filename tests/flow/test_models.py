@@ -125,7 +125,7 @@ def test_models_travel_to_a_worker(relation):
         ({"relation": "edlen"}, "choose one of paper, ciddor, gladstone-dale, lorentz-lorenz"),
         ({"relation": "paper", "constant": 2e-4}, "has its own constant"),
         ({"relation": "ciddor", "constant": 2e-4}, "has its own constant"),
-        ({"relation": "paper", "composition": {"N2": 1.0}}, "'paper' is air's"),
+        ({"relation": "paper", "composition": {"N2": 1.0}}, "'paper' is for air"),
         ({"relation": "ciddor", "composition": {"He": 1.0}}, "'H2O' and 'CO2' alone"),
         ({"relation": "ciddor", "composition": flow.Composition({"N2": 1.0})}, "'H2O' and 'CO2' alone"),
         ({"relation": "ciddor", "composition": {"CO2": 450}}, "carbon dioxide must be between"),

@@ -141,7 +141,7 @@ def test_rounded_fractions_are_scaled_to_one():
 @pytest.mark.parametrize(
     ("arguments", "fault"),
     [
-        (({"N3": 1.0},), r"species 'N3' is not known: choose of N2, O2"),
+        (({"N3": 1.0},), r"species 'N3' is not known: choose one of N2, O2"),
         (({"N2": 0.7},), r"add up to 0\.7, not to 1"),
         (({"N2": 1.2, "O2": -0.2},), "O2 must be finite and not negative"),
         (({"N2": math.nan},), "N2 must be finite"),

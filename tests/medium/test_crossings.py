@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Body
+from aerokernels.medium import SolidBody
 from tests.bodies import lines, local, plate, star, stepped
 
 MAKERS = {"star": star, "stepped": stepped, "plate": plate}
@@ -86,3 +87,15 @@ def test_a_profile_that_touches_itself(name):
 def test_a_body_of_no_thickness_is_refused():
     with pytest.raises(ValueError, match="encloses nothing"):
         Body([[0.0, 0.0], [1.0, 0.0], [0.5, 0.0]], "planar")
+
+
+@pytest.mark.parametrize("direction", [[0.0, 0.0, 2.0], [0.0, 0.0, 0.0], [0.0, 1.0]])
+def test_lines_need_unit_vectors(direction):
+    """A vector of length 2 gave half the distance."""
+    for body in (Body([[0, 0], [1, -1], [0, -1]]), SolidBody.of_revolution(Body([[0, 0], [1, -1], [0, -1]]))):
+        assert body.crossings([0.0, 0.2, -5.0], [0.0, 0.0, 1.0])[0] == pytest.approx([4.0, 4.8], abs=1e-3)
+        with pytest.raises(ValueError, match="lines need points and unit vectors"):
+            body.crossings([0.0, 0.2, -5.0], direction)
+        for points in ([0.5, 0.5], [[0.5]]):
+            with pytest.raises(ValueError, match=r"points need shape \(n, [23]\), got"):
+                body.signed_distance(points)

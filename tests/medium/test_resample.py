@@ -189,18 +189,26 @@ def test_a_region():
     points = np.random.default_rng(0).uniform([0, 0.25, 0.5], [0, 0.75, 1.0], (500, 3))
     assert np.abs(again.contrast_at(points) - field.contrast_at(points)).max() < 1e-8
     wider = field.resample(1.0 / 32.0, region=((0.0, -1.0), (1.0, 2.0)))
-    outside = np.array([[0.0, 0.5, -0.5], [0.0, 0.3, 1.8], [0.0, 0.5, -1e-9], [0.0, 0.5, 1.0 + 1e-9]])
-    assert not wider.contrast_at(outside).any()
+    outside = np.array([[0.0, 0.5, -0.5], [0.0, 0.3, 1.8]])
+    assert np.abs(wider.contrast_at(outside)).max() < 1e-8
 
 
 @pytest.mark.parametrize("interpolation", ["cubic", "linear"])
-def test_a_region_beyond_the_field_leaves_the_jumps_at_its_faces_sharp(interpolation):
-    """Set-up: a box of uniform gas, a metre long. Expected: the optical path of the box, 1e-4 m, in any region."""
-    box = IndexField.from_samples(np.full((11, 11), 1e-4), origin=(0, 0), spacing=(0.1, 0.1), geometry="planar")
+@pytest.mark.parametrize("uniform_source", [True, False])
+def test_a_jump_at_a_face_within_the_region_is_measured(interpolation, uniform_source):
+    """Set-up: a box of uniform gas with a path of 1e-4 m, resampled with ambient air before and behind it.
+
+    Expected: the jump at each face is smoothed over a cell of 0.1 m, and the error of the path, about 1e-5 m, reported.
+    """
+    samples = np.full((11, 11), 1e-4)
+    box = IndexField.from_samples(samples, origin=(0, 0), spacing=(0.1, 0.1), geometry="planar")
+    if not uniform_source:
+        axis = np.linspace(0.0, 1.0, 11)
+        box = IndexField.from_mesh(QuadMesh.structured(*np.meshgrid(axis, axis, indexing="ij")), samples)
     wider = box.resample(0.1, region=((0.0, -0.5), (1.0, 1.5)), interpolation=interpolation)
     z = (np.arange(100_000) + 0.5) * 2e-5 - 0.5
     path = 2e-5 * wider.contrast_at(np.stack([0.0 * z, 0.0 * z + 0.5, z], axis=1)).sum()
-    assert abs(path - 1e-4) < 1e-15 and wider.resampling.opd_max < 1e-15
+    assert abs(path - 1.1e-4) < 2e-7 and abs(wider.resampling.opd_max - (path - 1e-4)) < 1e-7
 
 
 @pytest.mark.parametrize(
@@ -220,10 +228,10 @@ def test_a_region_beyond_the_field_leaves_the_jumps_at_its_faces_sharp(interpola
         ({"spacing": (0.01, 0.4)}, "spacing 0.01 by 0.4 m leaves fewer than 4 cells"),
         ({"spacing": 0.15, "region": ((0.0, 0.0), (0.3, 0.3))}, "give at most 0.075 m"),
         ({"spacing": 0.1, "region": ((0.0,), (1.0,))}, "two corners of 2 coordinates"),
-        ({"spacing": 0.1, "region": ((0.5, 0.5), (0.4, 0.6))}, "does not lie in the field's box"),
-        ({"spacing": 0.1, "region": ((2.0, 0.0), (3.0, 1.0))}, "does not lie in the field's box"),
-        ({"spacing": 0.1, "region": ((0.0, np.nan), (0.5, 0.6))}, "does not lie in the field's box"),
-        ({"spacing": 0.1, "region": ((0.0, 0.0), (np.inf, 1.0))}, "does not lie in the field's box"),
+        ({"spacing": 0.1, "region": ((0.5, 0.5), (0.4, 0.6))}, "does not overlap the field's box"),
+        ({"spacing": 0.1, "region": ((2.0, 0.0), (3.0, 1.0))}, "does not overlap the field's box"),
+        ({"spacing": 0.1, "region": ((0.0, np.nan), (0.5, 0.6))}, "does not overlap the field's box"),
+        ({"spacing": 0.1, "region": ((0.0, 0.0), (np.inf, 1.0))}, "does not overlap the field's box"),
         ({"spacing": 0.1, "interpolation": "quintic"}, "'quintic' is not known"),
     ],
 )

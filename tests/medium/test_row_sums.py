@@ -10,11 +10,11 @@ from scipy.sparse import csr_array
 from aerokernels import flow
 from aerokernels.medium import IndexField, QuadMesh, kept_averages
 from aerokernels.medium.bounded import least_change
-from aerokernels.medium.cell_shares import cell_shares
 from aerokernels.medium.edge_lines import edge_lines
 from aerokernels.medium.refined import cells_of_four
 from aerokernels.medium.row_sums import REACH
 from aerokernels.medium.vertex_values import of_parents
+from aerokernels.medium.vertex_weights import vertex_weights
 
 from .test_kept_averages import skewed, triangles
 
@@ -39,12 +39,12 @@ def kept(monkeypatch, mesh: QuadMesh, average: np.ndarray, rows: bool):
         patch.setattr(kept_averages, "keep_row_sums", spread)
         finer, values, _ = kept_averages.cut_and_kept(mesh, average)
     own = average if mesh.parents is None else of_parents(mesh, average)
-    return finer, values, seen["bounds"], cell_shares(finer).lacks(own, values)
+    return finer, values, seen["bounds"], vertex_weights(finer).deficit(own, values)
 
 
 def rows_lack(finer: QuadMesh, lacks: np.ndarray, count: int) -> np.ndarray:
     """What rows and columns lack on an average over their area, shape (2 * count,)."""
-    area = cell_shares(finer).area.reshape(count, count)
+    area = vertex_weights(finer).area.reshape(count, count)
     off = area * lacks.reshape(count, count)
     return np.abs(np.concatenate([off.sum(axis=k) / area.sum(axis=k) for k in (0, 1)]))
 
@@ -108,7 +108,7 @@ def test_triangles_keep_strips(monkeypatch):
     mesh = triangles(count + 1, "planar")
     average = np.repeat(np.tile(attached_shock(count), 2), 3)
     before, lacks = (kept(monkeypatch, mesh, average, rows)[3] for rows in (False, True))
-    area = cell_shares(mesh).area
+    area = vertex_weights(mesh).area
     assert abs((area * before).sum()) > 1e-6 * area.sum()
     assert abs((area * lacks).sum()) < 1e-6 * area.sum()
     assert (np.abs(lacks) < 0.25).all()
@@ -121,7 +121,7 @@ def test_a_shock_along_a_row_is_left_to_the_columns(monkeypatch):
     average = np.ones((count, count))
     average[:, 14], average[:, 15:] = 1.1, 2.0
     finer, _, _, lacks = kept(monkeypatch, mesh, average.ravel(), True)
-    area = cell_shares(finer).area.reshape(count, count)
+    area = vertex_weights(finer).area.reshape(count, count)
     lacks = lacks.reshape(count, count)
     assert abs((area * lacks).sum(axis=1) / area.sum(axis=1)).max() < 1e-6
     assert lacks[:, 14].max() < -0.05
@@ -198,7 +198,7 @@ def test_edges_of_a_linear_density_have_its_means(geometry):
     slope = np.array([2.0, 3.0])
     average = 1.0 + mesh.cell_centroid @ slope
     lines = edge_lines(cells_of_four(mesh), average)
-    off = lines.wanted - (1.0 + cells_of_four(mesh).vertices[lines.middle] @ slope)
+    off = lines.target - (1.0 + cells_of_four(mesh).vertices[lines.middle] @ slope)
     inner = ((lines.cells // 24 > 1) & (lines.cells // 24 < 22) & (lines.cells % 24 > 1) & (lines.cells % 24 < 22)).all(
         axis=1
     )

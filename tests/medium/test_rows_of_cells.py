@@ -5,9 +5,9 @@ import pytest
 
 from aerokernels import flow, trace
 from aerokernels.medium import IndexField, QuadMesh
-from aerokernels.medium.cell_shares import cell_shares
 from aerokernels.medium.rows_of_cells import averages_lacking
 from aerokernels.medium.vertex_values import of_parents
+from aerokernels.medium.vertex_weights import vertex_weights
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
 
@@ -97,7 +97,7 @@ def test_rows_over_a_step_are_kept():
     """
     mesh, average = beside_a_step(40)
     field = IndexField.from_mesh(mesh, 1e-4 * average, interpolation="conserving", ambient_index=1.0)
-    lacks = cell_shares(field.mesh).lacks(of_parents(field.mesh, field.samples.averages), field.samples.values)
+    lacks = vertex_weights(field.mesh).deficit(of_parents(field.mesh, field.samples.averages), field.samples.values)
     assert np.abs(lacks).max() > 1e-3 * np.ptp(field.samples.averages)  # there is something to give to neighbours
     assert field.averages_lacking.keeps_rows
     assert not IndexField.from_mesh(mesh, 1e-4 * average, ambient_index=1.0).averages_lacking.keeps_rows

@@ -88,7 +88,7 @@ def test_the_way_round_does_not_matter_and_a_section_is_the_outline():
     ("vertices", "triangles", "said"),
     [
         (CORNERS, TRIANGLES[:-1], "not closed: 3 edges"),
-        (CORNERS, np.vstack([TRIANGLES[:-1], TRIANGLES[-1:, ::-1]]), "same way"),
+        (CORNERS, np.vstack([TRIANGLES[:-1], TRIANGLES[-1:, ::-1]]), "differ in orientation, or overlap"),
         (CORNERS, TRIANGLES + 1, "from 1 to 8 of 8"),
         (np.where(CORNERS == 0.25, np.nan, CORNERS), TRIANGLES, "NaN"),
         (CORNERS[:, :2], TRIANGLES, "shape"),

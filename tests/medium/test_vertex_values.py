@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels import IndexField, QuadMesh, flow
-from aerokernels.medium.kept_averages import conserving_values, what_is_lacking
+from aerokernels.medium.kept_averages import cell_deficits, conserving_values
 from aerokernels.medium.vertex_values import of_parents, vertex_gradients, vertex_values
 
 WAVELENGTH = 905e-9
@@ -230,7 +230,7 @@ def test_what_is_lacking_falls_fast(geometry):
         mesh = curvilinear(count, geometry)
         average = averages(mesh, rising)
         for values, found in ((conserving_values(mesh, average), errors), (rising(mesh.vertices), before)):
-            lacks = what_is_lacking(mesh, average, values).reshape(count - 1, count - 1)[3:-3, 3:-3]
+            lacks = cell_deficits(mesh, average, values).reshape(count - 1, count - 1)[3:-3, 3:-3]
             found.append(np.sqrt(np.mean(lacks**2)))
     assert fitted_order(counts, errors) > 2.4 and abs(fitted_order(counts, before) - 2.0) < 0.2
     assert (np.array(errors) < 0.05 * np.array(before)).all()

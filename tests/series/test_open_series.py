@@ -51,7 +51,7 @@ def test_an_iterator_is_read_once_and_in_order():
     assert read == [0]  # its shape
     series.density(0), series.density(2)
     assert read == [0, 1, 2]
-    with pytest.raises(ValueError, match="has gone by"):
+    with pytest.raises(ValueError, match="was read before"):
         series.density(1)
     short = flow.open_series(iter(arrays(1)), time=TIME, **GRID)
     short.density(0)

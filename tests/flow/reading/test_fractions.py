@@ -51,7 +51,7 @@ def test_the_index_of_a_plane_is_the_mixture_s(path):
     assert field.scaled(0.5).composition is field.composition
     air = flow.read(path, density="rho")
     assert air.composition is None and air.index_field(WAVELENGTH).ambient_index != index.ambient_index
-    with pytest.raises(ValueError, match="relation 'ciddor' is air's, and the flow is a mixture of N2, O2, H2O"):
+    with pytest.raises(ValueError, match="relation 'ciddor' is for air, and the flow is a mixture of N2, O2, H2O"):
         field.index_field(WAVELENGTH, "ciddor")
 
 
@@ -76,7 +76,7 @@ def test_names_formulas_and_moles(tmp_path):
     ("given", "message"),
     [
         ({"N2": "Y_N2", "O2": "O2"}, "Y_N2, O2 are no fractions of a whole in 651 of 651 points.*the sum 0.9"),
-        ({"N2": "Y_N2", "air": "O2"}, "species 'air' is not known: choose of N2, O2"),
+        ({"N2": "Y_N2", "air": "O2"}, "species 'air' is not known: choose one of N2, O2"),
         ({"N2": "nitrogen"}, "no array 'nitrogen'.*take one of rho, Y_N2, O2, steam"),
         (["N2", "He"], "no array is known for the mass fraction of He"),
         ({"N2": "Y_N2", "basis": "volume"}, "'mass' or 'mole', got 'volume'"),
