@@ -11,6 +11,9 @@ from .even_errors import told_error
 from .resampling import Resampling
 from .solids import corner_chunks
 
+EVEN, UNEVEN = 1e-6, 1e-3  # of a spacing: nodes may be so far off an even grid in any case, and by rounding at most
+SINGLE = 2.4e-7  # of a coordinate: rounding to single precision, of a node and of the ends of its row
+
 
 def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> GridDensity:
     """Return the density of a volume on a uniform grid.
@@ -91,7 +94,8 @@ def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: s
     if block.shape is None or min(block.shape) < 2 or (block.blank is not None and block.blank.any()):
         return None
     at = points.reshape(*block.shape[::-1], 3)
-    steps = [at[0, 0, 1] - at[0, 0, 0], at[0, 1, 0] - at[0, 0, 0], at[1, 0, 0] - at[0, 0, 0]]
+    ends = at[0, 0, -1], at[0, -1, 0], at[-1, 0, 0]
+    steps = [(end - at[0, 0, 0]) / (count - 1) for end, count in zip(ends, block.shape, strict=True)]
     along = [int(np.argmax(np.abs(step))) for step in steps]
     if sorted(along) != [0, 1, 2]:
         return None
@@ -121,6 +125,5 @@ def _is_even(at: np.ndarray, steps, along: list[int], size: np.ndarray) -> bool:
     line = [np.arange(n)[:, None] * (step[axis] * np.eye(3)[axis]) for n, step, axis in
             zip(at.shape[2::-1], steps, along, strict=True)]  # fmt: skip
     plane = at[0, 0, 0] + (line[0][None] + line[1][:, None])
-    return all(
-        (np.abs(layer - (plane + more)) <= 1e-6 * size.min()).all() for layer, more in zip(at, line[2], strict=True)
-    )
+    uneven = size.min() * np.clip(SINGLE * np.abs(at[[0, -1]]).max() / size.min(), EVEN, UNEVEN)
+    return all((np.abs(layer - (plane + more)) <= uneven).all() for layer, more in zip(at, line[2], strict=True))
