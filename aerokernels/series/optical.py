@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import xarray
 
 Progress = Callable[[str, float], None]
+PROBE = ("probe", "probe_interpolation", "probe_tilt")  # measured on a snapshot, and restored where a run goes on
 
 
 @checked
@@ -127,7 +128,7 @@ def optical_series(
         store = ZarrStore(Path(out), template, _definition(series, template, way))
         if store.done.count and store.is_finished:
             return store.finish()
-    for slope, *probe in zip(*map(store.done.column, ("slope", "probe", "probe_interpolation")), strict=True):
+    for slope, *probe in zip(*map(store.done.column, ("slope", *PROBE)), strict=True):
         snapshots.resume(slope, *probe)
     lit: np.ndarray | None = None
     first = store.done.count
@@ -200,9 +201,10 @@ def _entry(
     opd = np.full(len(good), np.nan)
     opd[good] = read.opd
     pixels = read.pixel_errors
-    # A slope changes by the OPD's error over the rms extent of the pupil at most.
+    # A slope changes by the OPD's error, with that of its tilt, over the rms extent of the pupil at most.
+    with_tilt = float(np.hypot(found.error, found.tilt_error))
     with np.errstate(divide="ignore"):
-        slopes = np.hypot(found.error / read.extent, pixels.tilt)
+        slopes = np.hypot(with_tilt / read.extent, pixels.tilt)
     numbers = {
         "strehl": read.strehl,
         "strehl_error": float(
@@ -216,13 +218,14 @@ def _entry(
         "opd_rms": read.rms_without_tilt,
         "opd_rms_error": float(np.hypot(found.error, pixels.rms_without_tilt)),
         "opd_rms_with_tilt": read.rms,
-        "opd_rms_with_tilt_error": float(np.hypot(found.error, pixels.rms)),
+        "opd_rms_with_tilt_error": float(np.hypot(with_tilt, pixels.rms)),
         "error": found.error,
         "known": float(grid.weight[grid.lit][good].sum()),
         "traced": float(found.traced),
         "slope": found.slope,
         "probe": found.probe,
         "probe_interpolation": found.interpolation,
+        "probe_tilt": found.probe_tilt,
     }
     return {"opd": grid.spread(opd), "valid": grid.spread(good, False)}, numbers
 

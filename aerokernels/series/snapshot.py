@@ -83,6 +83,8 @@ class Found:
         slope: Mean square of the wavefront's slopes.
         probe: Bending's part as measured on this snapshot, terms removed [m]; NaN where it was not measured.
         interpolation: The interpolant's part, likewise.
+        probe_tilt: The tilt of both, where it is a removed term, rms over the pupil [m]; likewise.
+        tilt_error: Error of the removed tilt, rms over the pupil [m].
     """
 
     opd: np.ndarray
@@ -92,6 +94,8 @@ class Found:
     slope: float
     probe: float = np.nan
     interpolation: float = np.nan
+    probe_tilt: float = np.nan
+    tilt_error: float = 0.0
 
 
 def gpu_of(backend: str | None, device: str | None) -> str | None:
@@ -131,7 +135,7 @@ class Snapshots:
         self.lines: LineIntegrals | MeshIntegrals | None = None
         self.reason = ""
         self.device = gpu_of(way.trace_options.get("backend"), way.trace_options.get("device"))
-        self._measured_slope, self._measured, self._interpolation = 0.0, np.nan, 0.0
+        self._measured_slope, self._measured, self._interpolation, self._tilt = 0.0, np.nan, 0.0, 0.0
         try:
             self.lines = self._lines()
         except NotLinearError as fault:
@@ -158,10 +162,10 @@ class Snapshots:
         interpolation = self.way.interpolation or "cubic"
         return LineIntegrals(mesh, self.grid.points, self.way.direction, interpolation)
 
-    def resume(self, slope: float, probe: float, interpolation: float) -> None:
+    def resume(self, slope: float, probe: float, interpolation: float, tilt: float) -> None:
         """Restore the measurements of an interrupted run."""
         if np.isfinite(probe):
-            self._measured_slope, self._measured, self._interpolation = slope, probe, interpolation
+            self._measured_slope, self._measured, self._interpolation, self._tilt = slope, probe, interpolation, tilt
 
     def read(self, number: int) -> tuple[Any, Sent | None]:
         """Read a snapshot, and start copying its samples to the device that sums them, if there is one."""
@@ -197,23 +201,23 @@ class Snapshots:
             bad = int((~np.isfinite(samples)).sum())
             raise ValueError(f"snapshot {number}: {bad} of {samples.size} densities are not finite; repair the file")
         slope = self._slope(opd, valid)
-        probe = interpolation = np.nan
+        probe = interpolation = tilt = np.nan
         if self.way.method == "auto" and not (
             np.isfinite(self._measured) and slope <= GROWN * self._measured_slope + 1e-30
         ):
             self._check_range(host_array(density), number)
-            probe, interpolation = self._probe(stored, number, opd, valid)
-            self.resume(slope, probe, interpolation)
+            probe, interpolation, tilt = self._probe(stored, number, opd, valid)
+            self.resume(slope, probe, interpolation, tilt)
         grown = max(1.0, slope / self._measured_slope) if self._measured_slope > 0.0 else 1.0
         bending = self._measured * grown
         if self.way.method == "auto" and bending > self.way.tolerance * self.way.wavelength:
             found = self._traced(self.way.index_field(self.series.field(stored, number)))
-            return replace(found, slope=slope, probe=probe, interpolation=interpolation)
+            return replace(found, slope=slope, probe=probe, interpolation=interpolation, probe_tilt=tilt)
         # Add the resampling error of lines through a grid that the flow's own cells were resampled to.
         column = float(getattr(getattr(flow, "resampling", None), "column_error", 0.0))
         drawn = SAFETY * self.model.upstream(self.way.wavelength, column).columns
         error = float(np.sqrt(bending**2 + self._interpolation**2 + drawn**2))
-        return Found(opd, valid, False, error, slope, probe, interpolation)
+        return Found(opd, valid, False, error, slope, probe, interpolation, tilt, self._tilt * grown)
 
     def _check_range(self, samples: np.ndarray, number: int) -> None:
         """Reject densities that no gas has, for which straight lines would give a number as well.
@@ -253,14 +257,14 @@ class Snapshots:
         away = np.concatenate([corners, self.grid.points]) @ self.way.direction
         return Plane((away.max() + 1e-3 * np.ptp(away)) * self.way.direction, self.way.direction)
 
-    def _probe(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray) -> tuple[float, float]:
+    def _probe(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray) -> tuple[float, float, float]:
         """Return the rms difference of straight lines from bent rays over some rays of the pupil, terms removed [m].
 
-        Also the interpolation error of the same rays [m].
+        Also the interpolation error of the same rays, and the rms of the removed tilt of both [m].
         """
         rows = np.flatnonzero(valid)
         if not len(rows):
-            return 0.0, 0.0
+            return 0.0, 0.0, 0.0
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, PROBES).round().astype(int))]
         if isinstance(self.lines, LineIntegrals) and self.lines.mesh.geometry == "volume":
             return self._second_order(stored, rows, opd[rows])
@@ -277,12 +281,13 @@ class Snapshots:
         )
         assert traced.opd is not None
         good = traced.ok & np.isfinite(traced.opd)
-        if good.sum() < 3:
-            return 0.0, 0.0
-        difference = (traced.opd - opd[rows])[good]
-        return self._rms(difference, rows[good]), float(traced.error.get("interpolation") or 0.0)
+        if not good.any():
+            return np.inf, 0.0, 0.0
+        difference, rows = (traced.opd - opd[rows])[good], rows[good]
+        between = float(traced.error.get("interpolation") or 0.0)
+        return self._rms(difference, rows), between, self._tilt_rms(difference, rows)
 
-    def _second_order(self, stored: Any, rows: np.ndarray, opd: np.ndarray) -> tuple[float, float]:
+    def _second_order(self, stored: Any, rows: np.ndarray, opd: np.ndarray) -> tuple[float, float, float]:
         """Return the same for a volume, from samples near the rays; includes the difference of `opd` from them."""
         assert isinstance(self.lines, LineIntegrals)
         flow = stored if isinstance(stored, DensityField) else None
@@ -305,12 +310,20 @@ class Snapshots:
         beyond = self._stop(mesh.box).point @ along - leave @ along
         bent, straight = bending(lines, density, contrast, beyond)
         between = interpolation_error(lines, density, contrast)
-        return self._rms(bent, rows), self._rms(between, rows) + self._rms(opd - straight, rows)
+        parts = self._rms(bent, rows), self._rms(between, rows) + self._rms(opd - straight, rows)
+        return *parts, float(np.hypot(self._tilt_rms(bent, rows), self._tilt_rms(between, rows)))
 
     def _rms(self, values: np.ndarray, rows: np.ndarray) -> float:
         """Return the root mean square over some rays, terms removed [m]."""
         left = remove_terms(values, self.remove, self.grid.coordinates[rows])
         return float(np.sqrt(np.mean(left**2)))
+
+    def _tilt_rms(self, values: np.ndarray, rows: np.ndarray) -> float:
+        """Return the root mean square of the tilt of values over some rays [m]; 0 where tilt is no removed term."""
+        if "tilt" not in self.remove:
+            return 0.0
+        tilted = values - remove_terms(values, ("tilt",), self.grid.coordinates[rows])
+        return float(np.sqrt(np.mean(tilted**2)))
 
     def _traced(self, field: IndexField) -> Found:
         rays, _ = self._rays(np.arange(len(self.grid.points)))

@@ -46,6 +46,7 @@ NUMBERS = {
     "slope": ("1", "mean square of the wavefront's slopes"),
     "probe": ("m", "bending's part of opd where it was measured, rms"),
     "probe_interpolation": ("m", "the interpolant's part where it was measured, rms"),
+    "probe_tilt": ("m", "tilt of both where they were measured and it is removed from opd, rms over the pupil"),
 }
 
 
