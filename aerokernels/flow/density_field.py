@@ -57,7 +57,7 @@ class DensityField(ReadOnly, ABC):
 
     @staticmethod
     def from_xarray(array, **arguments) -> "DensityField":
-        """A density field from an xarray array or data set: see `aerokernels.flow.reading.given.from_xarray`.
+        """A density field from an xarray array or data set: see `aerokernels.flow.reading.in_memory.from_xarray`.
 
         Coordinates x, y, z make a volume, two of them a plane, r and z an axisymmetric field, in their attribute
         `units`. Arguments of `flow.read`: all but spacing, region, walls and those of single formats.
@@ -66,11 +66,11 @@ class DensityField(ReadOnly, ABC):
             TypeError: No xarray object.
             ValueError: Coordinates or densities that make no field.
         """
-        return import_module(f"{__package__}.reading.given").from_xarray(array, **arguments)
+        return import_module(f"{__package__}.reading.in_memory").from_xarray(array, **arguments)
 
     @staticmethod
     def from_pyvista(dataset, **arguments) -> "DensityField":
-        """A density field from a pyvista or VTK grid: see `aerokernels.flow.reading.given.from_pyvista`.
+        """A density field from a pyvista or VTK grid: see `aerokernels.flow.reading.in_memory.from_pyvista`.
 
         Arguments are those of `flow.read` but for time, walls and those of single formats.
 
@@ -78,7 +78,7 @@ class DensityField(ReadOnly, ABC):
             TypeError: No data set of pyvista or VTK.
             ValueError: Cells or densities that make no field.
         """
-        return import_module(f"{__package__}.reading.given").from_pyvista(dataset, **arguments)
+        return import_module(f"{__package__}.reading.in_memory").from_pyvista(dataset, **arguments)
 
     @abstractmethod
     def density_at(self, points) -> np.ndarray:

@@ -329,9 +329,9 @@ class ZarrStore:
             found = xarray.open_zarr(self.path, consolidated=False, chunks=None)
         if lost := {*MAPS, *NUMBERS, *self.template.coords} - set(found.variables):
             raise self._damaged(f"{min(lost)} is lost from the store")
-        from .lazy_maps import told_with_their_store
+        from .lazy_maps import name_damaged_arrays
 
-        return told_with_their_store(self.path, found, MAPS)
+        return name_damaged_arrays(self.path, found, MAPS)
 
 
 def _consolidate(path: Path) -> None:

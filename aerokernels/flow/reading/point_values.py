@@ -122,7 +122,7 @@ def _beyond(at_cells, at_points, middle, points, inside, rim):
         rows = Rows.of_matrix(inner)
         found, full = _values_at(rows, points, points[rim[kept]])
         good = full >= rank[kept]
-        some, entry = rows.taken(np.flatnonzero(good))
+        some, entry = rows.select(np.flatnonzero(good))
         far.append((kept[good], some))
         far_weight.append(found[entry])
         kept, around = kept[~good], around[~good]
@@ -135,7 +135,7 @@ def _beyond(at_cells, at_points, middle, points, inside, rim):
     start = np.concatenate([[0], np.cumsum(width)])
     column, together = np.empty(start[-1], np.int32), np.empty(start[-1])
     for (row, some), found in zip(far, far_weight, strict=True):
-        _, place = Rows(start, column).taken(row)
+        _, place = Rows(start, column).select(row)
         column[place], together[place] = some.column, found
     return near, weight, basis, Rows(start, column), together
 

@@ -77,14 +77,14 @@ class Reading:
 
 
 @dataclass(eq=False)
-class Kept:
+class SharedMesh:
     """Data that successive files on the same mesh share.
 
     Attributes:
-        found: The map from the mesh of a volume to its grid.
+        resampling: The map from the mesh of a volume to its grid.
     """
 
-    found: "Resampling | None" = None
+    resampling: "Resampling | None" = None
 
 
 def read(
@@ -144,11 +144,11 @@ def read(
     )  # fmt: skip
 
 
-def read_onto(kept: Kept | None, path, *, spacing=None, region=None, walls=None, **asked: Any) -> DensityField:
-    """Read as `read` does, and share with other files what depends on the mesh alone, through `kept`."""
+def read_onto(shared: SharedMesh | None, path, *, spacing=None, region=None, walls=None, **asked: Any) -> DensityField:
+    """Read as `read` does, and share with other files what depends on the mesh alone, through `shared`."""
     try:
         flat = spacing is None and region is None  # a mesh one cell thick is planar unless a grid is requested
-        return field_of(prepare(path, flat=flat, **asked), spacing, region, walls, kept)
+        return field_of(prepare(path, flat=flat, **asked), spacing, region, walls, shared)
     except (ArithmeticError, LookupError) as fault:
         # Readers check counts and indices; an error that still occurs here means that the file is damaged.
         what = f"no field can be made of it ({type(fault).__name__}: {fault})"
@@ -217,12 +217,12 @@ def reading_of(
     return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said, choice, reference, fractions)
 
 
-def field_of(reading: Reading, spacing=None, region=None, walls=None, kept: Kept | None = None) -> DensityField:
+def field_of(reading: Reading, spacing=None, region=None, walls=None, shared: SharedMesh | None = None) -> DensityField:
     """Return the density field of a file that was read."""
     if reading.geometry == "volume":
         from .volume import volume_field
 
-        return volume_field(reading, spacing, region, walls, kept)
+        return volume_field(reading, spacing, region, walls, shared)
     if spacing is not None or region is not None:
         raise ValueError(f"spacing and region are a volume's grid; {reading.path} keeps its own mesh: leave them out")
     return _plane_field(reading, walls)

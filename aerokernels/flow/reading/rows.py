@@ -44,7 +44,7 @@ class Rows:
         turned = self.matrix(width).tocsc()
         return Rows(turned.indptr.astype(np.int64), turned.indices.astype(np.int32, copy=False))
 
-    def taken(self, row: np.ndarray) -> tuple["Rows", np.ndarray]:
+    def select(self, row: np.ndarray) -> tuple["Rows", np.ndarray]:
         """Return some of the rows in a given order, and the positions of their entries in `column`."""
         begin, width = self.start[row], np.diff(self.start)[row]
         start = np.zeros(len(row) + 1, np.int64)

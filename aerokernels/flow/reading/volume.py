@@ -7,7 +7,7 @@ import numpy as np
 from ..sampled_density import GridDensity
 from .dataset import SOLID, Block, ReadError
 from .even_averages import at_corners
-from .even_errors import told_error
+from .even_errors import estimated_error
 from .resampling import Resampling
 from .solids import corner_chunks
 
@@ -15,7 +15,7 @@ EVEN, UNEVEN = 1e-6, 1e-3  # of a spacing: nodes may be so far off an even grid 
 SINGLE = 2.4e-7  # of a coordinate: rounding to single precision, of a node and of the ends of its row
 
 
-def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> GridDensity:
+def volume_field(reading, spacing=None, region=None, walls=None, shared=None) -> GridDensity:
     """Return the density of a volume on a uniform grid.
 
     Args:
@@ -23,7 +23,7 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
         spacing: Greatest node spacing [m], or None.
         region: Lowest and highest corner [m], or None.
         walls: Names of the patches that bound the body; None takes the file's walls, else holes of the mesh.
-        kept: Shares the map from the mesh to the grid between files; or None.
+        shared: Shares the map from the mesh to the grid between files; or None.
 
     Raises:
         ReadError: A mesh without solid cells, with cells inside out or duplicate points.
@@ -63,12 +63,12 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
     blanked = [cells_blanked(block) for block in dataset.blocks]
     if any(one is not other for one, other in zip(blanked, dataset.blocks, strict=True)):
         reading = replace(reading, dataset=replace(dataset, blocks=blanked))
-    if kept is None or kept.found is None or not kept.found.fits(reading, spacing, region, walls):
+    if shared is None or shared.resampling is None or not shared.resampling.fits(reading, spacing, region, walls):
         found = Resampling(reading, moved, spacing, region, walls)
-        if kept is not None:
-            kept.found = found
+        if shared is not None:
+            shared.resampling = found
     else:
-        found = kept.found
+        found = shared.resampling
     return found.field(reading)
 
 
@@ -117,7 +117,7 @@ def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: s
     if not cell:
         return np.ascontiguousarray(values), first, step, None
     density, smooth = at_corners(values)
-    return density, first, step, told_error(values, smooth, step)
+    return density, first, step, estimated_error(values, smooth, step)
 
 
 def _is_even(at: np.ndarray, steps, along: list[int], size: np.ndarray) -> bool:
