@@ -19,7 +19,7 @@ MOST_THREADS = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Sent:
+class DeviceSamples:
     """Samples on a device.
 
     Attributes:
@@ -41,12 +41,12 @@ class Sent:
         return self.flat
 
 
-def sent(samples: Any, copies: "Copies") -> Sent:
+def to_device(samples: Any, copies: "Copies") -> DeviceSamples:
     """Return samples on a device: a Warp array on a GPU stays there, others are copied by `copies`."""
     import warp as wp
 
     if isinstance(samples, wp.array) and (samples.device.is_cuda or copies.device == "cpu"):
-        return Sent(samples.contiguous().flatten(), str(samples.device), samples.dtype.__name__)
+        return DeviceSamples(samples.contiguous().flatten(), str(samples.device), samples.dtype.__name__)
     return copies(samples)
 
 
@@ -75,7 +75,7 @@ class Copies:
         self._there: list[Any] = []
         self._slots: list[tuple[Any, np.ndarray, Any]] = []
 
-    def __call__(self, samples: Any) -> Sent:
+    def __call__(self, samples: Any) -> DeviceSamples:
         """Start copying an array of float32 or float64; the array has been read completely when this returns.
 
         The result of the call before the last one is overwritten.
@@ -101,7 +101,7 @@ class Copies:
         done = None if self._stream is None else self._stream.record_event()
         if pinned and done is not None:
             wp.synchronize_event(done)
-        return Sent(target, self.device, kind.name, done)
+        return DeviceSamples(target, self.device, kind.name, done)
 
     def _in_pieces(self, target: Any, samples: np.ndarray, real: Any) -> None:
         """Copy an array, some of its first axis at a time."""

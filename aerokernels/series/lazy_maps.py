@@ -37,7 +37,7 @@ class _Map(BackendArray):
             raise ValueError(f"{self.path}: {self.name} is damaged ({said}): {remedy}") from fault
 
 
-def told_with_their_store(path: Path, found: xarray.Dataset, names: Iterable[str]) -> xarray.Dataset:
+def name_damaged_arrays(path: Path, found: xarray.Dataset, names: Iterable[str]) -> xarray.Dataset:
     """Return the dataset of a Zarr store whose arrays `names` raise ValueError with the store's name if damaged."""
 
     def variable(name: str) -> xarray.Variable:

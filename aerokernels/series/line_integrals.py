@@ -20,7 +20,7 @@ from scipy import sparse
 
 from ..device_arrays import host_array
 from ..flow import GridMesh
-from .device_copies import Sent
+from .device_copies import DeviceSamples
 from .plane_values import PlaneValues, nodes_along, tensor_rows, thinned, to_coefficients
 from .sheared_lattice import ShearedLattice
 
@@ -102,12 +102,12 @@ class LineIntegrals:
         """Return the integrals of samples minus a constant: shape (n,), float64.
 
         Args:
-            samples: Shape of the mesh; with `device` also a Warp array there, or a result of `sent`.
+            samples: Shape of the mesh; with `device` also a Warp array there, or a result of `to_device`.
             ambient: The constant, in the samples' unit.
             device: A GPU by its name in Warp; None: the processor.
         """
-        if isinstance(samples, Sent):
-            assert self.lattice is not None  # `sent` returns None without a lattice
+        if isinstance(samples, DeviceSamples):
+            assert self.lattice is not None  # `to_device` returns None without a lattice
             return self.lattice.on_gpu(samples, samples.device, ambient)
         if self.mesh.cell_averages and not self.is_aligned:
             samples = nodes_along(host_array(samples), [self.axis], self.interpolation, self._is_even)
@@ -118,11 +118,11 @@ class LineIntegrals:
             return self.lattice(found, ambient)
         return self._sum(found) - ambient * self.length
 
-    def sent(self, samples: Any, device: str) -> Sent | None:
+    def to_device(self, samples: Any, device: str) -> DeviceSamples | None:
         """Start copying samples to a device where they are summed later; None if they are summed on the host."""
         if self.lattice is None or (self.mesh.cell_averages and not self.is_aligned):
             return None
-        return self.lattice.sent(samples, device)
+        return self.lattice.to_device(samples, device)
 
     @cached_property
     def _sum(self) -> Callable[[np.ndarray], np.ndarray]:

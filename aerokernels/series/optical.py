@@ -20,7 +20,7 @@ from ..tracing.plan import PRECISIONS
 from ..tracing.pupil_air import GREATEST_SHARE, PupilAir, TruncationWarning
 from ..wavefront import check_terms
 from .pupil_grid import PupilGrid, Reading, pupil_grid
-from .snapshot import METHODS, Found, Snapshots, Way
+from .snapshot import METHODS, SnapshotResult, Snapshots, SnapshotSettings
 from .store import FIRST, NUMBERS, MemoryStore, ZarrStore
 from .strehl_bound import strehl_error
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import xarray
 
 Progress = Callable[[str, float], None]
+PROBE = ("probe", "probe_interpolation", "probe_tilt")  # measured on a snapshot, and restored where a run goes on
 
 
 @checked
@@ -110,8 +111,10 @@ def optical_series(
     look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
     options = {"backend": backend, "device": device, "precision": precision}
     wavelength = check_wavelength(wavelength)
-    way = Way(look, wavelength, relation, constant, composition, interpolation, tolerance, method, options)
-    snapshots = Snapshots(series, grid, way, terms)
+    settings = SnapshotSettings(
+        look, wavelength, relation, constant, composition, interpolation, tolerance, method, options
+    )
+    snapshots = Snapshots(series, grid, settings, terms)
     if snapshots.lines is not None and not snapshots.lines.inside.any():
         assert series.mesh is not None
         low, high = series.mesh.box
@@ -119,15 +122,15 @@ def optical_series(
             f"no ray of the pupil goes through the series' grid or mesh, {low.tolist()} to {high.tolist()} m: "
             "check the pupil's center, its normal and the units (metres are expected)"
         )
-    template = _template(series, pupil, grid, way, terms, snapshots)
+    template = _template(series, pupil, grid, settings, terms, snapshots)
     store: MemoryStore | ZarrStore
     if out is None:
         store = MemoryStore(template)
     else:
-        store = ZarrStore(Path(out), template, _definition(series, template, way))
+        store = ZarrStore(Path(out), template, _definition(series, template, settings))
         if store.done.count and store.is_finished:
             return store.finish()
-    for slope, *probe in zip(*map(store.done.column, ("slope", "probe", "probe_interpolation")), strict=True):
+    for slope, *probe in zip(*map(store.done.column, ("slope", *PROBE)), strict=True):
         snapshots.resume(slope, *probe)
     lit: np.ndarray | None = None
     first = store.done.count
@@ -194,15 +197,16 @@ def _read_ahead(snapshots: Snapshots, first: int, stop: int) -> Iterator[tuple[i
 
 
 def _entry(
-    grid: PupilGrid, found: Found, good: np.ndarray, read: Reading, wavelength: float
+    grid: PupilGrid, found: SnapshotResult, good: np.ndarray, read: Reading, wavelength: float
 ) -> tuple[dict[str, np.ndarray], dict[str, float]]:
     """Return the maps and numbers of a snapshot."""
     opd = np.full(len(good), np.nan)
     opd[good] = read.opd
     pixels = read.pixel_errors
-    # A slope changes by the OPD's error over the rms extent of the pupil at most.
+    # A slope changes by the OPD's error, with that of its tilt, over the rms extent of the pupil at most.
+    with_tilt = float(np.hypot(found.error, found.tilt_error))
     with np.errstate(divide="ignore"):
-        slopes = np.hypot(found.error / read.extent, pixels.tilt)
+        slopes = np.hypot(with_tilt / read.extent, pixels.tilt)
     numbers = {
         "strehl": read.strehl,
         "strehl_error": float(
@@ -216,18 +220,26 @@ def _entry(
         "opd_rms": read.rms_without_tilt,
         "opd_rms_error": float(np.hypot(found.error, pixels.rms_without_tilt)),
         "opd_rms_with_tilt": read.rms,
-        "opd_rms_with_tilt_error": float(np.hypot(found.error, pixels.rms)),
+        "opd_rms_with_tilt_error": float(np.hypot(with_tilt, pixels.rms)),
         "error": found.error,
         "known": float(grid.weight[grid.lit][good].sum()),
         "traced": float(found.traced),
         "slope": found.slope,
         "probe": found.probe,
         "probe_interpolation": found.interpolation,
+        "probe_tilt": found.probe_tilt,
     }
     return {"opd": grid.spread(opd), "valid": grid.spread(good, False)}, numbers
 
 
-def _template(series: Series, pupil: Any, grid: PupilGrid, way: Way, remove: tuple[str, ...], snapshots: Snapshots):
+def _template(
+    series: Series,
+    pupil: Any,
+    grid: PupilGrid,
+    settings: SnapshotSettings,
+    remove: tuple[str, ...],
+    snapshots: Snapshots,
+):
     """Return coordinates, weights and attributes: all that is known before the first snapshot."""
     import xarray
 
@@ -245,22 +257,22 @@ def _template(series: Series, pupil: Any, grid: PupilGrid, way: Way, remove: tup
             "title": "optical path difference in time",
             "source": f"aerokernels {__version__}",
             "provenance": series.provenance,
-            "wavelength": way.wavelength,
+            "wavelength": settings.wavelength,
             "remove": ",".join(remove),
-            "direction": way.direction.tolist(),
+            "direction": settings.direction.tolist(),
             "pupil_center": pupil.center.tolist(),
             "pupil_axes": np.concatenate(pupil.axes).tolist(),
-            "relation": way.relation,
-            **({} if way.constant is None else {"constant": way.constant}),
+            "relation": settings.relation,
+            **({} if settings.constant is None else {"constant": settings.constant}),
             "pupil": f"{type(pupil).__name__} at {pupil.center.tolist()} m, normal {pupil.normal.tolist()}",
-            "tolerance": way.tolerance,
+            "tolerance": settings.tolerance,
             "plan": snapshots.reason
             or "straight lines worked out once; the bending is measured, and a snapshot traced where it is too large",
         },
     )
 
 
-def _definition(series: Series, template: "xarray.Dataset", way: Way) -> dict[str, Any]:
+def _definition(series: Series, template: "xarray.Dataset", settings: SnapshotSettings) -> dict[str, Any]:
     """Return what distinguishes this run from others with the same store."""
     mesh = series.mesh
     return {
@@ -278,9 +290,9 @@ def _definition(series: Series, template: "xarray.Dataset", way: Way) -> dict[st
         "pixels": [template.sizes["y"], template.sizes["x"], float(template.x[0]), float(template.y[0])],
         "direction": template.attrs["direction"],
         "remove": template.attrs["remove"],
-        "wavelength": way.wavelength,
-        "relation": [way.relation, way.constant, str(way.composition), way.interpolation],
-        "method": [way.method, way.tolerance, *map(str, way.trace_options.values())],
+        "wavelength": settings.wavelength,
+        "relation": [settings.relation, settings.constant, str(settings.composition), settings.interpolation],
+        "method": [settings.method, settings.tolerance, *map(str, settings.trace_options.values())],
     }
 
 

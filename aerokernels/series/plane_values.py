@@ -71,7 +71,7 @@ class PlaneValues:
     """The map from the samples of a plane to the values at points of it.
 
     Attributes:
-        maps: Sparse matrices along each axis; `taken` picks the points from the plane to which they were applied.
+        maps: Sparse matrices along each axis; `pick` picks the points from the plane to which they were applied.
         count: Number of points.
     """
 
@@ -121,11 +121,11 @@ class PlaneValues:
         found = np.asarray(plane, np.float64)
         for axis, one in enumerate(self.maps):
             found = one @ found if axis == 0 else (one @ np.ascontiguousarray(found.T)).T
-        return self.taken(found)
+        return self.pick(found)
 
     @property
     def rule(self) -> tuple[np.ndarray | None, sparse.csr_matrix | None]:
-        """How `taken` picks the points from a plane: the numbers of its entries, or else a matrix.
+        """How `pick` picks the points from a plane: the numbers of its entries, or else a matrix.
 
         Points outside the plane have the number -1, or a row of zeros.
         """
@@ -133,7 +133,7 @@ class PlaneValues:
             return np.where(self._within, self._index, -1), None
         return None, sparse.csr_matrix(sparse.diags(self._within.astype(np.float64)) @ self._rows)
 
-    def taken(self, found: np.ndarray) -> np.ndarray:
+    def pick(self, found: np.ndarray) -> np.ndarray:
         """Return the values at the points from a plane to which `maps` were applied, shape (n,)."""
         values = self._rows @ found.ravel() if self._index is None else np.take(found, self._index)
         return np.where(self._within, values, 0.0)

@@ -21,7 +21,7 @@ from .plane_values import PlaneValues
 from .sheared_products import ShearedProducts
 
 if TYPE_CHECKING:
-    from .device_copies import Sent
+    from .device_copies import DeviceSamples
 
 STILL = 1e-9  # of a cell, over the box: a smaller shift counts as none
 MARGIN, STILL_MARGIN = 2, 8  # cells of the lattice beyond the requested lines, with shift and without
@@ -88,26 +88,26 @@ class ShearedLattice:
         counts = [self.shape[k] for k in self.others]
         return ShearedProducts(self.axis, counts, self.shift, self.blends, self.weights, self.low, self.size)
 
-    def sent(self, samples: Any, device: str) -> "Sent":
+    def to_device(self, samples: Any, device: str) -> "DeviceSamples":
         """Return samples on a Warp device: in place if they are on one, else copied to `device`."""
-        from .device_copies import Copies, sent
+        from .device_copies import Copies, to_device
 
         if device not in self._copies:
             self._copies[device] = Copies(device)
-        return sent(samples, self._copies[device])
+        return to_device(samples, self._copies[device])
 
     def on_gpu(self, samples: Any, device: str, offset: float = 0.0) -> np.ndarray:
         """Return the same sums, computed entirely on a Warp device.
 
         Args:
-            samples: A result of `sent`, or samples that it accepts.
+            samples: A result of `to_device`, or samples that it accepts.
             device: For samples that are not on a device yet.
             offset: The constant.
         """
-        from .device_copies import Sent
+        from .device_copies import DeviceSamples
         from .sheared_device import DeviceLattice
 
-        there = samples if isinstance(samples, Sent) else self.sent(samples, device)
+        there = samples if isinstance(samples, DeviceSamples) else self.to_device(samples, device)
         key = there.precision, there.device
         if key not in self._devices:
             self._devices[key] = DeviceLattice(self, *key)

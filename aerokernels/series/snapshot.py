@@ -25,7 +25,7 @@ from ..tracing.pupil_air import PupilAir, pupil_air
 from ..tracing.trace import trace
 from ..wavefront import remove_terms
 from .bending import SAFETY, bending, interpolation_error
-from .device_copies import Sent
+from .device_copies import DeviceSamples
 from .line_integrals import LineIntegrals, NotLinearError
 from .mesh_integrals import MeshIntegrals
 from .plane_values import nodes_along
@@ -38,7 +38,7 @@ PROBE_TOLERANCE = 0.1  # of the tolerance
 
 
 @dataclass(frozen=True)
-class Way:
+class SnapshotSettings:
     """Direction and method of the rays of a series.
 
     Attributes:
@@ -72,7 +72,7 @@ class Way:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SnapshotResult:
     """The optical path differences of a snapshot.
 
     Attributes:
@@ -83,6 +83,8 @@ class Found:
         slope: Mean square of the wavefront's slopes.
         probe: Bending's part as measured on this snapshot, terms removed [m]; NaN where it was not measured.
         interpolation: The interpolant's part, likewise.
+        probe_tilt: The tilt of both, where it is a removed term, rms over the pupil [m]; likewise.
+        tilt_error: Error of the removed tilt, rms over the pupil [m].
     """
 
     opd: np.ndarray
@@ -92,6 +94,8 @@ class Found:
     slope: float
     probe: float = np.nan
     interpolation: float = np.nan
+    probe_tilt: float = np.nan
+    tilt_error: float = 0.0
 
 
 def gpu_of(backend: str | None, device: str | None) -> str | None:
@@ -124,23 +128,23 @@ class Snapshots:
         device: The GPU on which integrals along straight lines are summed, by its name in Warp; None: the processor.
     """
 
-    def __init__(self, series: Series, grid: PupilGrid, way: Way, remove: tuple[str, ...]):
+    def __init__(self, series: Series, grid: PupilGrid, settings: SnapshotSettings, remove: tuple[str, ...]):
         """Prepare the geometry."""
-        self.series, self.grid, self.way, self.remove = series, grid, way, remove
-        self.model = refractivity_model(way.relation, constant=way.constant, composition=way.composition)
+        self.series, self.grid, self.settings, self.remove = series, grid, settings, remove
+        self.model = refractivity_model(settings.relation, constant=settings.constant, composition=settings.composition)
         self.lines: LineIntegrals | MeshIntegrals | None = None
         self.reason = ""
-        self.device = gpu_of(way.trace_options.get("backend"), way.trace_options.get("device"))
-        self._measured_slope, self._measured, self._interpolation = 0.0, np.nan, 0.0
+        self.device = gpu_of(settings.trace_options.get("backend"), settings.trace_options.get("device"))
+        self._measured_slope, self._measured, self._interpolation, self._tilt = 0.0, np.nan, 0.0, 0.0
         try:
             self.lines = self._lines()
         except NotLinearError as fault:
-            if way.method == "linear":
+            if settings.method == "linear":
                 raise ValueError(f"method 'linear' cannot be had: {fault}; take 'auto'") from None
             self.reason = str(fault)
 
     def _lines(self) -> LineIntegrals | MeshIntegrals:
-        if self.way.method == "trace":
+        if self.settings.method == "trace":
             raise NotLinearError("method 'trace' was asked for")
         mesh = self.series.mesh
         if mesh is None:
@@ -150,43 +154,43 @@ class Snapshots:
         if self.model.composition is not None:
             raise NotLinearError("a composition of species is traced")
         if isinstance(mesh, QuadMesh):
-            if self.way.interpolation not in (None, "conserving", "bilinear"):
-                raise NotLinearError(f"interpolation {self.way.interpolation!r} of a mesh is traced")
-            if self.way.interpolation == "conserving" and has_seam(mesh):
+            if self.settings.interpolation not in (None, "conserving", "bilinear"):
+                raise NotLinearError(f"interpolation {self.settings.interpolation!r} of a mesh is traced")
+            if self.settings.interpolation == "conserving" and has_seam(mesh):
                 raise NotLinearError("a mesh that closes on itself in a seam is not cut")
-            return MeshIntegrals(mesh, self.grid.points, self.way.direction, self.way.interpolation)
-        interpolation = self.way.interpolation or "cubic"
-        return LineIntegrals(mesh, self.grid.points, self.way.direction, interpolation)
+            return MeshIntegrals(mesh, self.grid.points, self.settings.direction, self.settings.interpolation)
+        interpolation = self.settings.interpolation or "cubic"
+        return LineIntegrals(mesh, self.grid.points, self.settings.direction, interpolation)
 
-    def resume(self, slope: float, probe: float, interpolation: float) -> None:
+    def resume(self, slope: float, probe: float, interpolation: float, tilt: float) -> None:
         """Restore the measurements of an interrupted run."""
         if np.isfinite(probe):
-            self._measured_slope, self._measured, self._interpolation = slope, probe, interpolation
+            self._measured_slope, self._measured, self._interpolation, self._tilt = slope, probe, interpolation, tilt
 
-    def read(self, number: int) -> tuple[Any, Sent | None]:
+    def read(self, number: int) -> tuple[Any, DeviceSamples | None]:
         """Read a snapshot, and start copying its samples to the device that sums them, if there is one."""
         stored = self.series.read(number, self.device is not None)
         if self.device is None or not isinstance(self.lines, LineIntegrals) or self.model.form != "gladstone-dale":
             return stored, None
         if not isinstance(stored, DensityField):
-            return stored, self.lines.sent(stored, self.device)
+            return stored, self.lines.to_device(stored, self.device)
         samples = getattr(stored, "density", None)
         if not isinstance(samples, np.ndarray) or samples.dtype not in (np.float32, np.float64):
             return stored, None
-        return stored, self.lines.sent(samples, self.device) if self.series.lies_here(stored) else None
+        return stored, self.lines.to_device(samples, self.device) if self.series.lies_here(stored) else None
 
     def air(self, pupil: Pupil, number: int, stored: Any) -> PupilAir:
         """Return what the pupil may lose where the known air of a snapshot ends."""
-        field = self.way.index_field(self.series.field(stored, number))
-        return pupil_air(field, pupil, self.way.direction, self.way.tolerance * self.way.wavelength)
+        field = self.settings.index_field(self.series.field(stored, number))
+        return pupil_air(field, pupil, self.settings.direction, self.settings.tolerance * self.settings.wavelength)
 
-    def __call__(self, number: int, read: tuple[Any, Sent | None] | None = None) -> Found:
+    def __call__(self, number: int, read: tuple[Any, DeviceSamples | None] | None = None) -> SnapshotResult:
         """Return the optical path differences of a snapshot, which `read` may have read already."""
         stored, there = self.read(number) if read is None else read
         flow = stored if isinstance(stored, DensityField) else None
-        mixture = getattr(flow, "composition", None) is not None and self.way.constant is None
+        mixture = getattr(flow, "composition", None) is not None and self.settings.constant is None
         if self.lines is None or mixture or (flow is not None and not self.series.lies_here(flow)):
-            return self._traced(self.way.index_field(self.series.field(stored, number)))
+            return self._traced(self.settings.index_field(self.series.field(stored, number)))
         density = stored if flow is None else np.asarray(flow.density)  # type: ignore[attr-defined]
         ambient = self.series.ambient_density if flow is None else flow.ambient_density
         assert ambient is not None  # open_series requires it
@@ -197,23 +201,23 @@ class Snapshots:
             bad = int((~np.isfinite(samples)).sum())
             raise ValueError(f"snapshot {number}: {bad} of {samples.size} densities are not finite; repair the file")
         slope = self._slope(opd, valid)
-        probe = interpolation = np.nan
-        if self.way.method == "auto" and not (
+        probe = interpolation = tilt = np.nan
+        if self.settings.method == "auto" and not (
             np.isfinite(self._measured) and slope <= GROWN * self._measured_slope + 1e-30
         ):
             self._check_range(host_array(density), number)
-            probe, interpolation = self._probe(stored, number, opd, valid)
-            self.resume(slope, probe, interpolation)
+            probe, interpolation, tilt = self._probe(stored, number, opd, valid)
+            self.resume(slope, probe, interpolation, tilt)
         grown = max(1.0, slope / self._measured_slope) if self._measured_slope > 0.0 else 1.0
         bending = self._measured * grown
-        if self.way.method == "auto" and bending > self.way.tolerance * self.way.wavelength:
-            found = self._traced(self.way.index_field(self.series.field(stored, number)))
-            return replace(found, slope=slope, probe=probe, interpolation=interpolation)
+        if self.settings.method == "auto" and bending > self.settings.tolerance * self.settings.wavelength:
+            found = self._traced(self.settings.index_field(self.series.field(stored, number)))
+            return replace(found, slope=slope, probe=probe, interpolation=interpolation, probe_tilt=tilt)
         # Add the resampling error of lines through a grid that the flow's own cells were resampled to.
         column = float(getattr(getattr(flow, "resampling", None), "column_error", 0.0))
-        drawn = SAFETY * self.model.upstream(self.way.wavelength, column).columns
+        drawn = SAFETY * self.model.upstream(self.settings.wavelength, column).columns
         error = float(np.sqrt(bending**2 + self._interpolation**2 + drawn**2))
-        return Found(opd, valid, False, error, slope, probe, interpolation)
+        return SnapshotResult(opd, valid, False, error, slope, probe, interpolation, tilt, self._tilt * grown)
 
     def _check_range(self, samples: np.ndarray, number: int) -> None:
         """Reject densities that no gas has, for which straight lines would give a number as well.
@@ -230,9 +234,9 @@ class Snapshots:
         """Return K times the integral of the density minus the ambient one, whose spline is that constant."""
         assert self.lines is not None
         if self.model.form == "gladstone-dale":
-            constant = float(self.model.constant(self.way.wavelength))
+            constant = float(self.model.constant(self.settings.wavelength))
             return constant * self.lines(density, ambient, self.device)
-        return self.lines(self.model.contrast(host_array(density), ambient, self.way.wavelength))
+        return self.lines(self.model.contrast(host_array(density), ambient, self.settings.wavelength))
 
     def _slope(self, opd: np.ndarray, valid: np.ndarray) -> float:
         """Return the mean square of the slopes of a wavefront, from neighbouring pixels."""
@@ -244,56 +248,57 @@ class Snapshots:
 
     def _rays(self, chosen: np.ndarray) -> tuple[RayBundle, np.ndarray]:
         points = self.grid.points[chosen]
-        return RayBundle(points, np.broadcast_to(self.way.direction, points.shape)), points
+        return RayBundle(points, np.broadcast_to(self.settings.direction, points.shape)), points
 
     def _stop(self, box: tuple[np.ndarray, np.ndarray]) -> Plane:
         """Return a plane across the rays, beyond a box and the pupil."""
         low, high = (np.where(np.isfinite(corner), corner, 0.0) for corner in box)
         corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
-        away = np.concatenate([corners, self.grid.points]) @ self.way.direction
-        return Plane((away.max() + 1e-3 * np.ptp(away)) * self.way.direction, self.way.direction)
+        away = np.concatenate([corners, self.grid.points]) @ self.settings.direction
+        return Plane((away.max() + 1e-3 * np.ptp(away)) * self.settings.direction, self.settings.direction)
 
-    def _probe(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray) -> tuple[float, float]:
+    def _probe(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray) -> tuple[float, float, float]:
         """Return the rms difference of straight lines from bent rays over some rays of the pupil, terms removed [m].
 
-        Also the interpolation error of the same rays [m].
+        Also the interpolation error of the same rays, and the rms of the removed tilt of both [m].
         """
         rows = np.flatnonzero(valid)
         if not len(rows):
-            return 0.0, 0.0
+            return 0.0, 0.0, 0.0
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, PROBES).round().astype(int))]
         if isinstance(self.lines, LineIntegrals) and self.lines.mesh.geometry == "volume":
             return self._second_order(stored, rows, opd[rows])
-        field = self.way.index_field(self.series.field(stored, number))
+        field = self.settings.index_field(self.series.field(stored, number))
         rays, _ = self._rays(rows)
         traced = trace(
             field,
             rays,
             until=self._stop(field.box),
-            tolerance=PROBE_TOLERANCE * self.way.tolerance,
-            wavelength=self.way.wavelength,
+            tolerance=PROBE_TOLERANCE * self.settings.tolerance,
+            wavelength=self.settings.wavelength,
             outputs=("opd",),
-            **self.way.trace_options,
+            **self.settings.trace_options,
         )
         assert traced.opd is not None
         good = traced.ok & np.isfinite(traced.opd)
-        if good.sum() < 3:
-            return 0.0, 0.0
-        difference = (traced.opd - opd[rows])[good]
-        return self._rms(difference, rows[good]), float(traced.error.get("interpolation") or 0.0)
+        if not good.any():
+            return np.inf, 0.0, 0.0
+        difference, rows = (traced.opd - opd[rows])[good], rows[good]
+        between = float(traced.error.get("interpolation") or 0.0)
+        return self._rms(difference, rows), between, self._tilt_rms(difference, rows)
 
-    def _second_order(self, stored: Any, rows: np.ndarray, opd: np.ndarray) -> tuple[float, float]:
+    def _second_order(self, stored: Any, rows: np.ndarray, opd: np.ndarray) -> tuple[float, float, float]:
         """Return the same for a volume, from samples near the rays; includes the difference of `opd` from them."""
         assert isinstance(self.lines, LineIntegrals)
         flow = stored if isinstance(stored, DensityField) else None
         density = host_array(stored if flow is None else flow.density)  # type: ignore[attr-defined]
         ambient = self.series.ambient_density if flow is None else flow.ambient_density
         assert ambient is not None
-        wavelength, mesh = self.way.wavelength, self.lines.mesh
+        wavelength, mesh = self.settings.wavelength, self.lines.mesh
         if mesh.cell_averages:
             density = nodes_along(density, range(3), self.lines.interpolation, False)
             mesh = replace(mesh, cell_averages=False)
-        points, along = self.grid.points[rows], self.way.direction
+        points, along = self.grid.points[rows], self.settings.direction
         lines = LineIntegrals(mesh, points, along, self.lines.interpolation)
 
         def contrast(values: np.ndarray) -> np.ndarray:
@@ -305,25 +310,33 @@ class Snapshots:
         beyond = self._stop(mesh.box).point @ along - leave @ along
         bent, straight = bending(lines, density, contrast, beyond)
         between = interpolation_error(lines, density, contrast)
-        return self._rms(bent, rows), self._rms(between, rows) + self._rms(opd - straight, rows)
+        parts = self._rms(bent, rows), self._rms(between, rows) + self._rms(opd - straight, rows)
+        return *parts, float(np.hypot(self._tilt_rms(bent, rows), self._tilt_rms(between, rows)))
 
     def _rms(self, values: np.ndarray, rows: np.ndarray) -> float:
         """Return the root mean square over some rays, terms removed [m]."""
         left = remove_terms(values, self.remove, self.grid.coordinates[rows])
         return float(np.sqrt(np.mean(left**2)))
 
-    def _traced(self, field: IndexField) -> Found:
+    def _tilt_rms(self, values: np.ndarray, rows: np.ndarray) -> float:
+        """Return the root mean square of the tilt of values over some rays [m]; 0 where tilt is no removed term."""
+        if "tilt" not in self.remove:
+            return 0.0
+        tilted = values - remove_terms(values, ("tilt",), self.grid.coordinates[rows])
+        return float(np.sqrt(np.mean(tilted**2)))
+
+    def _traced(self, field: IndexField) -> SnapshotResult:
         rays, _ = self._rays(np.arange(len(self.grid.points)))
         traced = trace(
             field,
             rays,
             until=self._stop(field.box),
-            tolerance=self.way.tolerance,
-            wavelength=self.way.wavelength,
+            tolerance=self.settings.tolerance,
+            wavelength=self.settings.wavelength,
             outputs=("opd",),
-            **self.way.trace_options,
+            **self.settings.trace_options,
         )
         assert traced.opd is not None
         reached = np.isfinite(traced.opd) & traced.ok
         opd = np.where(reached, traced.opd, np.nan)
-        return Found(opd, reached, True, float(traced.error.get("total", np.nan)), self._slope(opd, reached))
+        return SnapshotResult(opd, reached, True, float(traced.error.get("total", np.nan)), self._slope(opd, reached))

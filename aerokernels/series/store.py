@@ -46,6 +46,7 @@ NUMBERS = {
     "slope": ("1", "mean square of the wavefront's slopes"),
     "probe": ("m", "bending's part of opd where it was measured, rms"),
     "probe_interpolation": ("m", "the interpolant's part where it was measured, rms"),
+    "probe_tilt": ("m", "tilt of both where they were measured and it is removed from opd, rms over the pupil"),
 }
 
 
@@ -328,9 +329,9 @@ class ZarrStore:
             found = xarray.open_zarr(self.path, consolidated=False, chunks=None)
         if lost := {*MAPS, *NUMBERS, *self.template.coords} - set(found.variables):
             raise self._damaged(f"{min(lost)} is lost from the store")
-        from .lazy_maps import told_with_their_store
+        from .lazy_maps import name_damaged_arrays
 
-        return told_with_their_store(self.path, found, MAPS)
+        return name_damaged_arrays(self.path, found, MAPS)
 
 
 def _consolidate(path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ...process.room import NoRoomError
-from .dataset import Dataset, ReadError
+from .dataset import DAMAGED, Dataset, ReadError
 
 Reader = Callable[[Path, Any, dict[str, Any]], Dataset]
 
@@ -21,9 +21,7 @@ def read_here(module: str, path: Path, time, options: dict[str, Any]) -> Dataset
     except NoRoomError as fault:
         raise ReadError.said(str(fault)) from None
     except MemoryError:
-        raise ReadError(
-            path, "it announces more data than the memory takes", "the file is damaged: write it again"
-        ) from None
+        raise ReadError(path, "it announces more data than fits in memory", DAMAGED) from None
     except Exception as fault:  # libraries raise any error for a damaged file, such as TokenError for a NumPy header
         what = f"it cannot be read ({type(fault).__name__}: {fault})"
-        raise ReadError(path, what, "the file is damaged: write it again") from fault
+        raise ReadError(path, what, DAMAGED) from fault

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-HDF5 = b"\x89HDF\r\n\x1a\n"
+from .dataset import HDF5_MAGIC
 
 
 class Node:
@@ -34,7 +34,7 @@ class Node:
 def opened(path: Path) -> Iterator[Node | None]:
     """Open a CGNS file in HDF5 as its root node; None for a file in ADF."""
     with path.open("rb") as stream:
-        is_hdf5 = stream.read(len(HDF5)) == HDF5
+        is_hdf5 = stream.read(len(HDF5_MAGIC)) == HDF5_MAGIC
     if not is_hdf5:
         yield None
         return

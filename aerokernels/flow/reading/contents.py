@@ -113,11 +113,11 @@ def _ranges(dataset: Dataset):
     for where in ("cell", "point"):
         names: dict[str, None] = {}
         for block in dataset.blocks:
-            names |= dict.fromkeys(block.cell_data if where == "cell" else block.point_data)
+            names |= dict.fromkeys(block.arrays(where))
         for name in names:
             parts = []
             for block in dataset.blocks:
-                arrays = block.cell_data if where == "cell" else block.point_data
+                arrays = block.arrays(where)
                 if name in arrays and np.issubdtype(np.asarray(arrays[name]).dtype, np.number):
                     parts.append(np.asarray(arrays[name]))
             if not parts:

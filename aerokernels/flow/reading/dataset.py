@@ -9,6 +9,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
+DAMAGED = "the file is damaged: write it again"
+UNFINISHED = "the file is damaged or was not written to its end: write it again"
 LONGEST = 5000  # characters of an error message
 
 
@@ -75,7 +78,7 @@ def check_points(path, points: np.ndarray, name: str = "") -> None:
             path,
             f"{int(bad.sum())} of {len(points)} points{where} have no proper place, the first is point {first} at "
             f"{points[first].tolist()}",
-            "the file is damaged: write it again",
+            DAMAGED,
         )
 
 
@@ -155,6 +158,10 @@ class Block:
     blank: np.ndarray | None = None
     name: str = ""
 
+    def arrays(self, where: str) -> Mapping[str, np.ndarray]:
+        """Return the arrays of its "cell"s or "point"s."""
+        return self.cell_data if where == "cell" else self.point_data
+
     @property
     def cell_count(self) -> int:
         """Number of cells; 0 for points alone."""
@@ -204,6 +211,22 @@ class Patch:
         if each == 2:
             return cls(name, kind, corners)
         return cls(name, kind, polygons=Polygons(corners.reshape(-1, 3), each * np.arange(len(corners) + 1)))
+
+
+def wall_patches(path, patches: Sequence[Patch], names=None) -> list[Patch]:
+    """Return the patches of the given names; None: those that the file marks as walls.
+
+    Raises:
+        ReadError: No patch of such a name.
+    """
+    if names is None:
+        return [patch for patch in patches if patch.kind == "wall"]
+    chosen = {names} if isinstance(names, str) else set(names)
+    known = {patch.name for patch in patches}
+    if unknown := chosen - known:
+        listed = ", ".join(sorted(known)) or "none"
+        raise ReadError(path, f"there is no patch {min(unknown)!r}", f"walls are of {listed}")
+    return [patch for patch in patches if patch.name in chosen]
 
 
 @dataclass(frozen=True, eq=False)

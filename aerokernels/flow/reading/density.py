@@ -207,7 +207,7 @@ def scalar_array(path, block: Block, name: str, where: str | None = None) -> tup
     """
     order = ("cell", "point") if where is None else (where, "cell", "point")
     for place in order:
-        arrays = block.cell_data if place == "cell" else block.point_data
+        arrays = block.arrays(place)
         if name in arrays:
             values = np.asarray(arrays[name])
             count = block.cell_count if place == "cell" else len(block.points)

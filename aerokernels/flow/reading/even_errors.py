@@ -13,7 +13,7 @@ from .measuring_lines import LINES, VolumeResampling, unresolved
 SIDES = np.array([[-0.5, 0.5]])
 
 
-def told_error(average: np.ndarray, smooth: np.ndarray, step: np.ndarray) -> VolumeResampling:
+def estimated_error(average: np.ndarray, smooth: np.ndarray, step: np.ndarray) -> VolumeResampling:
     """Return the error of columns along z through the spline that keeps averages over uniform cells.
 
     Args:
@@ -27,13 +27,13 @@ def told_error(average: np.ndarray, smooth: np.ndarray, step: np.ndarray) -> Vol
     near = np.concatenate(
         [2.0 * near[..., :1] - near[..., 1:2], near, 2.0 * near[..., -1:] - near[..., -2:-1]], axis=-1
     )
-    bend = _bends(near)
+    deficit = _deficits(near)
     free = smooth[i][:, j]
-    change = np.zeros(bend.shape)
-    if bend.shape[-1] > 2:
-        change[..., 1:-1] = np.diff(bend, 2, axis=-1)
+    change = np.zeros(deficit.shape)
+    if deficit.shape[-1] > 2:
+        change[..., 1:-1] = np.diff(deficit, 2, axis=-1)
         change[..., 0], change[..., -1] = change[..., 1], change[..., -2]
-    lacks = np.where(free, change, bend).reshape(-1, bend.shape[-1])
+    lacks = np.where(free, change, deficit).reshape(-1, deficit.shape[-1])
     cell = np.broadcast_to(np.arange(lacks.shape[1]), lacks.shape)
     likely, greatest = unresolved(lacks * step[2], lacks, cell, float(np.ptp(average)))
     return VolumeResampling(
@@ -62,8 +62,8 @@ def _with_sides(values: np.ndarray, index: np.ndarray, axis: int) -> np.ndarray:
     return np.stack([before, own, after], axis=axis + 1)
 
 
-def _bends(near: np.ndarray) -> np.ndarray:
-    """Return the differences of linear functions in cells from means at their corners: see `Linear.bend`."""
+def _deficits(near: np.ndarray) -> np.ndarray:
+    """Return the differences of linear functions in cells from means at their corners: see `Linear.deficit`."""
     corner = near
     for axis in (1, 3):
         moved = np.moveaxis(corner, axis, 0)

@@ -16,7 +16,7 @@ import numpy as np
 from ...process.fragile import LibraryEndedError
 from ...process.fragile import in_child as call_in_child
 from .calling import read_here
-from .dataset import Dataset, ReadError, chosen_time
+from .dataset import HDF5_MAGIC, Dataset, ReadError, chosen_time
 from .vtk_collections import LISTED, SUFFIXES
 
 
@@ -61,7 +61,6 @@ FORMATS = (
 # The reader modules that accept each option.
 OPTIONS = {"mesh": ("su2",), "solution": ("su2", "plot3d"), "variables": ("named_arrays", "labelled")}
 _BY_NAME = {entry.name: entry for entry in FORMATS}
-HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 SU2_MAGIC = (535532).to_bytes(4, "little"), (535532).to_bytes(4, "big")
 
 

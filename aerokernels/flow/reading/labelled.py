@@ -9,9 +9,9 @@ from ...inputs.arguments import seconds
 from ...process.room import NoRoomError, check_file
 from .array_units import stated_unit
 from .coordinates import COLUMNS, axes_of
-from .dataset import Dataset, ReadError
+from .dataset import DAMAGED, Dataset, ReadError
 from .density import plain_name
-from .named_arrays import DAMAGED, dataset_of
+from .named_arrays import dataset_of
 
 
 def read(path: Path, time=None, options: dict | None = None) -> Dataset:

@@ -113,7 +113,7 @@ class MeasuringLines:
             averaged_share: Share of the nodes that took an average.
         """
         shape, node = self.grid.shape, self._node
-        change, flat, bend = (np.zeros(int(np.prod(shape))) for _ in range(3))
+        change, flat, deficit = (np.zeros(int(np.prod(shape))) for _ in range(3))
         span = 0.0
         if len(node):
             each = zip(self._parts, [values[k] for k in self._order], strict=True)
@@ -121,12 +121,12 @@ class MeasuringLines:
             truth = linear.at(self._of, self._at)
             change[node] = self._between @ density - truth
             flat[node] = linear.value[self._of] - truth
-            bend[node] = linear.bend[self._of]
+            deficit[node] = linear.deficit[self._of]
             span = float(np.ptp(linear.value))
         columns = [self._length * own.reshape(shape).sum(axis=2) for own in (change, flat)]
         seen = change[node] if len(node) else change
         met = max(int((self.grid.cell.reshape(shape) >= 0).any(axis=2).sum()), 1)  # lines that cross any cells
-        by_line = bend.reshape(-1, shape[2])
+        by_line = deficit.reshape(-1, shape[2])
         likely, greatest = unresolved(by_line * self._length, by_line, self.grid.cell.reshape(by_line.shape), span)
         rms = [float(np.sqrt(np.mean(seen**2))), *(float(np.sqrt(np.sum(own**2) / met)) for own in columns)]
         return VolumeResampling(
@@ -138,23 +138,23 @@ class MeasuringLines:
             rms[2],
             outside_share,
             averaged_share,
-            float(np.sqrt(np.mean(bend[node] ** 2))) if len(node) else 0.0,
+            float(np.sqrt(np.mean(deficit[node] ** 2))) if len(node) else 0.0,
             float(np.sqrt(np.sum(likely**2) / met)),
             float(greatest.max()),
         )
 
 
-def unresolved(lines: np.ndarray, bend: np.ndarray, cell: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the likely and the greatest error of each line [kg/m2] due to `bend`, shape (line_count,) each.
+def unresolved(lines: np.ndarray, deficit: np.ndarray, cell: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the likely and the greatest error of each line [kg/m2] due to `deficit`, shape (line_count,) each.
 
     Args:
-        lines: Contribution of `bend` to each place of each line [kg/m2], shape (line_count, place_count).
-        bend: Deficit of the function of the cell there [kg/m3], likewise.
+        lines: Contribution of `deficit` to each place of each line [kg/m2], shape (line_count, place_count).
+        deficit: Deficit of the function of the cell there [kg/m3], likewise.
         cell: Numbers of the cells, likewise.
         span: The range of the density [kg/m3].
     """
     together = BIAS * lines.sum(axis=1)
-    shock = np.sign(lines) * (np.abs(bend) > SHEET_SHARE * span)
+    shock = np.sign(lines) * (np.abs(deficit) > SHEET_SHARE * span)
     other = np.ones(lines.shape, bool)
     other[:, 1:] = cell[:, 1:] != cell[:, :-1]
     # Consecutive cells of a shock along the line have alike deficits: their errors add up.

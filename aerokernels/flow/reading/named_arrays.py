@@ -18,12 +18,10 @@ import numpy as np
 from ...process.room import NoRoomError, check_room
 from .array_units import length_of, stated_unit, unit_of_array
 from .coordinates import COLUMNS, PLACE, axes_of
-from .dataset import Block, Dataset, ReadError, chosen_time
+from .dataset import DAMAGED, HDF5_MAGIC, Block, Dataset, ReadError, chosen_time
 from .density import plain_name
 
-DAMAGED = "the file is damaged: write it again"
 AXIS_END = re.compile(r"([xyzr])_?(min|max)")
-HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
@@ -39,7 +37,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         head = stream.read(8)
     if path.suffix.lower() == ".npz":
         arrays, kind = _npz(path), "NumPy arrays"
-    elif head == HDF5:
+    elif head == HDF5_MAGIC:
         (arrays, units, ends), kind = _hdf5(path), "HDF5"
     else:
         raise ReadError(path, "it does not begin like an HDF5 file", DAMAGED)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...medium import QuadMesh
-from .dataset import FLAT, Block, Dataset, Patch, ReadError
+from .dataset import FLAT, Block, Dataset, ReadError
 from .frame import Frame
 from .polygon_cells import Polygons
 from .polygons import merged, quad_mesh
@@ -139,19 +139,6 @@ def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[Quad
     except ValueError as fault:
         raise ReadError(path, f"its mesh cannot be used: {fault}", "repair the mesh and write the file again") from None
     return mesh, values, polygons.where, remark
-
-
-def patch_edges(patches: list[Patch], plane: Plane, names=None) -> list[tuple[str, np.ndarray]]:
-    """Return the edges of the walls in the plane, by patch: shape (edge_count, 2, 2) [m].
-
-    Args:
-        patches: The patches.
-        plane: The plane.
-        names: Names of the walls; None takes the patches that the file marks as walls.
-    """
-    chosen = [names] if isinstance(names, str) else names
-    walls = [patch for patch in patches if (patch.kind == "wall" if chosen is None else patch.name in chosen)]
-    return [(patch.name, plane.local(patch.edges)) for patch in walls if len(patch.edges)]
 
 
 def _structured(path, block: Block) -> np.ndarray:

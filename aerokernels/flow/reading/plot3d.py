@@ -25,6 +25,7 @@ GRID_ENDS = (".xyz", ".x", ".g", ".p3d", ".grd", ".p2d")
 SOLUTION_ENDS = (".q", ".f", ".fun", ".p3dq")
 GREATEST_GRID_COUNT = 100_000
 PADDING = 1024  # [bytes] a disk or tape block
+RELATIVE = "q files are mostly non-dimensional: without a reference their density is taken as kg/m3"
 CONSERVATIVE = ("density", "momentum_x", "momentum_y", "momentum_z", "energy")
 
 
@@ -90,7 +91,8 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         Block(block.points, None, block.shape, own, {}, block.blank, f"grid {k + 1}")
         for k, (block, own) in enumerate(zip(blocks, arrays, strict=True))
     ]
-    return Dataset(whole, f"Plot3D, {form}")
+    notes = [RELATIVE] if any("momentum_x" in own for own in arrays) else []
+    return Dataset(whole, f"Plot3D, {form}", notes=notes)
 
 
 def _pair(path: Path, solution) -> tuple[Path, Path]:

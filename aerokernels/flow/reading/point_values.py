@@ -90,17 +90,11 @@ class PointValues:
 
 def _turned(corners: Rows, point_count: int, blank: np.ndarray | None) -> Rows:
     """Return the cells at each point, without those that have no flow."""
-    from scipy.sparse import csr_array
-
-    start, column = corners.start, corners.column
     if blank is not None:
-        width = np.where(blank, 0, np.diff(start))
-        keep = np.repeat(~blank, np.diff(start))
-        start, column = np.concatenate([[0], np.cumsum(width)]), column[keep]
-    # Transposing a sparse matrix sorts in one pass, faster than a sort of the numbers.
-    true = np.ones(len(column), bool)
-    turned = csr_array((true, column, start), shape=(len(start) - 1, point_count)).tocsc()
-    return Rows(turned.indptr.astype(np.int64), turned.indices.astype(np.int32, copy=False))
+        width = np.diff(corners.start)
+        start = np.concatenate([[0], np.cumsum(np.where(blank, 0, width))])
+        corners = Rows(start, corners.column[np.repeat(~blank, width)])
+    return corners.transposed(point_count)
 
 
 def _beyond(at_cells, at_points, middle, points, inside, rim):
@@ -128,7 +122,7 @@ def _beyond(at_cells, at_points, middle, points, inside, rim):
         rows = Rows.of_matrix(inner)
         found, full = _values_at(rows, points, points[rim[kept]])
         good = full >= rank[kept]
-        some, entry = rows.taken(np.flatnonzero(good))
+        some, entry = rows.select(np.flatnonzero(good))
         far.append((kept[good], some))
         far_weight.append(found[entry])
         kept, around = kept[~good], around[~good]
@@ -141,7 +135,7 @@ def _beyond(at_cells, at_points, middle, points, inside, rim):
     start = np.concatenate([[0], np.cumsum(width)])
     column, together = np.empty(start[-1], np.int32), np.empty(start[-1])
     for (row, some), found in zip(far, far_weight, strict=True):
-        _, place = Rows(start, column).taken(row)
+        _, place = Rows(start, column).select(row)
         column[place], together[place] = some.column, found
     return near, weight, basis, Rows(start, column), together
 

@@ -58,22 +58,19 @@ class CellFacts:
     middle: np.ndarray
 
 
-def draw(block: Block, points: np.ndarray, grids: list[NodeGrid], first_cell: int, progress=None) -> CellFacts:
+def rasterise(block: Block, points: np.ndarray, grids: list[NodeGrid], first_cell: int) -> CellFacts:
     """Rasterise the solid cells of a block into grids, where their numbers begin with `first_cell`."""
     count = block.cell_count
     facts = CellFacts(np.zeros(count), np.zeros((count, 3)))
     blank = block.blank if block.blank is not None and len(block.blank) == count else None
-    done = 0
-
     across = np.ascontiguousarray(points.T)
 
-    def work(made: Callable[[], Solids]) -> int:
+    def work(made: Callable[[], Solids]) -> None:
         solids = made()
         facts.volume[solids.cell] = solids.volume
         facts.middle[solids.cell] = solids.middle.T
         for grid in grids:
-            _draw_some(solids, grid, first_cell, blank)
-        return len(solids.cell)
+            _rasterise_some(solids, grid, first_cell, blank)
 
     threads = core_count()
     with ThreadPoolExecutor(threads) as pool:
@@ -81,15 +78,13 @@ def draw(block: Block, points: np.ndarray, grids: list[NodeGrid], first_cell: in
         for made in solid_chunks(block, across):
             waiting.append(pool.submit(work, made))
             if len(waiting) >= 2 * threads:  # bound the memory of chunks in progress
-                done += waiting.pop(0).result()
-                if progress is not None:
-                    progress(done / max(count, 1))
+                waiting.pop(0).result()
         for last in waiting:
             last.result()
     return facts
 
 
-def _draw_some(solids: Solids, grid: NodeGrid, first_cell: int, blank: np.ndarray | None) -> None:
+def _rasterise_some(solids: Solids, grid: NodeGrid, first_cell: int, blank: np.ndarray | None) -> None:
     shape, step, low = np.array(grid.shape)[:, None], grid.spacing[:, None], grid.low[:, None]
     slack = ON_FACE * (solids.high - solids.low).max(axis=0) + 1e-12 * grid.spacing.max()
     begin = np.clip(np.ceil((solids.low - slack - low) / step), 0, shape).astype(np.int64)
@@ -115,12 +110,12 @@ def _draw_some(solids: Solids, grid: NodeGrid, first_cell: int, blank: np.ndarra
         before = ends[first - 1] if first else 0
         last = max(first + 1, int(np.searchsorted(ends, before + PAIRS, "right")))
         part = slice(first, last)
-        _test(grid, cell[part], begin[:, part], span[:, part], pairs[part], middle[:, part],
+        _assign_inside(grid, cell[part], begin[:, part], span[:, part], pairs[part], middle[:, part],
               normal[:, :, part], bound[:, part])  # fmt: skip
         first = last
 
 
-def _test(grid, cell, begin, span, pairs, middle, normal, bound) -> None:
+def _assign_inside(grid, cell, begin, span, pairs, middle, normal, bound) -> None:
     own = np.repeat(np.arange(len(cell)), pairs)
     within = np.arange(len(own)) - np.repeat(np.cumsum(pairs) - pairs, pairs)
     rest, k = np.divmod(within, span[2][own])

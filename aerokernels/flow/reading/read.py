@@ -15,13 +15,13 @@ from ...medium import Body
 from ..density_field import CellDensity, DensityField
 from ..gas import check_density
 from ..sampled_density import VertexDensity
-from .dataset import Block, Dataset, ReadError, check_points
+from .dataset import DAMAGED, Block, Dataset, ReadError, check_points, wall_patches
 from .density import DensityChoice, Reference, block_density, choose_density
 from .formats import load
 from .fractions import Fractions, choose_fractions
 from .frame import Frame, plane_normal
 from .one_cell_thick import flattened
-from .plane import Plane, patch_edges, plane_mesh
+from .plane import Plane, plane_mesh
 from .wall_values import wall_density
 
 if TYPE_CHECKING:
@@ -77,14 +77,14 @@ class Reading:
 
 
 @dataclass(eq=False)
-class Kept:
+class SharedMesh:
     """Data that successive files on the same mesh share.
 
     Attributes:
-        found: The map from the mesh of a volume to its grid.
+        resampling: The map from the mesh of a volume to its grid.
     """
 
-    found: "Resampling | None" = None
+    resampling: "Resampling | None" = None
 
 
 def read(
@@ -144,15 +144,15 @@ def read(
     )  # fmt: skip
 
 
-def read_onto(kept: Kept | None, path, *, spacing=None, region=None, walls=None, **asked: Any) -> DensityField:
-    """Read as `read` does, and share with other files what depends on the mesh alone, through `kept`."""
+def read_onto(shared: SharedMesh | None, path, *, spacing=None, region=None, walls=None, **asked: Any) -> DensityField:
+    """Read as `read` does, and share with other files what depends on the mesh alone, through `shared`."""
     try:
         flat = spacing is None and region is None  # a mesh one cell thick is planar unless a grid is requested
-        return field_of(prepare(path, flat=flat, **asked), spacing, region, walls, kept)
+        return field_of(prepare(path, flat=flat, **asked), spacing, region, walls, shared)
     except (ArithmeticError, LookupError) as fault:
         # Readers check counts and indices; an error that still occurs here means that the file is damaged.
         what = f"no field can be made of it ({type(fault).__name__}: {fault})"
-        raise ReadError(path, what, "the file is damaged: write it again") from fault
+        raise ReadError(path, what, DAMAGED) from fault
     except MemoryError:
         raise ReadError(
             path, "it takes more memory than there is", "give a greater spacing or a smaller region"
@@ -217,12 +217,12 @@ def reading_of(
     return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said, choice, reference, fractions)
 
 
-def field_of(reading: Reading, spacing=None, region=None, walls=None, kept: Kept | None = None) -> DensityField:
+def field_of(reading: Reading, spacing=None, region=None, walls=None, shared: SharedMesh | None = None) -> DensityField:
     """Return the density field of a file that was read."""
     if reading.geometry == "volume":
         from .volume import volume_field
 
-        return volume_field(reading, spacing, region, walls, kept)
+        return volume_field(reading, spacing, region, walls, shared)
     if spacing is not None or region is not None:
         raise ValueError(f"spacing and region are a volume's grid; {reading.path} keeps its own mesh: leave them out")
     return _plane_field(reading, walls)
@@ -262,16 +262,10 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
 def _body(path, dataset: Dataset, plane: Plane, mesh, names) -> Body | None:
     from .walls import hole_body, wall_body
 
-    known = {patch.name for patch in dataset.patches}
-    if names is not None and (unknown := set([names] if isinstance(names, str) else names) - known):
-        raise ReadError(
-            path, f"there is no patch {sorted(unknown)[0]!r}", f"walls are of {', '.join(sorted(known)) or 'none'}"
-        )
+    walls = wall_patches(path, dataset.patches, names)
+    edges = [plane.local(patch.edges) for patch in walls if len(patch.edges)]
     try:
-        walls = patch_edges(list(dataset.patches), plane, names)
-        if walls:
-            return wall_body(np.concatenate([edges for _, edges in walls]), mesh)
-        return hole_body(mesh)
+        return wall_body(np.concatenate(edges), mesh) if edges else hole_body(mesh)
     except ValueError as fault:
         raise ReadError(path, f"its walls make no body: {fault}", "repair the boundary's patches") from None
 

@@ -3,7 +3,7 @@
 from typing import Any
 
 from ..density_field import DensityField
-from .read import Kept, read_onto
+from .read import SharedMesh, read_onto
 from .resampling import Resampling
 
 
@@ -21,13 +21,13 @@ class Reader:
 
     def __init__(self, **options: Any):
         """Store the options, which are those of `flow.read`."""
-        self.options, self._kept = options, Kept()
+        self.options, self._shared = options, SharedMesh()
 
     def __call__(self, path, **more: Any) -> DensityField:
         """Read a file or case; `more` overrides the stored options. Errors as in `flow.read`."""
-        return read_onto(self._kept, path, **{**self.options, **more})
+        return read_onto(self._shared, path, **{**self.options, **more})
 
     @property
     def resampling(self) -> Resampling | None:
         """The map from the mesh of the last volume to its grid; None before the first and for other geometries."""
-        return self._kept.found
+        return self._shared.resampling

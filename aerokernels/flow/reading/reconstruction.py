@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .dataset import POLYHEDRON, Block, Faces
-from .point_bends import PointBends
+from .point_deficits import PointDeficits
 from .point_values import PointValues
 from .raster import CellFacts
 from .rows import Rows
@@ -24,14 +24,14 @@ class Linear:
     Attributes:
         value: Its average over the cell, shape (n,).
         function: Value at the origin, slope, least and greatest value allowed, shape (n, 6).
-        bend: Its deviation from the values at the corners of the cell, root mean square with the sign of the mean: its
-            deficit in a curved density. For values at points it is twice the deficit at the mean of the corners.
+        deficit: What it lacks in a curved density: its deviation from the values at the corners of the cell, root mean
+            square with the sign of the mean. For values at points it is twice the deficit at the mean of the corners.
         origin: The point from which places are measured [m].
     """
 
     value: np.ndarray
     function: np.ndarray
-    bend: np.ndarray
+    deficit: np.ndarray
     origin: tuple[float, float, float]
 
     def at(self, cell: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -45,9 +45,9 @@ class Linear:
         """Concatenate the cells of several blocks."""
         if len(parts) == 1:
             return parts[0]
-        names = ("value", "function", "bend")
-        value, function, bend = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
-        return cls(value, function, bend, parts[0].origin)
+        names = ("value", "function", "deficit")
+        value, function, deficit = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+        return cls(value, function, deficit, parts[0].origin)
 
 
 class Reconstruction:
@@ -97,16 +97,16 @@ class SomeCells:
     weight: np.ndarray
     middle: np.ndarray
     to_corner: np.ndarray
-    bends: PointBends | None
+    deficits: PointDeficits | None
 
     @classmethod
     def of(cls, part: Reconstruction, cell: np.ndarray) -> "SomeCells":
         """Return the cells of a block with the given numbers."""
-        rows, entry = part.rows.taken(cell)
+        rows, entry = part.rows.select(cell)
         at_points = part.where == "point" and len(cell) > 0
-        bends = PointBends.of(part.rows, part.weight, part.centre, part.points, cell) if at_points else None
+        deficits = PointDeficits.of(part.rows, part.weight, part.centre, part.points, cell) if at_points else None
         to_corner = part.points[rows.column] - np.repeat(part.middle[cell], np.diff(rows.start), axis=0)
-        return cls(cell, rows, part.weight[entry], part.middle[cell], to_corner, bends)
+        return cls(cell, rows, part.weight[entry], part.middle[cell], to_corner, deficits)
 
     def linear(self, value: np.ndarray, near: np.ndarray, origin) -> Linear:
         """Return their linear functions from the result of `Reconstruction.values`, relative to `origin` [m]."""
@@ -117,8 +117,8 @@ class SomeCells:
             linear_functions, len(own), self.rows.start, self.rows.column, self.weight, near, own, self.middle, origin,
             function,
         )  # fmt: skip
-        if self.bends is not None:
-            return Linear(own, function, self.bends.bend(near), origin)
+        if self.deficits is not None:
+            return Linear(own, function, self.deficits.deficit(near), origin)
         count = np.diff(self.rows.start)
         rise = np.einsum("nk,nk->n", self.to_corner, np.repeat(function[:, 1:4], count, axis=0))
         return Linear(
@@ -141,8 +141,8 @@ def cell_corners(block: Block) -> Rows:
         column[start[chunk.cell] + np.arange(len(chunk.corners))[:, None]] = chunk.corners
     if of is not None:
         own = np.flatnonzero(has_faces)
-        listed, _ = of.taken(own)
-        _, entry = Rows(start, column).taken(own)
+        listed, _ = of.select(own)
+        _, entry = Rows(start, column).select(own)
         column[entry] = listed.column
     return Rows(start, column)
 

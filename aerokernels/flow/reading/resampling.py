@@ -12,12 +12,12 @@ import numpy as np
 
 from ..sampled_density import GridDensity
 from ..species import Composition
+from .cell_nodes import CellNodes
 from .dataset import Block, ReadError
 from .grid_choice import check_solids, choose_grid
-from .held_nodes import HeldNodes
 from .measuring_lines import MeasuringLines, VolumeResampling
 from .node_fill import EmptyNodes, SmallCells, foremost
-from .raster import CellFacts, NodeGrid, draw
+from .raster import CellFacts, NodeGrid, rasterise
 from .reconstruction import Reconstruction
 from .solid_walls import solid_body
 
@@ -60,7 +60,7 @@ class Resampling:
         facts: list[CellFacts] = []
         firsts = _first_numbers(blocks, moved)
         for block, points, where, first in zip(blocks, moved, self._where, firsts, strict=True):
-            found = draw(block, points, [grid, lines.grid], first)
+            found = rasterise(block, points, [grid, lines.grid], first)
             check_solids(path, block, points, found)
             self._parts.append(Reconstruction(block, points, where, found))
             facts.append(found)
@@ -77,10 +77,10 @@ class Resampling:
         self.outside_share = 1.0 - float(held.mean())
         counts = [block.cell_count for block in blocks]
         lines.settle(self._parts, firsts, counts)
-        self._lines, self._held = lines, []
+        self._lines, self._cell_nodes = lines, []
         for part, first, count in zip(self._parts, firsts, counts, strict=True):
-            self._held.append(HeldNodes.of(part, grid.cell, first, count))
-            part.forget_slopes()  # HeldNodes keeps those of cells that contain a node
+            self._cell_nodes.append(CellNodes.of(part, grid.cell, first, count))
+            part.forget_slopes()  # CellNodes keeps those of cells that contain a node
 
     def fits(self, reading, spacing=None, region=None, walls=None) -> bool:
         """Return whether another file has this mesh, in the same frame, and is to be read onto the same grid."""
@@ -121,7 +121,7 @@ class Resampling:
                 raise ValueError(
                     f"densities have shape {np.shape(own)}, the mesh {part.count} {name}s: give one for each"
                 )
-        values, density = self._drawn(given)
+        values, density = self._resampled(given)
         ambient = float(np.median(density[self._front])) if ambient_density is None else float(ambient_density)
         self._empty.fill(density, ambient)
         averaged = 0.0 if self._small is None else self._small.share
@@ -140,12 +140,12 @@ class Resampling:
             resampling=measured,
         )
 
-    def _drawn(self, given) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
+    def _resampled(self, given) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
         """Return the inputs of the functions in each block's cells, and the values at the nodes inside cells."""
         values = [part.values(own) for part, own in zip(self._parts, given, strict=True)]
         density = np.empty(math.prod(self.shape))
-        for held, (value, near) in zip(self._held, values, strict=True):
-            held.draw(value, near, self.origin, self.shape, self.spacing, density)
+        for nodes, (value, near) in zip(self._cell_nodes, values, strict=True):
+            nodes.set_densities(value, near, self.origin, self.shape, self.spacing, density)
         if self._small is not None:
             own = [value for value, _ in values]
             self._small.average(own[0] if len(own) == 1 else np.concatenate(own), density)
@@ -158,7 +158,7 @@ class Resampling:
             return None
         pairs = list(zip(reading.densities, fractions.blocks, strict=True))
         each = range(len(fractions.names))
-        partial = np.stack([self._drawn([rho * own[k] for (rho, _), own in pairs])[1] for k in each])
+        partial = np.stack([self._resampled([rho * own[k] for (rho, _), own in pairs])[1] for k in each])
         around = partial[:, self._front].mean(axis=1)
         for own, share in zip(partial, around / around.sum(), strict=True):
             self._empty.fill(own, share * ambient)

@@ -8,7 +8,7 @@ flow inside, such as a tunnel's walls or the outer edge of a mesh, bounds none.
 import numpy as np
 
 from ...medium import SolidBody
-from .dataset import Block, Dataset, Polygons, ReadError
+from .dataset import Block, Dataset, Polygons, ReadError, wall_patches
 from .raster import NodeGrid
 from .solids import FACES, corner_chunks
 
@@ -31,12 +31,8 @@ def solid_body(path, dataset: Dataset, blocks: list[Block], moved, move, grid: N
     Raises:
         ReadError: No such patch, or one whose faces do not form a surface.
     """
-    known = [(patch, patch.polygons) for patch in dataset.patches if patch.polygons is not None]
-    chosen = [names] if isinstance(names, str) else names
-    if chosen is not None and (unknown := set(chosen) - {patch.name for patch, _ in known}):
-        listed = ", ".join(sorted({patch.name for patch, _ in known})) or "none"
-        raise ReadError(path, f"there is no patch {sorted(unknown)[0]!r}", f"walls are of {listed}")
-    walls = [own for patch, own in known if (patch.kind == "wall" if chosen is None else patch.name in chosen)]
+    known = [patch for patch in dataset.patches if patch.polygons is not None]
+    walls = [patch.polygons for patch in wall_patches(path, known, names) if patch.polygons is not None]
     if walls:
         parts = [Polygons(move(own.points), own.start) for own in walls]
     elif (grid.cell >= 0).all():

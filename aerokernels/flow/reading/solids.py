@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from .dataset import HEXAHEDRON, POLYHEDRON, PRISM, PYRAMID, TETRAHEDRON, Block
+from .dataset import CORNERS, HEXAHEDRON, POLYHEDRON, PRISM, PYRAMID, TETRAHEDRON, Block
 
 # Faces by their corners, counter-clockwise seen from outside; a triangle repeats its last corner.
 FACES = {
@@ -19,7 +19,7 @@ FACES = {
     PRISM: [(0, 1, 2, 2), (3, 5, 4, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)],
     PYRAMID: [(0, 3, 2, 1), (0, 1, 4, 4), (1, 2, 4, 4), (2, 3, 4, 4), (3, 0, 4, 4)],
 }
-CORNER_COUNT = {TETRAHEDRON: 4, HEXAHEDRON: 8, PRISM: 6, PYRAMID: 5}
+CORNER_COUNT = {kind: CORNERS[kind] for kind in FACES}
 CHUNK = 16_384  # cells processed together: fits in a core's cache
 
 

@@ -11,15 +11,27 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import POLYGON, Block, Cells, Dataset, Patch, ReadError, whole_number
+from .dataset import (
+    CORNERS,
+    FLAT,
+    LINE,
+    POLYGON,
+    UNFINISHED,
+    VERTEX,
+    Block,
+    Cells,
+    Dataset,
+    Patch,
+    ReadError,
+    whole_number,
+)  # fmt: skip
 from .text_tables import read_table
 
 MAGIC = 535532
 NAME_LENGTH = 33
-DAMAGED = "the file is damaged or was not written to its end: write it again"
-CORNERS = {3: 2, 5: 3, 9: 4, 10: 4, 12: 8, 13: 6, 14: 5}
 GREATEST_VARIABLE_COUNT = 10_000
 HIGH_ORDER = 100  # type numbers of elements with interior points are greater
+ELEMENTS = {LINE: 2, **CORNERS}  # SU2 uses VTK's numbers
 COORDINATES = ("x", "y", "z", "pointid", "point_id")
 
 
@@ -111,19 +123,19 @@ class Zone:
     def cells(self) -> Cells:
         """The cells."""
         start = np.concatenate([[0], np.cumsum([len(own) for own in self.corners])])
-        types = np.array([{5: POLYGON, 9: POLYGON}.get(kind, kind) for kind in self.kinds], np.uint8)
+        types = np.array([POLYGON if kind in FLAT else kind for kind in self.kinds], np.uint8)
         return Cells(types, start, np.concatenate(self.corners))
 
     def check(self, path: Path) -> None:
         """Reject a zone without points or elements, and corners that refer to missing points."""
         count = len(self.points)
         if not count or not self.kinds:
-            raise ReadError(path, "it has no points or no elements", DAMAGED)
+            raise ReadError(path, "it has no points or no elements", UNFINISHED)
         if self.cells.points.min() < 0 or self.cells.points.max() >= count:
-            raise ReadError(path, f"elements refer to points beyond the {count} that there are", DAMAGED)
+            raise ReadError(path, f"elements refer to points beyond the {count} that there are", UNFINISHED)
         for name, own in self.markers.items():
             if len(own) and own.max() >= count:
-                raise ReadError(path, f"marker {name} refers to points beyond the {count} that there are", DAMAGED)
+                raise ReadError(path, f"marker {name} refers to points beyond the {count} that there are", UNFINISHED)
 
 
 def read_mesh(path: Path) -> list[Zone]:
@@ -135,7 +147,7 @@ def read_mesh(path: Path) -> list[Zone]:
     try:
         text = path.read_text("ascii").splitlines()
     except UnicodeDecodeError:
-        raise ReadError(path, "it is no text", DAMAGED) from None
+        raise ReadError(path, "it is no text", UNFINISHED) from None
     # Comments and empty lines may occur anywhere, also within lists.
     lines = [(number, line) for number, line in enumerate((own.split("%")[0] for own in text), start=1) if line.strip()]
     at, marker = 0, ""
@@ -157,20 +169,20 @@ def read_mesh(path: Path) -> list[Zone]:
             if key == "NDIME":
                 zone.dimension = count
                 if count not in (2, 3):
-                    raise ReadError(path, f"line {number}: {count} dimensions", DAMAGED)
+                    raise ReadError(path, f"line {number}: {count} dimensions", UNFINISHED)
                 continue
             if at < len(lines) and key == "MARKER_ELEMS" and "=" in lines[at][1]:
                 at += 1  # the SEND_TO line of points shared between processes
             left = len(lines) - at
             if count > left:
-                raise ReadError(path, f"line {number}: {key}= {count}, but only {left} lines follow", DAMAGED)
+                raise ReadError(path, f"line {number}: {key}= {count}, but only {left} lines follow", UNFINISHED)
             rows = [(own, words.split()) for own, words in lines[at : at + count]]
             if key == "NPOIN":
                 zone.points = _points(path, rows, zone.dimension)
             elif key == "NELEM":
-                zone.kinds, zone.corners = _elements(path, rows, CORNERS)
+                zone.kinds, zone.corners = _elements(path, rows, ELEMENTS)
             else:
-                pieces = _elements(path, rows, {1: 1, **CORNERS})[1]
+                pieces = _elements(path, rows, {VERTEX: 1, **ELEMENTS})[1]
                 pieces = [own for own in pieces if zone.dimension <= len(own) <= 4]
                 # A triangle repeats its last corner.
                 wide = 2 if zone.dimension == 2 else 4
@@ -189,7 +201,7 @@ def _points(path: Path, rows: list[tuple[int, list[str]]], dimension: int) -> np
             points[k, :dimension] = [float(word) for word in row[:dimension]]
         except ValueError:
             raise ReadError(
-                path, f"line {number}: a point needs {dimension} coordinates, got {' '.join(row)[:60]!r}", DAMAGED
+                path, f"line {number}: a point needs {dimension} coordinates, got {' '.join(row)[:60]!r}", UNFINISHED
             ) from None
     return points
 
@@ -212,7 +224,7 @@ def _elements(path: Path, rows: list[tuple[int, list[str]]], known) -> tuple[lis
         except (ValueError, KeyError, IndexError) as fault:
             if isinstance(fault, ReadError):
                 raise
-            raise ReadError(path, f"line {number}: no element of SU2: {' '.join(row)[:60]!r}", DAMAGED) from None
+            raise ReadError(path, f"line {number}: no element of SU2: {' '.join(row)[:60]!r}", UNFINISHED) from None
         kinds.append(kind)
         corners.append(own)
     return kinds, corners
@@ -220,7 +232,7 @@ def _elements(path: Path, rows: list[tuple[int, list[str]]], known) -> tuple[lis
 
 def _whole(path: Path, line: int, word: str) -> int:
     if (count := whole_number(word)) is None:
-        raise ReadError(path, f"line {line}: a count must be a whole number, got {word[:20]!r}", DAMAGED)
+        raise ReadError(path, f"line {line}: a count must be a whole number, got {word[:20]!r}", UNFINISHED)
     return count
 
 
@@ -245,7 +257,7 @@ def _in_order_of_points(path: Path, table: dict[str, np.ndarray]) -> dict[str, n
         return table
     order = np.argsort(number, kind="stable")
     if (number[order] != np.arange(len(order))).any():
-        raise ReadError(path, f"its column PointID does not number the {len(order)} points from 0 on", DAMAGED)
+        raise ReadError(path, f"its column PointID does not number the {len(order)} points from 0 on", UNFINISHED)
     return {name: own[order] for name, own in table.items()}
 
 
@@ -263,13 +275,13 @@ def read_restart(path: Path) -> dict[str, np.ndarray]:
     begin = 20 + NAME_LENGTH * variables
     if not 0 < variables <= GREATEST_VARIABLE_COUNT or count < 1 or begin + 8 * variables * count > len(data):
         raise ReadError(
-            path, f"it announces {count} points with {variables} values, {len(data)} bytes cannot hold them", DAMAGED
+            path, f"it announces {count} points with {variables} values, {len(data)} bytes cannot hold them", UNFINISHED
         )
     names = [
         data[20 + NAME_LENGTH * k : 20 + NAME_LENGTH * (k + 1)].split(b"\0")[0].decode("ascii", "replace").strip()
         for k in range(variables)
     ]
     if len(set(names)) < len(names) or not all(name and name.isprintable() for name in names):
-        raise ReadError(path, "its variables have no proper names", DAMAGED)
+        raise ReadError(path, "its variables have no proper names", UNFINISHED)
     values = np.frombuffer(data, f"{order}f8", variables * count, begin).reshape(count, variables)
     return {name: np.array(values[:, k], dtype=np.float64) for k, name in enumerate(names)}

@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import HEXAHEDRON, QUAD, TETRAHEDRON, TRIANGLE, Cells, Dataset, ReadError
+from .dataset import HEXAHEDRON, QUAD, TETRAHEDRON, TRIANGLE, UNFINISHED, Cells, Dataset, ReadError
 from .tecplot_text import assembled, at_time, element_cells
 
-DAMAGED = "the file is damaged or was not written to its end: write it again"
 ZONE, END_OF_HEADER, AUXILIARY = 299.0, 357.0, 799.0
 ELEMENTS = {2: (TRIANGLE, 3), 3: (QUAD, 4), 4: (TETRAHEDRON, 4), 5: (HEXAHEDRON, 8)}
 KINDS = {1: "f4", 2: "f8", 3: "i4", 4: "i2", 5: "u1"}
@@ -42,7 +41,7 @@ class _Bytes:
         self.path, self.data, self.at, self.order = path, data, at, "<"
 
     def fault(self, what: str) -> ReadError:
-        return ReadError(self.path, f"{what} (byte {self.at} of {len(self.data)})", DAMAGED)
+        return ReadError(self.path, f"{what} (byte {self.at} of {len(self.data)})", UNFINISHED)
 
     def take(self, kind: str, count: int = 1) -> np.ndarray:
         """Return the next numbers and move past them."""

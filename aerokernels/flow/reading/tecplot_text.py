@@ -19,6 +19,7 @@ from .dataset import (
     QUAD,
     TETRAHEDRON,
     TRIANGLE,
+    UNFINISHED,
     Block,
     Cells,
     Dataset,
@@ -27,17 +28,11 @@ from .dataset import (
     whole_number,
 )
 
-DAMAGED = "the file is damaged or was not written to its end: write it again"
 ELEMENTS = {
-    "FETRIANGLE": (TRIANGLE, 3),
     "TRIANGLE": (TRIANGLE, 3),
-    "FEQUADRILATERAL": (QUAD, 4),
     "QUADRILATERAL": (QUAD, 4),
-    "FETETRAHEDRON": (TETRAHEDRON, 4),
     "TETRAHEDRON": (TETRAHEDRON, 4),
-    "FEBRICK": (HEXAHEDRON, 8),
     "BRICK": (HEXAHEDRON, 8),
-    "FELINESEG": (LINE, 2),
     "LINESEG": (LINE, 2),
 }
 _PAIR = re.compile(r'([A-Za-z][\w ]*?)\s*=\s*("[^"]*"|\((?:[^()]|\([^()]*\))*\)|[^\s,=]+)')
@@ -55,12 +50,12 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     """
     data = path.read_bytes()
     if b"\0" in data:
-        raise ReadError(path, "it is no text: it holds zero bytes", DAMAGED)
+        raise ReadError(path, "it is no text: it holds zero bytes", UNFINISHED)
     variables, zones = _parts(path, data.decode("latin-1"))
     blocks: list[Block] = []
     times: list[str | None] = []
     for number, (head, numbers) in enumerate(zones):
-        blocks.append(zone_block(path, variables, head, numbers, number + 1, blocks))
+        blocks.append(zone_block(path, variables, head, numbers, number + 1))
         times.append(head.get("SOLUTIONTIME"))
     return at_time(path, variables, blocks, times, "Tecplot ASCII", time)
 
@@ -99,7 +94,7 @@ def _parts(path: Path, text: str):
     def close() -> None:
         if head is not None:
             if len(written := " ".join(head)) > LONGEST_HEAD:
-                raise ReadError(path, f"the head of zone {len(zones) + 1} has {len(written)} letters", DAMAGED)
+                raise ReadError(path, f"the head of zone {len(zones) + 1} has {len(written)} letters", UNFINISHED)
             zones.append((_pairs(written), "\n".join(body)))
 
     for line in text.splitlines():
@@ -125,7 +120,7 @@ def _parts(path: Path, text: str):
             if not upper.startswith("AUXDATA"):
                 head.append(plain)
         elif where == "numbers":
-            raise ReadError(path, f"{plain[:40]!r} stands among the numbers of zone {len(zones) + 1}", DAMAGED)
+            raise ReadError(path, f"{plain[:40]!r} stands among the numbers of zone {len(zones) + 1}", UNFINISHED)
     close()
     if not variables or not zones:
         raise ReadError(path, "it has no VARIABLES or no ZONE", "give a data file of Tecplot")
@@ -140,25 +135,24 @@ def _pairs(text: str) -> dict[str, str]:
     return {re.sub(r"\s", "", key.split()[-1]).upper(): value.strip('"') for key, value in _PAIR.findall(text)}
 
 
-def zone_block(
-    path: Path, variables: list[str], head: dict[str, str], text: str, number: int, before: list[Block]
-) -> Block:
+def zone_block(path: Path, variables: list[str], head: dict[str, str], text: str, number: int) -> Block:
     """Return the block of a zone."""
     name = f"zone {number}" + (f" ({head['T']})" if head.get("T") else "")
-    kind = (head.get("ZONETYPE") or head.get("ET") or "ORDERED").upper()
+    stated = (head.get("ZONETYPE") or head.get("ET") or "ORDERED").upper()
+    kind = stated.removeprefix("FE")
     if any(key in head for key in ("VARSHARELIST", "CONNECTIVITYSHAREZONE", "PASSIVEVARLIST")):
         raise ReadError(path, f"{name} shares data with other zones", "write the file with all data in every zone")
     in_cells = _cell_variables(path, head.get("VARLOCATION", ""), len(variables))
     packing = _packing(path, name, head, text, len(variables), bool(in_cells))
     if in_cells and packing != "BLOCK":
-        raise ReadError(path, f"{name} has values in cells without BLOCK packing", DAMAGED)
+        raise ReadError(path, f"{name} has values in cells without BLOCK packing", UNFINISHED)
     ordered = kind == "ORDERED"
     if ordered:
         shape = tuple(_count(path, name, head.get(key, "1")) for key in "IJK")
         nodes, cells, corners = math.prod(shape), math.prod(max(n - 1, 1) for n in shape), 0
     else:
         if kind not in ELEMENTS:
-            raise ReadError(path, f"{name} is of type {kind}", f"known are ORDERED, {', '.join(ELEMENTS)}")
+            raise ReadError(path, f"{name} is of type {stated}", f"known are ORDERED, FE{', FE'.join(ELEMENTS)}")
         nodes = _count(path, name, head.get("NODES") or head.get("N", ""))
         cells = _count(path, name, head.get("ELEMENTS") or head.get("E", ""))
         shape, corners = None, ELEMENTS[kind][1]
@@ -174,7 +168,7 @@ def zone_block(
     if corners:
         index = connectivity.astype(np.int64) - 1
         if (index + 1 != connectivity).any() or index.min() < 0 or index.max() >= nodes:
-            raise ReadError(path, f"elements of {name} refer to nodes beyond the {nodes} that there are", DAMAGED)
+            raise ReadError(path, f"elements of {name} refer to nodes beyond the {nodes} that there are", UNFINISHED)
         whole = element_cells(ELEMENTS[kind][0], index.reshape(cells, corners))
     return assembled(path, variables, arrays, in_cells, shape, whole, name)
 
@@ -238,22 +232,22 @@ def _cell_variables(path: Path, text: str, count: int) -> set[int]:
             low, _, high = part.strip().partition("-")
             first, last = whole_number(low.strip()), whole_number((high or low).strip())
             if first is None or last is None:
-                raise ReadError(path, f"VARLOCATION names variables by {part.strip()[:20]!r}", DAMAGED)
+                raise ReadError(path, f"VARLOCATION names variables by {part.strip()[:20]!r}", UNFINISHED)
             if last > count:  # before allocating a set of this size
-                raise ReadError(path, f"VARLOCATION names variable {last} of {count}", DAMAGED)
+                raise ReadError(path, f"VARLOCATION names variable {last} of {count}", UNFINISHED)
             found |= set(range(first - 1, last))
     listed = re.fullmatch(r"\(((?:\s*(?:NODAL|CELLCENTERED)\s*,?)+)\)", text.strip(), re.IGNORECASE)
     if listed:
         found |= {k for k, word in enumerate(re.findall(r"\w+", listed[1])) if word.upper() == "CELLCENTERED"}
     if found and max(found) >= count:
-        raise ReadError(path, f"VARLOCATION names variable {max(found) + 1} of {count}", DAMAGED)
+        raise ReadError(path, f"VARLOCATION names variable {max(found) + 1} of {count}", UNFINISHED)
     return found
 
 
 def _count(path: Path, name: str, word: str) -> int:
     count = whole_number(word)
     if count is None or not 0 < count < 2**40:
-        raise ReadError(path, f"{name} has the count {word[:20]!r}", DAMAGED)
+        raise ReadError(path, f"{name} has the count {word[:20]!r}", UNFINISHED)
     return count
 
 
@@ -266,14 +260,14 @@ def _numbers(path: Path, name: str, text: str, expected: int) -> np.ndarray:
         repeats = [1 if isinstance(word, str) else int(word[1]) for word in words]
         _check_count(path, name, sum(repeats), expected)  # before expanding: a damaged count may be huge
         if expected > MOST_REPEATED * len(words):
-            raise ReadError(path, f"{name} repeats {len(words)} numbers until they are {expected}", DAMAGED)
+            raise ReadError(path, f"{name} repeats {len(words)} numbers until they are {expected}", UNFINISHED)
         counts, text = np.array(repeats), " ".join(word if isinstance(word, str) else word[2] for word in words)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
             numbers = np.fromstring(text.replace("D", "E").replace("d", "e"), sep=" ")
         except (DeprecationWarning, ValueError):
-            raise ReadError(path, f"{name} holds something that is no number", DAMAGED) from None
+            raise ReadError(path, f"{name} holds something that is no number", UNFINISHED) from None
     if counts is not None and len(counts) == len(numbers):
         numbers = np.repeat(numbers, counts)
     _check_count(path, name, len(numbers), expected)
@@ -282,4 +276,4 @@ def _numbers(path: Path, name: str, text: str, expected: int) -> np.ndarray:
 
 def _check_count(path: Path, name: str, held: int, expected: int) -> None:
     if held != expected:
-        raise ReadError(path, f"{name} announces {expected} numbers and holds {held}", DAMAGED)
+        raise ReadError(path, f"{name} announces {expected} numbers and holds {held}", UNFINISHED)

@@ -7,12 +7,15 @@ import numpy as np
 from ..sampled_density import GridDensity
 from .dataset import SOLID, Block, ReadError
 from .even_averages import at_corners
-from .even_errors import told_error
+from .even_errors import estimated_error
 from .resampling import Resampling
 from .solids import corner_chunks
 
+EVEN, UNEVEN = 1e-6, 1e-3  # of a spacing: nodes may be so far off an even grid in any case, and by rounding at most
+SINGLE = 2.4e-7  # of a coordinate: rounding to single precision, of a node and of the ends of its row
 
-def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> GridDensity:
+
+def volume_field(reading, spacing=None, region=None, walls=None, shared=None) -> GridDensity:
     """Return the density of a volume on a uniform grid.
 
     Args:
@@ -20,7 +23,7 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
         spacing: Greatest node spacing [m], or None.
         region: Lowest and highest corner [m], or None.
         walls: Names of the patches that bound the body; None takes the file's walls, else holes of the mesh.
-        kept: Shares the map from the mesh to the grid between files; or None.
+        shared: Shares the map from the mesh to the grid between files; or None.
 
     Raises:
         ReadError: A mesh without solid cells, with cells inside out or duplicate points.
@@ -60,12 +63,12 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
     blanked = [cells_blanked(block) for block in dataset.blocks]
     if any(one is not other for one, other in zip(blanked, dataset.blocks, strict=True)):
         reading = replace(reading, dataset=replace(dataset, blocks=blanked))
-    if kept is None or kept.found is None or not kept.found.fits(reading, spacing, region, walls):
+    if shared is None or shared.resampling is None or not shared.resampling.fits(reading, spacing, region, walls):
         found = Resampling(reading, moved, spacing, region, walls)
-        if kept is not None:
-            kept.found = found
+        if shared is not None:
+            shared.resampling = found
     else:
-        found = kept.found
+        found = shared.resampling
     return found.field(reading)
 
 
@@ -91,7 +94,8 @@ def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: s
     if block.shape is None or min(block.shape) < 2 or (block.blank is not None and block.blank.any()):
         return None
     at = points.reshape(*block.shape[::-1], 3)
-    steps = [at[0, 0, 1] - at[0, 0, 0], at[0, 1, 0] - at[0, 0, 0], at[1, 0, 0] - at[0, 0, 0]]
+    ends = at[0, 0, -1], at[0, -1, 0], at[-1, 0, 0]
+    steps = [(end - at[0, 0, 0]) / (count - 1) for end, count in zip(ends, block.shape, strict=True)]
     along = [int(np.argmax(np.abs(step))) for step in steps]
     if sorted(along) != [0, 1, 2]:
         return None
@@ -113,7 +117,7 @@ def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: s
     if not cell:
         return np.ascontiguousarray(values), first, step, None
     density, smooth = at_corners(values)
-    return density, first, step, told_error(values, smooth, step)
+    return density, first, step, estimated_error(values, smooth, step)
 
 
 def _is_even(at: np.ndarray, steps, along: list[int], size: np.ndarray) -> bool:
@@ -121,6 +125,5 @@ def _is_even(at: np.ndarray, steps, along: list[int], size: np.ndarray) -> bool:
     line = [np.arange(n)[:, None] * (step[axis] * np.eye(3)[axis]) for n, step, axis in
             zip(at.shape[2::-1], steps, along, strict=True)]  # fmt: skip
     plane = at[0, 0, 0] + (line[0][None] + line[1][:, None])
-    return all(
-        (np.abs(layer - (plane + more)) <= 1e-6 * size.min()).all() for layer, more in zip(at, line[2], strict=True)
-    )
+    uneven = size.min() * np.clip(SINGLE * np.abs(at[[0, -1]]).max() / size.min(), EVEN, UNEVEN)
+    return all((np.abs(layer - (plane + more)) <= uneven).all() for layer, more in zip(at, line[2], strict=True))

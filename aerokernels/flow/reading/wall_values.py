@@ -8,7 +8,7 @@ interpolated linearly between their middles; at the end of a wall it is extrapol
 import numpy as np
 
 from ..wall_density import WallDensity
-from .dataset import Dataset
+from .dataset import Dataset, wall_patches
 from .density import DensityChoice, Reference, density_of, in_si
 from .plane import Plane
 
@@ -28,11 +28,9 @@ def wall_density(
         reference: Reference values of non-dimensional data.
         names: Patches that are walls; None takes those that the file marks as walls.
     """
-    chosen = [names] if isinstance(names, str) else names
     found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
-    for patch in dataset.patches:
-        meant = patch.kind == "wall" if chosen is None else patch.name in chosen
-        if not meant or patch.values is None or not len(patch.edges):
+    for patch in wall_patches(path, dataset.patches, names):
+        if patch.values is None or not len(patch.edges):
             continue
         told = {name: patch.values(name) for name in choice.names}
         known = {name: pair for name, pair in told.items() if pair is not None}

@@ -8,7 +8,7 @@ from aerokernels import flow
 from aerokernels.flow.reading.dataset import HEXAHEDRON, TETRAHEDRON, Block, Cells, Dataset
 from aerokernels.flow.reading.density import Reference
 from aerokernels.flow.reading.frame import Frame
-from aerokernels.flow.reading.read import Kept, field_of, reading_of
+from aerokernels.flow.reading.read import SharedMesh, field_of, reading_of
 
 
 def reading(blocks, frame=None):
@@ -35,12 +35,12 @@ def two_blocks(seed: int, where: str, points=None):
 @pytest.mark.parametrize("where", ["cell", "point"])
 def test_further_densities_on_a_kept_mesh(where):
     """Set-up: two blocks, two sets of random densities. Expected: bit for bit what a map of its own gives."""
-    kept = Kept()
-    field_of(reading(two_blocks(1, where)), 0.03, kept=kept)
-    mapped, later = kept.found, reading(two_blocks(2, where))
+    shared = SharedMesh()
+    field_of(reading(two_blocks(1, where)), 0.03, shared=shared)
+    mapped, later = shared.resampling, reading(two_blocks(2, where))
     alone = field_of(later, 0.03)
-    again = field_of(later, 0.03, kept=kept)
-    assert kept.found is mapped
+    again = field_of(later, 0.03, shared=shared)
+    assert shared.resampling is mapped
     assert again.density.tobytes() == alone.density.tobytes()
     assert again.provenance == alone.provenance and again.resampling == alone.resampling
     bare = mapped.apply([own for own, _ in later.densities], ambient_density=alone.ambient_density)
@@ -49,27 +49,27 @@ def test_further_densities_on_a_kept_mesh(where):
 
 @pytest.mark.parametrize("change", ["points", "frame", "spacing", "where"])
 def test_another_mesh_is_drawn_anew(change):
-    """Set-up: points moved by 1e-9, another frame, grid or kind of data. Expected: the kept map is not taken."""
-    kept = Kept()
-    field_of(reading(two_blocks(1, "cell")), 0.05, kept=kept)
-    first = kept.found
+    """Set-up: points moved by 1e-9, another frame, grid or kind of data. Expected: the shared map is not taken."""
+    shared = SharedMesh()
+    field_of(reading(two_blocks(1, "cell")), 0.05, shared=shared)
+    first = shared.resampling
     blocks = two_blocks(2, "point" if change == "where" else "cell", 1e-9 if change == "points" else None)
     other = reading(blocks, {"optical": "-x"} if change == "frame" else None)
     spacing = 0.06 if change == "spacing" else 0.05
-    found = field_of(other, spacing, kept=kept)
-    assert kept.found is not first
+    found = field_of(other, spacing, shared=shared)
+    assert shared.resampling is not first
     assert found.density.tobytes() == field_of(other, spacing).density.tobytes()
 
 
 def test_densities_that_do_not_fit_are_refused():
-    kept = Kept()
-    field_of(reading(two_blocks(1, "cell")[:1]), 0.05, kept=kept)
+    shared = SharedMesh()
+    field_of(reading(two_blocks(1, "cell")[:1]), 0.05, shared=shared)
     count = len(two_blocks(1, "cell")[0].cell_data["rho"])
     with pytest.raises(ValueError, match=f"mesh {count} cells"):
-        kept.found.apply(np.ones(count - 1))
+        shared.resampling.apply(np.ones(count - 1))
     with pytest.raises(ValueError, match="not positive"):
-        kept.found.apply(np.full(count, -1.0), ambient_density=1.0)
-    assert kept.found.apply(np.full(count, 1.5)).density == pytest.approx(1.5, rel=1e-15)
+        shared.resampling.apply(np.full(count, -1.0), ambient_density=1.0)
+    assert shared.resampling.apply(np.full(count, 1.5)).density == pytest.approx(1.5, rel=1e-15)
 
 
 def test_a_reader_keeps_the_map_from_file_to_file(tmp_path):
@@ -96,9 +96,9 @@ def test_a_reader_keeps_the_map_from_file_to_file(tmp_path):
         writer.Write()
     reader = flow.Reader(spacing=0.1)
     one = reader(tmp_path / "flow_0.vtu")
-    kept = reader.resampling
+    shared = reader.resampling
     other = reader(tmp_path / "flow_1.vtu")
-    assert reader.resampling is kept
+    assert reader.resampling is shared
     inside = np.random.default_rng(1).uniform(0.1, 0.9, (50, 3))
     assert one.density_at(inside) == pytest.approx(linear(inside), rel=1e-12)
     assert other.density_at(inside) == pytest.approx(1.5 * linear(inside), rel=1e-12)
@@ -113,9 +113,9 @@ def test_each_node_has_what_the_function_of_its_cell_is_there(where):
     Slopes by least squares through the corners, whose values are given or are those of `PointValues`. Error: 1e-12.
     """
     taken = reading(two_blocks(3, where))
-    kept = Kept()
-    field = field_of(taken, 0.07, kept=kept)
-    parts = kept.found._parts
+    shared = SharedMesh()
+    field = field_of(taken, 0.07, shared=shared)
+    parts = shared.resampling._parts
     nodes = np.stack(np.meshgrid(*[o + h * np.arange(n) for o, h, n in
                                    zip(field.origin, field.spacing, field.density.shape, strict=True)],
                                  indexing="ij"), axis=-1).reshape(-1, 3)  # fmt: skip
@@ -150,12 +150,12 @@ def test_of_blocks_that_overlap_the_finer_one_counts(last):
         return Block(points, Cells.of_one_type(HEXAHEDRON, corners), cell_data={"rho": np.full(n**3, value)})
 
     blocks = [block(0.0, 1.0, 10, 1.0), block(0.3, 0.7, 20, 2.0)]
-    kept = Kept()
-    found = field_of(reading(blocks if last == "fine" else blocks[::-1]), 0.02, kept=kept)
+    shared = SharedMesh()
+    found = field_of(reading(blocks if last == "fine" else blocks[::-1]), 0.02, shared=shared)
     places = np.random.default_rng(1).uniform(0.0, 1.0, (500, 3))
     away = np.abs(places - 0.5).max(axis=1)
     at = found.density_at(places)
     assert at[away < 0.17] == pytest.approx(2.0, rel=1e-12) and at[away > 0.23] == pytest.approx(1.0, rel=1e-12)
     given = [np.full(1000, 1.0), np.full(8000, 3.0)]
-    again = kept.found.apply(given if last == "fine" else given[::-1], ambient_density=1.0)
+    again = shared.resampling.apply(given if last == "fine" else given[::-1], ambient_density=1.0)
     assert again.density_at(places)[away < 0.17] == pytest.approx(3.0, rel=1e-12)

@@ -158,3 +158,29 @@ def test_a_file_of_one_time_has_no_other(tmp_path, name):
     assert flow.read(tmp_path / name, time="latest").ambient_density > 0.0
     with pytest.raises(ReadError, match=r"it holds one time only, not t = 3\.0: leave time out"):
         flow.read(tmp_path / name, time=3.0)
+
+
+@pytest.mark.parametrize("cells", [False, True], ids=["points", "cells"])
+def test_an_even_grid_in_single_precision_is_kept(tmp_path, cells):
+    """Set-up: a rectilinear grid whose coordinates are float32, offset by five times its size. It was resampled.
+
+    Expected: the file's own nodes, with its densities at points to the last bit.
+    """
+    from vtkmodules import vtkCommonDataModel
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+
+    counts = (40, 30, 20)
+    axes = [(0.5 + np.linspace(0.0, 0.1, n)).astype(np.float32) for n in counts]
+    grid = vtkCommonDataModel.vtkRectilinearGrid()
+    grid.SetDimensions(*counts)
+    for put, axis in zip((grid.SetXCoordinates, grid.SetYCoordinates, grid.SetZCoordinates), axes, strict=True):
+        put(numpy_to_vtk(axis, deep=1))
+    shape = [n - 1 for n in counts] if cells else counts
+    density = 1.0 + 0.1 * np.random.default_rng(0).random(shape)
+    array = numpy_to_vtk(density.ravel(order="F"), deep=1)
+    array.SetName("rho")
+    (grid.GetCellData() if cells else grid.GetPointData()).AddArray(array)
+    field = flow.read(vtk_writers.write_vtk(tmp_path / "a.vtr", grid))
+    assert field.density.shape == counts and "resampled" not in field.provenance
+    assert field.spacing == pytest.approx([0.1 / (n - 1) for n in counts], rel=1e-5)
+    assert cells or (field.density == density).all()

@@ -13,7 +13,7 @@ from .rows import Rows
 
 
 @dataclass(frozen=True, eq=False)
-class HeldNodes:
+class CellNodes:
     """The nodes inside the cells of a block, and the weights of the linear function of each of these cells.
 
     Attributes:
@@ -32,20 +32,20 @@ class HeldNodes:
     middle: np.ndarray
 
     @classmethod
-    def of(cls, part: Reconstruction, number: np.ndarray, first_cell: int, cell_count: int) -> "HeldNodes":
+    def of(cls, part: Reconstruction, number: np.ndarray, first_cell: int, cell_count: int) -> "CellNodes":
         """Return the nodes of a block from `number`, the cell of each node or -1; its cells begin at `first_cell`."""
         every = nodes_by_cell(number, first_cell, cell_count)
         some = np.flatnonzero(np.diff(every.start))
         cell = some[np.argsort(every.column[every.start[some]], kind="stable")].astype(np.int32)
-        nodes, _ = every.taken(cell)
-        rows, entry = part.rows.taken(cell)
+        nodes, _ = every.select(cell)
+        rows, entry = part.rows.select(cell)
         weight, middle = part.weight[entry], part.middle[cell]
         if (np.diff(rows.start) == 4).all():
             # The weights of a fit sum to zero: that of the first corner follows from the others.
             return cls(cell, nodes, rows, np.ascontiguousarray(weight.reshape(-1, 4, 3)[:, 1:]).reshape(-1, 3), middle)
         return cls(cell, nodes, rows, weight, middle)
 
-    def draw(self, value, near, origin, shape, spacing, density: np.ndarray) -> None:
+    def set_densities(self, value, near, origin, shape, spacing, density: np.ndarray) -> None:
         """Set the densities of these nodes.
 
         Args:
@@ -71,12 +71,8 @@ class HeldNodes:
 
 def nodes_by_cell(number: np.ndarray, first_cell: int, cell_count: int) -> Rows:
     """Return the nodes of each cell, ascending, from the cell of each node; nodes of other blocks are left out."""
-    from scipy.sparse import csr_array
-
     own = (number >= first_cell) & (number < first_cell + cell_count)
     start = np.zeros(len(number) + 1, np.int32)
     np.cumsum(own, out=start[1:])
     column = (number if own.all() else number[own]) - np.int32(first_cell)
-    # Transposing a sparse matrix sorts in one pass over the nodes, faster than a sort of the numbers.
-    turned = csr_array((np.ones(len(column), np.int8), column, start), shape=(len(number), cell_count)).tocsc()
-    return Rows(turned.indptr.astype(np.int64), turned.indices.astype(np.int32, copy=False))
+    return Rows(start, column).transposed(cell_count)

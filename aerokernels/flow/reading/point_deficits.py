@@ -4,7 +4,7 @@ The slope at a point is the mean of the slopes of the cells around it. From a co
 density at the mean m of its corners is f(p) + (m - p) . (g(p) + s) / 2, to the third order of the cell's size, where
 the function of the cell has f(p) + (m - p) . s. The difference is alike from every corner where the density is curved,
 and changes sign from one side of a captured shock to the other: its root mean square counts, with the sign of its mean.
-The result is twice the deficit, as `Linear.bend` is where averages are given.
+The result is twice the deficit, as `Linear.deficit` is where averages are given.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from .rows import Rows
 
 
 @dataclass(frozen=True, eq=False)
-class PointBends:
+class PointDeficits:
     """The geometry for estimating the deficit of some cells.
 
     Attributes:
@@ -50,13 +50,13 @@ class PointBends:
         """
         from scipy.sparse import csr_array
 
-        own, _ = rows.taken(cell)
+        own, _ = rows.select(cell)
         corner, local = np.unique(own.column, return_inverse=True)
         number = np.full(len(points), -1, np.int32)
         number[corner] = np.arange(len(corner))
         entry = np.flatnonzero(number[rows.column] >= 0)
         near = np.unique(np.searchsorted(rows.start, entry, "right") - 1)
-        around, entry = rows.taken(near)
+        around, entry = rows.select(near)
         some = number[around.column] >= 0
         of = np.repeat(np.arange(len(near)), np.diff(around.start))[some]
         at = number[around.column[some]]
@@ -66,7 +66,7 @@ class PointBends:
         corners = Rows(own.start, local.astype(np.int32))
         return cls(around, weight[entry], centre[near], np.searchsorted(near, cell), mean, corners, step)
 
-    def bend(self, value: np.ndarray) -> np.ndarray:
+    def deficit(self, value: np.ndarray) -> np.ndarray:
         """Return twice the deficit of each cell's function at the mean of its corners, from values at all points."""
         from .mesh_kernels import launch, linear_functions
 
