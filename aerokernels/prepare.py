@@ -103,7 +103,7 @@ def ray_region(scene: Scene, mesh_field: IndexField) -> Region:
         )
     margin = max(MARGIN, MARGIN_NODES * scene.grid.spacing)
     radius, lowest = view_radius(scene, float(high[1])), aperture
-    if scene.looks_elsewhere:
+    if scene.has_own_pupil:
         wider, lower = _reach_of_view(scene.view, float(low[1]), float(high[1]))
         radius, lowest = max(radius, wider), min(lowest, lower)
     radius += margin

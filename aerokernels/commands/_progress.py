@@ -9,6 +9,7 @@ from aerokernels.commands._output import Screen, asked, note
 from aerokernels.display.plain_text import plain
 
 Progress = Callable[[str, float], None]
+LINE_EVERY = 0.1  # share of the steps between two lines, where no terminal shows a bar
 
 
 @contextlib.contextmanager
@@ -31,3 +32,18 @@ def shown_progress(title: str) -> Iterator[Progress]:
     with Bar(*columns, console=Console(file=screen), transient=True) as bar:
         task = bar.add_task("", total=1.0, title=plain(title))
         yield lambda stage, fraction: bar.update(task, description=plain(stage), completed=fraction)
+
+
+def every_tenth(progress: Progress) -> Progress:
+    """Return a progress function that shows every step on a terminal's bar, elsewhere one line for each tenth."""
+    if sys.stderr.isatty():
+        return progress
+    last = -LINE_EVERY
+
+    def shown(text: str, share: float) -> None:
+        nonlocal last
+        if share >= last + LINE_EVERY or share >= 1.0:
+            last = share
+            progress(text, share)
+
+    return shown

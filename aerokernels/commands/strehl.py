@@ -23,7 +23,7 @@ def strehl(
 
     loaded = load_scene(scene, backend, device, precision, rays, settings)
     with blamed_on(scene):
-        estimate = scene_strehl(prepare_field(loaded).field, loaded)
+        estimate = scene_strehl(loaded, prepare_field(loaded).field)
     found = estimate.quantities
     numbers = {name: {"value": one.value, "error": one.error, "unit": one.unit} for name, one in found.items()}
     result(str(found["value"]), {"scene": loaded.name, **numbers, "verdict": estimate.verdict.level})

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from aerokernels.display.quantities import WORTHLESS, Quantity, listed
 from aerokernels.jobs import plots
 from aerokernels.jobs.figure_layout import png_or_fault
-from aerokernels.jobs.page import bullets, cards, named_values, page, paragraph, picture, remarks, section, text_block
+from aerokernels.jobs.page import cards, named_values, page, paragraph, picture, remarks, section, text_block
 from aerokernels.jobs.store import to_json
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def _words(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, list) and all(isinstance(item, (int, float, str)) for item in value):
-        return ", ".join(_words(item) for item in value)
+        return "; ".join(map(_words, value))
     if isinstance(value, (list, dict)):
         return json.dumps(value, ensure_ascii=False)
     return str(value)
@@ -157,12 +157,8 @@ def _budget(error: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _section(title: str, content: Any) -> str:
-    if isinstance(content, Mapping):
-        return section(title, named_values((name, _words(value)) for name, value in _flat(content)))
-    if isinstance(content, (list, tuple)):
-        return section(title, bullets(map(_words, content)))
-    return section(title, paragraph(_words(content)))
+def _named_section(title: str, content: Mapping[str, Any]) -> str:
+    return section(title, named_values((name, _words(value)) for name, value in _flat(content)))
 
 
 def draw_pictures(dataset: "xarray.Dataset") -> tuple[dict[str, bytes], dict[str, str]]:
@@ -208,8 +204,8 @@ def render_report(pictures: Mapping[str, bytes], summary: Mapping[str, Any], sce
         section("Pictures", "".join(shown)),
         section("Numbers (SI), each with its error", named_values(_numbers(summary))),
         section("Error budget of the Strehl ratio", named_values(_budget(summary.get("error") or {}))),
-        _section("Plan: what was done, what was skipped, and why", summary.get("plan", {})),
-        _section("Seconds per stage", summary.get("seconds", {})),
+        _named_section("Plan: what was done, what was skipped, and why", summary.get("plan", {})),
+        _named_section("Seconds per stage", summary.get("seconds", {})),
         section("Scene as it was run", text_block(scene_text)),
         section("How to cite", paragraph(cite) + text_block(CITATION)),
     ]

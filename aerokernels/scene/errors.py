@@ -46,13 +46,8 @@ def scene_error(
     value = _look_up(raw, key)
     related = any(f"{key}.".startswith(f"{name}.") or f"{name}.".startswith(f"{key}.") for name in overridden)
     place = f"{file} (with --set)" if related else file
-    more = (
-        f" (and {len(faults) - 1} more faults)"
-        if len(faults) > 2
-        else " (and 1 more fault)"
-        if len(faults) == 2
-        else ""
-    )
+    further = len(faults) - 1
+    more = f" (and {further} more {'fault' if further == 1 else 'faults'})" if further else ""
     return SceneError(f"{place}: {_describe(first, key, value, model)}{more}")
 
 

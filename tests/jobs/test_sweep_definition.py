@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerokernels.commands._vary import split_at_commas, varied
+from aerokernels.commands._vary import parse_vary, split_at_commas
 from aerokernels.jobs.sweeps.definition import checked_scenes, coordinates, define
 from aerokernels.jobs.sweeps.records import Records, check_same
 from aerokernels.jobs.sweeps.sources import file_marks
@@ -41,8 +41,8 @@ def test_a_scene_is_changed_as_its_file_would_be():
 
 def test_values_are_split_at_commas_outside_brackets_and_spans_are_spaced():
     assert split_at_commas('["a", "b"],["c"]') == ['["a", "b"]', '["c"]']
-    assert varied(["flow.source=mach2, mach3"]) == {"flow.source": ["mach2", "mach3"]}
-    tilts = varied(["target.tilt=0 deg:30 deg:4"])["target.tilt"]
+    assert parse_vary(["flow.source=mach2, mach3"]) == {"flow.source": ["mach2", "mach3"]}
+    tilts = parse_vary(["target.tilt=0 deg:30 deg:4"])["target.tilt"]
     np.testing.assert_allclose(np.degrees(tilts), [0.0, 10.0, 20.0, 30.0], rtol=1e-15)
 
 
@@ -95,7 +95,7 @@ def test_a_latin_hypercube_has_one_case_in_each_slice_of_each_key():
         ({"vary": {"target.tilt": [0.0, 0.1, 0.2]}, "sample": "lhs:4"}, "LOW,HIGH"),
         ({"vary": {"target.tilt": [0.0, 0.1]}, "sample": "sobol:4"}, "lhs:N"),
         ({"vary": {"target.tilt": [0.0, 0.1]}, "sample": 4, "together": True}, "exclude"),
-        ({"vary": {"target.tilt": [0.1]}, "settings": {"target.tilt": 0.2}}, "both set and varied"),
+        ({"vary": {"target.tilt": [0.1]}, "settings": {"target.tilt": 0.2}}, "both set and parse_vary"),
         ({"vary": {"target.tilt": list(np.linspace(0, 1, 400)), "beam.ray_count": list(range(1, 400))}}, "lhs"),
     ],
 )

@@ -78,7 +78,7 @@ def test_bad_input_ends_with_status_2_and_one_line(command_line, tmp_path: Path,
 
 
 def test_pictures_take_the_flow_s_interpolation_and_no_mesh_route():
-    """Set-up: the field of a picture of Mach 3. Expected: flow.interpolation changes it; grid.route "mesh" is refused."""
+    """The field of a picture of Mach 3: flow.interpolation changes it, grid.route "mesh" is refused."""
     options = PictureOptions(pixel_count=16)
     fields = []
     for changes in ({}, {"flow.interpolation": "bilinear"}, {"flow.interpolation": "conserving"}):

@@ -74,7 +74,7 @@ class Definition:
         from scipy.stats import qmc
 
         draw = qmc.LatinHypercube(len(self.vary), seed=self.seed).random(self.sample_count)
-        return {key: _between(key, *values, draw[:, k]) for k, (key, values) in enumerate(self.vary.items())}
+        return {key: _between(key, values, draw[:, k]) for k, (key, values) in enumerate(self.vary.items())}
 
     def cases(self) -> list[dict[str, Any]]:
         """Return the changes that each case makes to the scene, the last key fastest."""
@@ -224,7 +224,7 @@ def coordinates(definition: Definition, scenes: Sequence[Scene | None]) -> dict[
     """Return dimension, values and unit of each key's coordinate: numbers if all values are numbers, else texts."""
     found = {}
     for key, values in definition.columns().items():
-        numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
+        numbers = all(map(_is_number, values))
         array = np.array(values) if numbers else np.array([_written(value) for value in values], dtype=object)
         found[key] = (key if definition.mode == "grid" else CASE, array, key_unit(key) if numbers else "1")
     return found
@@ -258,18 +258,20 @@ def _check_distinct(key: str, values: Sequence[Any], together: bool) -> None:
 
 def _check_range(key: str, values: Sequence[Any]) -> None:
     """Reject values that are neither the two ends of a range nor texts to choose from."""
-    numbers = [value for value in values if isinstance(value, (int, float)) and not isinstance(value, bool)]
-    if not numbers:
+    if not any(map(_is_number, values)):
         return
-    if len(numbers) != len(values) or len(numbers) != 2 or not numbers[0] < numbers[1]:
+    if len(values) != 2 or not all(map(_is_number, values)) or not values[0] < values[1]:
         described = ",".join(map(_written, values))
         raise ValueError(f"--vary {key}={described}: --sample needs the two ends of a range; write {key}=LOW,HIGH")
 
 
-def _between(key: str, *arguments: Any) -> list[Any]:
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _between(key: str, values: Sequence[Any], places: np.ndarray) -> list[Any]:
     """Map places in [0, 1) to values of a key: between its two numbers, or one of its texts."""
-    *values, places = arguments
-    if not all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
+    if not all(map(_is_number, values)):
         return [values[int(place * len(values))] for place in places]
     low, high = values
     if isinstance(low, int) and isinstance(high, int) and key_unit(key) == "1":
