@@ -1,5 +1,6 @@
 """`aerokernels fields`: list the shipped flow fields, or the contents of a user's flow file."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -66,9 +67,12 @@ def _time(text: str | None) -> float | str | None:
     if text is None or text in ("latest", "first"):
         return text
     try:
-        return float(text)
+        moment = float(text)
     except ValueError:
-        raise ValueError(f"--time {text!r}: give latest, first or a time in seconds") from None
+        moment = math.nan
+    if not math.isfinite(moment):
+        raise ValueError(f"--time {text!r}: give latest, first or a time in seconds")
+    return moment
 
 
 def _rows(found: "Contents") -> list[tuple[str, str]]:

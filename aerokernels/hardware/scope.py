@@ -88,8 +88,7 @@ class Oscilloscope:
         self._port, self._timeout, self._stopped = port, timeout, stopped
         self._decoder = BlockDecoder()
         self._damaged: list[DamagedPiece] = []
-        self.heard_at = time.monotonic()
-        """Time of the last received byte [s, monotonic clock]."""
+        self.heard_at = time.monotonic()  # time of the last received byte [s, monotonic clock]
 
     def send(self, command: str) -> None:
         """Send a command that has no answer."""

@@ -175,6 +175,11 @@ def to_json(value: Any) -> Any:
     return value if isinstance(value, (int, str)) else str(value)
 
 
+def number_or_nan(value: float | None) -> float:
+    """Return a number as JSON holds it as a float; NaN for null."""
+    return math.nan if value is None else float(value)
+
+
 def write_summary(path: Path, summary: Mapping[str, Any]) -> None:
     """Write `summary` as strict JSON: NaN and infinity become null."""
     text = plain_json(json.dumps(to_json(summary), indent=2, allow_nan=False, ensure_ascii=False))

@@ -4,7 +4,7 @@ import os
 import re
 import sys
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from functools import lru_cache, partial
 from importlib.resources import files
@@ -57,6 +57,7 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         SceneError: Neither a file nor a shipped scene, a file that cannot be read, or a file that is not TOML.
     """
     path, name = Path(place), str(place)
+    read: Callable[[], bytes]
     if name == "-":
         read, label, stem = partial(_standard_input, sys.stdin), "standard input", "scene"
     elif os.path.isfile(path):
@@ -115,10 +116,10 @@ def resolve_paths(tables: dict[str, Any], place: str | Path) -> None:
     flow, series, folder = tables.get("flow"), tables.get("series"), Path(place).parent
     file = flow.get("file") if isinstance(flow, dict) else None
     for table, key in ((flow, "source"), (file, "mesh"), (file, "solution")):
-        value = table.get(key) if isinstance(table, dict) else None
-        if isinstance(value, str) and value not in (*shipped_names(), "static"):
+        if isinstance(table, dict) and isinstance(value := table.get(key), str):
             path = folder / os.path.expanduser(value)
-            if os.path.exists(path):  # accepts a name of any length; otherwise the error shows the path as written
+            # os.path.exists accepts a name of any length. Otherwise an error shows the path as it was written.
+            if value not in (*shipped_names(), "static") and os.path.exists(path):
                 table[key] = str(path.resolve())
     if isinstance(series, dict) and isinstance(series.get("source"), str):  # which may be a pattern of file names
         series["source"] = str(folder / series["source"])

@@ -95,7 +95,7 @@ def test_a_latin_hypercube_has_one_case_in_each_slice_of_each_key():
         ({"vary": {"target.tilt": [0.0, 0.1, 0.2]}, "sample": "lhs:4"}, "LOW,HIGH"),
         ({"vary": {"target.tilt": [0.0, 0.1]}, "sample": "sobol:4"}, "lhs:N"),
         ({"vary": {"target.tilt": [0.0, 0.1]}, "sample": 4, "together": True}, "exclude"),
-        ({"vary": {"target.tilt": [0.1]}, "settings": {"target.tilt": 0.2}}, "both set and parse_vary"),
+        ({"vary": {"target.tilt": [0.1]}, "settings": {"target.tilt": 0.2}}, "both set and varied"),
         ({"vary": {"target.tilt": list(np.linspace(0, 1, 400)), "beam.ray_count": list(range(1, 400))}}, "lhs"),
     ],
 )
