@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from aerokernels.commands._output import Screen, asked, note
+from aerokernels.commands._output import Screen, note, output
 from aerokernels.display.plain_text import plain
 
 Progress = Callable[[str, float], None]
@@ -15,7 +15,7 @@ LINE_EVERY = 0.1  # share of the steps between two lines, where no terminal show
 @contextlib.contextmanager
 def shown_progress(title: str) -> Iterator[Progress]:
     """Yield a function to call with the name of each stage as it begins and the fraction of the job done before it."""
-    if asked.quiet or not sys.stderr.isatty():
+    if output.quiet or not sys.stderr.isatty():
         yield lambda stage, fraction: note(f"{title}: {stage}")
         return
     from rich.console import Console

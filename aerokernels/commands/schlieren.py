@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from aerokernels.commands._scene import Backend, Device, Precision, Settings, blamed_on, scene_changes
+from aerokernels.commands._scene import Backend, Device, Precision, Settings, naming_scene, scene_changes
 
 Place = Annotated[
     str, typer.Argument(metavar="SCENE|FLOW", help="A TOML file, or the name of a shipped scene or a shipped flow.")
@@ -142,7 +142,7 @@ def schlieren(
     scene = picture_scene(place, scene_changes(backend, device, precision, None, settings))
     check_output_folder(out)
     with only_writer(out), shown_progress(scene.name) as progress:
-        with blamed_on(place):
+        with naming_scene(place):
             made = make_pictures(scene, options, measured=photograph, progress=progress)
         progress("writing the pictures", 0.9)
         files = write_pictures(made, out)

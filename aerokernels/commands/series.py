@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from aerokernels.commands._scene import Backend, Device, Precision, SceneName, Settings, blamed_on, load_scene
+from aerokernels.commands._scene import Backend, Device, Precision, SceneName, Settings, load_scene, naming_scene
 
 
 def series(
@@ -27,7 +27,7 @@ def series(
     from aerokernels.jobs.series_report import headline_rows
 
     loaded = load_scene(scene, backend, device, precision, None, settings)
-    with shown_progress(loaded.name) as progress, blamed_on(scene):
+    with shown_progress(loaded.name) as progress, naming_scene(scene):
         summary = run_series(loaded, out, every_tenth(progress))
     print_table(loaded.title or loaded.name, ("quantity", "value"), headline_rows(summary))
     note(f"wrote {out / 'report.html'}, summary.json, statistics.nc and series.zarr")

@@ -16,7 +16,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.jobs.store import to_json
-from aerokernels.jobs.sweeps.sources import file_marks
+from aerokernels.jobs.sweeps.sources import content_hashes
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.changes import changed_scene, key_unit, key_value, with_units
 
@@ -91,7 +91,7 @@ class Definition:
         try:
             return changed_scene(self.scene, {**self.settings, **with_units(changes)})
         except SceneError as fault:
-            raise SceneError(_blamed(str(fault), self.settings, changes)) from None
+            raise SceneError(_name_vary(str(fault), self.settings, changes)) from None
 
     def described(self) -> dict[str, Any]:
         """Return everything that the numbers depend on, as plain JSON types: sweeps that agree in it are the same.
@@ -115,7 +115,7 @@ class Definition:
                 "format": FORMAT,
                 "version": __version__,
                 "scene": base,
-                "content": file_marks(files),
+                "content": content_hashes(files),
                 "vary": self.vary,
                 "mode": self.mode,
                 "sample_count": self.sample_count,
@@ -287,7 +287,7 @@ def _sample_count(sample: str | int) -> int:
     return int(count)
 
 
-def _blamed(text: str, settings: Mapping[str, Any], changes: Mapping[str, Any]) -> str:
+def _name_vary(text: str, settings: Mapping[str, Any], changes: Mapping[str, Any]) -> str:
     """Replace --set by --vary in a scene's error if the error is about a key that varies."""
     return text.replace("(with --set)", "(with --vary)") if any(key in text for key in changes) else text
 
