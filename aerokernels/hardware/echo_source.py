@@ -98,7 +98,7 @@ class EchoSource:
         sample_period_ps: int = 250,
         noise: float = 0.02,
     ) -> "EchoSource":
-        """Make the echo of a finished run, sampled as a board would; 0 V outside its time axis.
+        """Make the echo of a finished run, without the run's noise, sampled as a board would; 0 V outside its times.
 
         Args:
             path: result.nc of the run, or its folder.
@@ -114,7 +114,10 @@ class EchoSource:
             path = path / "result.nc"
         if not path.is_file():
             raise ValueError(f"result {path}: no such file; make one with `aerokernels run SCENE --out DIR`")
-        found = echo_of_result(path, open_netcdf(path, f"result {path}", decode_times=False))
+        result = open_netcdf(path, f"result {path}", decode_times=False)
+        if "echo_voltage_clean" in result.variables:  # the instrument adds its own noise and digitises by itself
+            result = result.assign(echo_voltage=result["echo_voltage_clean"])
+        found = echo_of_result(path, result)
         try:
             voltage = _interpolated(_sample_times(sample_count, sample_period_ps), *found)
         except ValueError as error:

@@ -125,7 +125,7 @@ def _label(name: str) -> str:
         return TEXTS[name]
     group, dot, own = name.partition(".")
     if dot and group in GROUPS:
-        return GROUPS[group].format(" ".join(re.sub(r"[-_.]", " ", own).split()))
+        return GROUPS[group].format(re.sub(r"[-_]", " ", own.replace(".", ", ")))
     return " ".join(name.replace("_", " ").split())
 
 

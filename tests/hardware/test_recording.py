@@ -258,7 +258,7 @@ def test_bad_input_ends_with_status_2_and_one_line(tmp_path: Path, command_line,
 
 
 def test_the_board_sends_the_echo_of_a_run(tmp_path: Path):
-    """A result file with a Gaussian echo at 1 GHz, sampled by the board at 10 GHz.
+    """A result file with a noisy Gaussian echo at 1 GHz, sampled by the board at 10 GHz, without the run's noise.
 
     Tolerance: half a count of the frame's scale, 2 V / 32767 / 2 = 31 uV, and the quintic spline's error, 6 uV; linear
     interpolation is off by period^2 / 4 tau^2 of the peak, 14 mV.
@@ -269,9 +269,10 @@ def test_the_board_sends_the_echo_of_a_run(tmp_path: Path):
         return 2.0 * np.exp(-(((time - 10.3e-9) / 6e-9) ** 2))
 
     time = np.arange(40) * 1e-9
-    xarray.Dataset({"echo_voltage": ("time", echo(time))}, coords={"time": time}).to_netcdf(
-        tmp_path / "result.nc", engine="h5netcdf"
-    )
+    noisy = echo(time) + 0.1 * np.random.default_rng(0).standard_normal(time.size)
+    xarray.Dataset(
+        {"echo_voltage": ("time", noisy), "echo_voltage_clean": ("time", echo(time))}, coords={"time": time}
+    ).to_netcdf(tmp_path / "result.nc", engine="h5netcdf")
     source = EchoSource.from_result(tmp_path / "result.nc", noise=0.0, sample_count=450, sample_period_ps=100)
     frame = source.frame(0, 0, np.random.default_rng(0))
     expected = np.where(frame.time <= time[-1], echo(frame.time), 0.0)

@@ -28,7 +28,7 @@ NUMBERS = {
     "range_m": ("m", "reported range"),
     "range_error_m": ("m", "reported minus true range"),
     "true_range_m": ("m", "true range"),
-    "noise_rms_v": ("V", "noise of the recorded voltage, rms"),
+    "noise_rms_v": ("V", "noise of the recorded voltage without echo, rms"),
     "mach": ("1", "Mach number of the flow"),
     "ambient_density_kg_m3": ("kg m-3", "free-stream density"),
     "wavelength_m": ("m", "vacuum wavelength"),
