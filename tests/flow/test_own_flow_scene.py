@@ -57,6 +57,14 @@ def test_a_scene_of_a_file_runs(folder):
     assert "flow.npz" in by_path.prepared.provenance
 
 
+def test_explain_names_the_grid_of_a_flow_on_a_grid(folder):
+    """A flow that lies on a uniform grid is traced on it: it has no mesh that the index could be interpolated on."""
+    from aerokernels.jobs.explain import explanation
+
+    rows = dict(explanation(Scene.load(folder / "scene.toml")))
+    assert rows["grid"] == "31 x 31 nodes, those of the flow, cubic"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
