@@ -47,7 +47,7 @@ def test_json_and_quiet_are_taken_anywhere(line):
         status, out, _ = line(*arguments)
         assert status == 0 and [row["scene"] for row in json.loads(out)["rows"]] == list(shipped_scenes())
     assert line("scenes", "copy", "wind-tunnel-mach2", "--quiet")[1:] == ("", "")
-    assert cli.taken_out(["run", "--json", "--", "--quiet"]) == (["run", "--", "--quiet"], {"--json"})
+    assert cli.split_switches(["run", "--json", "--", "--quiet"]) == (["run", "--", "--quiet"], {"--json"})
 
 
 def test_a_scene_comes_from_standard_input(line, monkeypatch):
