@@ -108,5 +108,5 @@ class FileTable(Table):
             "walls": self.walls,
             "spacing": self.spacing,
         }
-        beside = {"mesh": self.mesh, "solution": self.solution}
-        return options | {name: value for name, value in beside.items() if value is not None}
+        companions = {"mesh": self.mesh, "solution": self.solution}
+        return options | {name: value for name, value in companions.items() if value is not None}
