@@ -21,7 +21,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from aerokernels import __version__, commands
-from aerokernels.commands._output import asked, say, silence, warn
+from aerokernels.commands._output import output, say, silence, warn
 from aerokernels.display.plain_text import plain
 from aerokernels.files.one_writer import NO_FILES
 from aerokernels.process.interrupt import raise_interrupts
@@ -43,8 +43,8 @@ app = typer.Typer(
 )
 
 
-def _print_version(asked: bool) -> None:
-    if asked:
+def _print_version(requested: bool) -> None:
+    if requested:
         typer.echo(f"aerokernels {__version__}")
         raise typer.Exit
 
@@ -87,7 +87,7 @@ def one_line(error: BaseException) -> str:
     format_message = getattr(error, "format_message", None)  # the command line parser's own errors
     text = " ".join(str(format_message() if format_message else error).split())
     if format_message:
-        return text + _way_out(error, text)
+        return text + _remedy(error, text)
     if isinstance(error, OSError) and error.errno in NO_FILES and error.filename:
         return f"{error.filename}: {error.strerror}; give another path, or check its permissions"
     if isinstance(error, (ValueError, RuntimeError, OSError)) and text:
@@ -103,7 +103,7 @@ def _is_named(file: object, line: Sequence[str]) -> bool:
     return bool(place) and any(place.startswith(one) or one.startswith(place) for one in named)
 
 
-def _way_out(error: BaseException, text: str) -> str:
+def _remedy(error: BaseException, text: str) -> str:
     """Return the remedy for a mistake on the command line, to append to its message."""
     context = getattr(error, "ctx", None)
     if context is None or text.endswith("?"):
@@ -126,7 +126,7 @@ def check_values(line: list[str]) -> None:
             raise ValueError(f"{before if not argument else option} has an empty value: write a value after it")
 
 
-def taken_out(line: list[str]) -> tuple[list[str], set[str]]:
+def split_switches(line: list[str]) -> tuple[list[str], set[str]]:
     """Split the arguments into those without the global switches and the set of switches; stop at a bare "--"."""
     end = line.index("--") if "--" in line else len(line)
     switches = {argument for argument in line[:end] if argument in SWITCHES}
@@ -145,8 +145,8 @@ def main() -> NoReturn:
     stopped = raise_interrupts()
     interrupted: list[int] = []
     atexit.register(_leave_at_once, interrupted)  # registered first, so it is called last
-    arguments, switches = taken_out(sys.argv[1:])
-    asked.as_json, asked.quiet = "--json" in switches, "--quiet" in switches
+    arguments, switches = split_switches(sys.argv[1:])
+    output.as_json, output.quiet = "--json" in switches, "--quiet" in switches
     warnings.showwarning = _show_warning
     try:
         check_values(arguments)

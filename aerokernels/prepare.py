@@ -103,7 +103,7 @@ def ray_region(scene: Scene, mesh_field: IndexField) -> Region:
         )
     margin = max(MARGIN, MARGIN_NODES * scene.grid.spacing)
     radius, lowest = view_radius(scene, float(high[1])), aperture
-    if scene.looks_elsewhere:
+    if scene.has_own_pupil:
         wider, lower = _reach_of_view(scene.view, float(low[1]), float(high[1]))
         radius, lowest = max(radius, wider), min(lowest, lower)
     radius += margin
@@ -118,14 +118,16 @@ def _reach_of_view(pupil: Pupil, low: float, high: float) -> tuple[float, float]
     """Return the greatest off-axis distance and the lowest z [m] of a pupil's rays for z between `low` and `high`."""
     ahead = float(pupil.normal[2])
     end = high if ahead > 0.0 else low
-    way = (end - float(pupil.center[2])) / ahead if abs(ahead) > 1e-6 else np.inf
-    rim = pupil.reach * float(np.sqrt(max(1.0 - ahead**2, 0.0)))  # how far the plane's rim lies before or behind
+    length = (end - float(pupil.center[2])) / ahead if abs(ahead) > 1e-6 else np.inf
+    rim = pupil.reach * float(
+        np.sqrt(max(1.0 - ahead**2, 0.0))
+    )  # distance of the rim before or behind the centre's plane
     lowest = float(pupil.center[2]) - rim if ahead > 1e-6 else -np.inf
     if not np.any(pupil.normal[:2]):
         return float(np.hypot(*pupil.center[:2])) + pupil.reach, lowest
     # Rays from the rear rim travel farthest. A path that leaves the flow sideways ends at the edge of the region.
-    way = max(way, 0.0) + (rim / abs(ahead) if abs(ahead) > 1e-6 else 0.0)
-    ends = (pupil.center[:2], pupil.center[:2] + (way * pupil.normal[:2] if np.isfinite(way) else np.inf))
+    length = max(length, 0.0) + (rim / abs(ahead) if abs(ahead) > 1e-6 else 0.0)
+    ends = (pupil.center[:2], pupil.center[:2] + (length * pupil.normal[:2] if np.isfinite(length) else np.inf))
     return max(float(np.hypot(*place)) for place in ends) + pupil.reach, lowest
 
 

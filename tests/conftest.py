@@ -95,7 +95,7 @@ def command_line(
 ) -> Callable[..., subprocess.CompletedProcess[str]]:
     """As `aerokernels`, but in this process, which saves its start: for refusals and what else needs no own process."""
     from aerokernels import cli
-    from aerokernels.commands._output import asked
+    from aerokernels.commands._output import output
     from aerokernels.process.interrupt import STOPPING
 
     def run(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -111,7 +111,7 @@ def command_line(
             gc.set_threshold(*threshold)
             for number, handler in handlers.items():
                 signal.signal(number, handler)
-            asked.as_json = asked.quiet = False
+            output.as_json = output.quiet = False
         said = capsys.readouterr()
         return subprocess.CompletedProcess(arguments, left.value.code, said.out, said.err)
 

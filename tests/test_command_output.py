@@ -47,7 +47,7 @@ def test_json_and_quiet_are_taken_anywhere(line):
         status, out, _ = line(*arguments)
         assert status == 0 and [row["scene"] for row in json.loads(out)["rows"]] == list(shipped_scenes())
     assert line("scenes", "copy", "wind-tunnel-mach2", "--quiet")[1:] == ("", "")
-    assert cli.taken_out(["run", "--json", "--", "--quiet"]) == (["run", "--", "--quiet"], {"--json"})
+    assert cli.split_switches(["run", "--json", "--", "--quiet"]) == (["run", "--", "--quiet"], {"--json"})
 
 
 def test_a_scene_comes_from_standard_input(line, monkeypatch):
@@ -142,6 +142,7 @@ def test_the_command_line_has_pythons_names_and_defaults(line):
         (["scenes", "list"], "No such command 'list'. There are: copy."),
         (["run", "wind-tunnel-mach3", "--out", ""], "--out has an empty value: write a value after it"),
         (["run", "wind-tunnel-mach3", "--out="], "--out has an empty value: write a value after it"),
+        (["fields", "flow.pvd", "--time", "nan"], "--time 'nan': give latest, first or a time in seconds"),
         (["strehl", "mach3"], "it is the name of a flow, not of a scene; did you mean sea-level-mach3 or "),
         (["schlieren", "mach3", "--out", "o", "--view", "up"], "--view 'up': give x, y or z, or a direction"),
         (["series", "wind-tunnel-mach3", "--out", "o"], "error: wind-tunnel-mach3: series.source is missing"),

@@ -16,7 +16,7 @@ def test_static_scene_is_undisturbed():
     """No flow: Strehl ratio 1 within 1e-6, and 1.5 m read within 1 mm (air delays by 0.4 mm)."""
     scene = Scene.load("wind-tunnel-static", FEW)
     prepared = prepare_field(scene)
-    estimate = scene_strehl(prepared.field, scene)
+    estimate = scene_strehl(scene, prepared.field)
     assert abs(estimate.value - 1.0) < 1e-6
     result = echo(scene, field=prepared.field)
     assert abs(result.range - 1.5) < 1e-3
@@ -41,7 +41,7 @@ def test_strehl_ratios_of_the_shipped_scenes(name, expected):
     where the Strehl ratio is 0.65 (2 x 0.01 x phase variance x Strehl ratio).
     """
     scene = Scene.load(name, FEW)
-    estimate = scene_strehl(prepare_field(scene).field, scene)
+    estimate = scene_strehl(scene, prepare_field(scene).field)
     assert estimate.value == pytest.approx(expected, abs=0.015)
     assert np.hypot(*estimate.boresight) < 1e-7
 

@@ -78,7 +78,7 @@ def test_a_finer_grid_tells_a_smaller_error_and_the_strehl_ratio_moves_less_than
         prepared = prepare_field(scene)
         assert prepared.resampling is not None
         errors.append(prepared.resampling.opd_rms)
-        estimates.append(scene_strehl(prepared.field, scene))
+        estimates.append(scene_strehl(scene, prepared.field))
     assert 0.0 < errors[1] < errors[0]
     assert abs(estimates[1].value - estimates[0].value) < estimates[0].error["total"]
 

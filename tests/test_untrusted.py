@@ -184,8 +184,14 @@ def test_a_snapshot_and_a_picture_are_held_against_the_memory(tmp_path: Path, mo
 def test_one_long_curve_does_not_make_long_rows_of_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Rows are as long as the longest echo: at 100 samples at a time and 40 an echo, two echoes go together."""
     monkeypatch.setattr(exporting, "SAMPLES_AT_ONCE", 100)
-    sizes = []
-    monkeypatch.setattr(exporting, "_columns_of", lambda block, names: sizes.append(len(block)) or {})
+    sizes, blocks = [], exporting._blocks
+
+    def counted(*arguments):
+        for block in blocks(*arguments):
+            sizes.append(len(block))
+            yield block
+
+    monkeypatch.setattr(exporting, "_blocks", counted)
     with EchoStore(tmp_path / "s.sqlite") as store:
         store.begin_recording("p", "frames", {})
         for k in range(5):

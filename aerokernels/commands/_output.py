@@ -16,7 +16,7 @@ from aerokernels.display.plain_text import plain, plain_json
 
 
 @dataclass
-class Asked:
+class OutputOptions:
     """The output options of the command line.
 
     Attributes:
@@ -28,12 +28,12 @@ class Asked:
     quiet: bool = False
 
 
-asked = Asked()
+output = OutputOptions()
 
 
 def note(text: str) -> None:
     """Print a note to stderr that is not a result, such as which files were written; --quiet silences it."""
-    if not asked.quiet:
+    if not output.quiet:
         say(plain(text), err=True)
 
 
@@ -44,7 +44,7 @@ def warn(text: str) -> None:
 
 def result(text: str, data: Any) -> None:
     """Print a result to stdout: its text, or its data with --json."""
-    say(json_text(data) if asked.as_json else plain(text))
+    say(json_text(data) if output.as_json else plain(text))
 
 
 def say(text: str, err: bool = False) -> None:

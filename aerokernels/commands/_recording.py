@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from aerokernels.commands._output import Screen, asked, silence
+from aerokernels.commands._output import Screen, output, silence
 from aerokernels.display.plain_text import plain
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
 
     A change of the port is printed at once, changed counts once a second. With --quiet or --json nothing is shown.
     """
-    if asked.quiet or asked.as_json:
+    if output.quiet or output.as_json:
         yield lambda status: None
         return
     from rich.console import Console

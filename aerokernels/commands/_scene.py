@@ -70,7 +70,7 @@ def scene_changes(
 
 
 @contextlib.contextmanager
-def blamed_on(scene: str) -> Iterator[None]:
+def naming_scene(scene: str) -> Iterator[None]:
     """Prefix the scene's name to errors that show only during the computation, such as an absent device."""
     try:
         yield

@@ -5,7 +5,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from aerokernels.commands._output import asked, json_text, say
+from aerokernels.commands._output import json_text, output, say
 from aerokernels.display.plain_text import plain
 
 
@@ -14,7 +14,7 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
 
     With --json, print `data` instead; without `data`, print the table as a title and a list of objects.
     """
-    if asked.as_json:
+    if output.as_json:
         listed = {"title": title, "rows": [dict(zip(columns, row, strict=True)) for row in rows]}
         say(json_text(listed if data is None else data))
         return

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 _SPAN = re.compile(r"(.+):(.+):(\d+)")
 
 
-def varied(options: Sequence[str]) -> dict[str, list]:
+def parse_vary(options: Sequence[str]) -> dict[str, list]:
     """Parse the command line's --vary options into a list of values for each key.
 
     A value may be written as in a scene file ("10 deg", 0.3, '["piston", "tilt"]'). LOW:HIGH:COUNT means COUNT values

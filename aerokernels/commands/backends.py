@@ -5,7 +5,7 @@ def backends() -> None:
     """List this machine's backends and devices, active work-arounds, and what `auto` chooses and why."""
     from dataclasses import asdict
 
-    from aerokernels.commands._output import asked, note, say
+    from aerokernels.commands._output import note, output, say
     from aerokernels.commands._table import print_table
     from aerokernels.display.plain_text import plain
     from aerokernels.tracing import available_backends
@@ -34,7 +34,7 @@ def backends() -> None:
     )
     for info in found:
         if info.workaround:
-            (note if asked.as_json else say)(f"work-around on {info.device}: {info.workaround}")
+            (note if output.as_json else say)(f"work-around on {info.device}: {info.workaround}")
     reason = reason.removeprefix(f"backend {backend} on {device}: ")
-    if not asked.as_json:
+    if not output.as_json:
         say(plain(f"auto chooses {backend} on {device}: {reason}"))

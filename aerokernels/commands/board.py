@@ -33,7 +33,7 @@ def board(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise and the faults.")] = 0,
 ) -> None:
     """Simulate a digitiser board or an oscilloscope, to try `record` without hardware."""
-    from aerokernels.commands._output import asked, result, say
+    from aerokernels.commands._output import output, result, say
     from aerokernels.hardware.board import run_board
     from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource
     from aerokernels.hardware.faults import FaultPlan, parse_faults
@@ -54,7 +54,7 @@ def board(
     source = make(place, sample_count=samples, sample_period_ps=sample_period, noise=noise)
     with interrupt_flag() as interrupted, PseudoTerminal(link) as terminal:
         more = "" if protocol == "frames" else f"--protocol {protocol} "
-        if not (asked.quiet or asked.as_json):
+        if not (output.quiet or output.as_json):
             say(f"board on {link} ({terminal.name}); record it with: aerokernels record {more}--port {link} ...")
         if protocol == "scpi":
             scope = SimulatedScope(source, dialect=dialect, rate=rate, seed=seed)

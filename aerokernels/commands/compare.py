@@ -35,7 +35,7 @@ def compare(
     ranged: Annotated[int, typer.Option(help="Greatest number of echoes per label that are ranged one by one.")] = 300,
 ) -> None:
     """Compare recorded echoes with simulated ones, label by label: peaks, relative errors, correlation, ranges."""
-    from aerokernels.commands._output import asked, note, say, warn
+    from aerokernels.commands._output import note, output, say, warn
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
     from aerokernels.inputs.units import quantity
@@ -66,6 +66,6 @@ def compare(
     if unfit:
         note(f"skipped {unfit} echoes with too few samples or without a sample period")
     if found.left_out:
-        (note if asked.as_json else say)(f"labels without a run: {', '.join(map(label_text, found.left_out))}")
+        (note if output.as_json else say)(f"labels without a run: {', '.join(map(label_text, found.left_out))}")
     if files:
         note(f"wrote {', '.join(files)} to {out}")

@@ -1,6 +1,6 @@
 """`aerokernels explain`: show what a run would do, without running it."""
 
-from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, blamed_on, load_scene
+from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, load_scene, naming_scene
 
 
 def explain(
@@ -16,6 +16,6 @@ def explain(
     from aerokernels.jobs.explain import explanation
 
     loaded = load_scene(scene, backend, device, precision, rays, settings)
-    with blamed_on(scene):
+    with naming_scene(scene):
         rows = explanation(loaded)
     print_table(f"What `aerokernels run {scene}` would do", ("what", "how"), rows)

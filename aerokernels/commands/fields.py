@@ -1,5 +1,6 @@
 """`aerokernels fields`: list the shipped flow fields, or the contents of a user's flow file."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +16,7 @@ Picture = Annotated[
 ]
 
 MOST_MEASURED = 100_000  # cells up to which conserving cell averages takes about a second
-PRICE = "preparing the field then takes about ten times as long, a whole run up to twice as long"
+COST_OF_CONSERVING = "preparing the field then takes about ten times as long, a whole run up to twice as long"
 
 
 def fields(
@@ -66,9 +67,12 @@ def _time(text: str | None) -> float | str | None:
     if text is None or text in ("latest", "first"):
         return text
     try:
-        return float(text)
+        moment = float(text)
     except ValueError:
-        raise ValueError(f"--time {text!r}: give latest, first or a time in seconds") from None
+        moment = math.nan
+    if not math.isfinite(moment):
+        raise ValueError(f"--time {text!r}: give latest, first or a time in seconds")
+    return moment
 
 
 def _rows(found: "Contents") -> list[tuple[str, str]]:
@@ -126,7 +130,7 @@ def _lacking_rows(flow: "DensityField") -> list[tuple[str, str]]:
     name = "conserving" if index.mesh.whole is not None else "bilinear"
     rows = [("averages", f'deficit of interpolation "{name}": {lacking.in_words()}')]
     if name == "bilinear" and lacking.rows_max is not None and not lacking.keeps_rows:
-        rows.append(("", f'interpolation = "conserving" keeps rows and columns; {PRICE}'))
+        rows.append(("", f'interpolation = "conserving" keeps rows and columns; {COST_OF_CONSERVING}'))
     return rows
 
 

@@ -41,7 +41,7 @@ def record(
     """Record echoes from hardware until --count or Ctrl-C; reconnect when the port comes back after a loss."""
     from dataclasses import asdict
 
-    from aerokernels.commands._output import asked, result, say
+    from aerokernels.commands._output import output, result, say
     from aerokernels.commands._recording import describe, parse_labels, reporter
     from aerokernels.display.plain_text import plain
     from aerokernels.hardware.port import PortError
@@ -66,7 +66,7 @@ def record(
         try:
             with EchoStore(store) as echoes, reporter() as report:
                 echoes.begin_recording(port, protocol, labels)
-                if not (asked.quiet or asked.as_json):
+                if not (output.quiet or output.as_json):
                     say(plain(f"recording {protocol} from {port} into {store}"))
                 status = Recorder(
                     stream,

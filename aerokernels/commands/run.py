@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, blamed_on, load_scene
+from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, load_scene, naming_scene
 
 
 def run(
@@ -37,7 +37,7 @@ def run(
     check_output_folder(out)
     import_ahead(REPORT)
     with only_writer(out), shown_progress(loaded.name) as progress:
-        with blamed_on(scene):
+        with naming_scene(scene):
             result = simulate(loaded, progress=progress, with_echo=not no_echo)
         progress("writing the report", 0.9)
         summary = write_run(result, out)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from aerokernels.commands._scene import Backend, Device, Precision, Settings, blamed_on, scene_changes
+from aerokernels.commands._scene import Backend, Device, Precision, Settings, naming_scene, scene_changes
 
 Place = Annotated[
     str, typer.Argument(metavar="SCENE|FLOW", help="A TOML file, or the name of a shipped scene or a shipped flow.")
@@ -125,7 +125,10 @@ def schlieren(
     )
     photograph = None
     if measured is None:
-        _refuse_without_photograph(pixel_size=pixel_size, nose=nose, upstream=upstream, roll=roll)
+        given = {"--pixel-size": pixel_size, "--nose": nose, "--upstream": upstream, "--roll": roll}
+        defaults = {"--upstream": "right", "--roll": "0 deg"}
+        if idle := [option for option, value in given.items() if value != defaults.get(option)]:
+            raise ValueError(f"{', '.join(idle)}: needs a photograph; give one as --measured, or leave this out")
     else:
         if pixel_size is None or nose is None:
             raise ValueError(f"--measured {measured}: give --pixel-size and --nose too, which set its scale and place")
@@ -139,7 +142,7 @@ def schlieren(
     scene = picture_scene(place, scene_changes(backend, device, precision, None, settings))
     check_output_folder(out)
     with only_writer(out), shown_progress(scene.name) as progress:
-        with blamed_on(place):
+        with naming_scene(place):
             made = make_pictures(scene, options, measured=photograph, progress=progress)
         progress("writing the pictures", 0.9)
         files = write_pictures(made, out)
@@ -152,18 +155,6 @@ def schlieren(
         rows.append(("Correlation of the lower halves", f"{made.comparison.correlation:.4f}"))
     print_table(scene.title or scene.name, ("quantity", "value"), rows)
     note(f"wrote {', '.join(files)} to {out}")
-
-
-def _refuse_without_photograph(pixel_size: str | None, nose: str | None, upstream: str, roll: str) -> None:
-    given = {
-        "--pixel-size": pixel_size is not None,
-        "--nose": nose is not None,
-        "--upstream": upstream != "right",
-        "--roll": roll != "0 deg",
-    }
-    if any(given.values()):
-        idle = ", ".join(option for option, there in given.items() if there)
-        raise ValueError(f"{idle}: needs a photograph; give one as --measured, or leave this out")
 
 
 def _direction(text: str) -> tuple[float, ...]:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from aerokernels.commands._scene import Backend, Device, Precision, SceneName, Settings, blamed_on, load_scene
+from aerokernels.commands._scene import Backend, Device, Precision, SceneName, Settings, load_scene, naming_scene
 
 
 def series(
@@ -21,22 +21,13 @@ def series(
     An interrupted job resumes at the snapshot where it stopped.
     """
     from aerokernels.commands._output import note
-    from aerokernels.commands._progress import shown_progress
-    from aerokernels.commands._sweeping import thinned
+    from aerokernels.commands._progress import every_tenth, shown_progress
     from aerokernels.commands._table import print_table
-    from aerokernels.display.quantities import Quantity
     from aerokernels.jobs.series_job import run_series
-    from aerokernels.jobs.series_report import HEADLINES
+    from aerokernels.jobs.series_report import headline_rows
 
     loaded = load_scene(scene, backend, device, precision, None, settings)
-    with shown_progress(loaded.name) as shown:
-        with blamed_on(scene):
-            summary = run_series(loaded, out, thinned(shown))
-    rows = []
-    for name, words, unit, factor in HEADLINES:
-        if summary.get(name) is not None:
-            error = summary["errors"][name]
-            rows.append((words, Quantity(summary[name], float("nan") if error is None else error)
-                         .scaled(factor, unit).text()))  # fmt: skip
-    print_table(loaded.title or loaded.name, ("quantity", "value"), rows)
+    with shown_progress(loaded.name) as progress, naming_scene(scene):
+        summary = run_series(loaded, out, every_tenth(progress))
+    print_table(loaded.title or loaded.name, ("quantity", "value"), headline_rows(summary))
     note(f"wrote {out / 'report.html'}, summary.json, statistics.nc and series.zarr")

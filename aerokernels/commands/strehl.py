@@ -1,6 +1,6 @@
 """`aerokernels strehl`: compute the Strehl ratio alone."""
 
-from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, blamed_on, load_scene
+from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, load_scene, naming_scene
 
 
 def strehl(
@@ -22,8 +22,8 @@ def strehl(
     from aerokernels.prepare import prepare_field
 
     loaded = load_scene(scene, backend, device, precision, rays, settings)
-    with blamed_on(scene):
-        estimate = scene_strehl(prepare_field(loaded).field, loaded)
+    with naming_scene(scene):
+        estimate = scene_strehl(loaded, prepare_field(loaded).field)
     found = estimate.quantities
     numbers = {name: {"value": one.value, "error": one.error, "unit": one.unit} for name, one in found.items()}
     result(str(found["value"]), {"scene": loaded.name, **numbers, "verdict": estimate.verdict.level})

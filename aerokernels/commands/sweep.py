@@ -46,21 +46,20 @@ def sweep(
     error and does not stop the others. Exit status 1: all cases failed.
     """
     from aerokernels.commands._output import note
-    from aerokernels.commands._vary import varied
+    from aerokernels.commands._vary import parse_vary
     from aerokernels.jobs.sweeps.definition import define
     from aerokernels.jobs.sweeps.run import check_options, is_finished, run_sweep
 
     check_options(executor, workers, scheduler)
     changes = scene_changes(backend, device, precision, rays, settings)
-    definition = define(scene, varied(vary), settings=changes, together=zip_, sample=sample, seed=seed)
+    definition = define(scene, parse_vary(vary), settings=changes, together=zip_, sample=sample, seed=seed)
     if is_finished(definition, out, retry_failed):
         note(f"nothing to do: all {definition.case_count} cases in {out} are finished")
     else:
-        from aerokernels.commands._progress import shown_progress
-        from aerokernels.commands._sweeping import thinned
+        from aerokernels.commands._progress import every_tenth, shown_progress
 
-        with shown_progress(Path(scene).stem) as shown:
-            run_sweep(definition, out, executor, workers, scheduler, retry_failed, thinned(shown))
+        with shown_progress(Path(scene).stem) as progress:
+            run_sweep(definition, out, executor, workers, scheduler, retry_failed, every_tenth(progress))
     _finish(definition.case_count, out)
 
 

@@ -14,11 +14,10 @@ from dataclasses import dataclass, field
 
 from aerokernels.hardware.decoder import DamagedPiece
 
+# Greatest count of bytes accepted; a damaged count must not make the decoder wait for gigabytes.
 GREATEST_BLOCK_LENGTH = 32 * 2**20
-"""Greatest count of bytes accepted; a damaged count must not make the decoder wait for gigabytes."""
-
+# Greatest length of a line of text [bytes]; a preamble has some 300.
 GREATEST_TEXT_LENGTH = 4096
-"""Greatest length of a line of text [bytes]; a preamble has some 300."""
 
 _SPECIAL = re.compile(rb'[\n#"]')
 _TEXT = re.compile(rb"[\x20-\x7e\t]*")

@@ -87,7 +87,7 @@ class EchoSource:
         from aerokernels.scene import Scene
 
         found = vacuum_echo(Scene.load(scene))
-        return cls(_drawn_on(_sample_times(sample_count, sample_period_ps), *found), sample_period_ps, noise)
+        return cls(_interpolated(_sample_times(sample_count, sample_period_ps), *found), sample_period_ps, noise)
 
     @classmethod
     def from_result(
@@ -98,7 +98,7 @@ class EchoSource:
         sample_period_ps: int = 250,
         noise: float = 0.02,
     ) -> "EchoSource":
-        """Make the echo of a finished run, sampled as a board would; 0 V outside its time axis.
+        """Make the echo of a finished run, without the run's noise, sampled as a board would; 0 V outside its times.
 
         Args:
             path: result.nc of the run, or its folder.
@@ -114,9 +114,15 @@ class EchoSource:
             path = path / "result.nc"
         if not path.is_file():
             raise ValueError(f"result {path}: no such file; make one with `aerokernels run SCENE --out DIR`")
-        echo_time, voltage = echo_of_result(path, open_netcdf(path, f"result {path}", decode_times=False))
-        sample_time = _sample_times(sample_count, sample_period_ps)
-        return cls(np.interp(sample_time, echo_time, voltage, left=0.0, right=0.0), sample_period_ps, noise)
+        result = open_netcdf(path, f"result {path}", decode_times=False)
+        if "echo_voltage_clean" in result.variables:  # the instrument adds its own noise and digitises by itself
+            result = result.assign(echo_voltage=result["echo_voltage_clean"])
+        found = echo_of_result(path, result)
+        try:
+            voltage = _interpolated(_sample_times(sample_count, sample_period_ps), *found)
+        except ValueError as error:
+            raise ValueError(f"result {path}: {error}") from None
+        return cls(voltage, sample_period_ps, noise)
 
     @property
     def full_scale(self) -> float:
@@ -140,7 +146,7 @@ def _sample_times(sample_count: int, sample_period_ps: int) -> np.ndarray:
     return np.arange(sample_count) * (sample_period_ps * 1e-12)
 
 
-def _drawn_on(time: np.ndarray, echo_time: np.ndarray, voltage: np.ndarray) -> np.ndarray:
+def _interpolated(time: np.ndarray, echo_time: np.ndarray, voltage: np.ndarray) -> np.ndarray:
     """Interpolate an echo's voltage at other times [s] by the quintic spline; 0 V outside its record."""
     from aerokernels.echo.ranging import SampledTemplate
     from aerokernels.inputs.checks import as_waveform

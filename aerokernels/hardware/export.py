@@ -14,6 +14,7 @@ import numpy as np
 from aerokernels.files.drafts import draft_of
 from aerokernels.files.netcdf_file import RetryingFile
 from aerokernels.hardware.csv_cells import csv_cell
+from aerokernels.hardware.rows import signed
 from aerokernels.hardware.store import EchoStore, StoredEcho
 from aerokernels.hardware.transaction import StoreError
 
@@ -142,20 +143,35 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
         file.attrs["source"] = f"aerokernels, store {store.path.name}"
         file.attrs["missing_count"] = sum(gap.missing_count for gap in store.gaps())
         file.attrs["damaged_count"] = store.damaged_count
-        columns = {
-            name: _variable(file, name, ("echo",), kind, units, meaning)
-            for name, kind, units, meaning in (
-                ("session", "i4", "1", "run of the board"),
-                ("sequence", "i8", "1", "number of the echo in its run"),
-                ("device_time_us", "i8", "us", "the board's clock; -1 where the instrument sends none"),
-                ("host_time", "i8", "nanoseconds since 1970-01-01", "when the echo was complete on the host"),
-                ("flags", "u1", "1", "the board's flags"),
-                ("sample_count", "i4", "1", "samples of this echo"),
-                ("sample_period", "f8", "s", "time between two samples"),
-                ("first_sample_time", "f8", "s", "time of the first sample"),
-                *((name, text, "", f"label {key}") for key, name in label_names.items()),
+        columns = [
+            (_variable(file, name, ("echo",), kind, units, meaning), kind, value)
+            for name, kind, units, meaning, value in (
+                ("session", "i4", "1", "run of the board", lambda echo: echo.session),
+                ("sequence", "i8", "1", "number of the echo in its run", lambda echo: echo.frame.sequence),
+                ("device_time_us", "i8", "us", "the board's clock; -1 where the instrument sends none", _clock),
+                (
+                    "host_time",
+                    "i8",
+                    "nanoseconds since 1970-01-01",
+                    "when the echo was complete on the host",
+                    lambda echo: echo.host_time_ns,
+                ),
+                ("flags", "u1", "1", "the board's flags", lambda echo: echo.frame.flags),
+                ("sample_count", "i4", "1", "samples of this echo", lambda echo: echo.frame.samples.size),
+                (
+                    "sample_period",
+                    "f8",
+                    "s",
+                    "time between two samples",
+                    lambda echo: echo.frame.sample_period_ps * 1e-12,
+                ),
+                ("first_sample_time", "f8", "s", "time of the first sample", lambda echo: echo.frame.first_sample_time),
+                *(
+                    (name, text, "", f"label {key}", lambda echo, key=key: echo.label.get(key, ""))
+                    for key, name in label_names.items()
+                ),
             )
-        }
+        ]
         volts = _variable(
             file, "voltage", ("echo", "sample"), "f4", "V", "echo; NaN beyond its own samples",
             chunks=(extent.at_once, max(extent.sample_count, 1)), compression="gzip",
@@ -169,8 +185,8 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
         start = 0
         for block in _blocks(_chosen(store, label), extent.at_once):
             here = slice(start, start + len(block))
-            for name, values in _columns_of(block, label_names).items():
-                columns[name][here] = values
+            for column, kind, value in columns:
+                column[here] = np.array([value(echo) for echo in block], dtype=kind)
             rows = np.full((len(block), extent.sample_count), np.nan, np.float32)
             for row, echo in zip(rows, block, strict=True):
                 row[: echo.frame.samples.size] = echo.frame.voltage
@@ -191,24 +207,10 @@ def _variable(file: Any, name: str, dims: tuple[str, ...], kind: Any, units: str
     return variable
 
 
-def _columns_of(block: list[StoredEcho], label_names: Mapping[str, str]) -> dict[str, np.ndarray]:
-    frames = [echo.frame for echo in block]
-    clocks = [-1 if frame.device_time_us is None else frame.device_time_us for frame in frames]
-    return {
-        "session": np.array([echo.session for echo in block]),
-        "sequence": np.array([frame.sequence for frame in frames]),
-        # A clock beyond 2**63 us has run for 292,000 years, or has been set below 0.
-        "device_time_us": np.array([clock if clock < 2**63 else clock - 2**64 for clock in clocks], np.int64),
-        "host_time": np.array([echo.host_time_ns for echo in block]),
-        "flags": np.array([frame.flags for frame in frames]),
-        "sample_count": np.array([frame.samples.size for frame in frames]),
-        "sample_period": np.array([frame.sample_period_ps * 1e-12 for frame in frames]),
-        "first_sample_time": np.array([frame.first_sample_time for frame in frames]),
-        **{
-            name: np.array([echo.label.get(key, "") for echo in block], dtype=object)
-            for key, name in label_names.items()
-        },
-    }
+def _clock(echo: StoredEcho) -> int:
+    clock = echo.frame.device_time_us
+    # A clock beyond 2**63 us has run for 292,000 years, or has been set below 0.
+    return -1 if clock is None else signed(clock)
 
 
 def _label_names(keys: tuple[str, ...]) -> dict[str, str]:

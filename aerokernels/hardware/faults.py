@@ -10,6 +10,8 @@ import numpy as np
 from aerokernels.hardware.frames import DELIMITER
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 
+# Kinds of faults. Of n frames, n - torn - flipped - 2 glued - gap arrive undamaged, if no stall or unplug interrupts;
+# torn + flipped + glued + garbage damaged pieces arrive.
 FAULTS = {
     "torn": "the end of a frame is missing",
     "flipped": "one bit is wrong",
@@ -20,8 +22,6 @@ FAULTS = {
     "stall": "nothing is sent for a while",
     "unplug": "the port goes away for a while",
 }
-"""Kinds of faults. Of n frames, n - torn - flipped - 2 glued - gap arrive undamaged, if no stall or unplug interrupts;
-torn + flipped + glued + garbage damaged pieces arrive."""
 
 
 @dataclass

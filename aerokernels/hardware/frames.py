@@ -33,8 +33,8 @@ GREATEST_SAMPLE_COUNT = 0xFFFF
 _HEADER = struct.Struct("<2sBBIQIffH")
 _CRC = struct.Struct("<I")
 _GREATEST_PAYLOAD = _HEADER.size + 2 * GREATEST_SAMPLE_COUNT + _CRC.size
+# Bytes of the longest possible frame on the wire, without its delimiter.
 GREATEST_FRAME_LENGTH = _GREATEST_PAYLOAD + _GREATEST_PAYLOAD // 254 + 1
-"""Bytes of the longest possible frame on the wire, without its delimiter."""
 
 
 class FrameError(ValueError):

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import serial
 
+# Exceptions raised by a port that was lost: SerialException is an OSError, termios.error is not.
 try:
     import termios
 except ImportError:  # Windows has no such module, and no such error
     PORT_ERRORS: tuple[type[Exception], ...] = (OSError,)
 else:
     PORT_ERRORS = (OSError, termios.error)
-"""Exceptions raised by a port that was lost: SerialException is an OSError, termios.error is not."""
 
 _OPEN_ERRORS: tuple[type[Exception], ...] = (*PORT_ERRORS, ValueError)  # a bad URL is a ValueError
 FLOW_CONTROLS = ("none", "rtscts", "dsrdtr")

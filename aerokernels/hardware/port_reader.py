@@ -13,8 +13,8 @@ from aerokernels.hardware.port import read_available
 if TYPE_CHECKING:
     import serial
 
+# Most chunks that wait in memory; beyond that reading pauses, and the port's own flow control takes over.
 _GREATEST_BACKLOG = 1024
-"""Most chunks that wait in memory; beyond that reading pauses, and the port's own flow control takes over."""
 
 
 class PortReader:

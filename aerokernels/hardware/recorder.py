@@ -10,9 +10,9 @@ from aerokernels.hardware.sources import EchoStream, Piece
 from aerokernels.hardware.store import EchoStore
 from aerokernels.hardware.waveform import Waveform
 
+# First and greatest wait between attempts to reopen a lost port [s]; the wait doubles each time.
 FIRST_WAIT = 0.1
 GREATEST_WAIT = 5.0
-"""First and greatest wait between attempts to reopen a lost port [s]; the wait doubles each time."""
 
 _REPORT_INTERVAL = 1.0  # [s] between two status reports while nothing is committed
 
@@ -128,7 +128,7 @@ class Recorder:
             if self._batch_count and (stream.waits_long or now - self._batch_since >= self._commit_interval):
                 self._commit("open")
             elif not self._batch_count and now - self._reported_at >= _REPORT_INTERVAL:
-                self._tell("silent" if silence >= 1.0 else "open")
+                self._report_state("silent" if silence >= 1.0 else "open")
         return None
 
     def _take_all(self, pieces: Iterable[tuple[Piece, int]]) -> None:
@@ -148,11 +148,9 @@ class Recorder:
 
     def _commit(self, port_state: str) -> None:
         status, store = self._status, self._store
-        stored = store.pending_count
-        twice = store.duplicate_count
+        stored = store.pending_count + store.duplicate_count
         store.commit()
-        # Only the commit shows which echoes another recorder of the same board has stored meanwhile.
-        stored -= store.duplicate_count - twice
+        stored -= store.duplicate_count  # the commit may find duplicates that another recorder has stored meanwhile
         self._batch_count = 0
         self._status = replace(
             status,
@@ -163,9 +161,9 @@ class Recorder:
             last_sequence=store.last_sequence if stored else status.last_sequence,
             last_peak=self._last_echo.peak if stored and self._last_echo else status.last_peak,
         )
-        self._tell(port_state)
+        self._report_state(port_state)
 
-    def _tell(self, port_state: str) -> None:
+    def _report_state(self, port_state: str) -> None:
         self._status = replace(self._status, port_state=port_state)
         self._reported_at = time.monotonic()
         self._report(self._status)
@@ -182,13 +180,13 @@ class Recorder:
             while time.monotonic() < until and not self._stopped():
                 time.sleep(min(0.1, wait))
                 if time.monotonic() - self._reported_at >= _REPORT_INTERVAL:
-                    self._tell(lost)
+                    self._report_state(lost)
             wait = min(2.0 * wait, GREATEST_WAIT)
             try:
                 stream = self._reconnect()
             except PortError:
                 continue
             self._status = replace(self._status, reconnect_count=self._status.reconnect_count + 1)
-            self._tell("open")
+            self._report_state("open")
             return stream
         return None

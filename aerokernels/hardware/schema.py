@@ -2,11 +2,8 @@
 
 import sqlite3
 
-APPLICATION_ID = 0x41454348
-"""Marks the SQLite file as an echo store ("AECH")."""
-
-SCHEMA_VERSION = 2
-"""Stored in `PRAGMA user_version`."""
+APPLICATION_ID = 0x41454348  # marks the SQLite file as an echo store ("AECH")
+SCHEMA_VERSION = 2  # stored in `PRAGMA user_version`
 
 # An echo is identified by its board's number, clock and check sum. The number alone is not unique: it wraps, and starts
 # again with the board. Number and clock are not either: a board whose clock starts at 0 repeats both. An oscilloscope's

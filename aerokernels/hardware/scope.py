@@ -88,8 +88,7 @@ class Oscilloscope:
         self._port, self._timeout, self._stopped = port, timeout, stopped
         self._decoder = BlockDecoder()
         self._damaged: list[DamagedPiece] = []
-        self.heard_at = time.monotonic()
-        """Time of the last received byte [s, monotonic clock]."""
+        self.heard_at = time.monotonic()  # time of the last received byte [s, monotonic clock]
 
     def send(self, command: str) -> None:
         """Send a command that has no answer."""
@@ -105,17 +104,17 @@ class Oscilloscope:
         """
         answer = self._ask(question, timeout)
         if isinstance(answer, Block):
-            raise self._refused(answer.raw, f"text: a block in answer to {question}")
+            raise self._rejected(answer.raw, f"text: a block in answer to {question}")
         return answer.text
 
     def ask_block(self, question: str) -> Block:
         """Send `question` and return the block that answers it; raises the errors of `ask_text`."""
         answer = self._ask(question)
         if isinstance(answer, TextLine):
-            raise self._refused(answer.text.encode("ascii"), f"block: a text in answer to {question}")
+            raise self._rejected(answer.text.encode("ascii"), f"block: a text in answer to {question}")
         return answer
 
-    def refuse(self, block: Block, reason: str) -> None:
+    def reject(self, block: Block, reason: str) -> None:
         """Add a received block to the damaged pieces, and wait until the instrument is silent."""
         self._damaged.append(DamagedPiece(block.raw, reason))
         self._drain()
@@ -157,7 +156,7 @@ class Oscilloscope:
         self._damaged += cut_off
         raise DamagedAnswerError if cut_off else NoAnswerError
 
-    def _refused(self, raw: bytes, reason: str) -> DamagedAnswerError:
+    def _rejected(self, raw: bytes, reason: str) -> DamagedAnswerError:
         self._damaged.append(DamagedPiece(raw, reason))
         self._drain()
         return DamagedAnswerError()
@@ -171,8 +170,8 @@ class Oscilloscope:
                 until = time.monotonic() + _IDLE_TIME
                 for piece in self._decoder.feed(chunk):
                     raw = piece.text.encode("ascii") if isinstance(piece, TextLine) else piece.raw
-                    self._damaged.append(DamagedPiece(raw, "text: not asked for"))
-        self._damaged += self._decoder.finish("cut off: not asked for")
+                    self._damaged.append(DamagedPiece(raw, "text: unexpected"))
+        self._damaged += self._decoder.finish("cut off: unexpected")
 
 
 def find_dialect(scope: Oscilloscope, name: str = "auto") -> tuple[Dialect, Preamble]:

@@ -34,12 +34,11 @@ class SimulatedScope:
         self._source, self._dialect, self._rate, self._seed = source, dialect, rate, seed
         self._started = time.monotonic()
         self._skipped = 0
-        self._held: int | None = None  # the acquisition at which a single acquisition stops
+        self._stop_at: int | None = None  # the acquisition at which a single acquisition stops
         self._header = self._width = 1
         self._says_curve = False
         self._step = source.full_scale / _USED_COUNTS
-        self.curve_count = 0
-        """Curves sent."""
+        self.curve_count = 0  # number of curves sent
 
     @property
     def acquisition(self) -> int:
@@ -98,11 +97,11 @@ class SimulatedScope:
 
     def _rigol(self, words: list[str]) -> bytes:
         if words[0] in ("SINGLE", "SING"):
-            self._held = self.acquisition + 1
+            self._stop_at = self.acquisition + 1
         elif words[0] == "RUN":
-            self._held = None
+            self._stop_at = None
         elif words[0] in ("TRIGGER:STATUS?", "TRIG:STAT?"):
-            return b"TD\n" if self._held is None else b"STOP\n" if self.acquisition >= self._held else b"WAIT\n"
+            return b"TD\n" if self._stop_at is None else b"STOP\n" if self.acquisition >= self._stop_at else b"WAIT\n"
         if words[0] in ("WAVEFORM:PREAMBLE?", "WAV:PRE?"):
             period = self._source.sample_period_ps * 1e-12
             return (f"0,0,{self._source.voltage.size},1,{period:.9e},0.0e+00,0,{self._step:.12e},{_ZERO},127\n").encode(
@@ -115,7 +114,7 @@ class SimulatedScope:
 
     def _counts(self) -> np.ndarray:
         """Return the counts of the current acquisition; they stay the same until the next one."""
-        number = self.acquisition if self._held is None else min(self._held, self.acquisition)
+        number = self.acquisition if self._stop_at is None else min(self._stop_at, self.acquisition)
         voltage = self._source.noisy(np.random.default_rng((self._seed, number)))
         return np.clip(np.rint(voltage / self._step) + _ZERO, -128, 127)
 

@@ -179,7 +179,7 @@ class CurveStream:
         try:
             curve = self._dialect.parse(text).curve(block.data, block.raw, count)
         except PreambleError as error:
-            self._scope.refuse(block, str(error))
+            self._scope.reject(block, str(error))
             raise DamagedAnswerError from error
         self._started = False
         # Acquisitions during the transfer cannot be told apart from this curve: only a higher count is a new one.

@@ -8,6 +8,7 @@ import re
 import sqlite3
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from operator import index
 from pathlib import Path
@@ -19,7 +20,7 @@ from aerokernels.hardware.preamble import ScopeCurve
 from aerokernels.hardware.rows import READ_ECHOES, WRITE_ECHO, echo_of, label_of, row_of, signed
 from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
 from aerokernels.hardware.store_file import store_address
-from aerokernels.hardware.transaction import KEEP_IT, DamagedStoreError, StoreError, Transaction, described_errors
+from aerokernels.hardware.transaction import KEEP_IT, DamagedStoreError, StoreError, described_errors, transaction
 from aerokernels.inputs.checks import check_path
 
 Made = TypeVar("Made")
@@ -101,10 +102,8 @@ class EchoStore:
         self._keys: set[tuple[int, int, int]] = set()
         self._damaged: list[tuple] = []
         self._gaps: list[tuple] = []
-        self.missing_count = 0
-        """Numbers missing between the echoes added since `begin_recording`."""
-        self.duplicate_count = 0
-        """Frames added since `begin_recording` that the store already had."""
+        # Both since `begin_recording`: numbers missing between the echoes, and frames that the store already had.
+        self.missing_count = self.duplicate_count = 0
 
     def _prepare(self, read_only: bool) -> None:
         execute = self._connection.execute
@@ -250,12 +249,12 @@ class EchoStore:
         rows = self._rows("SELECT session, after_sequence, before_sequence, missing_count FROM gaps ORDER BY id")
         return [self._read(lambda *numbers: Gap(*map(int, numbers)), *row) for row in rows]
 
-    def snapshot(self) -> Transaction:
+    def snapshot(self) -> AbstractContextManager[None]:
         """Return a context in which all reads show the store at one moment, even while a recorder writes."""
-        return Transaction(self._connection, "BEGIN", self.path)
+        return transaction(self._connection, "BEGIN", self.path)
 
-    def _transaction(self) -> Transaction:
-        return Transaction(self._connection, "BEGIN IMMEDIATE", self.path)
+    def _transaction(self) -> AbstractContextManager[None]:
+        return transaction(self._connection, "BEGIN IMMEDIATE", self.path)
 
     def _rows(self, query: str, values: tuple = ()) -> Iterator[tuple]:
         with described_errors(self.path):
@@ -271,8 +270,8 @@ class EchoStore:
         try:
             return make(*columns)
         except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
-            told = " ".join(str(error).split())[:200]
-            raise DamagedStoreError(f"store {self.path}: a row of it is no echo's ({told}); {KEEP_IT}") from None
+            reason = " ".join(str(error).split())[:200]
+            raise DamagedStoreError(f"store {self.path}: a row is not that of an echo ({reason}); {KEEP_IT}") from None
 
     def _is_stored(self, key: tuple[int, int, int]) -> bool:
         query = "SELECT 1 FROM echoes WHERE sequence = ? AND device_time_us = ? AND crc32 = ?"

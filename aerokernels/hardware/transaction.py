@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-KEEP_IT = "keep it, get out what can be had with `sqlite3 FILE .recover`, and record into a new file"
-"""Remedy for a damaged store."""
+# Remedy for a damaged store.
+KEEP_IT = "keep the file, recover its content with `sqlite3 FILE .recover`, and record into a new file"
 
 
 class StoreError(RuntimeError):
@@ -41,8 +41,9 @@ def described_errors(path: Path) -> Iterator[None]:
         raise DamagedStoreError(f"store {path}: {error}; {KEEP_IT}") from error
 
 
-class Transaction:
-    """A context that commits all statements or none; errors of the file become a `StoreError`.
+@contextmanager
+def transaction(connection: sqlite3.Connection, begin: str, path: Path) -> Iterator[None]:
+    """Commit all statements of the block or, after an error, none; errors of the file become a `StoreError`.
 
     Args:
         connection: in autocommit mode.
@@ -52,25 +53,11 @@ class Transaction:
     Raises:
         StoreError: as `described_errors`.
     """
-
-    def __init__(self, connection: sqlite3.Connection, begin: str, path: Path) -> None:
-        """Store the arguments; `with` begins the transaction."""
-        self._connection, self._begin, self._path = connection, begin, path
-
-    def __enter__(self) -> None:
-        """Begin."""
-        with described_errors(self._path):
-            self._connection.execute(self._begin)
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
-        """Commit, or roll back after an error."""
+    with described_errors(path):
+        connection.execute(begin)
         try:
-            if error is None:
-                with described_errors(self._path):
-                    self._connection.execute("COMMIT")
+            yield
+            connection.execute("COMMIT")
         finally:
-            if self._connection.in_transaction:
-                self._connection.execute("ROLLBACK")
-        if isinstance(error, sqlite3.DatabaseError):
-            with described_errors(self._path):
-                raise error
+            if connection.in_transaction:
+                connection.execute("ROLLBACK")

@@ -58,7 +58,7 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
             number, mean, square = np.zeros(time.size), np.zeros(time.size), np.zeros(time.size)
         elif echo.time.shape != time.shape or np.abs(echo.time - time).max() > SAME_TIME * period:
             resampled += 1
-            volts = _on(time, echo)
+            volts = _at_times(time, echo)
         there = np.isfinite(volts)
         if not there.any():
             raise ValueError(
@@ -84,7 +84,7 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
     )
 
 
-def _on(time: np.ndarray, echo: RecordedEcho) -> np.ndarray:
+def _at_times(time: np.ndarray, echo: RecordedEcho) -> np.ndarray:
     """Return the echo's voltage at other times; NaN outside its own times."""
     from scipy.interpolate import make_interp_spline
 

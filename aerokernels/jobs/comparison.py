@@ -20,7 +20,7 @@ from aerokernels.compare import WaveformComparison, compare_waveforms, pearson_c
 from aerokernels.jobs.alignment import measured_offset, overlap, simulated_on
 from aerokernels.jobs.averages import AverageEcho, average
 from aerokernels.jobs.range_errors import RangeErrors, range_errors
-from aerokernels.jobs.recorded import Label, label_text, recorded_echoes, recorded_labels, thinned
+from aerokernels.jobs.recorded import Label, label_text, random_subset, recorded_echoes, recorded_labels
 from aerokernels.jobs.run_folder import RunFolder, match_runs
 
 if TYPE_CHECKING:
@@ -250,17 +250,17 @@ def compare_recording(
     unfit: Counter[Label] = Counter()
     for number, label in enumerate(matched):
         progress(f"averaging {label_text(label)}", 0.5 * number / len(matched))
-        with _blamed_on(source, label):
+        with _naming_label(source, label):
             averages[label] = average(recorded_echoes(source, label, unfit))
     offset = options.trigger_offset
     if options.align not in (NO_ALIGNMENT, EACH):
         reference = _reference(options.align, matched)
-        with _blamed_on(source, reference):
+        with _naming_label(source, reference):
             offset = measured_offset(averages[reference], matched[reference])
     found = []
     for number, (label, run) in enumerate(matched.items()):
         progress(f"comparing {label_text(label)}", 0.5 + 0.5 * number / len(matched))
-        with _blamed_on(source, label):
+        with _naming_label(source, label):
             own = measured_offset(averages[label], run) if options.align == EACH else offset
             found.append(_compare_label(source, label, run, averages[label], unfit[label], own, options))
     return BenchComparison(source, options, tuple(found), tuple(label for label in labels if label not in matched))
@@ -278,7 +278,7 @@ def _compare_label(
     threshold = options.threshold or float(run.detector.get("threshold", 0.0)) or None
     there, time, simulated = overlap(recorded, run, offset)
     waveform = compare_waveforms(time, recorded.mean[there], simulated, threshold=threshold)
-    echoes = thinned(recorded_echoes(source, label), options.ranged_count, options.seed)
+    echoes = random_subset(recorded_echoes(source, label), options.ranged_count, options.seed)
     correlations = [_correlation(echo.voltage, simulated_on(run, echo.time - offset)) for echo in echoes]
     ranges = range_errors(
         [(echo.time - offset, echo.voltage) for echo in echoes], run, time, simulated, waveform.edge_level
@@ -325,7 +325,7 @@ def _unit(name: str) -> str:
 
 
 @contextlib.contextmanager
-def _blamed_on(source: Path, label: Label) -> Iterator[None]:
+def _naming_label(source: Path, label: Label) -> Iterator[None]:
     """Prefix file and label to the message of a ValueError."""
     try:
         yield

@@ -70,43 +70,29 @@ def _draw_residual(axes: "Axes", one: LabelComparison) -> None:
 def ranges_figure(found: BenchComparison) -> "Figure":
     """Draw peaks, correlation and range errors over the labels."""
     names = [label_text(one.label) for one in found.labels]
-    place = np.arange(len(names))
+    place, waves = np.arange(len(names)), [one.waveform for one in found.labels]
     with styled_figure(10.6, 3.8) as figure:
         peaks, correlation, ranges = figure.subplots(1, 3)
-        peaks.errorbar(
-            place,
-            [one.waveform.recorded_peak for one in found.labels],
-            yerr=[one.peak_standard_error for one in found.labels],
-            fmt="o",
-            color=RAY_COLOUR,
-            label="recorded",
-        )
-        peaks.plot(
-            place,
-            [one.waveform.simulated_peak for one in found.labels],
-            "s",
-            color=ACCENT,
-            mfc="none",
-            label="simulated",
-        )
+        recorded, simulated = ([getattr(wave, f"{kind}_peak") for wave in waves] for kind in ("recorded", "simulated"))
+        errors = [one.peak_standard_error for one in found.labels]
+        peaks.errorbar(place, recorded, yerr=errors, fmt="o", color=RAY_COLOUR, label="recorded")
+        peaks.plot(place, simulated, "s", color=ACCENT, mfc="none", label="simulated")
         peaks.set(title="Peak", ylabel="peak voltage [V]")
         peaks.legend(fontsize=9)
         for key, words, mark in (("correlation", "at zero lag", "o"), ("best_correlation", "greatest", "^")):
-            correlation.plot(place, [getattr(one.waveform, key) for one in found.labels], mark, mfc="none", label=words)
+            correlation.plot(place, [getattr(wave, key) for wave in waves], mark, mfc="none", label=words)
         correlation.set(title="Correlation", ylabel="r")
-        lowest = min(one.waveform.correlation for one in found.labels)
+        lowest = min(wave.correlation for wave in waves)
         correlation.set_ylim(min(LOWEST_SHOWN, lowest - 0.1 * (1.0 - lowest)), 1.005 + 0.05 * (1.0 - lowest))
         correlation.legend(fontsize=9)
         methods = list(dict.fromkeys(method for one in found.labels for method in one.ranges))
         for k, method in enumerate(methods):
-            those = [
-                (x, one.ranges[method]) for x, one in zip(place, found.labels, strict=True) if method in one.ranges
-            ]
-            shift = 0.16 * (k - 0.5 * (len(methods) - 1))
+            present = [number for number, one in enumerate(found.labels) if method in one.ranges]
+            read = [found.labels[number].ranges[method] for number in present]
             ranges.errorbar(
-                [x + shift for x, _ in those],
-                [1e3 * errors.systematic_error_m for _, errors in those],
-                yerr=[1e3 * errors.random_error_m for _, errors in those],
+                place[present] + 0.16 * (k - 0.5 * (len(methods) - 1)),
+                [1e3 * one.systematic_error_m for one in read],
+                yerr=[1e3 * one.random_error_m for one in read],
                 fmt="o",
                 markersize=4,
                 capsize=2,

@@ -11,7 +11,7 @@ import numpy as np
 from aerokernels.flow import CellDensity, DensityField
 from aerokernels.jobs.run_parts import RunParts
 from aerokernels.jobs.scene_text import scene_toml
-from aerokernels.jobs.store import to_json
+from aerokernels.jobs.store import number_or_nan, to_json
 from aerokernels.medium import SolidBody
 from aerokernels.scene.pupil_table import axis_words
 
@@ -55,10 +55,6 @@ def written_at() -> datetime:
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     known = epoch.isascii() and epoch.isdigit() and len(epoch) <= 11  # up to the year 5138
     return datetime.fromtimestamp(int(epoch), UTC) if known else datetime.now(UTC)
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value
 
 
 def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset":
@@ -141,8 +137,8 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
         "threshold_v": result.scene.detector.threshold,
         "scene": scene_toml(result.scene),
         "summary": json.dumps(numbers),
-        **{name: _number(numbers[name]) for name in SHOWN},
-        **{f"{name}_error": _number(numbers["errors"][name]) for name in WITH_ERROR},
+        **{name: number_or_nan(numbers[name]) for name in SHOWN},
+        **{f"{name}_error": number_or_nan(numbers["errors"][name]) for name in WITH_ERROR},
     }
     if result.scene.detector.ranging != "leading-edge":
         del attributes["threshold_v"]  # the other methods use no fixed level

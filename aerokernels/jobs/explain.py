@@ -11,7 +11,7 @@ from aerokernels.flow import DensityField
 from aerokernels.jobs.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, pupil_samples
 from aerokernels.medium import AveragesLacking, IndexField
 from aerokernels.medium.grid import UniformGrid
-from aerokernels.prepare import prepare_field
+from aerokernels.prepare import Prepared, prepare_field
 from aerokernels.scene import Scene
 from aerokernels.scene.pupil_table import in_words
 from aerokernels.strehl.estimate import plan_strehl
@@ -50,34 +50,12 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
             f"{axes} from {low[0] * 1e3:.3g}, {low[1] * 1e3:.3g} mm to {high[0] * 1e3:.3g}, {high[1] * 1e3:.3g} mm",
         ),
     ]
-    resampling = prepared.resampling
-    samples = prepared.field.samples
-    made = prepared.field.upstream
-    left_by_grid = root_sum_square([0.0 if resampling is None else resampling.opd_rms, made.columns if made else 0.0])
-    if made is not None and made.columns > 0.0 and isinstance(samples, UniformGrid):
-        rows += [
-            ("grid", f"{' x '.join(map(str, samples.shape))} nodes, resampled from the flow's cells"),
-            (
-                "error of the grid",
-                f"OPD {made.columns * 1e9:.3g} nm rms of lines through it, measured "
-                f"({made.columns / wavelength:.2g} waves)",
-            ),
-        ]
-    elif resampling is None or not isinstance(samples, UniformGrid):
-        rows.append(("grid", f"none: the index is interpolated on the flow's mesh, {scene.grid.interpolation}"))
-    else:
-        shape = " x ".join(str(count) for count in samples.shape)
-        rows += [
-            ("grid", f"{shape} nodes, {scene.grid.spacing * 1e3:g} mm apart, {scene.grid.interpolation}"),
-            (
-                "error of the grid",
-                f"OPD {resampling.opd_rms * 1e9:.3g} nm rms, {resampling.opd_max * 1e9:.3g} nm at most, measured "
-                f"({resampling.opd_rms / wavelength:.2g} and {resampling.opd_max / wavelength:.2g} waves)",
-            ),
-        ]
-    if made is not None:
-        share = f"+- {100.0 * made.refractivity:.2g} % of the OPD" if made.refractivity else "a given constant"
-        rows.append(("refractivity", f"{made.model}; {share}"))
+    resampling, upstream = prepared.resampling, prepared.field.upstream
+    errors_by_grid = 0.0 if resampling is None else resampling.opd_rms, 0.0 if upstream is None else upstream.columns
+    rows += _grid_rows(scene, prepared)
+    if upstream is not None:
+        share = f"+- {100.0 * upstream.refractivity:.2g} % of the OPD" if upstream.refractivity else "a given constant"
+        rows.append(("refractivity", f"{upstream.model}; {share}"))
     inside, sampled, _ = pupil_samples(prepared.field, scene, PUPIL_SAMPLES)
     shared = "; samples at the same distance from the axis share a ray" if len(sampled) < inside.sum() else ""
     rows += [
@@ -89,7 +67,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
             f"{scene.strehl.ray_count:,} requested, {count:,} traced, {in_words(pupil)}",
         ),
         ("predicted", _prediction(plan, count)),
-        *_predicted_ratio(plan, left_by_grid, wavelength),
+        *_predicted_ratio(plan, root_sum_square(errors_by_grid), wavelength),
         ("ray optics", validity(prepared.field, pupil).reason),
         (
             "rays, OPD map",
@@ -104,6 +82,30 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         *_predicted_echo(scene, prepared.field),
     ]
     return rows
+
+
+def _grid_rows(scene: Scene, prepared: Prepared) -> list[tuple[str, str]]:
+    """Rows on the grid that the index is interpolated on, and its measured error."""
+    samples, resampling, upstream = prepared.field.samples, prepared.resampling, prepared.field.upstream
+    wavelength, interpolation = scene.flow.wavelength, scene.grid.interpolation
+    if not isinstance(samples, UniformGrid):
+        return [("grid", f"none: the index is interpolated on the flow's mesh, {interpolation}")]
+    nodes = f"{' x '.join(map(str, samples.shape))} nodes"
+    if upstream is not None and upstream.columns > 0.0:
+        error = (
+            f"OPD {upstream.columns * 1e9:.3g} nm rms of lines through it ({upstream.columns / wavelength:.2g} waves)"
+        )
+        return [("grid", f"{nodes}, resampled from the flow's cells"), ("error of the grid, measured", error)]
+    if resampling is None:
+        return [("grid", f"{nodes}, those of the flow, {interpolation}")]
+    error = (
+        f"OPD {resampling.opd_rms * 1e9:.3g} nm rms, {resampling.opd_max * 1e9:.3g} nm at most "
+        f"({resampling.opd_rms / wavelength:.2g} and {resampling.opd_max / wavelength:.2g} waves)"
+    )
+    return [
+        ("grid", f"{nodes}, {scene.grid.spacing * 1e3:g} mm apart, {interpolation}"),
+        ("error of the grid, measured", error),
+    ]
 
 
 def _predicted_ratio(plan: TracePlan, left_by_grid: float, wavelength: float) -> list[tuple[str, str]]:

@@ -24,8 +24,7 @@ h2 { font-size: 1.15em; margin: 2.2em 0 .6em; border-bottom: 1px solid #e3e7eb; 
 .alarm { background: #fde8e4; border-left: 5px solid #b42318; }
 .note { background: #fff4dc; border-left: 5px solid #b7791f; }
 .alarm p, .note p { margin: .15em 0; }
-figure { margin: 1.4em 0; }
-figure { overflow-x: auto; }
+figure { margin: 1.4em 0; overflow-x: auto; }
 figure img { max-width: 100%; height: auto; }
 figcaption { color: #5b6470; font-size: .92em; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }

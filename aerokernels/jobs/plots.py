@@ -200,9 +200,9 @@ def echo_figure(dataset: "xarray.Dataset") -> "Figure":
     """Draw the received power, and the detector's voltage with the threshold and the reported range."""
     figure, [(axes, _)] = panelled_figure(Panel(6.9, 3.3, scale=True))
     time, power, voltage = (dataset[name].values for name in ("time", "echo_power", "echo_voltage"))
-    shown = _around_pulse(power, dataset.get("echo_voltage_clean", dataset["echo_voltage"]).values)
-    nanoseconds = 1e9 * time[shown]
     clean = dataset["echo_voltage_clean"].values if "echo_voltage_clean" in dataset else voltage
+    shown = _around_pulse(power, clean)
+    nanoseconds = 1e9 * time[shown]
     if np.array_equal(clean, voltage):
         axes.plot(nanoseconds, voltage[shown], color=RAY_COLOUR, linewidth=1.8, label="detector voltage")
     else:

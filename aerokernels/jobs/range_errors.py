@@ -83,11 +83,11 @@ def range_errors(
                 errors.append(read(times, volts) - own)
             except ValueError:  # the threshold is never crossed, or the record truncates the pulse
                 continue
-        found[method] = _summed_up(errors, len(echoes), simulated_error)
+        found[method] = _statistics(errors, len(echoes), simulated_error)
     return found
 
 
-def _summed_up(errors: Sequence[float], count: int, simulated_error: float) -> RangeErrors:
+def _statistics(errors: Sequence[float], count: int, simulated_error: float) -> RangeErrors:
     number = len(errors)
     spread = float(np.std(errors, ddof=1)) if number > 1 else math.nan
     return RangeErrors(

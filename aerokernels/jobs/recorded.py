@@ -64,7 +64,7 @@ def recorded_labels(path: Path) -> list[Label]:
         ValueError: see `recorded_echoes`; or the file holds no echoes.
     """
     if _kind(path) == "store":
-        with _blamed_on(path), EchoStore(path, read_only=True) as store:
+        with _naming_file(path), EchoStore(path, read_only=True) as store:
             found = [_as_label(one) for one in store.labels()]
     else:
         found = [echo.label for echo in recorded_echoes(path)]
@@ -115,7 +115,7 @@ def _as_label(pairs: Mapping[str, Any]) -> Label:
 
 
 def _from_store(path: Path, label: Label | None, unfit: Counter[Label]) -> Iterator[RecordedEcho]:
-    with _blamed_on(path), EchoStore(path, read_only=True) as store:
+    with _naming_file(path), EchoStore(path, read_only=True) as store:
         for text in store.labels():
             if label is not None and _as_label(text) != label:
                 continue
@@ -138,7 +138,7 @@ def waveforms(data: "xarray.Dataset", path: Path) -> Iterator[RecordedEcho]:
     Raises:
         ValueError: The dataset does not hold recorded echoes; the message names the file.
     """
-    with _blamed_on(path):
+    with _naming_file(path):
         if "voltage" not in data.variables or data["voltage"].ndim not in (1, 2):
             raise ValueError(
                 f"{path}: holds no `voltage` over (echo, sample); it has: {', '.join(map(str, data.variables))}"
@@ -192,12 +192,12 @@ def load_netcdf(path: Path) -> "xarray.Dataset":
     Raises:
         ValueError: not a NetCDF-4 file, or a damaged one; the message names the file.
     """
-    with _blamed_on(path):
+    with _naming_file(path):
         return open_netcdf(path, str(path), decode_times=False, whole=True)
 
 
 @contextlib.contextmanager
-def _blamed_on(path: Path) -> Iterator[None]:
+def _naming_file(path: Path) -> Iterator[None]:
     """Turn the many errors that a damaged file causes in its readers into a ValueError that names the file."""
     try:
         yield
@@ -299,7 +299,7 @@ def checked(echo: RecordedEcho, place: str) -> RecordedEcho:
     return echo
 
 
-def thinned(echoes: Iterable[RecordedEcho], count: int, seed: int = 0) -> list[RecordedEcho]:
+def random_subset(echoes: Iterable[RecordedEcho], count: int, seed: int = 0) -> list[RecordedEcho]:
     """Choose at most `count` echoes at random with equal probability, in one pass (reservoir sampling)."""
     random = np.random.default_rng(seed)
     source = iter(echoes)

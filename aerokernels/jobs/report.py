@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from aerokernels.display.quantities import WORTHLESS, Quantity, listed
 from aerokernels.jobs import plots
 from aerokernels.jobs.figure_layout import png_or_fault
-from aerokernels.jobs.page import bullets, cards, named_values, page, paragraph, picture, remarks, section, text_block
-from aerokernels.jobs.store import to_json
+from aerokernels.jobs.page import cards, named_values, page, paragraph, picture, remarks, section, text_block
+from aerokernels.jobs.store import number_or_nan, to_json
 
 if TYPE_CHECKING:
     import xarray
@@ -66,7 +66,7 @@ GROUPS = {
 def quantity_of(summary: Mapping[str, Any], key: str) -> Quantity:
     """Return a number of a summary with its error; NaN for null, and for an error that the summary does not have."""
     value, error = to_json(summary.get(key)), to_json((summary.get("errors") or {}).get(key))
-    return Quantity(math.nan if value is None else value, math.nan if error is None else error)
+    return Quantity(number_or_nan(value), number_or_nan(error))
 
 
 def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -100,7 +100,7 @@ def _words(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, list) and all(isinstance(item, (int, float, str)) for item in value):
-        return ", ".join(_words(item) for item in value)
+        return "; ".join(map(_words, value))
     if isinstance(value, (list, dict)):
         return json.dumps(value, ensure_ascii=False)
     return str(value)
@@ -125,7 +125,7 @@ def _label(name: str) -> str:
         return TEXTS[name]
     group, dot, own = name.partition(".")
     if dot and group in GROUPS:
-        return GROUPS[group].format(" ".join(re.sub(r"[-_.]", " ", own).split()))
+        return GROUPS[group].format(re.sub(r"[-_]", " ", own.replace(".", ", ")))
     return " ".join(name.replace("_", " ").split())
 
 
@@ -139,7 +139,7 @@ def _numbers(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     for name, value in _flat({key: value for key, value in summary.items() if key not in apart}):
         number, error = to_json(value), to_json(errors.get(name))
         if name in errors and isinstance(number, (int, float)):
-            rows.append((_label(name), Quantity(number, math.nan if error is None else error).text()))
+            rows.append((_label(name), Quantity(number, number_or_nan(error)).text()))
         elif name.startswith("range_uncertainty_m.") and number is not None:  # these numbers are errors
             rows.append((_label(name), f"{number:.2g}"))
         else:
@@ -157,12 +157,8 @@ def _budget(error: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _section(title: str, content: Any) -> str:
-    if isinstance(content, Mapping):
-        return section(title, named_values((name, _words(value)) for name, value in _flat(content)))
-    if isinstance(content, (list, tuple)):
-        return section(title, bullets(map(_words, content)))
-    return section(title, paragraph(_words(content)))
+def _named_section(title: str, content: Mapping[str, Any]) -> str:
+    return section(title, named_values((name, _words(value)) for name, value in _flat(content)))
 
 
 def draw_pictures(dataset: "xarray.Dataset") -> tuple[dict[str, bytes], dict[str, str]]:
@@ -208,8 +204,8 @@ def render_report(pictures: Mapping[str, bytes], summary: Mapping[str, Any], sce
         section("Pictures", "".join(shown)),
         section("Numbers (SI), each with its error", named_values(_numbers(summary))),
         section("Error budget of the Strehl ratio", named_values(_budget(summary.get("error") or {}))),
-        _section("Plan: what was done, what was skipped, and why", summary.get("plan", {})),
-        _section("Seconds per stage", summary.get("seconds", {})),
+        _named_section("Plan: what was done, what was skipped, and why", summary.get("plan", {})),
+        _named_section("Seconds per stage", summary.get("seconds", {})),
         section("Scene as it was run", text_block(scene_text)),
         section("How to cite", paragraph(cite) + text_block(CITATION)),
     ]

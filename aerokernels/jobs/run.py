@@ -3,7 +3,7 @@
 import os
 import time
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -20,7 +20,7 @@ from aerokernels.jobs.store import REPORT_FILE, RESULT_FILE, SUMMARY_FILE, stage
 from aerokernels.jobs.summary import summarise
 from aerokernels.jobs.views import pupil_map, ray_fan
 from aerokernels.medium import IndexField
-from aerokernels.prepare import prepare_field
+from aerokernels.prepare import Prepared, prepare_field
 from aerokernels.process.clock import clocked
 from aerokernels.scene import Scene
 from aerokernels.strehl import StrehlEstimate
@@ -62,7 +62,7 @@ class RunResult(RunParts):
         return run_dataset(self, self.summary)
 
 
-def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
+def scene_strehl(scene: Scene, field: IndexField) -> StrehlEstimate:
     """Estimate the Strehl ratio of a plane wave that arrives from the direction in which the scene's pupil looks."""
     return estimate_strehl(
         field,
@@ -74,7 +74,7 @@ def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
     )
 
 
-def echo_with_errors(vacuum: VacuumEcho, field: IndexField, strehl: StrehlEstimate) -> EchoResult:
+def _echo_with_errors(vacuum: VacuumEcho, field: IndexField, strehl: StrehlEstimate) -> EchoResult:
     """Simulate the echo through a field from the scene's echo in vacuum, and compute its errors."""
     found = echo_through(field, vacuum, phase_error=strehl)
     _ = found.quantities
@@ -111,42 +111,71 @@ def simulate(
         scene = Scene.load(scene)
     if not isinstance(scene, Scene):
         raise TypeError(f"scene must be a Scene, a path or a shipped scene's name, got {type(scene).__name__}")
+    return run_stages(
+        scene,
+        partial(prepare_field, scene, field),
+        partial(scene_strehl, scene),
+        with_echo=with_echo,
+        progress=progress,
+    )
+
+
+def run_stages(
+    scene: Scene,
+    prepare: Callable[[], Prepared],
+    estimate: Callable[[IndexField], StrehlEstimate],
+    *,
+    with_views: bool = True,
+    with_echo: bool = True,
+    progress: Progress | None = None,
+) -> RunResult:
+    """Run the stages of a scene in turn; arguments and errors as for `simulate`.
+
+    Args:
+        scene: The scene.
+        prepare: Makes its flow and index fields.
+        estimate: Estimates its Strehl ratio through the index field.
+        with_views: Whether to trace the wavefront and the rays for the figures.
+        with_echo: Whether to simulate and range the laser echo.
+        progress: Called with the description of each stage as it begins and the fraction of the job done before it.
+    """
     seconds: dict[str, float] = {}
     failed: dict[str, str] = {}
 
-    def staged(name: str, work: Callable[[], Made]) -> Made:
+    def timed(name: str, work: Callable[[], Made]) -> Made:
         if progress is not None:
             progress(*STAGES[name])
         begin = time.perf_counter()
-        made = work()
-        seconds[name] = time.perf_counter() - begin
-        return made
-
-    def tried(name: str, work: Callable[[], Made], result: str | None = None) -> Made | None:
-        begin = time.perf_counter()
         try:
-            return staged(name, work)
-        except ValueError as fault:  # bad input was rejected earlier, so this stage has nothing to find in the scene
+            return work()
+        finally:
             seconds[name] = time.perf_counter() - begin
-            failed[result or name] = str(fault)
+
+    def attempted(name: str, work: Callable[[], Made], result: str) -> Made | None:
+        try:
+            return timed(name, work)
+        except ValueError as fault:  # bad input was rejected earlier, so this stage has nothing to find in the scene
+            failed[result] = str(fault)
             return None
 
+    pupil = fan = echo = None
     with clocked() as stages:
         choose_backend(scene.trace.backend, scene.trace.device)  # rejects a missing device before anything is computed
-        prepared = staged("prepare", lambda: prepare_field(scene, field))
+        prepared = timed("prepare", prepare)
         index = prepared.field
         if with_echo:
             vacuum = check_echo(scene, index)  # rejects a scene whose echo cannot be computed for any flow
-        strehl = staged("strehl", lambda: scene_strehl(index, scene))
-        pupil = tried("wavefront", lambda: pupil_map(index, scene))
-        fan = tried("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
-        staged("error", lambda: strehl.quantities)
+        strehl = timed("strehl", lambda: estimate(index))
+        if with_views:
+            pupil = attempted("wavefront", lambda: pupil_map(index, scene), "wavefront")
+            fan = attempted("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
+        timed("error", lambda: strehl.quantities)
         if with_echo:
-            found = tried("echo", lambda: echo_with_errors(vacuum, index, strehl))
+            echo = attempted("echo", lambda: _echo_with_errors(vacuum, index, strehl), "echo")
         else:
-            found, failed["echo"] = None, "left out, as requested"
+            failed["echo"] = "left out, as requested"
     seconds["total"] = stages["total"]
-    return RunResult(scene, prepared, strehl, pupil, fan, found, seconds, stages, failed)
+    return RunResult(scene, prepared, strehl, pupil, fan, echo, seconds, stages, failed)
 
 
 def write_run(result: RunResult, out: Path) -> dict[str, Any]:

@@ -18,8 +18,6 @@ from aerokernels.jobs.store import RESULT_FILE, SUMMARY_FILE, finish_moving
 if TYPE_CHECKING:
     import xarray
 
-_NONE: Label = ()
-
 
 @dataclass(frozen=True, eq=False)
 class RunFolder:
@@ -41,7 +39,7 @@ class RunFolder:
     voltage: np.ndarray
     distance: float
     detector: Mapping[str, Any]
-    label: Label = _NONE
+    label: Label = ()
 
     @property
     def name(self) -> str:
@@ -66,7 +64,8 @@ def read_run(text: str) -> RunFolder:
     Raises:
         ValueError: the folder does not exist, holds no finished run, or holds a run without an echo.
     """
-    path, label = Path(text), _NONE
+    path = Path(text)
+    label: Label = ()
     if not path.exists() and text.count("=") >= 2:
         key, value, place = text.split("=", 2)
         path, label = Path(place), ((key.strip(), value.strip()),)
@@ -88,7 +87,7 @@ def read_run(text: str) -> RunFolder:
     return run_of(path, summary, load_netcdf(path / RESULT_FILE), label)
 
 
-def run_of(path: Path, summary: Any, result: "xarray.Dataset", label: Label = _NONE) -> RunFolder:
+def run_of(path: Path, summary: Any, result: "xarray.Dataset", label: Label = ()) -> RunFolder:
     """Make a run from the contents of its files.
 
     Args:

@@ -88,11 +88,7 @@ def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dic
 
 def _run_alone(scene: Scene, out: Path, progress: Progress | None) -> dict[str, Any]:
     series, table, trace = scene_series(scene), scene.series, scene.trace
-
-    def report(text: str, share: float) -> None:
-        if progress is not None:
-            progress(text, MAPS_SHARE * share)
-
+    report = progress or (lambda text, share: None)
     maps = optical_series(
         series,
         scene.view,
@@ -107,18 +103,16 @@ def _run_alone(scene: Scene, out: Path, progress: Progress | None) -> dict[str, 
         device=trace.device,
         precision=trace.precision,
         out=out / MAPS_FILE,
-        progress=report,
+        progress=lambda text, share: report(text, MAPS_SHARE * share),
     )
-    if progress is not None:
-        progress("statistics", MAPS_SHARE)
+    report("statistics", MAPS_SHARE)
     again = series if isinstance(series.mesh, GridMesh) and len(series) > 1 else None
     found = statistics(maps, velocity=table.velocity, length=table.length, series=again)
     found.attrs["pupil_axes"] = list(axis_words(scene.view))
     summary = summarise(scene, maps, found)
     from aerokernels.jobs.series_report import series_report
 
-    if progress is not None:
-        progress("writing the report", 0.95)
+    report("writing the report", 0.95)
     replace_result(out / STATISTICS_FILE, found)
     write_text(
         out / SUMMARY_FILE, plain_json(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False)) + "\n"

@@ -22,6 +22,7 @@ from aerokernels.jobs.page import (
     text_block,
 )
 from aerokernels.jobs.plots import axes_of
+from aerokernels.jobs.report import quantity_of
 from aerokernels.jobs.scene_text import scene_toml
 from aerokernels.scene import Scene
 from aerokernels.tracing.pupil_air import GREATEST_SHARE
@@ -49,26 +50,30 @@ show(0);
 </script>"""
 
 
+def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the main statistics of a series' summary as rows of name and text with error and unit."""
+    return [
+        (words, quantity_of(summary, name).scaled(factor, unit).text())
+        for name, words, unit, factor in HEADLINES
+        if name in summary
+    ]
+
+
 def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset", summary: Mapping[str, Any]) -> str:
     """Return the HTML page of a finished series."""
-    shown = []
-    for name, words, unit, factor in HEADLINES:
-        if name in found:
-            quantity = Quantity(float(found[name]), float(found[f"{name}_error"]))
-            shown.append((words, quantity.scaled(factor, unit).text()))
     lead = f"{summary['snapshot_count']} snapshots, {summary['traced_count']} of them traced in full; "
     lead += f"{summary['provenance']}; aerokernels {summary['version']}"
-    told = [(words, summary[key]) for key, words in (("drifting", "Drifts"), ("skipped", "Skipped")) if summary[key]]
+    notes = [(words, summary[key]) for key, words in (("drifting", "Drifts"), ("skipped", "Skipped")) if summary[key]]
     if summary["known_share"] < 1.0 - GREATEST_SHARE:
         lost = f"{100.0 * (1.0 - summary['known_share']):.3g} % of the pupil has no optical path; no number includes it"
-        told.append(("Known air", lost))
+        notes.append(("Known air", lost))
     numbers = [
         (name, Quantity(float(found[name]), float(found[f"{name}_error"])).text(), str(found[name].attrs["units"]))
         for name in map(str, found.data_vars)
         if found[name].ndim == 0 and not name.endswith("_error")
     ]
     parts = [
-        remarks(told) + cards(shown),
+        remarks(notes) + cards(headline_rows(summary)),
         section("Film of the optical path difference", film(maps)),
         section("Pictures", pictures(_pictures(maps, found))),
         section("Numbers (SI), each with its standard error", table(("quantity", "value", "unit"), numbers)),

@@ -61,10 +61,10 @@ def _foreign_files(out: Path, own: Sequence[str]) -> list[str]:
     found = sorted(path.name for path in out.iterdir() if not path.name.startswith("."))
     if MAPS_FILE in found and MAPS_FILE not in own:
         return [MAPS_FILE, *found]
-    return [] if set(own) & set(found) or _is_summary(_earlier(out)) else found
+    return [] if set(own) & set(found) or _is_summary(_read_summary(out)) else found
 
 
-def _earlier(out: Path) -> Any:
+def _read_summary(out: Path) -> Any:
     """Return the content of a folder's summary.json; None if it does not exist or cannot be read."""
     try:
         return json.loads((out / SUMMARY_FILE).read_bytes())
@@ -104,7 +104,7 @@ def staged_folder(out: Path) -> Iterator[Path]:
             try:
                 staging.mkdir()
                 yield staging
-                _name_files(staging)
+                _list_files(staging)
                 if not out.exists():
                     staging.rename(out)
                     return
@@ -132,8 +132,8 @@ def finish_moving(out: Path) -> None:
         return
     with only_writer(out):
         names = sorted((path.name for path in complete.iterdir()), key=lambda name: (name == SUMMARY_FILE, name))
-        kept = {*names, *_files_of(_earlier(complete))}
-        stale = [name for name in _files_of(_earlier(out)) if name not in kept and Path(name).name == name]
+        kept = {*names, *_files_of(_read_summary(complete))}
+        stale = [name for name in _files_of(_read_summary(out)) if name not in kept and Path(name).name == name]
         for name in [name for name in names if name != SUMMARY_FILE]:
             (complete / name).replace(out / name)
         for name in stale:
@@ -143,9 +143,9 @@ def finish_moving(out: Path) -> None:
         complete.rmdir()
 
 
-def _name_files(folder: Path) -> None:
+def _list_files(folder: Path) -> None:
     """List the files of a result in its summary.json, if it has one."""
-    summary = _earlier(folder)
+    summary = _read_summary(folder)
     if isinstance(summary, dict):
         write_summary(folder / SUMMARY_FILE, {**summary, "files": sorted(path.name for path in folder.iterdir())})
 
@@ -173,6 +173,11 @@ def to_json(value: Any) -> Any:
     if isinstance(value, float):  # a subclass of float
         return to_json(float(value))
     return value if isinstance(value, (int, str)) else str(value)
+
+
+def number_or_nan(value: float | None) -> float:
+    """Return a number as JSON holds it as a float; NaN for null."""
+    return math.nan if value is None else float(value)
 
 
 def write_summary(path: Path, summary: Mapping[str, Any]) -> None:

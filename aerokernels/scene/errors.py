@@ -43,16 +43,11 @@ def scene_error(
         if not shorter or shorter not in known_keys(model):
             break
         key = shorter
-    value = _look_up(raw, key)
+    value = _value_at(raw, key)
     related = any(f"{key}.".startswith(f"{name}.") or f"{name}.".startswith(f"{key}.") for name in overridden)
     place = f"{file} (with --set)" if related else file
-    more = (
-        f" (and {len(faults) - 1} more faults)"
-        if len(faults) > 2
-        else " (and 1 more fault)"
-        if len(faults) == 2
-        else ""
-    )
+    further = len(faults) - 1
+    more = f" (and {further} more {'fault' if further == 1 else 'faults'})" if further else ""
     return SceneError(f"{place}: {_describe(first, key, value, model)}{more}")
 
 
@@ -102,24 +97,24 @@ def _how_to_add(key: str, model: type[BaseModel]) -> str:
 def _nearest_key(key: str, known: Sequence[str], model: type[BaseModel]) -> str:
     table, _, leaf = key.rpartition(".")
     same_leaf = [name for name in known if name.rpartition(".")[2] == leaf]
-    beside = [name for name in known if name.rpartition(".")[0] == table]
-    close = get_close_matches(leaf, [name.rpartition(".")[2] for name in beside], 1)
+    siblings = [name for name in known if name.rpartition(".")[0] == table]
+    close = get_close_matches(leaf, [name.rpartition(".")[2] for name in siblings], 1)
     tables = get_close_matches(key, list(model.model_fields), 1)
     if same_leaf:
-        here = ", ".join(name.rpartition(".")[2] for name in beside) if table else ""
+        here = ", ".join(name.rpartition(".")[2] for name in siblings) if table else ""
         return f"did you mean {' or '.join(same_leaf)}?" + (f" [{table}] has {here}" if here else "")
     if close:
         return f"did you mean {table}.{close[0]}?" if table else f"did you mean {close[0]}?"
     if not table and tables:
         return f"did you mean {tables[0]}?"
     dotted = get_close_matches(key, known, 1)
-    if dotted and not beside:
+    if dotted and not siblings:
         return f"did you mean {dotted[0]}?"
-    names = [name.rpartition(".")[2] for name in beside] if table else list(model.model_fields)
+    names = [name.rpartition(".")[2] for name in siblings] if table else list(model.model_fields)
     return f"known keys here are {', '.join(names)}"
 
 
-def _look_up(raw: Any, key: str) -> Any:
+def _value_at(raw: Any, key: str) -> Any:
     for part in key.split(".") if key else ():
         if isinstance(raw, Mapping):
             raw = raw.get(part)

@@ -4,9 +4,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, FiniteFloat, model_validator
 
-from .values import Length, Number, Table, key, measured
+from .values import Angle, Length, Number, Table, key, measured
 
-Angle = Annotated[float, measured("angle")]
 Pressure = Annotated[float, measured("pressure")]
 Temperature = Annotated[float, measured("temperature")]
 Density = Annotated[float, measured("density")]
@@ -109,5 +108,5 @@ class FileTable(Table):
             "walls": self.walls,
             "spacing": self.spacing,
         }
-        beside = {"mesh": self.mesh, "solution": self.solution}
-        return options | {name: value for name, value in beside.items() if value is not None}
+        companions = {"mesh": self.mesh, "solution": self.solution}
+        return options | {name: value for name, value in companions.items() if value is not None}

@@ -52,9 +52,10 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         SceneError: Neither a file nor a shipped scene, a file that cannot be read, or a file that is not TOML.
     """
     path, name = Path(place), str(place)
+    read: Callable[[], bytes]
     if name == "-":
         # A sweep loads its scene for every case, and standard input can be read once.
-        read: Callable[[], bytes] = partial(OPENED.once, ("standard input", sys.stdin), sys.stdin.buffer.read)
+        read = partial(OPENED.once, ("standard input", sys.stdin), sys.stdin.buffer.read)
         label, stem = "standard input", "scene"
     elif os.path.isfile(path):
         read, label, stem = path.read_bytes, str(path), path.stem
@@ -102,33 +103,23 @@ def _toml(text: str) -> dict[str, Any]:
     return tables
 
 
-def anchor_series(tables: dict[str, Any], place: str | Path) -> None:
-    """Turn series.source, relative to the scene's file, into a path from the working directory."""
-    table = tables.get("series")
-    if isinstance(table, dict) and isinstance(table.get("source"), str) and os.path.isfile(place):
-        table["source"] = str(Path(place).parent / table["source"])
-
-
-def beside_scene(tables: dict[str, Any], place: str | Path) -> None:
+def resolve_paths(tables: dict[str, Any], place: str | Path) -> None:
     """Resolve paths in a scene file relative to the file; names of shipped flows and absolute paths stay unchanged.
 
     Paths given by --set are applied afterwards and are relative to the working directory.
     """
-    flow, folder = tables.get("flow"), Path(place).parent
-    if not isinstance(flow, dict) or not os.path.isfile(place):
+    if not os.path.isfile(place):
         return
-    _move(flow, "source", folder)
-    if isinstance(flow.get("file"), dict):
-        for key in ("mesh", "solution"):
-            _move(flow["file"], key, folder)
-
-
-def _move(table: dict[str, Any], key: str, folder: Path) -> None:
-    value = table.get(key)
-    if isinstance(value, str) and value not in (*shipped_names(), "static"):
-        path = folder / os.path.expanduser(value)
-        if os.path.exists(path):  # accepts a name of any length; otherwise the error shows the path as written
-            table[key] = str(path.resolve())
+    flow, series, folder = tables.get("flow"), tables.get("series"), Path(place).parent
+    file = flow.get("file") if isinstance(flow, dict) else None
+    for table, key in ((flow, "source"), (file, "mesh"), (file, "solution")):
+        if isinstance(table, dict) and isinstance(value := table.get(key), str):
+            path = folder / os.path.expanduser(value)
+            # os.path.exists accepts a name of any length. Otherwise an error shows the path as it was written.
+            if value not in (*shipped_names(), "static") and os.path.exists(path):
+                table[key] = str(path.resolve())
+    if isinstance(series, dict) and isinstance(series.get("source"), str):  # which may be a pattern of file names
+        series["source"] = str(folder / series["source"])
 
 
 def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -> None:

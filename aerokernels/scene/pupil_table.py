@@ -5,14 +5,13 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
 from ..inputs.units import quantity
 from ..pupils import Annulus, Disc, Polygon, Pupil, Rectangle, direction_of
 from .echo_tables import ReceiverTable
-from .values import Length, Table, key, measured
+from .values import Angle, Elevation, Length, Table, key
 
-Angle = Annotated[float, measured("angle")]
 # The size keys of each shape.
 SIZES = {
     "disc": ("diameter",),
@@ -84,7 +83,7 @@ class PupilTable(Table):
     azimuth: Angle = key(
         "0 deg", "Direction of view: the angle by which the pupil is turned from straight ahead, +z, toward +x."
     )
-    elevation: Annotated[Angle, Field(ge=-1.570797, le=1.570797)] = key(
+    elevation: Elevation = key(
         "0 deg",
         "The angle by which the pupil is turned toward +y, from -90 to 90 deg. The direction of view is "
         "(sin azimuth cos elevation, sin elevation, cos azimuth cos elevation).",
@@ -95,7 +94,7 @@ class PupilTable(Table):
         """The pupil's shape; None for the receiver's shape."""
         return self.shape or ("disc" if self.diameter is not None else None)
 
-    def made(self, receiver: ReceiverTable) -> Pupil:
+    def to_pupil(self, receiver: ReceiverTable) -> Pupil:
         """Return the pupil at its place and in its direction; keys left out are taken from `receiver`.
 
         Raises:

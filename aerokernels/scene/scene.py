@@ -12,7 +12,7 @@ from ..pupils import Pupil
 from .detector_table import DetectorTable
 from .echo_tables import AtmosphereTable, BeamTable, ReceiverTable, TargetTable
 from .errors import SceneError, scene_error
-from .loading import anchor_series, beside_scene, override, read_scene
+from .loading import override, read_scene, resolve_paths
 from .pupil_table import PupilTable
 from .series_table import SeriesTable
 from .tables import STATIC, FlowTable, GridTable, StrehlTable, TraceTable
@@ -64,10 +64,10 @@ class Scene(Table):
     @property
     def view(self) -> Pupil:
         """The pupil through which the flow is viewed, at its place and in its direction: [pupil], or the receiver's."""
-        return self.pupil.made(self.receiver)
+        return self.pupil.to_pupil(self.receiver)
 
     @property
-    def looks_elsewhere(self) -> bool:
+    def has_own_pupil(self) -> bool:
         """Whether [pupil] defines another pupil than the receiver's."""
         return self.pupil != PupilTable()
 
@@ -87,9 +87,8 @@ class Scene(Table):
         if not isinstance(overrides, (Mapping, type(None))):
             raise TypeError(f"overrides must map dotted keys to values, {{'target.tilt': 0}}, got {overrides!r}")
         label, name, tables = read_scene(place)
-        anchor_series(tables, place)
         changes = dict(overrides or {})
-        beside_scene(tables, place)
+        resolve_paths(tables, place)
         override(tables, changes, label)
         tables.setdefault("name", name)
         try:

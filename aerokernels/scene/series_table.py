@@ -4,9 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from .values import Count, Length, Speed, Table, Time, key, measured
+from .values import Angle, Count, Elevation, Length, Speed, Table, Time, key, measured
 
-Angle = Annotated[float, measured("angle")]
 Density = Annotated[float, measured("density"), Field(gt=0.0)]
 
 
@@ -25,7 +24,7 @@ class SeriesTable(Table):
     azimuth: Angle | None = key(
         None, "Angle toward +x at which the rays leave the pupil, without turning the pupil; pupil.azimuth if absent."
     )
-    elevation: Annotated[Angle, Field(ge=-1.570797, le=1.570797)] | None = key(
+    elevation: Elevation | None = key(
         None, "Angle toward +y at which the rays leave the pupil; pupil.elevation if absent."
     )
     pixel_count: Annotated[Count, Field(ge=2)] = key(64, "Pixels across the pupil.")

@@ -57,6 +57,17 @@ def test_a_scene_of_a_file_runs(folder):
     assert "flow.npz" in by_path.prepared.provenance
 
 
+def test_explain_names_the_grid_of_a_flow_on_a_grid(folder):
+    """A volume on a uniform grid is traced on it: it has no mesh that the index could be interpolated on."""
+    from aerokernels.jobs.explain import explanation
+
+    across, z = np.linspace(-20.0, 20.0, 21), np.linspace(-20.0, 10.0, 16)
+    bump = np.exp(-((across[:, None, None] ** 2 + across[:, None] ** 2) / 81.0) - ((z - 2.0) / 3.0) ** 2)
+    np.savez(folder / "flow.npz", x=across, y=across, z=z, rho=0.4 * (1.0 + 0.003 * bump))
+    rows = dict(explanation(Scene.load(folder / "scene.toml")))
+    assert rows["grid"] == "21 x 21 x 16 nodes, those of the flow, cubic"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

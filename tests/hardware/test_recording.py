@@ -258,21 +258,25 @@ def test_bad_input_ends_with_status_2_and_one_line(tmp_path: Path, command_line,
 
 
 def test_the_board_sends_the_echo_of_a_run(tmp_path: Path):
-    """A result file with a triangle echo, sampled finer by the board: linear interpolation is exact on the triangle.
+    """A result file with a noisy Gaussian echo at 1 GHz, sampled by the board at 10 GHz, without the run's noise.
 
-    Tolerance: half a count of the frame's scale, 0.8 V / 32767 / 2 = 12 uV.
+    Tolerance: half a count of the frame's scale, 2 V / 32767 / 2 = 31 uV, and the quintic spline's error, 6 uV; linear
+    interpolation is off by period^2 / 4 tau^2 of the peak, 14 mV.
     """
     import xarray
 
-    time = np.arange(31) * 1e-9
-    voltage = np.clip(0.8 - np.abs(time - 10e-9) / 10e-9, 0.0, None)
-    xarray.Dataset({"echo_voltage": ("time", voltage)}, coords={"time": time}).to_netcdf(
-        tmp_path / "result.nc", engine="h5netcdf"
-    )
-    source = EchoSource.from_result(tmp_path / "result.nc", noise=0.0, sample_count=200, sample_period_ps=100)
+    def echo(time: np.ndarray) -> np.ndarray:
+        return 2.0 * np.exp(-(((time - 10.3e-9) / 6e-9) ** 2))
+
+    time = np.arange(40) * 1e-9
+    noisy = echo(time) + 0.1 * np.random.default_rng(0).standard_normal(time.size)
+    xarray.Dataset(
+        {"echo_voltage": ("time", noisy), "echo_voltage_clean": ("time", echo(time))}, coords={"time": time}
+    ).to_netcdf(tmp_path / "result.nc", engine="h5netcdf")
+    source = EchoSource.from_result(tmp_path / "result.nc", noise=0.0, sample_count=450, sample_period_ps=100)
     frame = source.frame(0, 0, np.random.default_rng(0))
-    expected = np.clip(0.8 - np.abs(np.arange(200) * 0.1 - 10.0) / 10.0, 0.0, None)
-    assert np.abs(frame.voltage - expected).max() < 0.8 / 32767 / 2 + 1e-9
+    expected = np.where(frame.time <= time[-1], echo(frame.time), 0.0)
+    assert np.abs(frame.voltage - expected).max() < 2.0 / 32767 / 2 + 7e-6
 
 
 @pytest.mark.parametrize("name", ["wind-tunnel-static", "sea-level-mach3"])

@@ -16,7 +16,7 @@ from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.hardware.recorder import Recorder
 from aerokernels.hardware.scope_board import SimulatedScope
 from aerokernels.hardware.store import EchoStore
-from aerokernels.hardware.transaction import Transaction
+from aerokernels.hardware.transaction import transaction
 
 from .line import needs_pseudo_terminals
 
@@ -115,7 +115,7 @@ def test_a_fault_of_the_program_is_not_told_as_one_of_the_file(tmp_path):
     """A constraint that is broken inside a transaction: the error is SQLite's own, and nothing is kept."""
     with sqlite3.connect(tmp_path / "a", isolation_level=None) as connection:
         connection.execute("CREATE TABLE t (x UNIQUE)")
-        with pytest.raises(sqlite3.IntegrityError), Transaction(connection, "BEGIN IMMEDIATE", tmp_path / "a"):
+        with pytest.raises(sqlite3.IntegrityError), transaction(connection, "BEGIN IMMEDIATE", tmp_path / "a"):
             connection.execute("INSERT INTO t VALUES (1), (2)")
             connection.execute("INSERT INTO t VALUES (1)")
         assert connection.execute("SELECT count(*) FROM t").fetchone() == (0,)

@@ -15,7 +15,7 @@ from aerokernels.jobs.alignment import measured_offset
 from aerokernels.jobs.averages import average
 from aerokernels.jobs.comparison import CompareOptions, compare_recording
 from aerokernels.jobs.comparison_report import error_table, peak_table, range_table, write_comparison
-from aerokernels.jobs.recorded import RecordedEcho, thinned
+from aerokernels.jobs.recorded import RecordedEcho, random_subset
 from aerokernels.jobs.run_folder import match_runs, read_run
 
 from .echoes_on_file import ARRIVAL, DISTANCE, LABELS, PEAKS, TAU, TIME, C, noisy, pulse, write_rows, write_store
@@ -228,9 +228,9 @@ def test_one_run_and_no_folder(tmp_path: Path, runs, command_line):
 def test_every_echo_has_the_same_chance_of_being_ranged():
     """100 out of 1000, 20 times: the mean index is 499.5 within 5 standard errors of 289 / sqrt(2000)."""
     echoes = [RecordedEcho((("k", str(k)),), TIME, TIME) for k in range(1000)]
-    index = [int(echo.label[0][1]) for seed in range(20) for echo in thinned(iter(echoes), 100, seed)]
+    index = [int(echo.label[0][1]) for seed in range(20) for echo in random_subset(iter(echoes), 100, seed)]
     assert abs(np.mean(index) - 499.5) < 5.0 * 289.0 / math.sqrt(2000)
-    assert len(thinned(iter(echoes[:7]), 100)) == 7
+    assert len(random_subset(iter(echoes[:7]), 100)) == 7
 
 
 def test_labels_find_their_runs(tmp_path: Path, runs):

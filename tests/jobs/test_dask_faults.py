@@ -34,8 +34,8 @@ def cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
         return {"summary": {"group": one.group}}
 
     monkeypatch.setattr(case, "compute", compute)
-    monkeypatch.setattr(dask_cases, "LOOK_EVERY", 0.05)
-    monkeypatch.setattr(dask_cases, "LONELY", 0.2)
+    monkeypatch.setattr(dask_cases, "POLL_INTERVAL", 0.05)
+    monkeypatch.setattr(dask_cases, "COUNT_WORKERS_AFTER", 0.2)
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as made:
         yield made
 

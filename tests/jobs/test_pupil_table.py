@@ -45,12 +45,12 @@ def test_each_shape_is_made_where_it_is_asked_for(keys: dict, kind: str, area: f
 def test_without_the_table_the_pupil_is_the_receivers_to_the_bit():
     plain, own = scene(), scene().receiver.pupil
     assert plain.view.center.tolist() == own.center.tolist() and plain.view.normal.tolist() == own.normal.tolist()
-    assert plain.view.reach == own.reach and not plain.looks_elsewhere
+    assert plain.view.reach == own.reach and not plain.has_own_pupil
     ring = ak.Scene.load(
         "wind-tunnel-mach3",
         {"receiver.shape": "annulus", "receiver.inner_diameter": "5 mm", "pupil.azimuth": "5 deg"},
     )
-    assert ring.view.inner_ratio == pytest.approx(5.0 / 12.0) and ring.looks_elsewhere
+    assert ring.view.inner_ratio == pytest.approx(5.0 / 12.0) and ring.has_own_pupil
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels import Scene, Wavefront
 from aerokernels.commands._recording import parse_labels
-from aerokernels.commands._vary import varied
+from aerokernels.commands._vary import parse_vary
 from aerokernels.jobs.comparison import _reference
 from aerokernels.jobs.explain import explanation
 from aerokernels.jobs.flow_figure import flow_figure, save_flow_figure
@@ -43,9 +43,9 @@ def test_a_figure_of_a_flow_shows_its_body(tmp_path):
         (lambda: PictureOptions(kinds=("schlieren",), spacing=-1.0), r"spacing = -1\.0: give a positive length"),
         (lambda: PictureOptions(kinds=("shadowgraph",), shock_window=(0.0, 1.0)), "request that kind too"),
         (lambda: PictureOptions(kinds=()), "picture none is not known"),
-        (lambda: varied(["target.tilt=1", "target.tilt=2"]), "--vary target.tilt is given twice"),
-        (lambda: varied(["target.tilt=1 deg:1 deg:5"]), "write LOW:HIGH:COUNT with two quantities"),
-        (lambda: varied(["target.tilt=0 deg:1 deg:1"]), "write LOW:HIGH:COUNT with two quantities"),
+        (lambda: parse_vary(["target.tilt=1", "target.tilt=2"]), "--vary target.tilt is given twice"),
+        (lambda: parse_vary(["target.tilt=1 deg:1 deg:5"]), "write LOW:HIGH:COUNT with two quantities"),
+        (lambda: parse_vary(["target.tilt=0 deg:1 deg:1"]), "write LOW:HIGH:COUNT with two quantities"),
         (lambda: parse_labels(["mach=3", "mach=4"]), "'mach' is given twice; give each key once"),
         (lambda: _reference("mach=3", {}), "align mach=3: 0 labels with a run have it"),
         (lambda: Wavefront(np.zeros((4, 4)), np.ones((4, 4)), 0.0, 1e-6), "the pixel must be a positive length"),

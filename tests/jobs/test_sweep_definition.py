@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerokernels.commands._vary import split_at_commas, varied
+from aerokernels.commands._vary import parse_vary, split_at_commas
 from aerokernels.jobs.sweeps.definition import checked_scenes, coordinates, define
 from aerokernels.jobs.sweeps.records import Records, check_same
-from aerokernels.jobs.sweeps.sources import file_marks
+from aerokernels.jobs.sweeps.sources import content_hashes
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.changes import changed_scene, key_dimension, key_unit, key_value
 
@@ -41,8 +41,8 @@ def test_a_scene_is_changed_as_its_file_would_be():
 
 def test_values_are_split_at_commas_outside_brackets_and_spans_are_spaced():
     assert split_at_commas('["a", "b"],["c"]') == ['["a", "b"]', '["c"]']
-    assert varied(["flow.source=mach2, mach3"]) == {"flow.source": ["mach2", "mach3"]}
-    tilts = varied(["target.tilt=0 deg:30 deg:4"])["target.tilt"]
+    assert parse_vary(["flow.source=mach2, mach3"]) == {"flow.source": ["mach2", "mach3"]}
+    tilts = parse_vary(["target.tilt=0 deg:30 deg:4"])["target.tilt"]
     np.testing.assert_allclose(np.degrees(tilts), [0.0, 10.0, 20.0, 30.0], rtol=1e-15)
 
 
@@ -157,14 +157,14 @@ def test_a_description_tells_sweeps_apart_by_what_differs():
 def test_a_file_that_has_changed_is_noticed(tmp_path):
     file = tmp_path / "flow.vtu"
     file.write_bytes(b"one")
-    first = file_marks(["mach3", str(file)])
-    assert list(first) == [str(file)] and file_marks([str(file)]) == first
+    first = content_hashes(["mach3", str(file)])
+    assert list(first) == [str(file)] and content_hashes([str(file)]) == first
     file.write_bytes(b"two")
-    assert file_marks([str(file)]) != first
-    assert file_marks([tmp_path]) != file_marks([str(file)])
+    assert content_hashes([str(file)]) != first
+    assert content_hashes([tmp_path]) != content_hashes([str(file)])
     described = define(SCENE, {"target.tilt": [0.0]}).described()
     with pytest.raises(ValueError, match=r"flow\.vtu has changed"):
-        check_same(Path("x"), {**described, "content": first}, {**described, "content": file_marks([str(file)])})
+        check_same(Path("x"), {**described, "content": first}, {**described, "content": content_hashes([str(file)])})
 
 
 def test_the_files_beside_a_flow_are_noticed_too(tmp_path):

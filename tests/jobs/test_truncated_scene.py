@@ -16,12 +16,12 @@ def test_a_truncated_scene_is_refused_unless_it_is_allowed():
     assert scene.trace.allow_truncation is False
     whole = prepare_field(scene)
     cut = whole.mesh_field.resample(2e-4, region=((0.0, -9e-3), (9e-3, -1e-3)))
-    assert scene_strehl(whole.field, scene).error["truncation"] < 1e-4
+    assert scene_strehl(scene, whole.field).error["truncation"] < 1e-4
     with pytest.raises(ValueError, match=r"of the pupil looks through disturbed air .*trace\.allow_truncation = true"):
-        scene_strehl(cut, scene)
+        scene_strehl(scene, cut)
     allowed = Scene.load("wind-tunnel-mach3", {"strehl.ray_count": 1024, "trace.allow_truncation": True})
     with pytest.warns(UserWarning, match="that of the known air only"):
-        estimate = scene_strehl(cut, allowed)
+        estimate = scene_strehl(allowed, cut)
     assert estimate.error["total"] >= estimate.error["truncation"] > 0.0
 
 

@@ -10,22 +10,22 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from aerokernels import __version__
-from aerokernels.echo.prediction import check_echo
 from aerokernels.flow import DensityField
 from aerokernels.flow.shared_geometry import on_known_geometry
-from aerokernels.jobs.run import RunResult, echo_with_errors, scene_strehl
+from aerokernels.jobs.run import RunResult, run_stages, scene_strehl
 from aerokernels.jobs.store import to_json
+from aerokernels.medium import IndexField
 from aerokernels.prepare import Prepared, prepare_field, view_extent, view_radius
-from aerokernels.process.clock import clocked, processor_clocked
+from aerokernels.process.clock import processor_clocked
 from aerokernels.process.opened import OPENED
 from aerokernels.scene import Scene
 from aerokernels.strehl import StrehlEstimate
-from aerokernels.tracing.engines.choice import choose_backend
 
-KEPT = 2  # number of latest flows, index fields and Strehl ratios that a process caches
+CACHED = 2  # number of latest flows, index fields and Strehl ratios that a process caches
 _INDEX_KEYS = ("wavelength", "relation", "gladstone_dale")  # keys of [flow] that change the index but not the flow
 
 
@@ -77,7 +77,7 @@ def _key(*parts: Any) -> str:
 
 def _field_key(scene: Scene) -> str:
     tables = scene.as_dict()
-    view = [tables["pupil"], tables["receiver"]] if scene.looks_elsewhere else scene.receiver.aperture_z
+    view = [tables["pupil"], tables["receiver"]] if scene.has_own_pupil else scene.receiver.aperture_z
     return _key(tables["flow"], tables["grid"], view)
 
 
@@ -101,16 +101,16 @@ class Stages:
     def __init__(self) -> None:
         """Start with an empty cache."""
         self.made = dict.fromkeys(("flow", "index", "strehl", "echo"), 0)
-        self._kept: dict[tuple[str, str], Any] = {}
+        self._caches: dict[str, dict[str, Any]] = {}
 
-    def _held(self, kind: str, key: str, make: Callable[[], Any]) -> Any:
-        if (kind, key) in self._kept:
-            self._kept[kind, key] = self._kept.pop((kind, key))  # keep the dict ordered by last use
-            return self._kept[kind, key]
-        alike = [name for name in self._kept if name[0] == kind]
-        for name in alike[: max(0, len(alike) + 1 - KEPT)]:
-            del self._kept[name]  # free memory before the next stage: fields can be large
-        made = self._kept[kind, key] = make()
+    def _cached(self, kind: str, key: str, make: Callable[[], Any]) -> Any:
+        cache = self._caches.setdefault(kind, {})
+        if key in cache:
+            cache[key] = cache.pop(key)  # keep the dict ordered by last use
+            return cache[key]
+        while len(cache) >= CACHED:
+            del cache[next(iter(cache))]  # free memory before the next stage: fields can be large
+        made = cache[key] = make()
         self.made[kind] += 1
         return made
 
@@ -120,48 +120,25 @@ class Stages:
         Raises:
             ValueError: The scene cannot be computed.
         """
-        scene = case.scene
-        seconds: dict[str, float] = {}
-        failed: dict[str, str] = {}
-
-        def timed(name: str, work: Callable[[], Any]) -> Any:
-            begin = time.perf_counter()
-            try:
-                return work()
-            finally:
-                seconds[name] = time.perf_counter() - begin
-
-        with clocked() as stages:
-            choose_backend(scene.trace.backend, scene.trace.device)
-            prepared = timed("prepare", lambda: self._prepared(case))
-            vacuum = check_echo(scene, prepared.field)
-            strehl = timed("strehl", lambda: self._strehl(case, prepared))
-            timed("error", lambda: strehl.quantities)
-            try:
-                found = timed("echo", lambda: echo_with_errors(vacuum, prepared.field, strehl))
-            except ValueError as fault:
-                found, failed["echo"] = None, str(fault)
-            self.made["echo"] += 1
-        seconds["total"] = stages["total"]
-        return RunResult(scene, prepared, strehl, None, None, found, seconds, stages, failed)
+        result = run_stages(case.scene, partial(self._prepared, case), partial(self._strehl, case), with_views=False)
+        self.made["echo"] += 1
+        return result
 
     def _prepared(self, case: Case) -> Prepared:
         def make() -> Prepared:
-            density = self._held("flow", _flow_key(case.scene), lambda: self._flow(case.scene))
+            density = self._cached("flow", _flow_key(case.scene), lambda: self._flow(case.scene))
             front = float(density.box[1][-1])
             widest = max(case.widest, key=lambda scene: view_radius(scene, front))
             return prepare_field(widest, density)
 
-        return self._held("index", case.group, make)
+        return self._cached("index", case.group, make)
 
     def _flow(self, scene: Scene) -> DensityField:
         """Return a scene's flow, sharing the mesh of a cached flow with the same geometry."""
-        known = [made for (kind, _), made in self._kept.items() if kind == "flow"]
-        return on_known_geometry(scene.density_field(), known)
+        return on_known_geometry(scene.density_field(), list(self._caches.get("flow", {}).values()))
 
-    def _strehl(self, case: Case, prepared: Prepared) -> StrehlEstimate:
-        key = _strehl_key(case.scene, case.group)
-        return self._held("strehl", key, lambda: scene_strehl(prepared.field, case.scene))
+    def _strehl(self, case: Case, field: IndexField) -> StrehlEstimate:
+        return self._cached("strehl", _strehl_key(case.scene, case.group), lambda: scene_strehl(case.scene, field))
 
 
 def compute(case: Case) -> dict[str, Any]:

@@ -18,9 +18,9 @@ from aerokernels.jobs.sweeps.case import Case
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-LOOK_EVERY = 1.0  # [s] between checks of the client while no case is finished
-LONELY = 10.0  # [s] without a finished case until the number of workers is checked
-GONE = (
+POLL_INTERVAL = 1.0  # [s] between checks of the client while no case is finished
+COUNT_WORKERS_AFTER = 10.0  # [s] without a finished case until the number of workers is checked
+SCHEDULER_LOST = (
     "the Dask scheduler is gone, or its client was closed or restarted: the finished cases in --out are safe, and "
     "the same sweep resumes from there"
 )
@@ -72,23 +72,23 @@ def _next(done: "queue.SimpleQueue[Future]", client: "Client", given_up: Callabl
     Raises:
         RuntimeError: See `run_dask`.
     """
-    waited, told = 0.0, False
+    waited, warned = 0.0, False
     while True:
         with contextlib.suppress(queue.Empty):
-            return done.get(timeout=LOOK_EVERY)
+            return done.get(timeout=POLL_INTERVAL)
         if client.status not in ("running", "connecting"):
-            raise RuntimeError(GONE)
-        waited += LOOK_EVERY
-        if waited < LONELY or client.status != "running":
+            raise RuntimeError(SCHEDULER_LOST)
+        waited += POLL_INTERVAL
+        if waited < COUNT_WORKERS_AFTER or client.status != "running":
             continue
         waited = 0.0
         with contextlib.suppress(OSError, CancelledError):  # the client is lost; the next check of its status tells
             if client.nthreads():
-                told = False
+                warned = False
             elif given_up():
                 raise RuntimeError("all Dask workers of this machine have died several times: check the free memory")
-            elif not told:
-                told = True
+            elif not warned:
+                warned = True
                 warnings.warn("the Dask scheduler has no workers: the sweep waits until there are some", stacklevel=2)
 
 
@@ -101,9 +101,9 @@ def _outcome(future: "Future", client: "Client") -> dict[str, Any]:
     try:
         return future.result()
     except CancelledError:
-        raise RuntimeError(GONE) from None
+        raise RuntimeError(SCHEDULER_LOST) from None
     except Exception as fault:
         if client.status != "running":
-            raise RuntimeError(GONE) from None
+            raise RuntimeError(SCHEDULER_LOST) from None
         text = " ".join(str(fault).split())
         return {"error": f"its Dask worker failed: {type(fault).__name__}: {text}"}

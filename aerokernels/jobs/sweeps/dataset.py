@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.jobs.store import number_or_nan
 from aerokernels.jobs.sweeps.definition import CASE, Definition, coordinates
 from aerokernels.scene import Scene
 
@@ -27,7 +28,7 @@ NUMBERS = {
     "range_m": ("m", "reported range"),
     "range_error_m": ("m", "reported minus true range"),
     "true_range_m": ("m", "true range"),
-    "noise_rms_v": ("V", "noise of the recorded voltage, rms"),
+    "noise_rms_v": ("V", "noise of the recorded voltage without echo, rms"),
     "mach": ("1", "Mach number of the flow"),
     "ambient_density_kg_m3": ("kg m-3", "free-stream density"),
     "wavelength_m": ("m", "vacuum wavelength"),
@@ -82,10 +83,10 @@ def sweep_dataset(
 
     variables: dict[str, Any] = {}
     for name, (units, words) in NUMBERS.items():
-        values = shaped([_number(summary.get(name)) for summary in summaries])
+        values = shaped([number_or_nan(summary.get(name)) for summary in summaries])
         variables[name] = (dims, values, {"units": units, "long_name": words})
         if any(name in one for one in errors):
-            found = shaped([_number(one.get(name)) for one in errors])
+            found = shaped([number_or_nan(one.get(name)) for one in errors])
             attributes = {"units": units, "long_name": f"{words}: error"}
             variables[f"{name}_error"] = (dims, found, attributes)
     tables = {
@@ -96,7 +97,7 @@ def sweep_dataset(
     for name, (dimension, units, words) in tables.items():
         columns = sorted({key for summary in summaries for key in (summary.get(name) or {})})
         if columns:
-            parts = [shaped([_number((one.get(name) or {}).get(key)) for one in summaries]) for key in columns]
+            parts = [shaped([number_or_nan((one.get(name) or {}).get(key)) for one in summaries]) for key in columns]
             variables[name] = ((*dims, dimension), np.stack(parts, axis=-1), {"units": units, "long_name": words})
             labels[dimension] = (dimension, np.array(columns, dtype=object), {"units": "1"})
     for name, words in TEXTS.items():
@@ -124,10 +125,6 @@ def sweep_dataset(
         **provenance,
     }
     return xarray.Dataset(variables, labels, about)
-
-
-def _number(value: Any) -> float:
-    return float("nan") if value is None else float(value)
 
 
 def _failure(record: Mapping[str, Any]) -> str:

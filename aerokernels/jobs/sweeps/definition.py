@@ -16,7 +16,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.jobs.store import to_json
-from aerokernels.jobs.sweeps.sources import file_marks
+from aerokernels.jobs.sweeps.sources import content_hashes
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.changes import changed_scene, key_unit, key_value, with_units
 
@@ -74,7 +74,7 @@ class Definition:
         from scipy.stats import qmc
 
         draw = qmc.LatinHypercube(len(self.vary), seed=self.seed).random(self.sample_count)
-        return {key: _between(key, *values, draw[:, k]) for k, (key, values) in enumerate(self.vary.items())}
+        return {key: _between(key, values, draw[:, k]) for k, (key, values) in enumerate(self.vary.items())}
 
     def cases(self) -> list[dict[str, Any]]:
         """Return the changes that each case makes to the scene, the last key fastest."""
@@ -91,7 +91,7 @@ class Definition:
         try:
             return changed_scene(self.scene, {**self.settings, **with_units(changes)})
         except SceneError as fault:
-            raise SceneError(_blamed(str(fault), self.settings, changes)) from None
+            raise SceneError(_name_vary(str(fault), self.settings, changes)) from None
 
     def described(self) -> dict[str, Any]:
         """Return everything that the numbers depend on, as plain JSON types: sweeps that agree in it are the same.
@@ -115,7 +115,7 @@ class Definition:
                 "format": FORMAT,
                 "version": __version__,
                 "scene": base,
-                "content": file_marks(files),
+                "content": content_hashes(files),
                 "vary": self.vary,
                 "mode": self.mode,
                 "sample_count": self.sample_count,
@@ -224,7 +224,7 @@ def coordinates(definition: Definition, scenes: Sequence[Scene | None]) -> dict[
     """Return dimension, values and unit of each key's coordinate: numbers if all values are numbers, else texts."""
     found = {}
     for key, values in definition.columns().items():
-        numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
+        numbers = all(map(_is_number, values))
         array = np.array(values) if numbers else np.array([_written(value) for value in values], dtype=object)
         found[key] = (key if definition.mode == "grid" else CASE, array, key_unit(key) if numbers else "1")
     return found
@@ -258,18 +258,20 @@ def _check_distinct(key: str, values: Sequence[Any], together: bool) -> None:
 
 def _check_range(key: str, values: Sequence[Any]) -> None:
     """Reject values that are neither the two ends of a range nor texts to choose from."""
-    numbers = [value for value in values if isinstance(value, (int, float)) and not isinstance(value, bool)]
-    if not numbers:
+    if not any(map(_is_number, values)):
         return
-    if len(numbers) != len(values) or len(numbers) != 2 or not numbers[0] < numbers[1]:
+    if len(values) != 2 or not all(map(_is_number, values)) or not values[0] < values[1]:
         described = ",".join(map(_written, values))
         raise ValueError(f"--vary {key}={described}: --sample needs the two ends of a range; write {key}=LOW,HIGH")
 
 
-def _between(key: str, *arguments: Any) -> list[Any]:
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _between(key: str, values: Sequence[Any], places: np.ndarray) -> list[Any]:
     """Map places in [0, 1) to values of a key: between its two numbers, or one of its texts."""
-    *values, places = arguments
-    if not all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
+    if not all(map(_is_number, values)):
         return [values[int(place * len(values))] for place in places]
     low, high = values
     if isinstance(low, int) and isinstance(high, int) and key_unit(key) == "1":
@@ -285,7 +287,7 @@ def _sample_count(sample: str | int) -> int:
     return int(count)
 
 
-def _blamed(text: str, settings: Mapping[str, Any], changes: Mapping[str, Any]) -> str:
+def _name_vary(text: str, settings: Mapping[str, Any], changes: Mapping[str, Any]) -> str:
     """Replace --set by --vary in a scene's error if the error is about a key that varies."""
     return text.replace("(with --set)", "(with --vary)") if any(key in text for key in changes) else text
 

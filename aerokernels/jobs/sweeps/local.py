@@ -78,7 +78,7 @@ def run_local(cases: Sequence[Case], environments: Sequence[dict[str, str]]) -> 
     """
     queue = Queue(cases)
     deaths: dict[int, int] = {}
-    stillborn = 0
+    failed_starts = 0
     with contextlib.ExitStack() as ending:
         workers = [Worker(environment) for environment in environments]
         ending.callback(lambda: [worker.end() for worker in workers])
@@ -90,8 +90,8 @@ def run_local(cases: Sequence[Case], environments: Sequence[dict[str, str]]) -> 
                 except (EOFError, OSError):
                     case, how = worker.case, worker.end()
                     workers.remove(worker)
-                    stillborn = 0 if worker.ready else stillborn + 1
-                    if stillborn >= ATTEMPTS * len(environments):
+                    failed_starts = 0 if worker.ready else failed_starts + 1
+                    if failed_starts >= ATTEMPTS * len(environments):
                         raise RuntimeError(f"worker processes die as they start: {how}") from None
                     if case is not None:
                         deaths[case.number] = deaths.get(case.number, 0) + 1

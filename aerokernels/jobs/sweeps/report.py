@@ -1,7 +1,8 @@
 """Write the HTML report of a sweep: the keys that vary, figures over these keys, and the numbers of every case."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -65,7 +66,8 @@ def _pictures(dataset: "xarray.Dataset", definition: Definition) -> Iterator[Pic
         label = f"{words} [{unit}]" if unit else words
         if definition.mode != "grid":
             for key in definition.keys:
-                yield f"{name}-{key}", f"{label} over {key}, case by case", _scatter(dataset, values, key, label)
+                caption = f"{label} over {key}, case by case"
+                yield f"{name}-{key}", caption, partial(_scatter_figure, dataset, values, key, label)
             continue
         dims = sorted(definition.dims, key=lambda dim: -dataset.sizes[dim])[:2]
         dims = [dim for dim in definition.dims if dim in dims]  # in the order given
@@ -76,9 +78,9 @@ def _pictures(dataset: "xarray.Dataset", definition: Definition) -> Iterator[Pic
         if len(dims) == 1 or 1 in drawn.shape:
             longest = max(dims, key=lambda dim: dataset.sizes[dim])
             error = dataset[f"{name}_error"].isel(rest).values.ravel() * factor
-            yield name, caption, _line(dataset, drawn.values.ravel(), error, longest, label)
+            yield name, caption, partial(_line_figure, dataset, drawn.values.ravel(), error, longest, label)
         else:
-            yield name, caption, _heat_map(dataset, drawn, label)
+            yield name, caption, partial(_heat_map, dataset, drawn, label)
 
 
 def _places(values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
@@ -86,61 +88,48 @@ def _places(values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
     return (values.astype(float), None) if values.dtype.kind == "f" else (np.arange(len(values), dtype=float), values)
 
 
-def _line(
-    dataset: "xarray.Dataset", values: np.ndarray, error: np.ndarray, key: str, label: str
-) -> "Callable[[], Figure]":
-    def draw() -> "Figure":
-        places, texts, words, axes, figure = _prepared(dataset, key)
-        axes.errorbar(places, values, np.where(np.isfinite(error), error, 0.0), marker="o", capsize=3, color="#0b6e99")
-        _labelled(axes, places, texts, words, label)
-        return figure
-
-    return draw
+def _line_figure(dataset: "xarray.Dataset", values: np.ndarray, error: np.ndarray, key: str, label: str) -> "Figure":
+    axis, words = _axis(dataset, key)
+    places, texts = _places(axis)
+    figure, axes = _labelled_figure(places, texts, words, label)
+    axes.errorbar(places, values, np.where(np.isfinite(error), error, 0.0), marker="o", capsize=3, color="#0b6e99")
+    return figure
 
 
-def _scatter(dataset: "xarray.Dataset", values: Any, key: str, label: str) -> "Callable[[], Figure]":
-    def draw() -> "Figure":
-        places, texts, words, axes, figure = _prepared(dataset, key)
-        if texts is not None:
-            names = sorted(set(texts))
-            places, texts = np.array([names.index(text) for text in texts], dtype=float), np.array(names)
-        axes.plot(places, values.values, "o", color="#0b6e99")
-        _labelled(axes, np.arange(len(texts)) if texts is not None else places, texts, words, label)
-        return figure
+def _scatter_figure(dataset: "xarray.Dataset", values: Any, key: str, label: str) -> "Figure":
+    axis, words = _axis(dataset, key)
+    places, texts = _places(axis)
+    ticks = places
+    if texts is not None:
+        texts, places = np.unique(texts, return_inverse=True)
+        ticks = np.arange(len(texts))
+    figure, axes = _labelled_figure(ticks, texts, words, label)
+    axes.plot(places, values.values, "o", color="#0b6e99")
+    return figure
 
-    return draw
 
-
-def _prepared(dataset: "xarray.Dataset", key: str) -> "tuple[np.ndarray, np.ndarray | None, str, Axes, Figure]":
-    values, words = _axis(dataset, key)
-    places, texts = _places(values)
+def _labelled_figure(ticks: np.ndarray, texts: np.ndarray | None, words: str, label: str) -> "tuple[Figure, Axes]":
     figure, [(axes, _)] = panelled_figure(Panel(6.4, 3.4))
-    return places, texts, words, axes, figure
-
-
-def _labelled(axes: "Axes", places: np.ndarray, texts: np.ndarray | None, words: str, label: str) -> None:
     axes.set(xlabel=words, ylabel=label)
     axes.grid(True)
     if texts is not None:
-        axes.set_xticks(places, texts)
+        axes.set_xticks(ticks, texts)
+    return figure, axes
 
 
-def _heat_map(dataset: "xarray.Dataset", values: "xarray.DataArray", label: str) -> "Callable[[], Figure]":
-    def draw() -> "Figure":
-        rows, columns = (_axis(dataset, str(dim)) for dim in values.dims)
-        figure, [(axes, bar)] = panelled_figure(Panel(6.0, 3.8, bar=True))
-        edges = [_edges(_places(axis)[0]) for axis, _ in (columns, rows)]
-        mesh = axes.pcolormesh(*edges, np.ma.masked_invalid(values.values), cmap="viridis", shading="flat")
-        axes.set_facecolor("#e3e7eb")  # shows where a case failed
-        axes.set(xlabel=columns[1], ylabel=rows[1])
-        for axis, set_ticks in ((columns[0], axes.set_xticks), (rows[0], axes.set_yticks)):
-            places, texts = _places(axis)
-            if texts is not None:
-                set_ticks(places, texts)
-        figure.colorbar(mesh, cax=bar, label=label)
-        return figure
-
-    return draw
+def _heat_map(dataset: "xarray.Dataset", values: "xarray.DataArray", label: str) -> "Figure":
+    rows, columns = (_axis(dataset, str(dim)) for dim in values.dims)
+    figure, [(axes, bar)] = panelled_figure(Panel(6.0, 3.8, bar=True))
+    edges = [_edges(_places(axis)[0]) for axis, _ in (columns, rows)]
+    mesh = axes.pcolormesh(*edges, np.ma.masked_invalid(values.values), cmap="viridis", shading="flat")
+    axes.set_facecolor("#e3e7eb")  # shows where a case failed
+    axes.set(xlabel=columns[1], ylabel=rows[1])
+    for axis, set_ticks in ((columns[0], axes.set_xticks), (rows[0], axes.set_yticks)):
+        places, texts = _places(axis)
+        if texts is not None:
+            set_ticks(places, texts)
+    figure.colorbar(mesh, cax=bar, label=label)
+    return figure
 
 
 def _edges(places: np.ndarray) -> np.ndarray:

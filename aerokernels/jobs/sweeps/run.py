@@ -140,6 +140,7 @@ def run_sweep(
     Raises:
         ValueError: See `sweep`; nothing is written then.
     """
+    progress = progress or (lambda text, share: None)
     with only_writer(folder):
         described = definition.described()
         scenes, faults = checked_scenes(definition)
@@ -167,23 +168,21 @@ def run_sweep(
                 for number, text in faults.items():
                     records.add(number, {"error": text})
                 _collect(outcomes, records, definition.case_count, progress)
-            if progress is not None:
-                progress("writing the dataset", 1.0)
+            progress("writing the dataset", 1.0)
             _write(definition, described, scenes, records, folder, executor)
 
 
-def _collect(outcomes: Iterator, records: Records, total: int, progress: Progress | None) -> None:
+def _collect(outcomes: Iterator, records: Records, total: int, progress: Progress) -> None:
     """Store each case when it is finished, and report the progress."""
     begin, before = time.monotonic(), len(records.done)
-    if progress is not None:
-        progress(_told(records, total, None), before / total)
+    progress(_progress_text(records, total, None), before / total)
     for number, outcome in outcomes:
-        if records.add(number, outcome) and progress is not None:
+        if records.add(number, outcome):
             each = (time.monotonic() - begin) / (len(records.done) - before)
-            progress(_told(records, total, each * (total - len(records.done))), len(records.done) / total)
+            progress(_progress_text(records, total, each * (total - len(records.done))), len(records.done) / total)
 
 
-def _told(records: Records, total: int, left: float | None) -> str:
+def _progress_text(records: Records, total: int, left: float | None) -> str:
     failed = sum("error" in record for record in records.done.values())
     text = f"{len(records.done)} of {total} cases" + (f", {failed} failed" if failed else "")
     if left is None or len(records.done) == total:

@@ -9,17 +9,17 @@ WHOLE = 1 << 26  # [bytes] a file up to this size is hashed whole; of a larger o
 END = 1 << 22  # [bytes] of either end
 
 
-def file_marks(sources: Iterable[Any]) -> dict[str, str]:
+def content_hashes(sources: Iterable[Any]) -> dict[str, str]:
     """Return a hash of the content for each of the texts that names a file or a folder."""
     found = {}
     for source in sources:
         path = Path(source) if isinstance(source, (str, Path)) and str(source) else None
         if path is not None and path.exists():
-            found[str(source)] = _mark(path)
+            found[str(source)] = _content_hash(path)
     return found
 
 
-def _mark(path: Path) -> str:
+def _content_hash(path: Path) -> str:
     files = [path] if path.is_file() else sorted(one for one in path.rglob("*") if one.is_file())
     sum_ = hashlib.sha256()
     for file in files:
