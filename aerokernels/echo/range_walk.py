@@ -113,5 +113,5 @@ def range_walk(time, voltage, threshold: float) -> RangeWalk:
     ratios = np.exp(np.square(np.linspace(_stretched(LEAST_RATIO), _stretched(greatest), POINT_COUNT)))
     rises = np.array([curve.first_rise(curve.peak / ratio) for ratio in ratios])
     falls = np.array([curve.fall_after_peak(curve.peak / ratio) for ratio in ratios])
-    error = 0.5 * SPEED_OF_LIGHT * period * (rises - curve.peak_place)
+    error = 0.5 * SPEED_OF_LIGHT * period * (rises - curve.peak_position)
     return RangeWalk(level, level * ratios, period * (falls - rises), error)

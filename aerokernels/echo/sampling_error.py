@@ -50,10 +50,10 @@ def half_widths(volts: np.ndarray) -> tuple[float, float] | None:
     try:
         curve = PulseCurve(volts)
         level = 0.5 * curve.peak
-        before, after = curve.peak_place - curve.rise_before_peak(level), curve.fall_after_peak(level)
+        before, after = curve.peak_position - curve.rise_before_peak(level), curve.fall_after_peak(level)
     except ValueError:
         return None
-    return before, after - curve.peak_place
+    return before, after - curve.peak_position
 
 
 def edge_powers(volts: np.ndarray, before: float, after: float) -> tuple[float, float]:
@@ -62,7 +62,7 @@ def edge_powers(volts: np.ndarray, before: float, after: float) -> tuple[float, 
     A record with noise has the powers 2.
     """
     curve = PulseCurve(volts)
-    place = np.arange(volts.size) - curve.peak_place
+    place = np.arange(volts.size) - curve.peak_position
     beside = volts[(place < -6.0 * before) | (place > 6.0 * after)]
     if beside.size and float(np.std(beside)) > NOISE * curve.peak:
         return 2.0, 2.0
@@ -74,7 +74,7 @@ def edge_powers(volts: np.ndarray, before: float, after: float) -> tuple[float, 
 
 def _powers(curve: PulseCurve, low: float, high: float) -> tuple[float, float]:
     """Return the powers p of the edges before and after the peak, from the widths at two fractions of the peak."""
-    place, scale = curve.peak_place, np.log(np.log(low) / np.log(high))
+    place, scale = curve.peak_position, np.log(np.log(low) / np.log(high))
     lower, upper = low * curve.peak, high * curve.peak
     before = (place - curve.rise_before_peak(lower)) / (place - curve.rise_before_peak(upper))
     after = (curve.fall_after_peak(lower) - place) / (curve.fall_after_peak(upper) - place)

@@ -13,6 +13,9 @@ UNEVENNESS = 1e-3
 # No rangefinder has a longer sample period [s]: the times are in nanoseconds, or are sample numbers.
 LONGEST_PERIOD = 1e-3
 
+# Times [s], samples, and the sample period [s], as `as_waveform` returns them.
+Waveform = tuple[np.ndarray, np.ndarray, float]
+
 
 def check_path(value: Any, name: str) -> Path:
     """Return `value`, a text or path-like of texts, as a path.
@@ -137,7 +140,7 @@ def as_finite_array(values, name: str) -> np.ndarray:
     return array
 
 
-def as_waveform(time, voltage, least_count: int = 4) -> tuple[np.ndarray, np.ndarray, float]:
+def as_waveform(time, voltage, least_count: int = 4) -> Waveform:
     """Check a sampled waveform, and return it as float64 with its sample period.
 
     Args:
