@@ -153,9 +153,13 @@ class EchoResult:
     @property
     def mean_strehl(self) -> float:
         """Mean Strehl ratio over the target points, weighted with their fractions of the beam's power."""
-        share = self.beam_share
-        good = np.isfinite(self.strehl) & (share > 0.0)
-        return float(share[good] @ self.strehl[good] / share[good].sum()) if good.any() else float("nan")
+        return self.beam_mean(self.strehl)
+
+    def beam_mean(self, values: np.ndarray) -> float:
+        """Return the mean of finite values over the target points, weighted with their fractions of the power."""
+        good = np.isfinite(values) & (self.beam_share > 0.0)
+        share = self.beam_share[good]
+        return float(share @ values[good] / share.sum()) if good.any() else math.nan
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return the echo as a dataset with units: `echo_power`, `echo_voltage` over "time", the rest over "point"."""

@@ -66,7 +66,7 @@ def describe(path: Path, what: str, most_axes: float, greatest: float) -> tuple[
 def values(path: Path, name: str, key: tuple) -> np.ndarray:
     """Read, in the child, some values of a variable."""
     with _opened(path) as file:
-        return _checked(name, file.variables[name][key])
+        return _checked(file.variables[name][key])
 
 
 def _opened(path: Path) -> Any:
@@ -79,11 +79,11 @@ def _described(variable: Any, greatest: float) -> FarVariable:
     kind = np.dtype(variable.dtype)
     dtype = TEXT if kind.kind in "OU" else kind
     size = float(np.prod(variable.shape, dtype=float)) * kind.itemsize
-    held = _checked(variable.name, variable[...]) if size <= greatest else None
+    held = _checked(variable[...]) if size <= greatest else None
     return FarVariable(variable.dimensions, variable.shape, dtype, _attributes(variable), variable.chunks, held)
 
 
-def _checked(name: str, found: Any) -> np.ndarray:
+def _checked(found: Any) -> np.ndarray:
     found = np.asarray(found)
     if found.dtype.kind == "O":
         pickle.dumps(found)  # texts can be sent; HDF5 references raise a TypeError here

@@ -58,14 +58,16 @@ def check_at_least(value: float, name: str, least: float = -math.inf) -> float:
     return number
 
 
-def check_count(count: int, name: str = "ray_count", least: int = 1) -> int:
-    """Return a whole number that is not below `least`.
+def check_count(count: int, name: str = "ray_count", least: int = 1, most: int | None = None) -> int:
+    """Return a whole number that is not below `least`, nor above `most`.
 
     Raises:
         ValueError: It is not.
     """
-    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < least:
-        raise ValueError(f"{name} must be a whole number of at least {least}, got {count!r}")
+    is_whole = isinstance(count, (int, np.integer)) and not isinstance(count, bool)
+    if not is_whole or count < least or (most is not None and count > most):
+        limits = f"of at least {least}" if most is None else f"from {least} to {most}"
+        raise ValueError(f"{name} must be a whole number {limits}, got {count!r}")
     return int(count)
 
 
