@@ -187,7 +187,7 @@ def compare_waveforms(
     for name, peak in (("recorded", test_peak), ("simulated", model_peak)):
         if peak <= 0.0:
             raise ValueError(
-                f"the {name} waveform has no positive peak (greatest sample {peak:g} V): is its sign turned?"
+                f"the {name} waveform has no positive peak (greatest sample {peak:g} V): is its sign inverted?"
             )
     r = pearson_correlation(test, model)
     shift = test.size // 2

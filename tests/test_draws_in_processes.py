@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from aerokernels import fragile
+from aerokernels.process import fragile
 from aerokernels.validation import draws_in_processes, forked_readers
 from aerokernels.validation.draws_in_processes import Report, share
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from aerokernels import machine
+from aerokernels.process import machine
 
 
 def write(folder: Path, **files: str) -> None:
@@ -60,7 +60,7 @@ def test_a_shell_that_binds_and_limits():
         "import os, resource\n"
         "os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})\n"
         "resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))\n"
-        "from aerokernels import machine, room\n"
+        "from aerokernels.process import machine, room\n"
         "print(machine.core_count(), machine.host_memory(), machine.free_memory())\n"
         "try: room.check_room(1.5e9, 'a.nc')\n"
         "except room.NoRoomError as error: print(error)\n"

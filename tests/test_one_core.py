@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerokernels import one_core
+from aerokernels.process import one_core
 from aerokernels.process.one_core import product_on_one_core
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerokernels import fragile, room
 from aerokernels.flow import open_series, read
 from aerokernels.hardware import export as exporting
 from aerokernels.hardware.echo_source import EchoSource
@@ -20,6 +19,7 @@ from aerokernels.hardware.store import EchoStore
 from aerokernels.inputs.written_units import in_brackets, written_unit
 from aerokernels.jobs.recorded import load_netcdf, recorded_labels
 from aerokernels.jobs.store import read_result
+from aerokernels.process import fragile, room
 from aerokernels.scene import Scene, SceneError
 from aerokernels.schlieren.picture_file import read_picture
 from aerokernels.validation import file_draws

@@ -158,25 +158,25 @@ def judge_strehl(ratio: Quantity, main_cause: str = "") -> Verdict:
     value, error = ratio.value, ratio.error
     cause = f"; {main_cause}" if main_cause else ""
     if error is None or math.isnan(value) or not math.isfinite(error):
-        return Verdict(WORTHLESS, f"the Strehl ratio's error is not known, so the number answers nothing{cause}")
+        return Verdict(WORTHLESS, f"the Strehl ratio's error is not known, so the number is not meaningful{cause}")
     if error > 1.0:
         return Verdict(
             WORTHLESS,
             f"the Strehl ratio's error, {error:.2g}, is greater than 1, and every Strehl ratio lies between 0 and 1: "
-            f"the number answers nothing{cause}",
+            f"the number is not meaningful{cause}",
         )
     if error > value:
         return Verdict(
             WORTHLESS,
-            f"the Strehl ratio's error, {error:.2g}, is greater than the ratio itself, {value:.2g}: the number answers "
-            f"nothing{cause}",
+            f"the Strehl ratio's error, {error:.2g}, is greater than the ratio itself, {value:.2g}: the number is "
+            f"not meaningful{cause}",
         )
     effect = 1.0 - value
     if error > max(effect, NO_EFFECT):
         return Verdict(
             WARNING,
-            f"the Strehl ratio's error, {error:.2g}, is greater than the effect of the flow, which takes {effect:.2g} "
-            f"off 1{cause}",
+            f"the Strehl ratio's error, {error:.2g}, is greater than the effect of the flow, which reduces the ratio "
+            f"by {effect:.2g}{cause}",
         )
     if error > GREAT_ERROR:
         return Verdict(WARNING, f"the Strehl ratio's error, {error:.2g}, is greater than a tenth of 1{cause}")

@@ -159,7 +159,7 @@ class DetectorChain:
         slope = self.sources.amperes_per_watt * PulseCurve(watts).slope / period
         information = float(np.sum(np.square(slope) / (0.5 * self.sources.density(watts)))) * period
         if not information > 0.0:
-            raise ValueError("the power has no slope anywhere, so its arrival time cannot be told: is it a flat line?")
+            raise ValueError("the power is constant, so its arrival time is not defined")
         return 0.5 * SPEED_OF_LIGHT / float(np.sqrt(information))
 
     def _limited(self, voltage: np.ndarray) -> np.ndarray:

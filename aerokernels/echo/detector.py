@@ -112,7 +112,7 @@ def detect(
     memory = memory_time(bandwidth, response, order) / period
     if not memory <= GREATEST_PADDING:
         raise ValueError(
-            f"a low-pass of {bandwidth:g} Hz remembers {memory:.3g} of the record's sample periods of {period:g} s: "
+            f"a low-pass of {bandwidth:g} Hz takes {memory:.3g} sample periods of {period:g} s to decay: "
             "check the bandwidth (Hz) and the times (s)"
         )
     padding = math.ceil(memory)

@@ -79,7 +79,9 @@ class PulseCurve:
         """Position of the curve's maximum next to the greatest sample."""
         top = int(np.argmax(self.samples))
         if self.samples[top] <= 0.0:
-            raise ValueError(f"there is no pulse: the greatest sample is {self.samples[top]:g} V; is the sign turned?")
+            raise ValueError(
+                f"there is no pulse: the greatest sample is {self.samples[top]:g} V; is the sign inverted?"
+            )
         if top in (0, self.samples.size - 1):
             where = "first" if top == 0 else "last"
             raise ValueError(f"the greatest sample is the record's {where}: record from before the pulse to after it")

@@ -106,7 +106,7 @@ def _best_delay(volts: np.ndarray, curve: Shape, period: float) -> tuple[int, fl
     if np.ptp(volts) <= ROUNDING * float(np.abs(volts).max()):
         raise ValueError(f"there is no pulse: the record is {volts[0]:g} V throughout")
     if coarse[start] <= least:
-        raise ValueError("the waveform has no positive correlation with the template anywhere: is a sign turned?")
+        raise ValueError("the waveform has no positive correlation with the template anywhere: is a sign inverted?")
     places = np.arange(count) - start
     shifted = getattr(curve, "shifted", None) or partial(shifted_samples, curve)
 

@@ -80,8 +80,8 @@ def target_points(scene: Scene, limits: str | None = None) -> TargetPoints:
     across, along = (max(side, count) for count in _resolving_counts(scene, outline))
     if across * along > GREATEST_POINT_COUNT:
         raise ValueError(
-            f"the target is deep against the pulse: {across} x {along} points of the beam were needed to sum up its "
-            "echo; take a longer beam.pulse_tau, or a smaller target.tilt or beam.radius"
+            f"the target is deep against the pulse: {across} x {along} points of the beam would be needed to sum up "
+            "its echo; take a longer beam.pulse_tau, or a smaller target.tilt or beam.radius"
         )
     flat, area = polygon_points(outline, across, along)
     density = 2.0 / (math.pi * beam.radius**2) * np.exp(-2.0 * np.sum(flat**2, axis=1) / beam.radius**2)

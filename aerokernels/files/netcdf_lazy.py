@@ -49,7 +49,7 @@ def _check_state(path: Path, state: tuple[int, int]) -> None:
     try:
         now = state_of(path)
     except OSError as fault:
-        raise ValueError(f"{path}: it was there when it was opened, and is not now ({fault.strerror})") from None
+        raise ValueError(f"{path}: it was opened, but no longer exists ({fault.strerror})") from None
     if now != state:
         raise ValueError(f"{path}: it has changed since it was opened: open it again, once it is written")
 

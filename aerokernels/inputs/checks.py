@@ -80,7 +80,7 @@ def check_share(value: float, name: str) -> float:
     """
     number = _as_number(value, name)
     if not 0.0 <= number <= 1.0:
-        raise ValueError(f"{name} must lie between 0 and 1 (a share, not per cent), got {value!r}")
+        raise ValueError(f"{name} must lie between 0 and 1 (a fraction, not per cent), got {value!r}")
     return number
 
 

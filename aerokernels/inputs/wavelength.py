@@ -61,7 +61,7 @@ def field_wavelength(made_for: float | None, asked: SupportsFloat | None) -> flo
         return wavelength
     if abs(wavelength - made_for) > SAME * made_for:
         raise ValueError(
-            f"wavelength {wavelength:g} m is asked for, but the index field was made for {made_for:g} m: make the "
+            f"wavelength {wavelength:g} m was requested, but the index field was made for {made_for:g} m: make the "
             f"index field at that wavelength, index_field(wavelength={wavelength:g}), or leave wavelength out"
         )
     return made_for

@@ -290,7 +290,7 @@ class PreparedStrehl:
             traced += count * REPLICATES
             evaluations += sums.evaluation_count
             points = "radial quadrature" if job.is_radial else "lattice"
-            finer = f"one of {REPLICATES} x {count}" if job.is_radial else "as many rays as were asked for"
+            finer = f"one of {REPLICATES} x {count}" if job.is_radial else "as many rays as requested"
             why.append(f"standard error of the {points} above {settled:g}, as at an edge: {finer}")
         standard_error = sums.standard_error
         plan = job.planned_for(run, *why)
@@ -300,8 +300,8 @@ class PreparedStrehl:
         estimate = combined(total, sums.phasors, wavelength, self.remove)
         if met_nothing(self.field, max(abs(mean), rms), wavelength, self.tolerance):
             _warn(
-                "every ray of the pupil passes through undisturbed air only, though the field holds other: the Strehl "
-                "ratio is 1; check the units (metres are expected), the direction and the position of the pupil"
+                "all rays of the pupil pass through undisturbed air only, although the field is disturbed elsewhere: the "
+                "Strehl ratio is 1; check the units (metres are expected), the direction and the position of the pupil"
             )
 
         spread = partial(

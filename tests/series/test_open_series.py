@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import xarray
 
-from aerokernels import DensityField, QuadMesh, flow, netcdf_reading
+from aerokernels import DensityField, QuadMesh, flow
+from aerokernels.files import netcdf_reading
 
 TIME = [0.0, 1e-5, 2e-5]
 GRID = {"geometry": "volume", "origin": [0.0, 0.0, 0.0], "spacing": [1e-3] * 3, "ambient_density": 0.5}

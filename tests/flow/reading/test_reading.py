@@ -10,11 +10,12 @@ import vtk_writers
 import writers
 
 import aerokernels
-from aerokernels import flow, fragile
+from aerokernels import flow
 from aerokernels.flow.reading.polygon_cells import Polygons
 from aerokernels.flow.reading.polygons import quad_mesh
 from aerokernels.medium import QuadMesh
 from aerokernels.medium.kept_averages import conserving_values
+from aerokernels.process import fragile
 from aerokernels.validation.damaged_files import DamagedCopies
 
 
@@ -366,5 +367,5 @@ def test_a_library_that_goes_round_in_circles_is_ended():
     import signal
     import subprocess
 
-    code = "from aerokernels import fragile\nfragile.limit(fragile.Bounds(2e9, 0.0, 20.0))\nwhile True: pass"
+    code = "from aerokernels.process import fragile\nfragile.limit(fragile.Bounds(2e9, 0.0, 20.0))\nwhile True: pass"
     assert subprocess.run([sys.executable, "-c", code], timeout=60, check=False).returncode == -signal.SIGXCPU
