@@ -300,8 +300,8 @@ class PreparedStrehl:
         estimate = combined(total, sums.phasors, wavelength, self.remove)
         if met_nothing(self.field, max(abs(mean), rms), wavelength, self.tolerance):
             _warn(
-                "all rays of the pupil pass through undisturbed air only, although the field is disturbed elsewhere: the "
-                "Strehl ratio is 1; check the units (metres are expected), the direction and the position of the pupil"
+                "all rays of the pupil pass through undisturbed air only, although the field is disturbed elsewhere: "
+                "the Strehl ratio is 1; check the units (metres are expected), and the pupil's direction and position"
             )
 
         spread = partial(

@@ -82,9 +82,8 @@ def test_how_many_samples_a_pulse_lacks(width: int):
     volts[45:50] = 0.9
     assert _upsampling_factor(volts) == math.ceil(ENOUGH_SAMPLES / width)
     assert _upsampling_factor(volts[::-1]) == math.ceil(ENOUGH_SAMPLES / width)
-    assert (
-        _upsampling_factor(volts[30:]) == _upsampling_factor(volts[: 30 + width]) == math.ceil(ENOUGH_SAMPLES / width)
-    )  # up to an end
+    for part in (volts[30:], volts[: 30 + width]):  # up to an end of the record
+        assert _upsampling_factor(part) == math.ceil(ENOUGH_SAMPLES / width)
 
 
 def lump() -> IndexField:
