@@ -81,26 +81,9 @@ def estimate_strehl(
         ValueError: A name or number that makes no sense; another wavelength than the field's; no ray that meets the
             field, or that arrives; symmetry=True without symmetry; a truncated view without `allow_truncation`.
     """
+    options = {name: value for name, value in locals().items() if name not in ("field", "pupil", "seed")}
     with clocked() as seconds:
-        prepared = prepare_strehl(
-            field,
-            pupil,
-            wavelength=wavelength,
-            ray_count=ray_count,
-            tolerance=tolerance,
-            remove=remove,
-            backend=backend,
-            device=device,
-            precision=precision,
-            method=method,
-            step=step,
-            max_steps=max_steps,
-            direction=direction,
-            symmetry=symmetry,
-            bundle=bundle,
-            allow_truncation=allow_truncation,
-        )
-        found = prepared(seed)
+        found = prepare_strehl(field, pupil, **options)(seed)
     return replace(found, seconds=seconds)
 
 
