@@ -224,15 +224,15 @@ class PreparedStrehl:
         """
         if not isinstance(field, IndexField):
             raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
-        made = object.__new__(PreparedStrehl)  # a copy without preparing again
-        vars(made).update(vars(self))
-        made._turn = threading.Lock()
+        other = object.__new__(PreparedStrehl)  # a copy without preparing again
+        vars(other).update(vars(self))
+        other._turn = threading.Lock()
         with clocked() as seconds:
-            made.field, made.wavelength = field, field.wavelength_for(self.asked_wavelength)
-            made._make_job(self.job)
-            made.plan = made.job.planned  # uploads
-        made.seconds = seconds
-        return made
+            other.field, other.wavelength = field, field.wavelength_for(self.asked_wavelength)
+            other._make_job(self.job)
+            other.plan = other.job.planned  # uploads
+        other.seconds = seconds
+        return other
 
     def for_fields(self, fields: Iterable[IndexField], seed: int = 0) -> Iterator[StrehlEstimate]:
         """Return the estimates for many other values of the field, in order: `with_field(field)(seed)`.
