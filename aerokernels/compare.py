@@ -187,7 +187,7 @@ def compare_waveforms(
     for name, peak in (("recorded", test_peak), ("simulated", model_peak)):
         if peak <= 0.0:
             raise ValueError(
-                f"the {name} waveform has no positive peak (greatest sample {peak:g} V): is its sign turned?"
+                f"the {name} waveform has no positive peak (greatest sample {peak:g} V): is its sign inverted?"
             )
     r = pearson_correlation(test, model)
     shift = test.size // 2
@@ -195,7 +195,7 @@ def compare_waveforms(
         shift = min(math.ceil(check_positive(greatest_lag, "greatest_lag", "s") / period), test.size - LEAST_OVERLAP)
     by_lag = correlation_by_lag(test, model, shift)
     by_lag[shift] = r
-    place, best = _vertex(by_lag)
+    position, best = _vertex(by_lag)
     best = min(max(best, r), 1.0)
     level = 0.5 * min(test_peak, model_peak) if threshold is None else check_positive(threshold, "threshold", "V")
     edge_shift = (_edge(test, level) - _edge(model, level)) * period
@@ -208,7 +208,7 @@ def compare_waveforms(
         peak_error_of_recorded=(test_peak - model_peak) / test_peak,
         correlation=r,
         best_correlation=best,
-        lag=(place - shift) * period,
+        lag=(position - shift) * period,
         degree=correlation_degree(r),
         best_degree=correlation_degree(best),
         edge_level=level,
@@ -234,8 +234,8 @@ def _widths(samples: np.ndarray) -> list[float]:
     for share in WIDTH_SHARES:
         try:
             level = share * curve.peak
-            held = samples[0] < level and samples[-1] < level
-            found.append(curve.fall_after_peak(level) - curve.rise_before_peak(level) if held else math.nan)
+            is_complete = samples[0] < level and samples[-1] < level
+            found.append(curve.fall_after_peak(level) - curve.rise_before_peak(level) if is_complete else math.nan)
         except ValueError:  # the peak is at an end of the record
             found.append(math.nan)
     return found
@@ -253,8 +253,8 @@ def _same_widths(recorded: np.ndarray, simulated: np.ndarray, noise: float, mode
     curve = PulseCurve(model)
     for share, first, second in zip(np.array(WIDTH_SHARES)[known], recorded[known], simulated[known], strict=True):
         level = share * curve.peak
-        places = curve.rise_before_peak(level), curve.fall_after_peak(level)
-        per_level = 1.0 / np.abs(curve.spline.derivative()(np.array(places)))
+        crossings = curve.rise_before_peak(level), curve.fall_after_peak(level)
+        per_level = 1.0 / np.abs(curve.spline.derivative()(np.array(crossings)))
         error = noise * math.hypot(*per_level, share * per_level.sum())
         if abs(first - second) > max(SAME_WIDTH * second, WIDTH_SIGMAS * error):
             return False

@@ -27,17 +27,17 @@ class Derived(ReadOnly):
             make: Computes the result from this object.
             most: Greatest number of results of the kind to cache, the latest; None for all.
         """
-        held: dict[Hashable, Any] = self.__dict__.setdefault("_derived", {})
-        found = held.get(key, NOTHING)
+        cached: dict[Hashable, Any] = self.__dict__.setdefault("_derived", {})
+        found = cached.get(key, NOTHING)
         if found is NOTHING:
             if most is not None:
                 kind = key[0] if isinstance(key, tuple) else key
-                alike: list[Hashable] = self.__dict__.setdefault("_alike", {}).setdefault(kind, [])
-                alike.append(key)
-                for _ in range(len(alike) - most):
-                    held.pop(alike.pop(0), None)
+                keys: list[Hashable] = self.__dict__.setdefault("_alike", {}).setdefault(kind, [])
+                keys.append(key)
+                for _ in range(len(keys) - most):
+                    cached.pop(keys.pop(0), None)
             # If two threads compute it at once, the first result is cached; a third may drop it before it is returned.
-            found = held.setdefault(key, make())
+            found = cached.setdefault(key, make())
         return found
 
     def held(self, key: Hashable) -> Any:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .inputs.arguments import Numbers, checked
+from .inputs.checks import check_at_least, check_count, check_positive
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,13 +43,10 @@ class Sensor:
     def __post_init__(self):
         """Check the numbers."""
         for name in ("full_well", "exposure"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise ValueError(f"{name} = {getattr(self, name)!r}: give a positive number")
+            check_positive(getattr(self, name), name)
         for name in ("read_noise", "dark"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise ValueError(f"{name} = {getattr(self, name)!r}: give a number of electrons, 0 or more")
-        if isinstance(self.bits, bool) or not isinstance(self.bits, (int, np.integer)) or not 1 <= self.bits <= 16:
-            raise ValueError(f"bits = {self.bits!r}: give a whole number from 1 to 16")
+            check_at_least(getattr(self, name), name, 0.0)
+        check_count(self.bits, "bits", 1, 16)
 
     @property
     def levels(self) -> int:

@@ -40,7 +40,7 @@ def field_to_vtk(field: IndexField, path: str | Path) -> Path:
     data = vtk.vtkUnstructuredGrid()
     data.SetPoints(_points(place, vtk))
     cells = vtk.vtkCellArray()
-    cells.SetData(4, _array(np.ascontiguousarray(mesh.cells, dtype=np.int64).ravel(), vtk))
+    cells.SetData(4, _array(np.ascontiguousarray(mesh.cells, dtype=np.int64).ravel()))
     data.SetCells(vtk.VTK_QUAD, cells)
     return _write(data, _named(field, np.asarray(field.samples.values)), Path(path), ".vtu", vtk)  # type: ignore[union-attr]
 
@@ -101,7 +101,7 @@ def rays_to_vtk(
     lines = vtk.vtkCellArray()
     ids = np.arange(len(order), dtype=np.int64)
     offsets = point_count * np.arange(rays.ray_count + 1, dtype=np.int64)
-    lines.SetData(_array(offsets, vtk), _array(ids, vtk))
+    lines.SetData(_array(offsets), _array(ids))
     data.SetLines(lines)
     return _write(data, {"opd": np.moveaxis(opd, 0, 1).ravel()}, Path(path), ".vtp", vtk)
 
@@ -114,7 +114,7 @@ def _vtk():
     return vtk
 
 
-def _array(values: np.ndarray, vtk):
+def _array(values: np.ndarray):
     from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
 
     if values.dtype == np.int64:
@@ -124,7 +124,7 @@ def _array(values: np.ndarray, vtk):
 
 def _points(place: np.ndarray, vtk):
     points = vtk.vtkPoints()
-    points.SetData(_array(np.ascontiguousarray(place), vtk))
+    points.SetData(_array(np.ascontiguousarray(place)))
     return points
 
 
@@ -150,9 +150,9 @@ def _write_grid(field: IndexField, path: Path, vtk) -> Path:
 
 def _write(data, arrays: dict[str, np.ndarray], path: Path, ending: str, vtk) -> Path:
     for name, values in arrays.items():
-        held = _array(values, vtk)
-        held.SetName(name)
-        data.GetPointData().AddArray(held)
+        array = _array(values)
+        array.SetName(name)
+        data.GetPointData().AddArray(array)
     kind = {".vti": "vtkXMLImageDataWriter", ".vtu": "vtkXMLUnstructuredGridWriter", ".vtp": "vtkXMLPolyDataWriter"}
     path = path if path.suffix == ending else path.with_name(path.name + ending)
     writer = getattr(vtk, kind[ending])()

@@ -8,8 +8,6 @@ arrays relative to the plain copy's (goal: 60 %).
 """
 
 import argparse
-import cProfile
-import pstats
 import time
 from collections.abc import Callable
 from functools import partial
@@ -112,28 +110,6 @@ def read(call: Callable[[RayBundle], Any], rays: RayBundle, outputs: tuple[str, 
     return result
 
 
-def profile(kind: str, count: int, repeats: int, device: str, file: str) -> None:
-    """Write the time spent in Python: for the same rays again, for other rays, and for rays of the host."""
-    scene = bundle_scene(kind)
-    field, host = scene.make_field(), scene.make_rays(count, 1)
-    there, others = on(device, host), cycle([on(device, scene.make_rays(count, seed)) for seed in (2, 3)])
-    call = partial(trace, field, outputs=FEW, until=scene.until, backend="warp", device=device)
-    works = {"again": lambda: call(there), "others": lambda: call(next(others)), "host": lambda: read(call, host, FEW)}
-    if kind == "slanted":
-        seeds = count_from(1)
-        works["made"] = lambda: call(made(count, next(seeds), device))
-    with open(file, "w", encoding="utf-8") as stream:
-        for name, work in works.items():
-            median(work, 2)
-            profiler = cProfile.Profile()
-            profiler.enable()
-            wall, kernel = median(work, repeats)
-            profiler.disable()
-            stream.write(f"\n{name}: {1e3 * wall:.3f} ms, kernel {1e3 * kernel:.3f} ms, {repeats + 1} calls\n")
-            pstats.Stats(profiler, stream=stream).sort_stats("tottime").print_stats(30)
-            pstats.Stats(profiler, stream=stream).sort_stats("cumtime").print_stats(45)
-
-
 def _speed(count: int, wall: float, kernel: float) -> list[str]:
     return [f"{wall:.4g}", f"{count / wall / 1e6:.4g}", "" if np.isnan(kernel) else f"{count / kernel / 1e6:.4g}"]
 
@@ -144,16 +120,12 @@ def main() -> None:
     parser.add_argument("--rays", type=int, default=10_000_000, help="rays of a bundle (10,000,000)")
     parser.add_argument("--repeats", type=int, default=5, help="timed calls of each row, after one that is not counted")
     parser.add_argument("--device", default=None, help="Warp's name of the device; the first GPU, else the CPU")
-    parser.add_argument("--profile", metavar="FILE", help="write what calls of some ways spend in Python, and no table")
     parser.add_argument("--bundles", nargs="+", default=["slanted", "divergent", "incoherent"], metavar="KIND")
     given = parser.parse_args()
     wp.config.quiet = True
     device = given.device or ("cuda:0" if wp.is_cuda_available() else "cpu")
     name = wp.get_device(device).name
     print(f"{name} ({device}), {given.rays:,} rays, medians of {given.repeats} calls\n")
-    if given.profile:
-        profile(given.bundles[0], given.rays, given.repeats, device, given.profile)
-        return
     for kind in given.bundles:
         print(markdown_table(HEADING, rows(kind, given.rays, given.repeats, device)), "\n", flush=True)
 

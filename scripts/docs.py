@@ -57,7 +57,7 @@ def main() -> None:
 def run(what: str, arguments: list[str]) -> list[str]:
     """Run Python with these arguments; return the fault, if it fails."""
     done = subprocess.run([sys.executable, *arguments], cwd=ROOT)
-    return [f"{what} failed" if done.returncode else ""][: bool(done.returncode)]
+    return [f"{what} failed"] if done.returncode else []
 
 
 def docstring_examples() -> list[str]:

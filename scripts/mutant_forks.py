@@ -169,6 +169,21 @@ def dotted(module: str) -> str:
     return "aerokernels." + module.removesuffix(".py").replace("/", ".")
 
 
+def silence(*streams: int) -> None:
+    """Connect standard streams to the null device."""
+    null = os.open(os.devnull, os.O_RDWR)
+    for stream in streams:
+        os.dup2(null, stream)
+
+
+def _answers(pipe: int) -> Iterator[tuple[int, str, str]]:
+    """Yield the answers that forked processes write to a pipe, until they close it."""
+    with os.fdopen(pipe, encoding="utf-8") as lines:
+        for line in lines:
+            place, outcome, failed = json.loads(line)
+            yield place, outcome, failed
+
+
 def forked(run: Callable[[int], int], seconds: float, end: float) -> tuple[str, str]:
     """Run a function in a fork: "passed", "failed", "killed" after so many seconds, or "late"; and its output."""
     told, tell = os.pipe()
@@ -177,9 +192,7 @@ def forked(run: Callable[[int], int], seconds: float, end: float) -> tuple[str, 
         status = 1
         with contextlib.suppress(BaseException):
             os.setsid()  # processes that its tests start end with it
-            hush = os.open(os.devnull, os.O_RDWR)
-            for stream in (0, 1, 2):
-                os.dup2(hush, stream)
+            silence(0, 1, 2)
             resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 2))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             status = BROKEN
@@ -230,10 +243,7 @@ def in_turn(
         os._exit(status)
     os.close(queue)
     os.close(tell)
-    with os.fdopen(told, encoding="utf-8") as lines:
-        for line in lines:
-            place, outcome, failed = json.loads(line)
-            yield place, outcome, failed
+    yield from _answers(told)
     if sum(os.waitpid(child, 0)[1] for child in children):
         raise SystemExit("the tests could not be run: run them without mutants")
 
@@ -246,9 +256,7 @@ def fast(waiting: list[Waiting], processes: int, end: float) -> Iterator[tuple[i
         status = 1
         with contextlib.suppress(BaseException):
             os.close(told)
-            hush = os.open(os.devnull, os.O_RDWR)
-            for stream in (0, 1):
-                os.dup2(hush, stream)
+            silence(0, 1)
             import pytest
 
             files = sorted({name.split("::")[0] for _, names, _ in waiting for name in names})
@@ -256,9 +264,6 @@ def fast(waiting: list[Waiting], processes: int, end: float) -> Iterator[tuple[i
             status = int(pytest.main([*OPTIONS, "-s", *files], plugins=plugins))
         os._exit(min(status, 100))
     os.close(tell)
-    with os.fdopen(told, encoding="utf-8") as lines:
-        for line in lines:
-            place, outcome, failed = json.loads(line)
-            yield place, outcome, failed
+    yield from _answers(told)
     if os.waitpid(child, 0)[1]:
         raise SystemExit("the tests could not be collected: run them without mutants")

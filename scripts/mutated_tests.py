@@ -23,6 +23,7 @@ from collections import defaultdict
 from pathlib import Path
 
 import pytest
+from mutant_forks import silence
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "aerokernels"
@@ -232,9 +233,7 @@ def measured(files: list[Path], longest: float, file_seconds: float, seconds: fl
         if not child:
             status = 1
             try:
-                hush = os.open(os.devnull, os.O_RDWR)
-                for stream in (0, 1):
-                    os.dup2(hush, stream)
+                silence(0, 1)
                 tests = measure(file, longest, file_seconds)
                 written = place.with_suffix(".part")
                 written.write_text(json.dumps(tests), encoding="utf-8")

@@ -7,8 +7,6 @@ medians.
 """
 
 import argparse
-import cProfile
-import pstats
 import time
 from collections.abc import Callable
 from typing import Any
@@ -40,7 +38,6 @@ def main() -> None:
     parser.add_argument(
         "--there", metavar="DEVICE", help="give the values as an array on this device of Warp's: cuda:0"
     )
-    parser.add_argument("--profile", metavar="FILE", help="write where calls of with_field spend their time, too")
     given = parser.parse_args()
     grid = cone_field().samples
     pupil = Disc(APERTURE, -CONE_HALF[2] * SLOPE / SLOPE[2], SLOPE)
@@ -77,16 +74,6 @@ def main() -> None:
     cells = {name: np.median(np.array(each), axis=0) for name, each in spent.items()}
     rows = [[name, f"{wall:.3g}", f"{processor:.3g}"] for name, (wall, processor) in cells.items()]
     print(markdown_table(["step", "wall", "processor"], rows))
-    if given.profile:
-        others = [field(values(100 + number)) for number in range(given.repeats)]
-        profiler = cProfile.Profile()
-        profiler.enable()
-        for each in others:
-            known.with_field(each)
-        profiler.disable()
-        with open(given.profile, "w", encoding="utf-8") as stream:
-            for order in ("tottime", "cumtime"):
-                pstats.Stats(profiler, stream=stream).sort_stats(order).print_stats(60)
 
 
 if __name__ == "__main__":

@@ -241,7 +241,7 @@ def test_an_answer_worth_nothing_ends_with_status_3_and_its_reason(command_line,
     coarse = ("--set", "grid.spacing=5 mm")
     done = command_line("strehl", "wind-tunnel-mach3", "--rays", "4096", *coarse)
     assert done.returncode == 3 and re.fullmatch(r"[\d.]+ \+- [\d.]+\n", done.stdout), done.stdout
-    assert "not meaningful: " in done.stderr and "answers nothing" in done.stderr
+    assert "not meaningful: " in done.stderr
     done = command_line("run", "wind-tunnel-mach3", "--out", "out", *SMALL, *coarse)
     assert done.returncode == 3 and "not meaningful: " in done.stderr and "Not meaningful\t" in done.stdout
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["report.html", "result.nc", "summary.json"]

@@ -156,7 +156,7 @@ def test_a_small_file_that_announces_terabytes_is_refused_before_it_is_read(tmp_
     """Each reader of NetCDF; HDF5 gives such a file as zeros, so that a system without this check is out of memory."""
     for reader in (recorded_labels, read):
         path = announcing(tmp_path / f"{reader.__name__}.nc", "voltage")
-        with pytest.raises(ValueError, match=rf"{path.name}.* announces 562\.9 TB and there is room for"):
+        with pytest.raises(ValueError, match=rf"{path.name}.* announces 562\.9 TB and there is memory for"):
             reader(path)
     with pytest.raises(ValueError, match=r"series\.nc: its list of coordinates announces 281\.5 TB"):
         open_series(announcing(tmp_path / "series.nc", "density", "time"), ambient_density=1.0)
@@ -175,7 +175,7 @@ def test_a_snapshot_and_a_picture_are_held_against_the_memory(tmp_path: Path, mo
     Image.fromarray(np.arange(400, dtype=np.uint8).reshape(20, 20)).save(path)
     assert series.density(0).shape == (32, 32) and read_picture(path, pixel_size=1e-4, nose=(1, 1))
     monkeypatch.setattr(room, "free_memory", lambda: 8000.0)
-    with pytest.raises(ValueError, match=r"a snapshot announces 8\.19 kB and there is room for 4 kB"):
+    with pytest.raises(ValueError, match=r"a snapshot announces 8\.19 kB and there is memory for 4 kB"):
         series.density(0)
     with pytest.raises(ValueError, match=r"picture .*bench\.png: .* announces 9\.6 kB"):
         read_picture(path, pixel_size=1e-4, nose=(1, 1))
@@ -253,9 +253,9 @@ def test_small_flow_files_that_announce_much_are_refused_before_it_is_made(tmp_p
     (time / "rho").touch()
     (mesh / "points.gz").write_bytes(gzip.compress(b"FoamFile { } " + b" " * 50_000))
     monkeypatch.setattr(room, "free_memory", lambda: 80_000.0)
-    with pytest.raises(ValueError, match=r"b\.npz: it announces 120 kB and there is room for 40 kB"):
+    with pytest.raises(ValueError, match=r"b\.npz: it announces 120 kB and there is memory for 40 kB"):
         read(tmp_path / "b.npz")
-    with pytest.raises(ValueError, match=r"points\.gz: what it unpacks to announces 50 kB and there is room for 40"):
+    with pytest.raises(ValueError, match=r"points\.gz: what it unpacks to announces 50 kB and there is memory for 40"):
         read(tmp_path / "case")
 
 

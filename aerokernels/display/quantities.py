@@ -156,28 +156,17 @@ def judge_strehl(ratio: Quantity, main_cause: str = "") -> Verdict:
         main_cause: The main cause of the error, with the remedy, in words.
     """
     value, error = ratio.value, ratio.error
-    cause = f"; {main_cause}" if main_cause else ""
+    effect, cause = 1.0 - value, f"; {main_cause}" if main_cause else ""
     if error is None or math.isnan(value) or not math.isfinite(error):
-        return Verdict(WORTHLESS, f"the Strehl ratio's error is not known, so the number answers nothing{cause}")
+        return Verdict(WORTHLESS, f"the Strehl ratio's error is not known, so the number is not meaningful{cause}")
     if error > 1.0:
-        return Verdict(
-            WORTHLESS,
-            f"the Strehl ratio's error, {error:.2g}, is greater than 1, and every Strehl ratio lies between 0 and 1: "
-            f"the number answers nothing{cause}",
-        )
-    if error > value:
-        return Verdict(
-            WORTHLESS,
-            f"the Strehl ratio's error, {error:.2g}, is greater than the ratio itself, {value:.2g}: the number answers "
-            f"nothing{cause}",
-        )
-    effect = 1.0 - value
-    if error > max(effect, NO_EFFECT):
-        return Verdict(
-            WARNING,
-            f"the Strehl ratio's error, {error:.2g}, is greater than the effect of the flow, which takes {effect:.2g} "
-            f"off 1{cause}",
-        )
-    if error > GREAT_ERROR:
-        return Verdict(WARNING, f"the Strehl ratio's error, {error:.2g}, is greater than a tenth of 1{cause}")
-    return Verdict()
+        level, bound = WORTHLESS, "1, and every Strehl ratio is between 0 and 1: the number is not meaningful"
+    elif error > value:
+        level, bound = WORTHLESS, f"the ratio itself, {value:.2g}: the number is not meaningful"
+    elif error > max(effect, NO_EFFECT):
+        level, bound = WARNING, f"the effect of the flow, which reduces the ratio by {effect:.2g}"
+    elif error > GREAT_ERROR:
+        level, bound = WARNING, "a tenth of 1"
+    else:
+        return Verdict()
+    return Verdict(level, f"the Strehl ratio's error, {error:.2g}, is greater than {bound}{cause}")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..inputs.checks import as_waveform, check_choice, check_count, check_positive
-from .detector import RESPONSES, check_order, detect, memory_time
+from .detector import GREATEST_ORDER, RESPONSES, detect, memory_time
 from .digitiser import Digitiser, digitiser_of
 from .noise import NoiseSources, noise_bandwidth, noise_sources_of, sampled_noise_gain, white_noise
 from .pulse_curve import PulseCurve
@@ -55,7 +55,7 @@ class DetectorChain:
         """Check the numbers and the kinds of the parts."""
         check_positive(self.volts_per_watt, "volts_per_watt", "V/W")
         check_choice(self.response, "response", RESPONSES)
-        check_order(self.order)
+        check_count(self.order, "order", 1, GREATEST_ORDER)
         for name, part, kind in (
             ("sources", self.sources, NoiseSources),
             ("digitiser", self.digitiser or Digitiser(1), Digitiser),
@@ -159,7 +159,7 @@ class DetectorChain:
         slope = self.sources.amperes_per_watt * PulseCurve(watts).slope / period
         information = float(np.sum(np.square(slope) / (0.5 * self.sources.density(watts)))) * period
         if not information > 0.0:
-            raise ValueError("the power has no slope anywhere, so its arrival time cannot be told: is it a flat line?")
+            raise ValueError("the power is constant, so its arrival time is not defined")
         return 0.5 * SPEED_OF_LIGHT / float(np.sqrt(information))
 
     def _limited(self, voltage: np.ndarray) -> np.ndarray:

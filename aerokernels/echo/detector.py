@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from ..inputs.checks import as_waveform, check_choice, check_positive
+from ..inputs.checks import as_waveform, check_choice, check_count, check_positive
 from ..process.opened import OPENED
 
 RESPONSES = ("first-order", "gaussian", "bessel", "butterworth")
@@ -25,17 +25,6 @@ GREATEST_ORDER = 10
 GREATEST_PADDING = 1 << 27
 # Decay of the slowest pole's response by the end of the padding.
 _FORGOTTEN = 1e-16
-
-
-def check_order(order: int) -> int:
-    """Return `order`, a whole number of poles from 1 to 10.
-
-    Raises:
-        ValueError: `order` is not such a number.
-    """
-    if isinstance(order, bool) or not isinstance(order, (int, np.integer)) or not 1 <= order <= GREATEST_ORDER:
-        raise ValueError(f"order must be a whole number from 1 to {GREATEST_ORDER}, got {order!r}")
-    return int(order)
 
 
 def _poles(response: str, order: int) -> np.ndarray:
@@ -76,7 +65,7 @@ def low_pass_gain(frequency, bandwidth: float, response: str = "bessel", order: 
     """
     ratio = np.asarray(frequency, dtype=np.float64) / check_positive(bandwidth, "bandwidth", "Hz")
     check_choice(response, "response", RESPONSES)
-    order = check_order(order)
+    order = check_count(order, "order", 1, GREATEST_ORDER)
     if response == "gaussian":
         return np.exp(-0.5 * math.log(2.0) * np.square(ratio)).astype(np.complex128)
     return np.asarray(np.prod([-pole / (1j * ratio - pole) for pole in _poles(response, order)], axis=0))
@@ -86,7 +75,8 @@ def memory_time(bandwidth: float, response: str = "bessel", order: int = 4) -> f
     """Time [s] after which the low-pass's response to a pulse has decayed; arguments as for `low_pass_gain`."""
     check_choice(response, "response", RESPONSES)
     # The Gaussian's impulse response is 1e-16 of its peak after 1.6 / B.
-    slowest = 4.0 if response == "gaussian" else float(-_poles(response, check_order(order)).real.max())
+    order = check_count(order, "order", 1, GREATEST_ORDER)
+    slowest = 4.0 if response == "gaussian" else float(-_poles(response, order).real.max())
     return -math.log(_FORGOTTEN) / (2.0 * math.pi * slowest * check_positive(bandwidth, "bandwidth", "Hz"))
 
 
@@ -122,7 +112,7 @@ def detect(
     memory = memory_time(bandwidth, response, order) / period
     if not memory <= GREATEST_PADDING:
         raise ValueError(
-            f"a low-pass of {bandwidth:g} Hz remembers {memory:.3g} of the record's sample periods of {period:g} s: "
+            f"a low-pass of {bandwidth:g} Hz takes {memory:.3g} sample periods of {period:g} s to decay: "
             "check the bandwidth (Hz) and the times (s)"
         )
     padding = math.ceil(memory)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..inputs.checks import as_finite_array, check_at_least
+from ..inputs.checks import as_finite_array, check_at_least, check_count
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -32,10 +32,7 @@ class Digitiser:
 
     def __post_init__(self):
         """Check the number of bits and the range."""
-        if isinstance(self.bit_count, bool) or not isinstance(self.bit_count, (int, np.integer)):
-            raise ValueError(f"bit_count must be a whole number, got {self.bit_count!r}")
-        if not 1 <= self.bit_count <= GREATEST_BIT_COUNT:
-            raise ValueError(f"bit_count must be from 1 to {GREATEST_BIT_COUNT}, got {self.bit_count!r}")
+        check_count(self.bit_count, "bit_count", 1, GREATEST_BIT_COUNT)
         if check_at_least(self.low, "low") >= check_at_least(self.high, "high"):
             raise ValueError(f"the digitiser's low {self.low:g} V must be below its high {self.high:g} V")
 

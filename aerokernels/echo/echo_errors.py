@@ -94,10 +94,6 @@ class EchoProbe:
             return known.phase_error
         return own_phase_error(self.scene, self.field) if known is None else float(known)
 
-    def pupil_error(self) -> float:
-        """Change of the Strehl ratio at the target's centre when half of the pupil's rays are left out."""
-        return pupil_error(self.scene, self.field)
-
     def read_scaled(self, *factors: float) -> list[dict[str, float]]:
         """Return the ranges [m] of the noise-free waveform times each factor, by methods that depend on amplitude.
 
@@ -155,18 +151,15 @@ class EchoProbe:
 
 def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
     """Compute the errors of an echo's numbers by the rules in this module's docstring."""
-    phase = probe.phase_error()
+    phase, strehl = probe.phase_error(), math.nan
     interpolation = float(result.information["strehl_error"])
-    if probe.scene.receiver.return_factor == "strehl":
-        strehl = root_sum_square((strehl_error(result.mean_strehl, phase), interpolation, probe.pupil_error()))
-        share = strehl / result.mean_strehl if result.mean_strehl > 0.0 else math.inf
-    else:
-        strehl = math.nan
-        if not math.isnan(result.mean_strehl):
-            strehl = root_sum_square((strehl_error(result.mean_strehl, phase), probe.pupil_error()))
-        factor = _mean_factor(result)
-        share = interpolation / factor if factor > 0.0 else math.inf
-    share = math.hypot(share, QUADRATURE)
+    depends_on_phases = probe.scene.receiver.return_factor == "strehl"
+    if depends_on_phases or not math.isnan(result.mean_strehl):
+        causes = strehl_error(result.mean_strehl, phase), pupil_error(probe.scene, probe.field)
+        strehl = root_sum_square((causes[0], interpolation, causes[1]) if depends_on_phases else causes)
+    factor_error = strehl if depends_on_phases else interpolation
+    factor = result.mean_strehl if depends_on_phases else result.beam_mean(result.return_factor)
+    share = math.hypot(factor_error / factor if factor > 0.0 else math.inf, QUADRATURE)
     moved = probe.read_shifted(*SHIFTS)
     heights = [max(abs(change[kind]) for change, _ in moved) for kind in (0, 1)]
     power, voltage = (
@@ -195,9 +188,3 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
         systematic = root_sum_square((walk, place, path, codes.get(method, 0.0)))
         ranges[method] = RangeUncertainty(systematic, random.get(method, math.nan) if noise > 0.0 else 0.0)
     return EchoErrors(strehl, power, voltage, ranges)
-
-
-def _mean_factor(result: EchoResult) -> float:
-    good = np.isfinite(result.return_factor) & (result.beam_share > 0.0)
-    share = result.beam_share[good]
-    return float(share @ result.return_factor[good] / share.sum()) if good.any() else math.nan

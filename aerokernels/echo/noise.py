@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..inputs.checks import as_finite_array, check_at_least, check_positive, check_share
+from .detector import low_pass_gain
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -121,8 +122,6 @@ def noise_bandwidth(bandwidth: float, response: str, order: int, top: float) -> 
     """Noise bandwidth [Hz] of a low-pass up to the frequency `top` [Hz]: the integral of |gain|^2."""
     from scipy.integrate import quad
 
-    from .detector import low_pass_gain
-
     def power_gain(ratio: float) -> float:
         return float(np.abs(low_pass_gain(ratio * bandwidth, bandwidth, response, order)) ** 2)
 
@@ -146,8 +145,6 @@ def sampled_noise_gain(frequency, period: float, bandwidth: float, response: str
         The square root of the sum of |gain|^2 over all frequencies that sampling aliases to `frequency`, of the shape
         of `frequency`. For a single pole, whose gain falls off slowly, the sum has a closed form.
     """
-    from .detector import low_pass_gain
-
     rate, low = 1.0 / period, np.asarray(frequency, dtype=np.float64)
     if response == "first-order" or (order == 1 and response != "gaussian"):
         # The sum of 1 / (1 + ((f + k rate) / B)^2) over all k, written so that a wide band does not overflow.

@@ -1,5 +1,6 @@
 """Predict a scene's echo without tracing rays: the echo in vacuum, and whether each method can read a range from it."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -47,15 +48,11 @@ def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPredictio
     fine_voltage = vacuum.chain.voltage(fine, power)
     voltage = fine_voltage[::stride]
     rangefinder = Rangefinder.calibrated(scene, time, voltage, (fine, fine_voltage))
-    peak = peak_height(voltage)
-    own = scene.detector.ranging
-    fixed = own == "leading-edge" and own not in rangefinder.unreadable
-    return EchoPrediction(
-        peak_height(power[::stride]),
-        peak,
-        rangefinder.unreadable,
-        scene.detector.threshold / peak if fixed else float("nan"),
-    )
+    own, least_factor = scene.detector.ranging, math.nan
+    if own == "leading-edge" and own not in rangefinder.unreadable:
+        # The voltage without saturation, because it is proportional to the light.
+        least_factor = scene.detector.threshold / peak_height(vacuum.chain.linear_voltage(fine, power)[::stride])
+    return EchoPrediction(peak_height(power[::stride]), peak_height(voltage), rangefinder.unreadable, least_factor)
 
 
 def check_echo(scene: Scene, field: IndexField | None = None) -> VacuumEcho:

@@ -43,15 +43,17 @@ class PulseCurve:
     """The curve through the samples of a pulse, shape (n,); positions in samples, values in the samples' unit.
 
     `is_whole` says that the pulse is 0 beyond the samples, as for a template: the samples may then begin and end
-    within the pulse.
+    within the pulse. `upsampling` is the number of samples per sample of the record that the curve represents.
 
     Raises:
-        ValueError: No sample is positive (in `peak_place` and what needs it), or the pulse's peak is cut off.
+        ValueError: No sample is positive (in `peak_position` and what needs it), or the pulse's peak is cut off.
     """
 
-    def __init__(self, samples: np.ndarray, is_whole: bool = False, spline: "BSpline | None" = None):
+    def __init__(
+        self, samples: np.ndarray, is_whole: bool = False, spline: "BSpline | None" = None, upsampling: int = 1
+    ):
         """Fit the spline, unless it is given."""
-        self.samples, self.is_whole = samples, is_whole
+        self.samples, self.is_whole, self.upsampling = samples, is_whole, upsampling
         self.spline = _spline_through(samples) if spline is None else spline
 
     @classmethod
@@ -73,11 +75,13 @@ class PulseCurve:
         ]
 
     @cached_property
-    def peak_place(self) -> float:
+    def peak_position(self) -> float:
         """Position of the curve's maximum next to the greatest sample."""
         top = int(np.argmax(self.samples))
         if self.samples[top] <= 0.0:
-            raise ValueError(f"there is no pulse: the greatest sample is {self.samples[top]:g} V; is the sign turned?")
+            raise ValueError(
+                f"there is no pulse: the greatest sample is {self.samples[top]:g} V; is the sign inverted?"
+            )
         if top in (0, self.samples.size - 1):
             where = "first" if top == 0 else "last"
             raise ValueError(f"the greatest sample is the record's {where}: record from before the pulse to after it")
@@ -93,7 +97,7 @@ class PulseCurve:
     @cached_property
     def peak(self) -> float:
         """Greatest value of the curve."""
-        return float(self.spline(self.peak_place))
+        return float(self.spline(self.peak_position))
 
     def _piece(self, start: int) -> list[float]:
         """Coefficients of the polynomial between two samples, constant first, about the middle between them."""
@@ -127,7 +131,9 @@ class PulseCurve:
                 f"the signal never crosses the threshold: its peak is {top:g} V, the threshold {level:g} V; "
                 "lower the threshold or raise the gain"
             )
-        return self._root(level, np.ceil(self.peak_place) - 1.0, self.peak_place)  # the peak is between two samples
+        return self._root(
+            level, np.ceil(self.peak_position) - 1.0, self.peak_position
+        )  # the peak is between two samples
 
     def rise_before_peak(self, level: float) -> float:
         """Return the last position before the peak at which the curve rises through `level` (below the peak).
@@ -135,21 +141,21 @@ class PulseCurve:
         Raises:
             ValueError: The curve is above the level from the record's start.
         """
-        before = np.flatnonzero(self.samples[: int(np.ceil(self.peak_place))] < level)
+        before = np.flatnonzero(self.samples[: int(np.ceil(self.peak_position))] < level)
         if before.size == 0:
             raise ValueError(
                 f"the record starts above {level:g} V, within the pulse: begin it earlier or remove its offset"
             )
-        return self._root(level, before[-1], min(before[-1] + 1.0, self.peak_place))
+        return self._root(level, before[-1], min(before[-1] + 1.0, self.peak_position))
 
     def fall_after_peak(self, level: float) -> float:
         """Return the first position after the peak at which the curve falls through `level`; else the record's end."""
-        start = int(np.floor(self.peak_place)) + 1
+        start = int(np.floor(self.peak_position)) + 1
         after = np.flatnonzero(self.samples[start:] < level)
         if after.size == 0:
             return float(self.samples.size - 1)
         low = start + int(after[0])
-        return self._root(level, max(low - 1.0, self.peak_place), low)
+        return self._root(level, max(low - 1.0, self.peak_position), low)
 
     @cached_property
     def centroid(self) -> float:
@@ -166,8 +172,14 @@ class PulseCurve:
         area = self.spline.antiderivative(1)
         moment = area.antiderivative(1)
         # Integrate by parts, with positions counted from the peak, so that long records lose no digits.
-        lever = (high - self.peak_place) * area(high) - (low - self.peak_place) * area(low)
-        return self.peak_place + float((lever - (moment(high) - moment(low))) / (area(high) - area(low)))
+        lever = (high - self.peak_position) * area(high) - (low - self.peak_position) * area(low)
+        return self.peak_position + float((lever - (moment(high) - moment(low))) / (area(high) - area(low)))
+
+    def at(self, position: np.ndarray) -> np.ndarray:
+        """Return the curve at positions of any shape; 0 outside the samples."""
+        last = self.samples.size - 1
+        inside = (position >= 0.0) & (position <= last)
+        return np.where(inside, self.spline(np.clip(position, 0.0, last)), 0.0)
 
     @property
     def slope(self) -> np.ndarray:
@@ -206,8 +218,8 @@ def _highest(coefficients: list[float]) -> float:
     return float(found.x)
 
 
-def peak_height(samples: np.ndarray, made: PulseCurve | None = None) -> float:
-    """Return the greatest value of the curve through the samples; `made` is that curve, if already computed.
+def peak_height(samples: np.ndarray, curve: PulseCurve | None = None) -> float:
+    """Return the greatest value of the curve through the samples; `curve` is that curve, if already computed.
 
     The greatest sample is returned if the record holds no peak, or if an amplifier or a digitiser has cut the peak off:
     the curve would overshoot at the edges of such a plateau.
@@ -216,4 +228,4 @@ def peak_height(samples: np.ndarray, made: PulseCurve | None = None) -> float:
     cut_off = bool((samples[top : top + PLATEAU] == samples[top]).all()) and top + PLATEAU <= samples.size
     if samples[top] <= 0.0 or top in (0, samples.size - 1) or cut_off:
         return float(samples[top])
-    return (made or PulseCurve(samples)).peak
+    return (curve or PulseCurve(samples)).peak

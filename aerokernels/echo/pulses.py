@@ -148,14 +148,15 @@ class SampledPulse:
         self.period = check_positive(period, "pulse sample period", "s")
         self._curve = PulseCurve(values)
         try:
-            self._peak_place, self._peak = self._curve.peak_place, self._curve.peak
+            _ = self._curve.peak
         except ValueError as fault:
             raise ValueError(f"pulse samples: {fault}") from None
 
     @property
     def support(self) -> tuple[float, float]:
         """Times of the first and the last sample [s]."""
-        return -self._peak_place * self.period, (self._curve.samples.size - 1 - self._peak_place) * self.period
+        before = self._curve.peak_position
+        return -before * self.period, (self._curve.samples.size - 1 - before) * self.period
 
     @property
     def timescale(self) -> float:
@@ -171,11 +172,8 @@ class SampledPulse:
     @checked
     def __call__(self, time: Numbers) -> np.ndarray:
         """Return the shape at times [s] after the peak."""
-        place = np.asarray(time, dtype=np.float64) / self.period + self._peak_place
-        last = self._curve.samples.size - 1
-        inside = (place >= 0.0) & (place <= last)
-        values = self._curve.spline(np.clip(place, 0.0, last)) / self._peak
-        return np.where(inside, np.maximum(values, 0.0), 0.0)
+        position = np.asarray(time, dtype=np.float64) / self.period + self._curve.peak_position
+        return np.maximum(self._curve.at(position) / self._curve.peak, 0.0)
 
 
 def pulse_of(scene: "Scene") -> PulseShape:

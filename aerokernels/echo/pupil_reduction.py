@@ -65,8 +65,8 @@ def receiver_pupil(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 def upper_half(start: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the half of a pupil's points that represents all of them if y and -y are equivalent."""
     edge = 1e-9 * np.abs(start[:, :2]).max()
-    kept = start[:, 1] >= -edge
-    return start[kept], np.where(np.abs(start[kept, 1]) <= edge, 1.0, 2.0) * weight[kept]
+    upper = start[:, 1] >= -edge
+    return start[upper], np.where(np.abs(start[upper, 1]) <= edge, 1.0, 2.0) * weight[upper]
 
 
 def reduce_pupils(

@@ -69,7 +69,7 @@ def cramer_rao_range(time, voltage, noise_rms: float) -> float:
     noise = check_positive(noise_rms, "noise_rms", "V")
     steepness = float(np.linalg.norm(PulseCurve(volts).slope))
     if steepness <= 1e-12 * float(np.abs(volts).max()):  # rounding of the spline on a constant
-        raise ValueError("the signal has no slope anywhere, so its arrival time cannot be told: is it a flat line?")
+        raise ValueError("the signal is constant, so its arrival time is not defined")
     return 0.5 * SPEED_OF_LIGHT * period * noise / steepness
 
 

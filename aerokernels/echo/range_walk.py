@@ -42,13 +42,8 @@ class RangeWalk:
         Raises:
             ValueError: The peak is outside the curve.
         """
-        volts = check_positive(peak, "peak", "V")
-        if not self.peak[0] <= volts <= self.peak[-1]:
-            raise ValueError(
-                f"a peak of {peak:g} V lies outside of the range walk curve, {self.peak[0]:g} to {self.peak[-1]:g} V: "
-                "lower or raise the threshold"
-            )
-        return float(self._interpolated(_stretched(self.peak / self.threshold), _stretched(volts / self.threshold)))
+        volts = _check_inside(peak, self.peak, "peak", "V", ": lower or raise the threshold")
+        return self._interpolated(_stretched(self.peak / self.threshold), _stretched(volts / self.threshold))
 
     def at_width(self, width: float) -> float:
         """Return the error [m] of an echo that is above the threshold for this time [s].
@@ -56,12 +51,7 @@ class RangeWalk:
         Raises:
             ValueError: The time is outside the curve.
         """
-        time = check_positive(width, "width", "s")
-        if not self.width[0] <= time <= self.width[-1]:
-            raise ValueError(
-                f"a width of {time:g} s lies outside of the range walk curve, {self.width[0]:g} to {self.width[-1]:g} s"
-            )
-        return float(self._interpolated(self.width, time))
+        return self._interpolated(self.width, _check_inside(width, self.width, "width", "s"))
 
     def correct(self, time, voltage, reading: float, *, peak: float | None = None) -> float:
         """Subtract from a leading-edge range [m] the error of an echo of this waveform's peak.
@@ -78,10 +68,20 @@ class RangeWalk:
         _, volts, _ = as_waveform(time, voltage)
         return reading - self.at_peak(peak_height(volts) if peak is None else peak)
 
-    def _interpolated(self, places: np.ndarray, place: float) -> np.ndarray:
+    def _interpolated(self, nodes: np.ndarray, at: float) -> float:
         from scipy.interpolate import PchipInterpolator
 
-        return PchipInterpolator(places, self.error)(place)
+        return float(PchipInterpolator(nodes, self.error)(at))
+
+
+def _check_inside(value: float, nodes: np.ndarray, name: str, unit: str, remedy: str = "") -> float:
+    number = check_positive(value, name, unit)
+    if not nodes[0] <= number <= nodes[-1]:
+        raise ValueError(
+            f"a {name} of {number:g} {unit} is outside the range walk curve, "
+            f"{nodes[0]:g} to {nodes[-1]:g} {unit}{remedy}"
+        )
+    return number
 
 
 def _stretched(ratio):
@@ -113,5 +113,5 @@ def range_walk(time, voltage, threshold: float) -> RangeWalk:
     ratios = np.exp(np.square(np.linspace(_stretched(LEAST_RATIO), _stretched(greatest), POINT_COUNT)))
     rises = np.array([curve.first_rise(curve.peak / ratio) for ratio in ratios])
     falls = np.array([curve.fall_after_peak(curve.peak / ratio) for ratio in ratios])
-    error = 0.5 * SPEED_OF_LIGHT * period * (rises - curve.peak_place)
+    error = 0.5 * SPEED_OF_LIGHT * period * (rises - curve.peak_position)
     return RangeWalk(level, level * ratios, period * (falls - rises), error)

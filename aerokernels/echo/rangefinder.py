@@ -5,11 +5,10 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
-from ..inputs.checks import as_waveform
+from ..inputs.checks import Waveform, as_waveform
 from ..scene import Scene
 from .chain import chain_of
 from .pulse_curve import PulseCurve
@@ -17,19 +16,6 @@ from .range_error import RangeStatistics, chain_range_statistics
 from .range_walk import RangeWalk, range_walk
 from .ranging import RANGING_METHODS, Reading, template_curve
 from .shaped_curve import Shape, shaped_curve
-
-
-class _Record(NamedTuple):
-    """A record as `as_waveform` returns it, and the result of `shaped_curve` if there is one."""
-
-    times: np.ndarray
-    volts: np.ndarray
-    period: float
-    curve: tuple[PulseCurve, int] | None = None
-
-    @property
-    def waveform(self) -> tuple[np.ndarray, np.ndarray, float]:
-        return self.times, self.volts, self.period
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,18 +88,16 @@ class Rangefinder:
         Raises:
             ValueError: The method finds no echo.
         """
-        return self._range(_Record(*as_waveform(time, voltage)), method)
+        return self._range(as_waveform(time, voltage), method)
 
-    def _range(self, record: "_Record", method: str) -> float:
+    def _range(self, waveform: Waveform, method: str, curve: PulseCurve | None = None) -> float:
         template = self.shape if method == "matched-filter" else None
-        reading = Reading(method, self.threshold, template, self.fraction, self.shape).range_of(
-            record.waveform, record.curve
-        )
+        distance = Reading(method, self.threshold, template, self.fraction, self.shape).range_of(waveform, curve)
         if method == "leading-edge" and self.walk is not None:
-            curve, finer = record.curve or shaped_curve(record.volts, self.shape, record.period)
-            peak = curve.peak if finer > 1 else None
-            reading = self.walk.correct(record.times, record.volts, reading, peak=peak)
-        return reading - self.calibration[method]
+            times, volts, period = waveform
+            curve = curve or shaped_curve(volts, self.shape, period)
+            distance = self.walk.correct(times, volts, distance, peak=curve.peak if curve.upsampling > 1 else None)
+        return distance - self.calibration[method]
 
     def ranges(
         self,
@@ -129,10 +113,9 @@ class Rangefinder:
         """
         readable = [method for method in methods if method not in self.unreadable]
         found, faults = self._readings(time, voltage, readable, curve)
-        told = dict(self.unreadable)
-        for method, fault in faults.items():  # flow or noise left too weak an echo for this method
-            told[method] = f"the echo cannot be ranged: {fault}"
-        reasons = {method: told[method] for method in methods if method in told}
+        # Flow or noise left too weak an echo for the methods in `faults`.
+        known = {**self.unreadable, **{one: f"the echo cannot be ranged: {fault}" for one, fault in faults.items()}}
+        reasons = {method: known[method] for method in methods if method in known}
         return {method: found.get(method, math.nan) for method in methods}, reasons
 
     def _readings(
@@ -140,16 +123,16 @@ class Rangefinder:
     ) -> tuple[dict[str, float], dict[str, str]]:
         """Return the ranges [m] by method, and the reason for each method that cannot read the record."""
         try:
-            times, volts, period = as_waveform(time, voltage)
+            waveform = as_waveform(time, voltage)
         except ValueError as fault:
             return {}, dict.fromkeys(methods, str(fault))
-        made = None
+        shaped = None
         with suppress(ValueError):  # a record without a curve: each method reports the reason
-            made = shaped_curve(volts, self.shape, period, curve)
+            shaped = shaped_curve(waveform[1], self.shape, waveform[2], curve)
         found, faults = {}, {}
         for method in methods:
             try:
-                found[method] = self._range(_Record(times, volts, period, made), method)
+                found[method] = self._range(waveform, method, shaped)
             except ValueError as fault:
                 faults[method] = str(fault)
         return found, faults

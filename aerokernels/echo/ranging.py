@@ -18,17 +18,16 @@ the voltage: subtract the baseline first.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from ..derived import Derived
 from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import as_finite_array, as_waveform, check_choice, check_positive
+from ..inputs.checks import Waveform, as_finite_array, as_waveform, check_choice, check_positive
 from .pulse_curve import CENTROID_FLOOR, PulseCurve
 from .sampling_error import sampling_error, warn_of_sampling
 from .saturation import warn_of_saturation
-from .shaped_curve import Shape, best_place, shaped_curve, shifted_samples, template_transform
+from .shaped_curve import Shape, best_delay, shaped_curve, shifted_samples, template_transform
 from .waveform import SPEED_OF_LIGHT
 
 RANGING_METHODS = ("leading-edge", "constant-fraction", "centroid", "matched-filter")
@@ -87,9 +86,9 @@ def estimate_range(
     """
     waveform = as_waveform(time, voltage)
     reading = Reading(method, threshold, template, fraction)
-    found = reading.range_of(waveform)
+    distance = reading.range_of(waveform)
     reading.warn(*waveform[1:])
-    return found
+    return distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,12 +125,10 @@ class Reading:
         """Return the range [m] of samples [V] at times [s], without a warning; raises as `estimate_range`."""
         return self.range_of(as_waveform(time, voltage))
 
-    def range_of(
-        self, waveform: tuple[np.ndarray, np.ndarray, float], curve: tuple[PulseCurve, int] | None = None
-    ) -> float:
-        """Return the range [m] of a waveform from `as_waveform`; `curve` is the result of `shaped_curve`, or None."""
+    def range_of(self, waveform: Waveform, curve: PulseCurve | None = None) -> float:
+        """Return the range [m] of a waveform from `as_waveform`; `curve` is its `shaped_curve`, if there already."""
         times, volts, period = waveform
-        return 0.5 * SPEED_OF_LIGHT * (float(times[0]) + self._place(volts, period, curve) * period)
+        return 0.5 * SPEED_OF_LIGHT * (float(times[0]) + self._arrival(volts, period, curve) * period)
 
     def sampling_error(self, volts: np.ndarray, period: float) -> float:
         """Greatest error [m] due to the position of a record's pulse between its samples: see sampling_error.py."""
@@ -140,7 +137,7 @@ class Reading:
             template = _checked_samples(template)
 
         def read(samples: np.ndarray, known: Template | None) -> float:
-            return replace(self, template=known, shape=None)._place(samples, period)
+            return replace(self, template=known, shape=None)._arrival(samples, period)
 
         return sampling_error(volts, period, read, template, self.method != "leading-edge")
 
@@ -154,26 +151,26 @@ class Reading:
         warn_of_sampling(volts, period, self.method, error, self.template is not None)
         return error
 
-    def _place(self, volts: np.ndarray, period: float, made: tuple[PulseCurve, int] | None = None) -> float:
+    def _arrival(self, volts: np.ndarray, period: float, curve: PulseCurve | None = None) -> float:
         """Position of arrival [samples]."""
         template = self.template
         if self.method == "matched-filter":
             if template is None:
                 raise ValueError("method 'matched-filter' needs a template: a function of time, or the pulse's samples")
             shape = template_curve(template, period)
-            place = best_place(volts, shape, period)
-            _check_whole(shape, place, volts.size, period)
-            return place
-        known = template if callable(template) else None
-        curve, finer = made or shaped_curve(volts, self.shape or known, period)
-        place = self._arrival(curve) / finer
+            delay = best_delay(volts, shape, period)
+            _check_whole(shape, delay, volts.size, period)
+            return delay
+        if curve is None:
+            curve = shaped_curve(volts, self.shape or (template if callable(template) else None), period)
+        arrival = self._arrival_on(curve) / curve.upsampling
         if template is None or self.method == "leading-edge":
-            return place
-        samples, zero, finer = _template_samples(template, volts.size, period, finer)
-        return place - (self._arrival(PulseCurve(samples, is_whole=True)) - zero) / finer
+            return arrival
+        samples, zero, upsampling = _template_samples(template, volts.size, period, curve.upsampling)
+        return arrival - (self._arrival_on(PulseCurve(samples, is_whole=True)) - zero) / upsampling
 
-    def _arrival(self, curve: PulseCurve) -> float:
-        """Position of arrival [samples] by one of the methods that need no template."""
+    def _arrival_on(self, curve: PulseCurve) -> float:
+        """Position of arrival on a curve [its samples] by one of the methods that need no template."""
         if self.method == "leading-edge":
             if self.threshold is None:
                 raise ValueError("method 'leading-edge' needs a threshold [V]")
@@ -186,9 +183,9 @@ class Reading:
         return curve.rise_before_peak(share * curve.peak)
 
 
-def _check_whole(template: Shape, place: float, count: int, period: float) -> None:
+def _check_whole(template: Shape, delay: float, count: int, period: float) -> None:
     """Check that the record does not cut the matched pulse: a part of a pulse matches best elsewhere."""
-    peak, first, last = np.abs(template((np.array([place, 0.0, count - 1.0]) - place) * period))
+    peak, first, last = np.abs(template((np.array([delay, 0.0, count - 1.0]) - delay) * period))
     for height, when, remedy in ((first, "begins", "begin earlier"), (last, "ends", "end later")):
         if height >= CENTROID_FLOOR * peak:
             raise ValueError(f"the record {when} within the pulse that matches best: let it {remedy}")
@@ -201,24 +198,16 @@ class SampledTemplate(Derived):
     Attributes:
         samples: The samples, shape (k,).
         period: Sample period [s].
-        made: The curve through the samples, if it was computed already.
+        curve: The curve through the samples.
     """
 
     samples: np.ndarray
     period: float
-    made: PulseCurve | None = None
-
-    @cached_property
-    def curve(self) -> PulseCurve:
-        """The curve through the samples."""
-        return self.made or PulseCurve(self.samples)
+    curve: PulseCurve
 
     def __call__(self, time: np.ndarray) -> np.ndarray:
         """Return the template at times [s]."""
-        last = self.samples.size - 1
-        place = np.asarray(time) / self.period + int(np.argmax(self.samples))
-        inside = (place >= 0.0) & (place <= last)
-        return np.where(inside, self.curve.spline(np.clip(place, 0.0, last)), 0.0)
+        return self.curve.at(np.asarray(time) / self.period + int(np.argmax(self.samples)))
 
     def transform(self, count: int, period: float) -> tuple[np.ndarray, float]:
         """See `shaped_curve.template_transform`; the latest result is cached."""
@@ -247,7 +236,8 @@ def template_curve(
     """
     if callable(template):
         return template
-    return SampledTemplate(_checked_samples(template), period, curve)
+    samples = _checked_samples(template)
+    return SampledTemplate(samples, period, curve or PulseCurve(samples))
 
 
 def _checked_samples(template) -> np.ndarray:
@@ -259,10 +249,11 @@ def _checked_samples(template) -> np.ndarray:
     return samples
 
 
-def _template_samples(template: Template, count: int, period: float, finer: int) -> tuple[np.ndarray, int, int]:
+def _template_samples(template: Template, count: int, period: float, upsampling: int) -> tuple[np.ndarray, int, int]:
     """Return the template's samples, the position of its time zero, and the number of samples per waveform period."""
     if callable(template):
-        places = np.arange(-count * finer, count * finer + 1)
-        return _checked_samples(template(places * (period / finer))), count * finer, finer
+        reach = count * upsampling
+        times = np.arange(-reach, reach + 1) * (period / upsampling)
+        return _checked_samples(template(times)), reach, upsampling
     samples = _checked_samples(template)
     return samples, int(np.argmax(samples)), 1

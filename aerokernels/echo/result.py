@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -153,39 +153,41 @@ class EchoResult:
     @property
     def mean_strehl(self) -> float:
         """Mean Strehl ratio over the target points, weighted with their fractions of the beam's power."""
-        share = self.beam_share
-        good = np.isfinite(self.strehl) & (share > 0.0)
-        return float(share[good] @ self.strehl[good] / share[good].sum()) if good.any() else float("nan")
+        return self.beam_mean(self.strehl)
+
+    def beam_mean(self, values: np.ndarray) -> float:
+        """Return the mean of finite values over the target points, weighted with their fractions of the power."""
+        good = np.isfinite(values) & (self.beam_share > 0.0)
+        share = self.beam_share[good]
+        return float(share @ values[good] / share.sum()) if good.any() else math.nan
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return the echo as a dataset with units: `echo_power`, `echo_voltage` over "time", the rest over "point"."""
         import xarray
 
-        def point(values: np.ndarray, units: str, words: str) -> tuple:
-            return (("point", "axis") if values.ndim == 2 else ("point",), values, {"units": units, "long_name": words})
+        def variable(dims, values, units: str, words: str) -> tuple:
+            return dims, values, {"units": units, "long_name": words}
 
+        point, methods = partial(variable, "point"), partial(variable, "ranging_method")
+        offsets = [self.calibration.get(name, math.nan) for name in self.ranges]
         variables = {
-            "echo_power": ("time", self.power, {"units": "W", "long_name": "received power"}),
-            "echo_voltage": ("time", self.voltage, {"units": "V", "long_name": "detector voltage"}),
-            "echo_voltage_clean": ("time", self.clean_voltage, {"units": "V", "long_name": "voltage without noise"}),
-            "target_point": point(self.target_point, "m", "where the beam's rays land on the target"),
+            "echo_power": variable("time", self.power, "W", "received power"),
+            "echo_voltage": variable("time", self.voltage, "V", "detector voltage"),
+            "echo_voltage_clean": variable("time", self.clean_voltage, "V", "voltage without noise"),
+            "target_point": variable(
+                ("point", "axis"), self.target_point, "m", "where the beam's rays land on the target"
+            ),
             "path": point(self.path, "m", "optical path from the exit aperture to the target"),
-            "deflection": (
-                ("point", "transverse"),
-                self.deflection,
-                {"units": "rad", "long_name": "deflection by the flow on the way out"},
+            "deflection": variable(
+                ("point", "transverse"), self.deflection, "rad", "deflection by the flow on the way out"
             ),
             "incidence": point(self.incidence, "rad", "angle between ray and target normal"),
             "point_strehl": point(self.strehl, "1", "Strehl ratio of the return path"),
             "return_factor": point(self.return_factor, "1", "what the flow leaves of the light on its way back"),
             "beam_share": point(self.beam_share, "1", "share of the beam's power"),
             "point_power": point(self.point_power, "W", "peak of the point's own pulse at the receiver"),
-            "method_range": ("ranging_method", list(self.ranges.values()), {"units": "m", "long_name": "range"}),
-            "range_offset": (
-                "ranging_method",
-                [self.calibration.get(name, float("nan")) for name in self.ranges],
-                {"units": "m", "long_name": "calibration subtracted from the reading"},
-            ),
+            "method_range": methods(list(self.ranges.values()), "m", "range"),
+            "range_offset": methods(offsets, "m", "calibration subtracted from the reading"),
         }
         for name, words in (
             ("systematic_error", "mean range less the true one"),
@@ -193,11 +195,10 @@ class EchoResult:
             ("cramer_rao_bound", "least random error of any unbiased range"),
         ):
             if self.statistics:
-                values = [getattr(self.statistics.get(method), name, float("nan")) for method in self.ranges]
-                variables[f"range_{name}"] = ("ranging_method", values, {"units": "m", "long_name": words})
-        time = ("time", self.time, {"units": "s", "long_name": "time after the pulse's peak left"})
+                values = [getattr(self.statistics.get(method), name, math.nan) for method in self.ranges]
+                variables[f"range_{name}"] = methods(values, "m", words)
         coordinates = {
-            "time": time,
+            "time": variable("time", self.time, "s", "time after the pulse's peak left"),
             "axis": ["x", "y", "z"],
             "transverse": ["x", "y"],
             "ranging_method": list(self.ranges),

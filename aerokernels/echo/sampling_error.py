@@ -45,25 +45,23 @@ class CoarseSamplingWarning(UserWarning):
     """A record has too few samples across its pulse for the ranging method."""
 
 
-def half_widths(volts: np.ndarray) -> tuple[float, float] | None:
+def half_widths(curve: PulseCurve) -> tuple[float, float] | None:
     """Return the half widths at half the peak, before and after it [samples]; None if the record cuts the pulse."""
     try:
-        curve = PulseCurve(volts)
         level = 0.5 * curve.peak
-        before, after = curve.peak_place - curve.rise_before_peak(level), curve.fall_after_peak(level)
+        before, after = curve.peak_position - curve.rise_before_peak(level), curve.fall_after_peak(level)
     except ValueError:
         return None
-    return before, after - curve.peak_place
+    return before, after - curve.peak_position
 
 
-def edge_powers(volts: np.ndarray, before: float, after: float) -> tuple[float, float]:
+def edge_powers(curve: PulseCurve, before: float, after: float) -> tuple[float, float]:
     """Return the powers p of a record's edges before and after its peak, of these half widths [samples].
 
     A record with noise has the powers 2.
     """
-    curve = PulseCurve(volts)
-    place = np.arange(volts.size) - curve.peak_place
-    beside = volts[(place < -6.0 * before) | (place > 6.0 * after)]
+    position = np.arange(curve.samples.size) - curve.peak_position
+    beside = curve.samples[(position < -6.0 * before) | (position > 6.0 * after)]
     if beside.size and float(np.std(beside)) > NOISE * curve.peak:
         return 2.0, 2.0
     found = []
@@ -74,10 +72,10 @@ def edge_powers(volts: np.ndarray, before: float, after: float) -> tuple[float, 
 
 def _powers(curve: PulseCurve, low: float, high: float) -> tuple[float, float]:
     """Return the powers p of the edges before and after the peak, from the widths at two fractions of the peak."""
-    place, scale = curve.peak_place, np.log(np.log(low) / np.log(high))
+    peak, scale = curve.peak_position, np.log(np.log(low) / np.log(high))
     lower, upper = low * curve.peak, high * curve.peak
-    before = (place - curve.rise_before_peak(lower)) / (place - curve.rise_before_peak(upper))
-    after = (curve.fall_after_peak(lower) - place) / (curve.fall_after_peak(upper) - place)
+    before = (peak - curve.rise_before_peak(lower)) / (peak - curve.rise_before_peak(upper))
+    after = (curve.fall_after_peak(lower) - peak) / (curve.fall_after_peak(upper) - peak)
     first, second = (min(float(scale / np.log(max(ratio, 1.01))), STEEPEST) for ratio in (before, after))
     return first, second
 
@@ -95,32 +93,33 @@ def sampling_error(volts: np.ndarray, period: float, read: Reader, template, com
     Returns:
         The error; 0 if there are enough samples; NaN if it cannot be measured, for instance for a pulse that is cut.
     """
-    sides = half_widths(volts)
+    curve = PulseCurve(volts)
+    sides = half_widths(curve)
     if sides is None:
         return float("nan")
     before, after = sides
     if before + after >= (ENOUGH_SAMPLES if callable(template) else ENOUGH_OF_ANY):
         return 0.0
     try:
-        steep = (2.0, 2.0) if callable(template) else edge_powers(volts, before, after)
+        steep = (2.0, 2.0) if callable(template) else edge_powers(curve, before, after)
     except ValueError:  # the record cuts the foot of the pulse
         steep = (2.0, 2.0)
     if before + after >= ENOUGH_SAMPLES and steep == (2.0, 2.0):
         return 0.0
-    peak = PulseCurve(volts).peak
+    peak = curve.peak
     reach = int(8.0 * (before + after)) + 16
 
-    def pulse(place: np.ndarray, narrower: float = 1.0) -> np.ndarray:
+    def pulse(position: np.ndarray, narrower: float = 1.0) -> np.ndarray:
         if callable(template):
             top = float(np.max(template(np.linspace(-reach, reach, 2 * reach * _FINE + 1) * period)))
-            return peak / top * np.asarray(template(place * period), dtype=np.float64)
-        side = np.where(place < 0.0, before, after)
-        return peak * np.exp2(-(np.abs(place / (narrower * side)) ** np.where(place < 0.0, *steep)))
+            return peak / top * np.asarray(template(position * period), dtype=np.float64)
+        side = np.where(position < 0.0, before, after)
+        return peak * np.exp2(-(np.abs(position / (narrower * side)) ** np.where(position < 0.0, *steep)))
 
     whole = np.arange(-reach, reach + 1, dtype=np.float64)
     phases = np.arange(PHASE_COUNT) / PHASE_COUNT
-    looks = [sum(half_widths(pulse(whole - phase)) or (0.0,)) for phase in phases]
-    pulse = partial(pulse, narrower=min(1.0, (before + after) / max(max(looks), 1e-9)))
+    widths = [sum(half_widths(PulseCurve(pulse(whole - phase))) or (0.0,)) for phase in phases]
+    pulse = partial(pulse, narrower=min(1.0, (before + after) / max(max(widths), 1e-9)))
     given = pulse(whole) if isinstance(template, np.ndarray) else template
     try:
         fine = np.arange(-reach * _FINE, reach * _FINE + 1) / _FINE
@@ -138,7 +137,7 @@ def sampling_error(volts: np.ndarray, period: float, read: Reader, template, com
 
 def warn_of_sampling(volts: np.ndarray, period: float, method: str, error: float, shape_given: bool) -> None:
     """Warn that a reading has an error of up to `error` [m], if the error exceeds the tolerated one."""
-    sides = half_widths(volts)
+    sides = half_widths(PulseCurve(volts))
     if sides is None or not error > TOLERATED * 0.5 * SPEED_OF_LIGHT * period * sum(sides):
         return
     remedy = "" if shape_given else ", or give the pulse's shape as template (a function of time)"

@@ -79,7 +79,7 @@ def warn_of_saturation(volts: np.ndarray, period: float, fraction: float, shape:
         if np.count_nonzero(own >= own.max() * (1.0 - 1e-12)) >= count - 1:
             return False
     warnings.warn(
-        f"the {count} greatest samples of the record are alike, as where an amplifier or a digitiser saturates at "
+        f"the {count} greatest samples of the record are equal, as if an amplifier or a digitiser saturated at "
         f"{float(volts.max()):.4g} V: if the pulse goes on above them, method 'constant-fraction' reads up to "
         f"{0.5 * SPEED_OF_LIGHT * period * shift:.2g} m too little; attenuate the signal, raise the digitiser's range, "
         "or take 'leading-edge'",

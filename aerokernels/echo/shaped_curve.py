@@ -28,31 +28,29 @@ POINTS, SAME = 12, 1e-12
 Shape = Callable[[np.ndarray], np.ndarray]
 
 
-def shaped_curve(
-    volts: np.ndarray, shape: Shape | None, period: float, made: PulseCurve | None = None
-) -> tuple[PulseCurve, int]:
-    """Return the curve of a pulse, and the number of the curve's points per sample period.
+def shaped_curve(volts: np.ndarray, shape: Shape | None, period: float, plain: PulseCurve | None = None) -> PulseCurve:
+    """Return the curve of a pulse, with more points than samples if there are few samples across the pulse.
 
     Args:
         volts: Samples, shape (n,).
         shape: The pulse as a function of time [s], of any amplitude and time zero; None: not known.
         period: Sample period [s].
-        made: The curve through the samples alone, if it was computed already.
+        plain: The curve through the samples alone, if it was computed already.
     """
-    factor = _finer(volts)
+    factor = _upsampling_factor(volts)
     if shape is None or factor == 1:
-        return made or PulseCurve(volts), 1
+        return plain or PulseCurve(volts)
     try:
-        place, height = best_match(volts, shape, period)
+        delay, height = best_match(volts, shape, period)
     except ValueError:  # no pulse of that shape
-        return PulseCurve(volts), 1
+        return plain or PulseCurve(volts)
     samples = np.arange(volts.size)
     dense = np.arange((volts.size - 1) * factor + 1) / factor
-    left = PulseCurve(volts - height * shape((samples - place) * period)).spline
-    return PulseCurve(height * shape((dense - place) * period) + left(dense)), factor
+    remainder = PulseCurve(volts - height * shape((samples - delay) * period)).spline
+    return PulseCurve(height * shape((dense - delay) * period) + remainder(dense), upsampling=factor)
 
 
-def _finer(volts: np.ndarray) -> int:
+def _upsampling_factor(volts: np.ndarray) -> int:
     """Return the factor by which samples must be finer to have enough of them across the pulse at the greatest one."""
     top = int(np.argmax(volts))
     below = np.flatnonzero(volts < 0.5 * volts[top])
@@ -68,14 +66,14 @@ def best_match(volts: np.ndarray, curve: Shape, period: float) -> tuple[float, f
         Position of the pulse's time zero [samples], and the factor by which the pulse fits best.
 
     Raises:
-        ValueError: As for `best_place`, which has the same arguments.
+        ValueError: As for `best_delay`, which has the same arguments.
     """
-    start, found = _best_place(volts, curve, period)
-    expected = curve((np.arange(volts.size) - start - found) * period)
-    return start + found, float(volts @ expected) / (float(expected @ expected) or 1.0)
+    start, offset = _best_delay(volts, curve, period)
+    expected = curve((np.arange(volts.size) - start - offset) * period)
+    return start + offset, float(volts @ expected) / (float(expected @ expected) or 1.0)
 
 
-def best_place(volts: np.ndarray, curve: Shape, period: float) -> float:
+def best_delay(volts: np.ndarray, curve: Shape, period: float) -> float:
     """Return the delay at which a pulse correlates best with the samples.
 
     Args:
@@ -89,16 +87,16 @@ def best_place(volts: np.ndarray, curve: Shape, period: float) -> float:
     Raises:
         ValueError: A pulse that is not finite, or no positive correlation anywhere.
     """
-    return sum(_best_place(volts, curve, period))
+    return sum(_best_delay(volts, curve, period))
 
 
-def _best_place(volts: np.ndarray, curve: Shape, period: float) -> tuple[int, float]:
-    """Return the sample nearest to the best position, and the position's distance from it [samples]."""
+def _best_delay(volts: np.ndarray, curve: Shape, period: float) -> tuple[int, float]:
+    """Return the sample nearest to the best delay, and the delay's difference from it [samples]."""
     from scipy.fft import irfft, next_fast_len, rfft
 
     count = volts.size
-    kept = getattr(curve, "transform", None)
-    transform, norm = template_transform(curve, count, period) if kept is None else kept(count, period)
+    transform_of = getattr(curve, "transform", None) or partial(template_transform, curve)
+    transform, norm = transform_of(count, period)
     # Entry k of "valid" is the sum over i of volts[i] template(i - (count - 1 - k)): reversed, entry j is delay j.
     size = next_fast_len(2 * count - 1, real=True)
     coarse = irfft(transform * np.conj(rfft(volts, size)), size)[:count][::-1]
@@ -108,7 +106,7 @@ def _best_place(volts: np.ndarray, curve: Shape, period: float) -> tuple[int, fl
     if np.ptp(volts) <= ROUNDING * float(np.abs(volts).max()):
         raise ValueError(f"there is no pulse: the record is {volts[0]:g} V throughout")
     if coarse[start] <= least:
-        raise ValueError("the waveform has no positive correlation with the template anywhere: is a sign turned?")
+        raise ValueError("the waveform has no positive correlation with the template anywhere: is a sign inverted?")
     places = np.arange(count) - start
     shifted = getattr(curve, "shifted", None) or partial(shifted_samples, curve)
 
@@ -154,20 +152,20 @@ def greatest_within(values: Callable[[np.ndarray], np.ndarray], low: float, high
     coefficients[0] *= 0.5
     size = float(np.abs(found).max())
     # Leave out negligible orders, so that rounding makes no roots.
-    held = chebyshev.chebtrim(coefficients, ROUNDING * size)
-    if len(held) < POINTS - 1 and np.isfinite(held).all():
-        roots = chebyshev.chebroots(chebyshev.chebder(held)) if len(held) > 2 else np.zeros(0)
+    trimmed = chebyshev.chebtrim(coefficients, ROUNDING * size)
+    if len(trimmed) < POINTS - 1 and np.isfinite(trimmed).all():
+        roots = chebyshev.chebroots(chebyshev.chebder(trimmed)) if len(trimmed) > 2 else np.zeros(0)
         inner = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)]
-        places = np.concatenate([inner, [-1.0, 1.0]])
-        heights = chebyshev.chebval(places, held)
+        candidates = np.concatenate([inner, [-1.0, 1.0]])
+        heights = chebyshev.chebval(candidates, trimmed)
         best = int(np.argmax(heights))
-        place = middle + half * float(places[best])
-        if abs(float(values(np.array([place]))[0]) - heights[best]) <= SAME * size:
-            return place
+        position = middle + half * float(candidates[best])
+        if abs(float(values(np.array([position]))[0]) - heights[best]) <= SAME * size:
+            return position
     from scipy.optimize import minimize_scalar
 
     search = {"bounds": (low, high), "method": "bounded", "options": {"xatol": 1e-10}}
-    return float(minimize_scalar(lambda place: -float(values(np.array([place]))[0]), **search).x)
+    return float(minimize_scalar(lambda position: -float(values(np.array([position]))[0]), **search).x)
 
 
 def template_transform(curve: Shape, count: int, period: float) -> tuple[np.ndarray, float]:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..files.netcdf_lazy import told_of
+from ..files.netcdf_lazy import errors_naming
 
 if TYPE_CHECKING:
     import xarray
@@ -28,7 +28,7 @@ def echo_of_result(path: Path, result: "xarray.Dataset") -> tuple[np.ndarray, np
         result["echo_voltage"].dims == result["time"].dims == result["time"].dims[:1] != ()
     ):
         raise ValueError(f"result {path}: holds no 'echo_voltage' over 'time'; give the result.nc of a run")
-    with told_of(path):
+    with errors_naming(path):
         time, voltage = (result[name].values for name in ("time", "echo_voltage"))
     if not (time.dtype.kind in "iuf" and voltage.dtype.kind in "iuf" and time.size >= LEAST_SAMPLES):
         raise ValueError(f"result {path}: its 'time' and 'echo_voltage' are no rows of numbers; run it again")

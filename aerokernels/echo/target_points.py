@@ -80,8 +80,8 @@ def target_points(scene: Scene, limits: str | None = None) -> TargetPoints:
     across, along = (max(side, count) for count in _resolving_counts(scene, outline))
     if across * along > GREATEST_POINT_COUNT:
         raise ValueError(
-            f"the target is deep against the pulse: {across} x {along} points of the beam were needed to sum up its "
-            "echo; take a longer beam.pulse_tau, or a smaller target.tilt or beam.radius"
+            f"the target is deep against the pulse: {across} x {along} points of the beam would be needed to sum up "
+            "its echo; take a longer beam.pulse_tau, or a smaller target.tilt or beam.radius"
         )
     flat, area = polygon_points(outline, across, along)
     density = 2.0 / (math.pi * beam.radius**2) * np.exp(-2.0 * np.sum(flat**2, axis=1) / beam.radius**2)
@@ -141,21 +141,21 @@ def clip_polygon(outline: np.ndarray, window: np.ndarray) -> np.ndarray:
     I. Sutherland, G. Hodgman, Reentrant polygon clipping, Comm. ACM 17 (1974): clip at one edge of the window after the
     other.
     """
-    kept = outline
+    inner = outline
     for first, second in zip(window, np.roll(window, -1, axis=0), strict=True):
-        if not len(kept):
+        if not len(inner):
             break
         along = second - first
-        inside = along[0] * (kept[:, 1] - first[1]) - along[1] * (kept[:, 0] - first[0])
+        inside = along[0] * (inner[:, 1] - first[1]) - along[1] * (inner[:, 0] - first[0])
         corners: list[np.ndarray] = []
-        for k in range(len(kept)):
+        for k in range(len(inner)):
             here, there = inside[k - 1], inside[k]
             if (here >= 0.0) != (there >= 0.0):
-                corners.append(kept[k - 1] + here / (here - there) * (kept[k] - kept[k - 1]))
+                corners.append(inner[k - 1] + here / (here - there) * (inner[k] - inner[k - 1]))
             if there >= 0.0:
-                corners.append(kept[k])
-        kept = np.array(corners).reshape(-1, 2)
-    return kept
+                corners.append(inner[k])
+        inner = np.array(corners).reshape(-1, 2)
+    return inner
 
 
 def polygon_points(outline: np.ndarray, across: int, along: int | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .netcdf_lazy import FarVariable, dataset_of, held_still, state_of, told_of
+from .netcdf_lazy import FileVariable, dataset_of, errors_naming, file_state, unchanged
 
 if TYPE_CHECKING:
     import xarray
@@ -69,18 +69,18 @@ def open_classic(path: Path, decode_times: bool = True) -> "xarray.Dataset":
         ValueError: A damaged file, or one that changes while it is read; the message names the file. Reading its arrays
             raises the same.
     """
-    with told_of(path):
-        state = state_of(path)
+    with errors_naming(path):
+        state = file_state(path)
         variables, places, attributes = _described(path)
 
         def read(name: str, key: tuple) -> np.ndarray:
-            with held_still(path, state):
+            with unchanged(path, state):
                 return places[name].values(path, key)
 
         return dataset_of(path, variables, attributes, decode_times, read)
 
 
-def _described(path: Path) -> tuple[dict[str, FarVariable], dict[str, Place], dict[str, Any]]:
+def _described(path: Path) -> tuple[dict[str, FileVariable], dict[str, Place], dict[str, Any]]:
     from scipy.io import netcdf_file
 
     with warnings.catch_warnings():
@@ -93,7 +93,7 @@ def _described(path: Path) -> tuple[dict[str, FarVariable], dict[str, Place], di
                 step = data.strides[0] if data.ndim else data.itemsize
                 places[name] = Place(_address(data) - start, step, data.shape, data.dtype)
                 kind = data.dtype.newbyteorder("=")
-                variables[name] = FarVariable(own.dimensions, data.shape, kind, _decoded(own._attributes), None, None)
+                variables[name] = FileVariable(own.dimensions, data.shape, kind, _decoded(own._attributes), None, None)
             return variables, places, _decoded(file._attributes)
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import xarray
 
 
-class FarVariable(NamedTuple):
+class FileVariable(NamedTuple):
     """A variable of a file: the names of its dimensions, shape, type, attributes, chunks, and its values if small."""
 
     dims: tuple[str, ...]
@@ -25,14 +25,14 @@ class FarVariable(NamedTuple):
     values: np.ndarray | None
 
 
-def state_of(path: Path) -> tuple[int, int]:
+def file_state(path: Path) -> tuple[int, int]:
     """Return size and modification time of a file, to detect that it has changed."""
     found = path.stat()
     return found.st_size, found.st_mtime_ns
 
 
 @contextmanager
-def held_still(path: Path, state: tuple[int, int]) -> Iterator[None]:
+def unchanged(path: Path, state: tuple[int, int]) -> Iterator[None]:
     """Check before and after a block that a file is the one that was opened, so that no values of two files are mixed.
 
     Raises:
@@ -47,15 +47,15 @@ def held_still(path: Path, state: tuple[int, int]) -> Iterator[None]:
 
 def _check_state(path: Path, state: tuple[int, int]) -> None:
     try:
-        now = state_of(path)
+        now = file_state(path)
     except OSError as fault:
-        raise ValueError(f"{path}: it was there when it was opened, and is not now ({fault.strerror})") from None
+        raise ValueError(f"{path}: it was opened, but no longer exists ({fault.strerror})") from None
     if now != state:
         raise ValueError(f"{path}: it has changed since it was opened: open it again, once it is written")
 
 
 @contextmanager
-def told_of(path: Path) -> Iterator[None]:
+def errors_naming(path: Path) -> Iterator[None]:
     """Convert the various errors that libraries raise for a damaged file to a ValueError that names the file."""
     try:
         yield
@@ -73,7 +73,7 @@ def _in_words(fault: Exception) -> str:
 
 def dataset_of(
     path: Path,
-    variables: dict[str, FarVariable],
+    variables: dict[str, FileVariable],
     attributes: dict[str, Any],
     decode_times: bool,
     read: Callable[[str, tuple], np.ndarray] | None = None,
@@ -83,8 +83,8 @@ def dataset_of(
     from xarray.backends import AbstractDataStore, BackendArray
     from xarray.core.indexing import IndexingSupport, LazilyIndexedArray, explicit_indexing_adapter
 
-    class FarArray(BackendArray):
-        def __init__(self, name: str, own: FarVariable):
+    class FileArray(BackendArray):
+        def __init__(self, name: str, own: FileVariable):
             self.name, self.shape = name, own.shape
             self.dtype = np.dtype(object) if isinstance(own.dtype, str) else own.dtype
 
@@ -100,12 +100,12 @@ def dataset_of(
                     raise
                 raise ValueError(f"{path}: {self.name} cannot be read ({_in_words(fault)}): {DAMAGED}") from fault
 
-    class FarFile(AbstractDataStore):
+    class OpenFile(AbstractDataStore):
         def get_variables(self) -> dict[str, Any]:
             return {name: self.variable(name, own) for name, own in variables.items()}
 
-        def variable(self, name: str, own: FarVariable) -> Any:
-            data: Any = LazilyIndexedArray(FarArray(name, own)) if own.values is None else own.values
+        def variable(self, name: str, own: FileVariable) -> Any:
+            data: Any = LazilyIndexedArray(FileArray(name, own)) if own.values is None else own.values
             encoding = {"dtype": str if isinstance(own.dtype, str) else own.dtype, "chunksizes": own.chunks}
             return xarray.Variable(own.dims, data, own.attributes, encoding)
 
@@ -115,4 +115,4 @@ def dataset_of(
         def get_encoding(self) -> dict[str, Any]:
             return {}
 
-    return xarray.decode_cf(FarFile(), decode_times=decode_times)
+    return xarray.decode_cf(OpenFile(), decode_times=decode_times)

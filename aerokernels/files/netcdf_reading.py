@@ -14,7 +14,7 @@ import numpy as np
 from ..process.fragile import in_child
 from ..process.room import check_file
 from .netcdf_classic import is_classic, open_classic
-from .netcdf_lazy import FarVariable, dataset_of, held_still, state_of, told_of
+from .netcdf_lazy import FileVariable, dataset_of, errors_naming, file_state, unchanged
 
 if TYPE_CHECKING:
     import xarray
@@ -41,22 +41,24 @@ def open_netcdf(
         ValueError: A damaged file, or one of another format; the message names it and quotes HDF5. Reading its arrays
             raises the same.
     """
-    with told_of(path):
+    with errors_naming(path):
         if is_classic(path):
             data = open_classic(path, decode_times)
             return data.load() if whole else data
-        state = state_of(path)
+        state = file_state(path)
         found = in_child(path, f"{__name__}:describe", path, what, most_axes, float("inf") if whole else SMALL)
 
         def read(name: str, key: tuple) -> np.ndarray:
-            with held_still(path, state):
+            with unchanged(path, state):
                 return np.asarray(in_child(path, f"{__name__}:values", path, name, key))
 
         data = dataset_of(path, found[0], found[1], decode_times, read)
         return data.load() if whole else data
 
 
-def describe(path: Path, what: str, most_axes: float, greatest: float) -> tuple[dict[str, FarVariable], dict[str, Any]]:
+def describe(
+    path: Path, what: str, most_axes: float, greatest: float
+) -> tuple[dict[str, FileVariable], dict[str, Any]]:
     """Return, in the child, a file's variables and attributes, with the values of arrays of up to `greatest` bytes."""
     check_file(path, what, most_axes)
     with _opened(path) as file:
@@ -66,7 +68,7 @@ def describe(path: Path, what: str, most_axes: float, greatest: float) -> tuple[
 def values(path: Path, name: str, key: tuple) -> np.ndarray:
     """Read, in the child, some values of a variable."""
     with _opened(path) as file:
-        return _checked(name, file.variables[name][key])
+        return _checked(file.variables[name][key])
 
 
 def _opened(path: Path) -> Any:
@@ -75,15 +77,15 @@ def _opened(path: Path) -> Any:
     return h5netcdf.File(path, "r", phony_dims="access", decode_vlen_strings=True)
 
 
-def _described(variable: Any, greatest: float) -> FarVariable:
+def _described(variable: Any, greatest: float) -> FileVariable:
     kind = np.dtype(variable.dtype)
     dtype = TEXT if kind.kind in "OU" else kind
     size = float(np.prod(variable.shape, dtype=float)) * kind.itemsize
-    held = _checked(variable.name, variable[...]) if size <= greatest else None
-    return FarVariable(variable.dimensions, variable.shape, dtype, _attributes(variable), variable.chunks, held)
+    values = _checked(variable[...]) if size <= greatest else None
+    return FileVariable(variable.dimensions, variable.shape, dtype, _attributes(variable), variable.chunks, values)
 
 
-def _checked(name: str, found: Any) -> np.ndarray:
+def _checked(found: Any) -> np.ndarray:
     found = np.asarray(found)
     if found.dtype.kind == "O":
         pickle.dumps(found)  # texts can be sent; HDF5 references raise a TypeError here

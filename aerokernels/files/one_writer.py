@@ -32,28 +32,28 @@ def only_writer(path: Path, name: str = "--out") -> Iterator[None]:
         ValueError: Another process is writing there.
     """
     place = Path(os.path.realpath(path))
-    mine = WRITING, place, os.getpid(), threading.get_ident()
-    if mine in OPENED.held(WRITING):
+    key = WRITING, place, os.getpid(), threading.get_ident()
+    if key in OPENED.held(WRITING):
         yield
         return
-    made = [parent for parent in place.parents if not parent.exists()]
+    new_folders = [parent for parent in place.parents if not parent.exists()]
     try:
         lock = _locked(place, f"{name}{'=' if name.isidentifier() else ' '}{path}")
-        OPENED.once(mine, lambda: True)
+        OPENED.once(key, lambda: True)
         try:
             yield
         finally:
-            OPENED.take_out(mine)
+            OPENED.take_out(key)
             if lock is not None:
                 Path(lock.name).unlink(missing_ok=True)
                 lock.close()
     finally:
-        for parent in made:
+        for parent in new_folders:
             with suppress(OSError):
                 parent.rmdir()
 
 
-def _locked(place: Path, told: str) -> TextIOWrapper | None:
+def _locked(place: Path, label: str) -> TextIOWrapper | None:
     """Return the lock of a place; None if the system has no locks."""
     try:
         import fcntl
@@ -69,7 +69,7 @@ def _locked(place: Path, told: str) -> TextIOWrapper | None:
             if fault.errno == errno.ENOENT and not place.parent.exists():
                 continue  # another process has just removed the folder that it had made
             if fault.errno in NO_FILES:
-                raise ValueError(f"{told}: no file can be made there ({fault.strerror}); take another") from None
+                raise ValueError(f"{label}: no file can be made there ({fault.strerror}); take another") from None
             raise
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -81,7 +81,7 @@ def _locked(place: Path, told: str) -> TextIOWrapper | None:
         except OSError as fault:
             file.close()
             if fault.errno in (errno.EWOULDBLOCK, errno.EACCES):
-                raise ValueError(f"{told}: another process is at work there; wait for it, or take another") from None
+                raise ValueError(f"{label}: another process is at work there; wait for it, or take another") from None
             path.unlink(missing_ok=True)
             return None
         file.close()

@@ -148,8 +148,9 @@ def _sample_times(sample_count: int, sample_period_ps: int) -> np.ndarray:
 
 def _interpolated(time: np.ndarray, echo_time: np.ndarray, voltage: np.ndarray) -> np.ndarray:
     """Interpolate an echo's voltage at other times [s] by the quintic spline; 0 V outside its record."""
-    from aerokernels.echo.ranging import SampledTemplate
+    from aerokernels.echo.pulse_curve import PulseCurve
     from aerokernels.inputs.checks import as_waveform
 
     echo_time, voltage, period = as_waveform(echo_time, voltage)
-    return SampledTemplate(voltage, period)(time - echo_time[np.argmax(voltage)])
+    peak = int(np.argmax(voltage))
+    return PulseCurve(voltage).at((time - echo_time[peak]) / period + peak)

@@ -124,8 +124,8 @@ def _refuse_shuffled(arguments: dict[str, Any]) -> None:
         first, order = labelled[0]
         if len(index) == len(order) and not index.equals(order) and index.sort_values().equals(order.sort_values()):
             raise ValueError(
-                f"{first} and {name} have the same labels in different orders, and are read by place: bring them into "
-                f"one order ({name}.loc[{first}.index]), or drop the labels ({name}.to_numpy())"
+                f"{first} and {name} have the same labels in different orders, but are paired by position: bring them "
+                f"into one order ({name}.loc[{first}.index]), or drop the labels ({name}.to_numpy())"
             )
 
 

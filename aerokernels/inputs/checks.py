@@ -13,6 +13,9 @@ UNEVENNESS = 1e-3
 # No rangefinder has a longer sample period [s]: the times are in nanoseconds, or are sample numbers.
 LONGEST_PERIOD = 1e-3
 
+# Times [s], samples, and the sample period [s], as `as_waveform` returns them.
+Waveform = tuple[np.ndarray, np.ndarray, float]
+
 
 def check_path(value: Any, name: str) -> Path:
     """Return `value`, a text or path-like of texts, as a path.
@@ -55,14 +58,16 @@ def check_at_least(value: float, name: str, least: float = -math.inf) -> float:
     return number
 
 
-def check_count(count: int, name: str = "ray_count", least: int = 1) -> int:
-    """Return a whole number that is not below `least`.
+def check_count(count: int, name: str = "ray_count", least: int = 1, most: int | None = None) -> int:
+    """Return a whole number that is not below `least`, nor above `most`.
 
     Raises:
         ValueError: It is not.
     """
-    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < least:
-        raise ValueError(f"{name} must be a whole number of at least {least}, got {count!r}")
+    is_whole = isinstance(count, (int, np.integer)) and not isinstance(count, bool)
+    if not is_whole or count < least or (most is not None and count > most):
+        limits = f"of at least {least}" if most is None else f"from {least} to {most}"
+        raise ValueError(f"{name} must be a whole number {limits}, got {count!r}")
     return int(count)
 
 
@@ -75,7 +80,7 @@ def check_share(value: float, name: str) -> float:
     """
     number = _as_number(value, name)
     if not 0.0 <= number <= 1.0:
-        raise ValueError(f"{name} must lie between 0 and 1 (a share, not per cent), got {value!r}")
+        raise ValueError(f"{name} must lie between 0 and 1 (a fraction, not per cent), got {value!r}")
     return number
 
 
@@ -137,7 +142,7 @@ def as_finite_array(values, name: str) -> np.ndarray:
     return array
 
 
-def as_waveform(time, voltage, least_count: int = 4) -> tuple[np.ndarray, np.ndarray, float]:
+def as_waveform(time, voltage, least_count: int = 4) -> Waveform:
     """Check a sampled waveform, and return it as float64 with its sample period.
 
     Args:

@@ -9,11 +9,7 @@ from decimal import Decimal, DecimalException
 
 # For each dimension: its noun in messages, its SI unit, and the factor from each unit to SI.
 _DIMENSIONS: dict[str, tuple[str, str, dict[str, float]]] = {
-    "length": (
-        "a length",
-        "m",
-        {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3},
-    ),
+    "length": ("a length", "m", {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}),
     "time": ("a time", "s", {"fs": 1e-15, "ps": 1e-12, "ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0}),
     "angle": (
         "an angle",

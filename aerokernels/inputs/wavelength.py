@@ -43,28 +43,28 @@ def _meant(length: float) -> str:
     return "905e-9 for 905 nm"
 
 
-def field_wavelength(made_for: float | None, asked: SupportsFloat | None) -> float:
+def field_wavelength(own: float | None, requested: SupportsFloat | None) -> float:
     """Return the wavelength [m] at which a field is evaluated: its own, the requested one, or the paper's laser's.
 
     Args:
-        made_for: The field's own [m], or None if it was made from contrasts without a wavelength.
-        asked: The requested wavelength [m], or None.
+        own: The field's own [m], or None if it was made from contrasts without a wavelength.
+        requested: The requested wavelength [m], or None.
 
     Raises:
         TypeError: As `check_wavelength`.
         ValueError: As `check_wavelength`; or the field was made for another wavelength.
     """
-    if asked is None:
-        return DEFAULT_WAVELENGTH if made_for is None else made_for
-    wavelength = check_wavelength(asked)
-    if made_for is None:
+    if requested is None:
+        return DEFAULT_WAVELENGTH if own is None else own
+    wavelength = check_wavelength(requested)
+    if own is None:
         return wavelength
-    if abs(wavelength - made_for) > SAME * made_for:
+    if abs(wavelength - own) > SAME * own:
         raise ValueError(
-            f"wavelength {wavelength:g} m is asked for, but the index field was made for {made_for:g} m: make the "
+            f"wavelength {wavelength:g} m was requested, but the index field was made for {own:g} m: make the "
             f"index field at that wavelength, index_field(wavelength={wavelength:g}), or leave wavelength out"
         )
-    return made_for
+    return own
 
 
 def check_spectrum(wavelengths, weights=None, colours: int | None = None) -> tuple[np.ndarray, np.ndarray]:

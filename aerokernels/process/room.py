@@ -33,8 +33,8 @@ def check_room(size: float, what: str) -> None:
     room = SHARE * free_memory()
     if size > room:
         raise NoRoomError(
-            f"{what} announces {_text(size)} and there is room for {_text(room)}: the file is damaged, or is to be "
-            "cut down to the part that is needed"
+            f"{what} announces {_text(size)} and there is memory for {_text(room)}: the file is damaged, or must be "
+            "cut to the part that is needed"
         )
 
 

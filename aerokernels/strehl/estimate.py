@@ -81,26 +81,9 @@ def estimate_strehl(
         ValueError: A name or number that makes no sense; another wavelength than the field's; no ray that meets the
             field, or that arrives; symmetry=True without symmetry; a truncated view without `allow_truncation`.
     """
+    options = {name: value for name, value in locals().items() if name not in ("field", "pupil", "seed")}
     with clocked() as seconds:
-        prepared = prepare_strehl(
-            field,
-            pupil,
-            wavelength=wavelength,
-            ray_count=ray_count,
-            tolerance=tolerance,
-            remove=remove,
-            backend=backend,
-            device=device,
-            precision=precision,
-            method=method,
-            step=step,
-            max_steps=max_steps,
-            direction=direction,
-            symmetry=symmetry,
-            bundle=bundle,
-            allow_truncation=allow_truncation,
-        )
-        found = prepared(seed)
+        found = prepare_strehl(field, pupil, **options)(seed)
     return replace(found, seconds=seconds)
 
 
@@ -241,15 +224,15 @@ class PreparedStrehl:
         """
         if not isinstance(field, IndexField):
             raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
-        made = object.__new__(PreparedStrehl)  # a copy without preparing again
-        vars(made).update(vars(self))
-        made._turn = threading.Lock()
+        other = object.__new__(PreparedStrehl)  # a copy without preparing again
+        vars(other).update(vars(self))
+        other._turn = threading.Lock()
         with clocked() as seconds:
-            made.field, made.wavelength = field, field.wavelength_for(self.asked_wavelength)
-            made._make_job(self.job)
-            made.plan = made.job.planned  # uploads
-        made.seconds = seconds
-        return made
+            other.field, other.wavelength = field, field.wavelength_for(self.asked_wavelength)
+            other._make_job(self.job)
+            other.plan = other.job.planned  # uploads
+        other.seconds = seconds
+        return other
 
     def for_fields(self, fields: Iterable[IndexField], seed: int = 0) -> Iterator[StrehlEstimate]:
         """Return the estimates for many other values of the field, in order: `with_field(field)(seed)`.
@@ -290,7 +273,7 @@ class PreparedStrehl:
             traced += count * REPLICATES
             evaluations += sums.evaluation_count
             points = "radial quadrature" if job.is_radial else "lattice"
-            finer = f"one of {REPLICATES} x {count}" if job.is_radial else "as many rays as were asked for"
+            finer = f"one of {REPLICATES} x {count}" if job.is_radial else "as many rays as requested"
             why.append(f"standard error of the {points} above {settled:g}, as at an edge: {finer}")
         standard_error = sums.standard_error
         plan = job.planned_for(run, *why)
@@ -300,8 +283,8 @@ class PreparedStrehl:
         estimate = combined(total, sums.phasors, wavelength, self.remove)
         if met_nothing(self.field, max(abs(mean), rms), wavelength, self.tolerance):
             _warn(
-                "every ray of the pupil passes through undisturbed air only, though the field holds other: the Strehl "
-                "ratio is 1; check the units (metres are expected), the direction and the position of the pupil"
+                "all rays of the pupil pass through undisturbed air only, although the field is disturbed elsewhere: "
+                "the Strehl ratio is 1; check the units (metres are expected), and the pupil's direction and position"
             )
 
         spread = partial(

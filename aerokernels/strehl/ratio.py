@@ -54,11 +54,7 @@ def strehl(
         >>> round(strehl(step, 905e-9), 6)
         0.0
     """
-    wavelength = check_wavelength(wavelength)
-    points = map_points(opd, points)
-    opd, weights = check_wavefront(opd, weights)
-    check_metres(opd, weights)
-    opd = remove_terms(opd, remove, points, weights)
+    opd, weights, wavelength = _residual(opd, wavelength, weights, remove, points)
     return abs(mean_phasor(opd, weights, wavelength)) ** 2
 
 
@@ -79,12 +75,17 @@ def strehl_marechal(
         >>> round(strehl_marechal(step, 905e-9), 3)
         0.085
     """
+    opd, weights, wavelength = _residual(opd, wavelength, weights, (*check_terms(remove), "piston"), points)
+    return float(np.exp(-((2.0 * np.pi / wavelength) ** 2) * weighted_mean(weights, opd**2)))
+
+
+def _residual(opd, wavelength, weights, remove, points) -> tuple[np.ndarray, np.ndarray, float]:
+    """Check the arguments; return the OPD [m] without the removed terms, the weights and the wavelength [m]."""
     wavelength = check_wavelength(wavelength)
     points = map_points(opd, points)
     opd, weights = check_wavefront(opd, weights)
     check_metres(opd, weights)
-    opd = remove_terms(opd, (*check_terms(remove), "piston"), points, weights)
-    return float(np.exp(-((2.0 * np.pi / wavelength) ** 2) * weighted_mean(weights, opd**2)))
+    return remove_terms(opd, remove, points, weights), weights, wavelength
 
 
 @shown

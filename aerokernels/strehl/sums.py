@@ -19,7 +19,7 @@ def combined(total: np.ndarray, phasor: np.ndarray, wavelength: float, remove: t
     """
     if total[0] == 0:
         raise ValueError(
-            "no ray of the pupil arrived beyond the field: all met the body or left the way; "
+            "no ray of the pupil arrived beyond the field: all met the body or left their path; "
             "move the pupil, or turn its normal toward the flow"
         )
     _, rms = fit_terms(total, remove)

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from aerokernels.echo.stored import echo_of_result
-from aerokernels.files.netcdf_lazy import FarVariable, dataset_of, told_of
+from aerokernels.files.netcdf_lazy import FileVariable, dataset_of, errors_naming
 from aerokernels.flow.reading.labelled import labelled_dataset
 from aerokernels.flow.series_files import series_of_dataset
 from aerokernels.jobs.recorded import waveforms
-from aerokernels.jobs.run_folder import RunFolder, match_runs, run_of
+from aerokernels.jobs.run_folder import RunFolder, RunWithoutEcho, match_runs, run_of
 from aerokernels.medium import IndexField
 from aerokernels.wavefront import Wavefront
 from aerokernels.wavefront.data import SIGN_CONVENTION
@@ -51,13 +51,13 @@ BARE = re.compile(r"could not|ufunc|truth value|This function|broadcast|has no a
                   r"not supported|length-1|must be real|invalid literal|argument must|object is not")  # fmt: skip
 
 Held = dict[str, Any]
-Far = dict[str, FarVariable]
+Far = dict[str, FileVariable]
 
 
-def variable(dims: tuple[str, ...], values: Any, **attributes: Any) -> FarVariable:
+def variable(dims: tuple[str, ...], values: Any, **attributes: Any) -> FileVariable:
     """A variable of a file whose values were read together with its description."""
     values = np.asarray(values)
-    return FarVariable(dims, values.shape, values.dtype, attributes, None, values)
+    return FileVariable(dims, values.shape, values.dtype, attributes, None, values)
 
 
 def spoil(far: Far, held: Held, draw: random.Random) -> None:
@@ -129,7 +129,7 @@ def echoes(draw: random.Random, folder: Path) -> bool:
     held: Held = {}
     spoil(far, held, draw)
     try:
-        with told_of(PATH):
+        with errors_naming(PATH):
             data = dataset_of(PATH, far, held, False).load()
         return check_echoes(waveforms(data, PATH))
     except ValueError as fault:
@@ -157,7 +157,7 @@ def result(draw: random.Random, folder: Path) -> bool:
         summary = draw.choice(([], 3, "x", None, {}))
     summary = json.loads(json.dumps(summary))
     try:
-        with told_of(PATH):
+        with errors_naming(PATH):
             data = dataset_of(PATH, far, held, False).load()
         if draw.random() < 0.3:
             found = echo_of_result(PATH, data)
@@ -194,7 +194,7 @@ def wavefront(draw: random.Random, folder: Path) -> bool:
         held["direction"] = np.array([0.0, 0.0, 1.0])
     spoil(far, held, draw)
     try:
-        with told_of(PATH):
+        with errors_naming(PATH):
             data = dataset_of(PATH, far, held, True).load()
     except ValueError as fault:
         return _check_refusal(fault, PATH)
@@ -230,7 +230,7 @@ def flow(draw: random.Random, folder: Path) -> bool:
     """A flow at one or several times, as read by `flow.read`."""
     far, held = _flow(draw, draw.choice(AXES), draw.random() < 0.4)
     try:
-        with told_of(PATH):
+        with errors_naming(PATH):
             data = dataset_of(PATH, far, held, False).load()
         return check_dataset(PATH, labelled_dataset(PATH, data, None, draw.choice((None, "first", 1e-3)), "NetCDF"))
     except ValueError as fault:
@@ -241,7 +241,7 @@ def attributes(draw: random.Random, folder: Path) -> bool:
     """A series, as read by `open_series`."""
     far, held = _flow(draw, draw.choice(AXES), True)
     try:
-        with told_of(PATH):
+        with errors_naming(PATH):
             data = dataset_of(PATH, far, held, True)
         series = series_of_dataset(data, None, None, False, None, {}, str(PATH), {})
         _require(_finite(series.time) and bool((np.diff(series.time) > 0).all()), f"times {series.time}")
@@ -261,7 +261,7 @@ def index(draw: random.Random, folder: Path) -> bool:
         with suppress(TypeError), np.errstate(all="ignore"):
             far["density"] = own._replace(values=own.values * 1e-4)
     try:
-        with told_of(PATH):
+        with errors_naming(PATH):
             data = dataset_of(PATH, far, held, False).load()
     except ValueError as fault:
         return _check_refusal(fault, PATH)

@@ -150,6 +150,15 @@ def test_the_echo_in_vacuum_is_predicted(changes):
         assert predicted.least_factor == pytest.approx(threshold / found.peak_voltage, rel=1e-6)
 
 
+def test_the_least_light_of_a_saturated_amplifier_is_that_which_reaches_the_threshold():
+    """Set-up: an echo of 2 V cut off at 0.8 V, a threshold of 0.4 V. Expected: a fifth of the light, not a half."""
+    saturated = scene(**{"detector.saturation": 0.8, "detector.threshold": 0.4})
+    predicted = predict_echo(saturated)
+    assert predicted.peak_voltage == 0.8
+    plain = predict_echo(scene(**{"detector.threshold": 0.4}))
+    assert predicted.least_factor == plain.least_factor == pytest.approx(0.4 / plain.peak_voltage)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -9,7 +9,7 @@ from aerokernels import echo
 from aerokernels.echo import return_paths
 from aerokernels.echo.paths import target_plane
 from aerokernels.echo.radiometry import _beam_panels
-from aerokernels.echo.shaped_curve import ENOUGH_SAMPLES, _finer
+from aerokernels.echo.shaped_curve import ENOUGH_SAMPLES, _upsampling_factor
 from aerokernels.echo.target_points import clip_polygon, polygon_points
 from aerokernels.medium import IndexField
 from aerokernels.scene import Scene
@@ -80,9 +80,10 @@ def test_how_many_samples_a_pulse_lacks(width: int):
     volts[30] = 1.1
     volts[10:20] = 0.8
     volts[45:50] = 0.9
-    assert _finer(volts) == math.ceil(ENOUGH_SAMPLES / width)
-    assert _finer(volts[::-1]) == math.ceil(ENOUGH_SAMPLES / width)
-    assert _finer(volts[30:]) == _finer(volts[: 30 + width]) == math.ceil(ENOUGH_SAMPLES / width)  # up to an end
+    assert _upsampling_factor(volts) == math.ceil(ENOUGH_SAMPLES / width)
+    assert _upsampling_factor(volts[::-1]) == math.ceil(ENOUGH_SAMPLES / width)
+    for part in (volts[30:], volts[: 30 + width]):  # up to an end of the record
+        assert _upsampling_factor(part) == math.ceil(ENOUGH_SAMPLES / width)
 
 
 def lump() -> IndexField:

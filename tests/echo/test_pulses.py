@@ -12,7 +12,7 @@ from aerokernels.echo import GaussianPulse, HeliosPulse, SampledPulse, estimate_
 from aerokernels.echo.pulse_curve import PulseCurve
 from aerokernels.echo.pulses import as_pulse, pulse_of
 from aerokernels.echo.ranging import template_curve
-from aerokernels.echo.shaped_curve import best_match, best_place, greatest_within
+from aerokernels.echo.shaped_curve import best_delay, best_match, greatest_within
 from aerokernels.echo.waveform import SPEED_OF_LIGHT, fewer_gaussians, sum_of_pulses
 from aerokernels.scene import Scene
 
@@ -146,7 +146,7 @@ def test_a_curve_is_read_by_its_polynomials():
         middle = 30.0 + draw.uniform(-1.0, 1.0)
         samples = np.exp(-(((place - middle) / np.where(place < middle, 4.0, 7.0)) ** 2)) + 0.03 * draw.normal(size=80)
         curve = PulseCurve(samples)
-        peak = curve.peak_place
+        peak = curve.peak_position
         assert abs(float(curve.spline.derivative()(peak))) < 1e-7 and abs(peak - np.argmax(samples)) < 1.0
         assert curve.peak >= samples.max()
         for crossing in (curve.first_rise(0.6), curve.rise_before_peak(0.6), curve.fall_after_peak(0.6)):
@@ -181,7 +181,7 @@ def test_a_match_does_not_hang_on_the_records_before():
     for middle in (50.2, 50.7, 51.1, 20.0, 90.0, 50.4, 3.0):
         volts = 0.7 * np.exp(-(((place - middle) / 9.0) ** 2))
         new = template_curve(np.exp(-(((place - 40.0) / 9.0) ** 2)), 1e-9)
-        assert best_place(volts, template, 1e-9) == best_place(volts, new, 1e-9) == best_match(volts, new, 1e-9)[0]
+        assert best_delay(volts, template, 1e-9) == best_delay(volts, new, 1e-9) == best_match(volts, new, 1e-9)[0]
 
 
 def test_a_sampled_pulse_ends_with_its_samples():
@@ -214,5 +214,5 @@ def test_the_peak_is_the_greatest_place_beside_the_greatest_sample():
         top = int(np.argmax(curve.samples))
         place = np.linspace(max(top - 1, 0), min(top + 1, 11), 20_001)
         values = curve.spline(place)
-        assert abs(curve.peak_place - place[np.argmax(values)]) < 2e-4
+        assert abs(curve.peak_position - place[np.argmax(values)]) < 2e-4
         assert values.max() <= curve.peak * (1.0 + 1e-12)

@@ -76,9 +76,9 @@ def test_what_lies_off_the_curve_is_refused():
         assert walk.at_peak(walk.peak[end]) == pytest.approx(walk.error[end], rel=1e-9)
         assert walk.at_width(walk.width[end]) == pytest.approx(walk.error[end], rel=1e-9)
     for peak in (0.9, 1.0, 2000.0):
-        with pytest.raises(ValueError, match="outside of the range walk curve"):
+        with pytest.raises(ValueError, match="outside the range walk curve"):
             walk.at_peak(peak)
-    with pytest.raises(ValueError, match="outside of the range walk curve"):
+    with pytest.raises(ValueError, match="outside the range walk curve"):
         walk.at_width(1e-6)
     with pytest.raises(ValueError, match="cuts the pulse off"):
         range_walk(TIME[112:], gaussian()[112:], 1.0)

@@ -155,9 +155,9 @@ def test_the_shape_leaves_noise_and_other_pulses_as_they_are():
     """What is not of the shape goes through the spline: at the samples the curve has the samples' own values."""
     time, volts, _ = record(SHAPES["gaussian"], 4e-9, 0.2, noise=0.05)
     volts = volts + 0.7 * SHAPES["gaussian"](time - 180e-9)
-    curve, finer = shaped_curve(volts, SHAPES["gaussian"], 4e-9)
-    assert finer > 1
-    np.testing.assert_allclose(curve.samples[::finer], volts, rtol=0.0, atol=1e-12)
+    curve = shaped_curve(volts, SHAPES["gaussian"], 4e-9)
+    assert curve.upsampling > 1
+    np.testing.assert_allclose(curve.samples[:: curve.upsampling], volts, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("method", RANGING_METHODS)
