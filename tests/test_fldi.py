@@ -213,7 +213,7 @@ def test_what_is_refused():
         fldi_response(field, FLDI(1e-4, 1e-5, focus=(0.0, 1.0, 0.0)))
     with pytest.raises(TypeError, match="FLDI"):
         fldi_response(field, "instrument")
-    with pytest.raises(ValueError, match="time goes with several fields"):
+    with pytest.raises(ValueError, match="time is only for several fields"):
         fldi_response(field, instrument, time=[0.0])
     with pytest.raises(ValueError, match="finite and increase"):
         fldi_response([field, field], instrument, time=[0.0, np.nan])

@@ -274,7 +274,7 @@ def test_light_that_meets_a_body_counts_for_neither(edge: float, blocked: float)
 
 def test_a_pupil_that_a_body_hides_is_refused():
     field = beside_a_wall(-3e-3, (0.05, 0.45), 0.5)
-    with pytest.raises(ValueError, match="holds back all of the pupil's light"):
+    with pytest.raises(ValueError, match="the body blocks all of the pupil's light"):
         validity(field, Rectangle(2e-3, 2e-3, (0.0, 0.0, -1e-4)), wavelength=WAVELENGTH)
 
 

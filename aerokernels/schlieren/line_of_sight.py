@@ -122,7 +122,7 @@ def line_of_sight(
     if sine.shape != (2,) or not np.isfinite(sine).all() or np.abs(sine).max() > 0.5:
         raise ValueError(f"tilt {tilt!r}: give two angles of at most 0.5 rad")
     if not np.isfinite(focus):
-        raise ValueError(f"focus = {focus}: give the place of the plane in focus in metres from the field's middle")
+        raise ValueError(f"focus = {focus}: give the position of the plane in focus in metres from the field's middle")
     if isinstance(rays_per_pixel, bool) or not isinstance(rays_per_pixel, (int, np.integer)) or rays_per_pixel < 1:
         raise ValueError(f"rays_per_pixel {rays_per_pixel!r}: give a whole number of at least 1")
     window = make_window(field, view, extent, pixel_count, width)

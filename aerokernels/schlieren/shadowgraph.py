@@ -171,7 +171,7 @@ def shadow_picture(
 def check_screen(distance: float, source_angle: float, exposure: float) -> None:
     """Check the arguments."""
     if not np.isfinite(distance):
-        raise ValueError(f"distance = {distance}: give the place of the screen in metres from the field's middle")
+        raise ValueError(f"distance = {distance}: give the position of the screen in metres from the field's middle")
     if not 0.0 <= source_angle < 0.5:
         raise ValueError(f"source_angle = {source_angle}: give an angle in radians, 0 for a point source")
     check_exposure(exposure)

@@ -65,7 +65,9 @@ class WavefrontMap:
             refuse_masked(getattr(self, name), name)
         opd, weight = np.array(self.opd, dtype=np.float64), np.array(self.weight, dtype=np.float64)
         if opd.ndim != 2 or opd.shape[0] != opd.shape[1] or opd.shape != weight.shape:
-            raise ValueError(f"opd and weight must be square and of one shape, got {opd.shape} and {weight.shape}")
+            raise ValueError(
+                f"opd and weight must be square and have the same shape, got {opd.shape} and {weight.shape}"
+            )
         if not (np.ndim(self.pixel) == 0 and np.isfinite(self.pixel) and self.pixel > 0.0):
             raise ValueError(f"the pixel must be a positive length [m], got {self.pixel!r}")
         if not np.isfinite(weight).all() or (weight < 0.0).any() or not weight.any():
@@ -85,7 +87,7 @@ class WavefrontMap:
             or not np.isfinite(intensity).all()
             or not (intensity >= weight**2 * (1.0 - 1e-9)).all()
         ):
-            raise ValueError("the intensity must be finite, of the weights' shape and nowhere below their square")
+            raise ValueError("the intensity must be finite, have the weights' shape and be nowhere below their square")
         if not (np.ndim(self.blocked) == 0 and 0.0 <= self.blocked <= 1.0):
             raise ValueError(f"blocked must be a share of the pupil's weight, 0 to 1, got {self.blocked!r}")
         if self.direction is not None and not (np.shape(self.direction) == (3,) and np.isfinite(self.direction).all()):

@@ -61,8 +61,8 @@ def fit_zernike(wavefront: WavefrontMap, count: int) -> np.ndarray:
         found, _, rank, _ = np.linalg.lstsq(basis, opd * root, rcond=1e-9)
     if rank < count:
         raise ValueError(
-            f"{count} Zernike polynomials are more than the pupil's {len(opd)} samples tell apart ({rank}): take "
-            "fewer, or a greater pixel_count"
+            f"the pupil's {len(opd)} samples cannot distinguish {count} Zernike polynomials, only {rank}: take fewer, "
+            "or a greater pixel_count"
         )
     return np.asarray(found)
 

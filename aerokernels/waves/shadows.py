@@ -89,7 +89,7 @@ def shadow_of(slabs: Slabs, window: Window, wavelength: float, end: float) -> tu
         return Shadow(), window.lit
     passes = window.lit & ~opaque.any(axis=0)
     if not passes.any():
-        raise ValueError("the body holds back all of the pupil's light: move the pupil, or turn its normal")
+        raise ValueError("the body blocks all of the pupil's light: move the pupil, or turn its normal")
     if not opaque.any():
         return Shadow(), passes
     light = window.amplitude**2

@@ -56,7 +56,7 @@ class Wave:
         amplitude = np.array(self.amplitude, dtype=np.complex128)
         if amplitude.ndim != 2 or not np.isfinite(amplitude).all() or not amplitude.any():
             raise ValueError(
-                f"the amplitude must be finite, of two axes [y, x] and not dark everywhere, got shape {amplitude.shape}"
+                f"the amplitude must be finite, not zero everywhere and have two axes [y, x], got {amplitude.shape}"
             )
         if not (np.ndim(self.pixel) == 0 and np.isfinite(self.pixel) and self.pixel > 0.0):
             raise ValueError(f"the pixel must be a positive length [m], got {self.pixel!r}")
