@@ -27,7 +27,7 @@ FIELD = IndexField.from_samples(np.zeros((3, 3)), origin=(0.0, 0.0), spacing=(0.
 @pytest.mark.parametrize(
     ("made", "told"),
     [
-        (lambda tmp: Camera(Disc(0.01), -0.1, 5e-6), "focal_length must be a positive length"),
+        (lambda tmp: Camera(Disc(0.01), -0.1, 5e-6), "focal_length must be positive and finite [m]"),
         (lambda tmp: Camera(Disc(0.01), 0.1, 5e-6, distance=-1.0), "distance must be a positive length"),
         (lambda tmp: Background.of_scene(np.ones(3), 1.0, CAMERA), "a background must be a finite array"),
         (lambda tmp: Background.of_scene(np.ones((3, 3)), -1.0, CAMERA), "the background's pixel must be a positive"),

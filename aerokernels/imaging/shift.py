@@ -150,24 +150,16 @@ class BackgroundDisplacement:
 
         pair, one = ("y", "x", "component"), ("y", "x")
         rows, columns = self.through.shape
+        maps = {
+            "displacement": (pair, "pixel", "displacement through the flow"),
+            "blur": (pair, "pixel", "rms spread of the aperture's rays"),
+            "through": (one, "1", "share of the aperture that sees the scene"),
+            "truncated": (one, "1", "share of the aperture that sees beyond the known air"),
+        }
         return xarray.Dataset(
             {
-                "displacement": (
-                    pair,
-                    self.displacement,
-                    {"units": "pixel", "long_name": "displacement through the flow"},
-                ),
-                "blur": (pair, self.blur, {"units": "pixel", "long_name": "rms spread of the aperture's rays"}),
-                "through": (
-                    one,
-                    self.through,
-                    {"units": "1", "long_name": "share of the aperture that sees the scene"},
-                ),
-                "truncated": (
-                    one,
-                    self.truncated,
-                    {"units": "1", "long_name": "share of the aperture that sees beyond the known air"},
-                ),
+                name: (dims, getattr(self, name), {"units": unit, "long_name": text})
+                for name, (dims, unit, text) in maps.items()
             },
             {
                 "component": ["x", "y"],

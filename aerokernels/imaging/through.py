@@ -25,7 +25,7 @@ from .camera import Camera
 from .render import render
 from .shift import APERTURE_RAYS, BackgroundDisplacement, check_view, gather
 from .spectrum import Spectrum
-from .spreads import SpreadGrid, mixed, node_paths, phasors, pixel_spreads, spread_grid
+from .spreads import SpreadGrid, defocus_paths, mixed, phasors, pixel_spreads, spread_grid
 
 # Defaults: nodes along a side, pixels across a point spread function, rays across the pupil.
 NODE_COUNT, SIZE, PUPIL_PIXELS = 9, 32, 32
@@ -70,8 +70,8 @@ class ImageThrough:
         coordinate, step, weight, _ = pupil_grid(self.camera.pupil, PUPIL_PIXELS)
         lit = weight > 0.0
         q = np.stack([axis[lit] for axis in np.meshgrid(coordinate, coordinate)], axis=1)
-        opd, _, _ = node_paths(None, self.camera, np.zeros((1, 2)), q, {"wavelength": self.wavelength})
         zero, found, middle = np.zeros((1, 2)), [], np.array([0])
+        opd = defocus_paths(self.camera, zero, q)
         for length in self.spectrum.wavelengths:
             wave = np.zeros((1, *weight.shape), dtype=np.complex128)
             wave[:, lit] = weight[lit] * phasors(2.0 * np.pi / length * opd)

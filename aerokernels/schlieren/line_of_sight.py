@@ -19,6 +19,7 @@ C. M. Vest, Holographic Interferometry (Wiley, 1979), section 6.3 (refraction an
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -76,9 +77,16 @@ class LineOfSight:
         return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
     @property
-    def blocked_pixels(self) -> np.ndarray:
-        """Mask of the pixels of which the body hides more than half, shape (ny, nx)."""
-        return self.pixel_mean(self.blocked.astype(np.float64)) > 0.5
+    def frame(self) -> dict[str, Any]:
+        """Attributes that all pictures of these rays share: pixel centres, axes, and the pixels the body hides."""
+        window = self.window
+        return {
+            "horizontal": window.horizontal,
+            "vertical": window.vertical,
+            "blocked": self.pixel_mean(self.blocked.astype(np.float64)) > 0.5,  # more than half of the pixel
+            "right": window.right,
+            "up": window.up,
+        }
 
 
 @checked

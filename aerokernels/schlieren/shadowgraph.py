@@ -76,9 +76,7 @@ class Shadowgraph(PictureView):
         """Return the picture as a dataset with units."""
         return traced_dataset(
             self,
-            {
-                "irradiance": ("pixel", self.irradiance, "1", "light on the screen over undisturbed light"),
-            },
+            {"irradiance": ("pixel", self.irradiance, "1", "light on the screen over undisturbed light")},
             {
                 "kind": "shadowgraph",
                 "distance_m": self.distance,
@@ -155,12 +153,8 @@ def shadow_picture(
         irradiance = blurred(irradiance, source, distance * source_angle, window.pitch)
     return Shadowgraph(
         intensity=np.clip(exposure * irradiance, 0.0, 1.0),
-        horizontal=window.horizontal,
-        vertical=window.vertical,
         irradiance=irradiance,
-        blocked=traced.blocked_pixels,
-        right=window.right,
-        up=window.up,
+        **traced.frame,
         distance=float(distance),
         source_angle=float(source_angle),
         exposure=float(exposure),

@@ -20,13 +20,8 @@ def pupil_grid(pupil: Pupil, pixel_count: int | None) -> tuple[np.ndarray, float
         ValueError: `pixel_count` is not a whole number of at least 2.
     """
     if pixel_count is None:
-        pixel_count = PIXEL_COUNT
-        if (
-            isinstance(pupil, Mask)
-            and np.ptp(np.broadcast_to(pupil.pixel, (2,))) == 0.0
-            and max(pupil.weights.shape) > 1
-        ):
-            pixel_count = max(pupil.weights.shape)
+        own = isinstance(pupil, Mask) and np.ptp(pupil.pixel) == 0.0 and max(pupil.weights.shape) > 1
+        pixel_count = max(pupil.weights.shape) if own else PIXEL_COUNT
     if not isinstance(pixel_count, (int, np.integer)) or pixel_count < 2:
         raise ValueError(f"pixel_count must be a whole number of at least 2, got {pixel_count!r}")
     half = max(pupil.half_extent)

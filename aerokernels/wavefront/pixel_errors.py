@@ -13,6 +13,8 @@ from .pixel_weights import exact_weights
 from .terms import mean_phasor, weighted_mean
 
 SAFETY = 2.0
+# Slices of every other row and column: four interleaved grids.
+INTERLEAVED = tuple((slice(row, None, 2), slice(column, None, 2)) for row in (0, 1) for column in (0, 1))
 
 
 def pixel_errors(wavefront: Any) -> dict[str, float]:
@@ -27,7 +29,7 @@ def pixel_errors(wavefront: Any) -> dict[str, float]:
     lacking = SAFETY * np.abs(read(exact) - read(weight))
     y, x = np.meshgrid(wavefront.coordinate, wavefront.coordinate, indexing="ij")
     grids = []
-    for every in ((slice(row, None, 2), slice(column, None, 2)) for row in (0, 1) for column in (0, 1)):
+    for every in INTERLEAVED:
         there = lit[every]
         if there.any():
             points = np.stack([x[every][there], y[every][there]], axis=1)

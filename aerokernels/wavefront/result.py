@@ -28,7 +28,7 @@ from .point_spread import PointSpread, point_spread_function
 from .spot_width import spot_width, spot_width_error
 from .spread_errors import spread_errors
 from .strehl_errors import strehl_error
-from .terms import check_metres, mean_phasor, remove_terms, weighted_mean
+from .terms import check_metres, fit_tilt, mean_phasor, remove_terms, weighted_mean
 from .transfer import EncircledEnergy, Transfer, encircled, normalised_sensitivity, transfer_function
 
 
@@ -126,8 +126,6 @@ class Wavefront(WavefrontMap):
     @property
     def tilt(self) -> np.ndarray:
         """Slopes of the least-squares plane along x and y [rad], shape (2,): the deflection of the beam."""
-        from .terms import fit_tilt
-
         opd, weight = self.samples
         return np.asarray(fit_tilt(opd, self.points, weight).tilt)
 

@@ -4,6 +4,7 @@ The finest relevant phase sets the pixels, and diffraction.py doubles the slabs 
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,23 +59,22 @@ def by_waves(
     reach = max(pupil.half_extent)
     flat = is_one_column(field, pupil.normal)
     clear = is_clear(field, pupil, pupil.normal, wavelength)
+    margin = 0.0 if clear else fringes(field, wavelength)
+    if not clear:
+        traced = None
     look = LookingAlong(pupil.center, pupil.normal, pupil.axes, reach)
     begin, end = span_of(field, look.center, look.normal, look.axes, *(2 * [(-look.half, look.half)]))
-    look = replace(look, half=_half_window(reach, wavelength, end, 0.0 if clear else fringes(field, wavelength)))
-    slabs: Slabs = (
-        slabs_of(field, look, begin, end, wavelength) if clear else SlabsPastBody(field, look, begin, end, wavelength)
-    )
-    half = _half_window(reach, wavelength, slabs.last, 0.0 if clear else fringes(field, wavelength))
+    look = replace(look, half=_half_window(reach, wavelength, end, margin))
+    make: Callable[..., Slabs] = slabs_of if clear else SlabsPastBody
+    slabs = make(field, look, begin, end, wavelength)
+    half = _half_window(reach, wavelength, slabs.last, margin)
     if feature is None:
         feature = _finest_of(slabs, pupil, flat, wavelength)
     least, most = COLUMN_PIXELS if flat else (max(LEAST_PIXELS, PER_REACH * half / reach), slabs.most_pixels)
     # A rim makes fringes as fine as the pixels allow: the most pixels are used.
     pixels = fast_size(math.ceil(np.clip(2.0 * half * PER_FEATURE / feature, least, most))) if clear else most
     window = window_of(pupil, half, pixels, flat)
-    if clear:
-        distance = disturbance(field, pupil, pupil.normal).length
-    else:
-        distance = _slabs_length(slabs, pupil, flat)
+    distance = disturbance(field, pupil, pupil.normal).length if clear else _slabs_length(slabs, pupil, flat)
     shadow, passes = shadow_of(slabs, window, wavelength, end)
     near = beside(passes)
     path = slabs.taken(window.x, window.y, 1)[0]
@@ -89,8 +89,8 @@ def by_waves(
         wavelength=wavelength,
         ambient_index=field.ambient_index,
         straight=crossings.near > MANY,
-        traced=traced.strehl if traced is not None and clear else None,
-        by_traced=traced is not None and clear and _by_traced(crossings, feature, traced.pixel),
+        traced=None if traced is None else traced.strehl,
+        by_traced=traced is not None and _by_traced(crossings, feature, traced.pixel),
     )
     change, error = ways.change(limit)
     return Validity(
