@@ -41,6 +41,32 @@ def pixel_errors(wavefront: Any) -> dict[str, float]:
     return {**found, "peak_to_valley": _steps_at_extremes(opd)}
 
 
+def zernike_pixel_errors(wavefront: Any, modes: np.ndarray) -> np.ndarray:
+    """Return errors due to the pixels of Zernike coefficients [m], shape (count,).
+
+    Args:
+        wavefront: The wavefront.
+        modes: The polynomials at its pixels, shape (lit count, count).
+    """
+    opd, lit = wavefront.opd, wavefront.lit
+    weight = np.asarray(wavefront.weight)
+    exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
+
+    def fit(weights: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        return _fit(modes[pixels], opd[lit][pixels], weights[lit][pixels] / weights.sum())
+
+    every_pixel = np.ones(len(modes), dtype=bool)
+    lacking = SAFETY * np.abs(fit(exact, every_pixel) - fit(weight, every_pixel))
+    grids = []
+    for every in INTERLEAVED:
+        some = np.zeros(lit.shape, dtype=bool)
+        some[every] = True
+        if np.count_nonzero(some[lit]) < modes.shape[1]:
+            return np.full(modes.shape[1], np.nan)
+        grids.append(fit(weight, some[lit]))
+    return np.hypot(lacking, np.std(grids, axis=0, ddof=1) / np.sqrt(len(grids)))
+
+
 def _numbers(opd: np.ndarray, weight: np.ndarray, points: np.ndarray, wavelength: float, removed) -> np.ndarray:
     """Return Strehl ratio, rms and both slopes of samples; some weights may be negative."""
     weight = weight / weight.sum()

@@ -20,7 +20,7 @@ from .modes import (
     centroid_weights,
     fit_zernike,
     structure_function,
-    zernike_gains,
+    zernike_errors,
     zernike_surface,
 )
 from .pixel_errors import pixel_errors
@@ -144,13 +144,15 @@ class Wavefront(WavefrontMap):
 
     @checked
     def zernike_errors(self, count: int) -> np.ndarray:
-        """Bound the error of each Zernike coefficient [m] that follows from the error of the OPD, shape (count,).
+        """Return the error of each Zernike coefficient [m], shape (count,).
 
         An OPD error of rms e, of any shape, changes coefficient j by e sqrt((G^-1)_jj) at most, where G holds the mean
         products of the polynomials over the pupil: e on a disc, hundreds of e where the polynomials hardly differ, as
-        on a thin ring. Infinite if the pupil's samples cannot distinguish the polynomials.
+        on a thin ring. The error due to the pixels, each of which has one sample, is added (pixel_errors.py); NaN if a
+        quarter of the pixels is too few to measure it. Infinite if the pupil's samples cannot distinguish the
+        polynomials.
         """
-        return self.opd_error * zernike_gains(self, count)
+        return zernike_errors(self, count)
 
     @checked
     def psf(
