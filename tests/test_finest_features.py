@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, Rectangle
-from aerokernels.waves.coarse_wave import _mean_squares, finest_feature, fresnel_number
+from aerokernels.waves.coarse_wave import _mean_squares, finest_and_squares, fresnel_number
 from aerokernels.waves.slabs import FINEST, LEFT_OUT, LookingAlong, slabs_of
 from aerokernels.waves.validity import Validity, _same_light
 
@@ -25,16 +25,16 @@ def test_the_finest_phase_is_where_second_differences_hold_it(amplitude, pixels,
     place = np.arange(64)
     phase = np.broadcast_to(amplitude * np.cos(2.0 * np.pi * place / 16.0 + 0.3), (64, 64)) + 5.0 * place
     path = (phase if along == "x" else phase.T) * WAVE / (2.0 * np.pi)
-    assert finest_feature(path, PIXEL, WAVE) == pixels * PIXEL
+    assert finest_and_squares(path, PIXEL, WAVE)[0] == pixels * PIXEL
     path[:, 40:] = np.nan
     path[50:] = np.nan
-    assert finest_feature(path, PIXEL, WAVE) == pixels * PIXEL
+    assert finest_and_squares(path, PIXEL, WAVE)[0] == pixels * PIXEL
 
 
 def test_a_column_is_looked_at_along_itself():
     """A map of one column, as of a planar field: its own lines only."""
     phase = 0.13 * np.cos(2.0 * np.pi * np.arange(64) / 16.0)[:, None]
-    assert finest_feature(phase * WAVE / (2.0 * np.pi), PIXEL, WAVE) == 4 * PIXEL
+    assert finest_and_squares(phase * WAVE / (2.0 * np.pi), PIXEL, WAVE)[0] == 4 * PIXEL
     assert _mean_squares(np.array([[[0.0, 1.0, 4.0, 9.0, 16.0]], [[0.0, np.nan, 2.0, 0.0, 1.0]]]), 1) == 4.0 + 9.0
 
 

@@ -22,7 +22,8 @@ import numpy as np
 from .data import WavefrontMap
 from .pixel_errors import INTERLEAVED, SAFETY
 from .pixel_weights import exact_weights
-from .transfer import Transfer, autocorrelation, complex_amplitude, encircled, transfer_function
+from .point_spread import complex_amplitude
+from .transfer import Transfer, autocorrelation, encircled, transfer_function
 
 # Radii of the sum over light by its angle.
 RADII = 65

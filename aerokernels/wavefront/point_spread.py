@@ -92,6 +92,12 @@ def phase_and_pixels(
     return math.nan if phase_error is None else phase_error(), 0.0 if pixel_error is None else pixel_error()
 
 
+def complex_amplitude(opd: np.ndarray, weight: np.ndarray, wavelength: float) -> np.ndarray:
+    """Return the field weight exp(i k OPD) of a map, 0 outside the pupil, shape (n, n)."""
+    lit = weight > 0.0
+    return weight * np.exp(2j * np.pi / wavelength * np.where(lit, opd, 0.0))
+
+
 def far_field(
     wave: np.ndarray, coordinates: tuple[np.ndarray, np.ndarray], angle: np.ndarray, wavelength: float
 ) -> np.ndarray:
@@ -178,7 +184,7 @@ def point_spread_function(
         raise ValueError("the pupil must not be empty and the wavefront in it must be finite")
     count = opd.shape[0]
     size = int(count * padding)
-    wave = mask * np.exp(2j * np.pi / wavelength * np.where(lit, opd, 0.0))
+    wave = complex_amplitude(opd, mask, wavelength)
     if angle is not None:
         angle = np.atleast_1d(np.asarray(angle, dtype=np.float64))
         if angle.ndim != 1 or not np.isfinite(angle).all():

@@ -21,7 +21,7 @@ import numpy as np
 from ..display.shown import shown
 from ..pupils import Disc
 from .data import WavefrontMap
-from .point_spread import phase_and_pixels
+from .point_spread import complex_amplitude, phase_and_pixels
 
 # Coefficient of the long-exposure transfer function exp(-3.44 (r / r0)^(5/3)): D. L. Fried, J. Opt. Soc. Am. 56 (1966)
 # 1372.
@@ -113,12 +113,6 @@ class EncircledEnergy:
         from .plots import plot_encircled_energy
 
         return plot_encircled_energy(self, axes)
-
-
-def complex_amplitude(opd: np.ndarray, weight: np.ndarray, wavelength: float) -> np.ndarray:
-    """Return the field weight exp(i k OPD) of a map, 0 outside the pupil, shape (n, n)."""
-    lit = weight > 0.0
-    return weight * np.exp(2j * np.pi / wavelength * np.where(lit, opd, 0.0))
 
 
 def autocorrelation(wave: np.ndarray, other: np.ndarray | None = None) -> np.ndarray:

@@ -5,7 +5,7 @@ The finest relevant phase sets the pixels, and diffraction.py doubles the slabs 
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from ..medium import IndexField
 from ..pupils import Pupil
 from .diffraction import Ways, beside, window_of
 from .layers import span_of
-from .screens import Crossings, crossings_of, disturbance, fast_size, places_across, spread_along
+from .screens import Crossings, MapPaths, crossings_of, disturbance, fast_size, places_across, spread_along
 from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
 from .slabs import FINEST, LookingAlong, Slabs, slabs_of
 from .verdict import Validity
@@ -31,26 +31,13 @@ PER_FEATURE, LEAST_PIXELS, PER_REACH, COLUMN_PIXELS, SLAB_LINES = 4.0, 48, 32.0,
 SOME, MANY, RESOLVED = 0.01, 0.1, 4.0
 
 
-@dataclass(frozen=True)
-class TracedMap:
-    """The numbers of a traced wavefront that a wave is compared with.
-
-    Attributes:
-        strehl: Strehl ratio of the wavefront.
-        pixel: Side of the map's pixels [m].
-    """
-
-    strehl: float
-    pixel: float
-
-
 def by_waves(
     field: IndexField,
     pupil: Pupil,
     wavelength: float,
     feature: float | None,
     limit: float,
-    traced: TracedMap | None = None,
+    traced: MapPaths | None = None,
 ) -> Validity:
     """Return the verdict of a wave through slabs of the field (diffraction.py); a `feature` of None is searched for.
 
@@ -157,21 +144,17 @@ def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
     return spread_along(slabs.taken(across, place, FINEST)[:, lit], slabs.first, slabs.last).length
 
 
-def finest_feature(path: np.ndarray, pixel: float, wavelength: float) -> float:
-    """Return the half period [m] of the finest phase above UNSEEN rad; infinite if there is none.
-
-    `path` [m] is NaN outside the pupil. Uses second differences at increasing distance, which are independent of tilt
-    and of the pupil's edge: a component of period p has its full amplitude at a distance of p / 2.
-    """
-    return finest_and_squares(path, pixel, wavelength)[0]
-
-
 def finest_and_squares(path: np.ndarray, pixel: float, wavelength: float) -> tuple[float, float]:
-    """Return `finest_feature` and the mean square of its second differences [m2], which distinguishes maps."""
+    """Return the half period [m] of the finest phase above UNSEEN rad, and a mean square [m2] that identifies the map.
+
+    `path` [m] is NaN outside the pupil. The half period is infinite if there is no such phase. Uses second differences
+    at increasing distance, which are independent of tilt and of the pupil's edge: a component of period p has its full
+    amplitude at a distance of p / 2. The mean square is the one of these differences.
+    """
     # A sample of lines is enough: columns and, for a map of more than one column, rows.
     part = _some_of(len(path))
-    ways = [path.T[part], path[part]] if path.shape[0] == path.shape[1] else [path.T[part]]
-    return _finest_on(np.stack(ways), pixel, wavelength)
+    lines = [path.T[part], path[part]] if path.shape[0] == path.shape[1] else [path.T[part]]
+    return _finest_on(np.stack(lines), pixel, wavelength)
 
 
 def _some_of(count: int) -> slice:

@@ -33,12 +33,12 @@ class Validity:
             and no traced rays are available; NaN if not known.
     """
 
-    strehl_change: float
-    feature: float
-    distance: float
-    fresnel_number: float
-    crossed_share: float
-    curvature: float
+    strehl_change: float = float("nan")
+    feature: float = float("nan")
+    distance: float = float("nan")
+    fresnel_number: float = float("nan")
+    crossed_share: float = float("nan")
+    curvature: float = float("nan")
     limit: float = GOOD
     answered_by: str = "waves"
     blocked: float = 0.0
