@@ -79,7 +79,7 @@ def test_slabs_begin_and_end_where_the_air_left_out_holds_a_hundredth_radian(sig
     assert ends == pytest.approx([0.08, 0.31], abs=1e-12)
     # What a finer count of slabs holds is what one holds, and that is the integral of all layers but those left out.
     x, y = np.array([0.005 * sign]), np.array([0.005])
-    whole = slabs.taken(x, y, 1)[0, 0, 0]
-    assert slabs.taken(x, y, FINEST).sum() == pytest.approx(whole, rel=1e-3)
+    whole = slabs.paths(x, y, 1)[0, 0, 0]
+    assert slabs.paths(x, y, FINEST).sum() == pytest.approx(whole, rel=1e-3)
     held = (phase[9] + phase[12] + phase[30]) * wavelength / (2.0 * np.pi)
     assert whole == pytest.approx(held, rel=2e-3)

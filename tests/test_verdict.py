@@ -11,7 +11,7 @@ from aerokernels import Annulus, Body, Disc, IndexField, Rectangle, Wave, split_
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.validation.random_fields import uniform_field
 from aerokernels.validation.wave_draws import check_verdict, draw_view
-from aerokernels.waves.diffraction import Ways, bending
+from aerokernels.waves.diffraction import WaveAndRays, bending
 from aerokernels.waves.layers import sample_layers
 from aerokernels.waves.screens import paths_of
 from aerokernels.waves.slabs import FINEST, LookingAlong, slabs_of
@@ -128,13 +128,13 @@ def test_slabs_are_not_doubled_for_what_is_none_of_theirs(monkeypatch):
     """A grazing shock whose rays through any slabs are 0.006 from the traced map's: four slabs say what 64 do."""
     view = draw_view(3021)
     seen = wavefront(view.field, view.pupil, wavelength=view.wavelength, pixel_count=64)
-    through, asked = Ways._through, []
+    through, asked = WaveAndRays._result, []
 
-    def counting(ways: Ways, count: int):
+    def counting(comparison: WaveAndRays, count: int):
         asked.append(count)
-        return through(ways, count)
+        return through(comparison, count)
 
-    monkeypatch.setattr(Ways, "_through", counting)
+    monkeypatch.setattr(WaveAndRays, "_result", counting)
     told = validity(view.field, view.pupil, wavelength=view.wavelength, wavefront=seen)
     assert told.answered_by == "waves" and max(asked) == 4 and told.error > 5e-3
     monkeypatch.setattr("aerokernels.waves.diffraction.MANY", FINEST)
@@ -187,7 +187,7 @@ def test_slabs_are_integrals_of_the_fields_own_interpolant(geometry: str, interp
     window = LookingAlong(wave.center, wave.normal, wave.axes, 0.3 * size)
     x, y = 0.3 * size * np.linspace(-1.0, 1.0, 4), 0.3 * size * np.linspace(-0.9, 1.0, 5)
     slabs = slabs_of(field, window, 0.0, float(high[2] - low[2]), WAVELENGTH)
-    found = slabs.taken(x, y, 4)
+    found = slabs.paths(x, y, 4)
     edges = np.linspace(slabs.first, slabs.last, 5)
     depth = np.abs(field.samples.origin[-1] + field.spacing[-1] * np.arange(field.samples.shape[-1]) - center[2])
     across, up = np.meshgrid(x, y)
@@ -201,7 +201,7 @@ def test_slabs_are_integrals_of_the_fields_own_interpolant(geometry: str, interp
                 expected += half * field.contrast_at(at.reshape(-1, 3)).reshape(across.shape)
         apart = (found[number] - found[number].mean()) - (expected - expected.mean())
         assert np.abs(apart).max() < 1e-6 * np.abs(expected).max()
-    whole, few = (slabs.taken(x, y, count).sum(axis=0) for count in (FINEST, 4))
+    whole, few = (slabs.paths(x, y, count).sum(axis=0) for count in (FINEST, 4))
     assert np.abs((whole - whole[0, 0]) - (few - few[0, 0])).max() < 1e-6 * np.ptp(whole)
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..inputs.arguments import checked
-from ..inputs.checks import check_positive
+from ..inputs.checks import check_count, check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..tracing.pupil_air import GREATEST_SHARE
@@ -300,9 +300,7 @@ def _others(count: int, many: int) -> int:
 
 def aperture(camera: Camera, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return points of the aperture along its axes [m], shape (n, 2), and weights of their light, which sum to 1."""
-    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
-        raise ValueError(f"aperture_rays must be a whole number of at least 1, got {count!r}")
-    if count == 1:
+    if check_count(count, "aperture_rays") == 1:
         return np.zeros((1, 2)), np.ones(1)
     pupil = camera.pupil
     points, weight = pupil.sample(int(count), "gauss")

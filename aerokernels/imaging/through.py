@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..inputs.arguments import Numbers, checked, refuse_masked
+from ..inputs.checks import check_count
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..sensor import Sensor, write_grey
@@ -167,13 +168,9 @@ def image_through(
             truncated and `allow_truncation` is not set.
     """
     check_view(field, camera, options)
-    for name, count, least in (
-        ("psf_nodes", psf_nodes, 1),
-        ("psf_pixels", psf_pixels, 1),
-        ("pupil_pixels", pupil_pixels, 2),
-    ):
-        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < least:
-            raise ValueError(f"{name} must be a whole number of at least {least}, got {count!r}")
+    check_count(psf_nodes, "psf_nodes")
+    check_count(psf_pixels, "psf_pixels")
+    check_count(pupil_pixels, "pupil_pixels", 2)
     if sensor is not None and not isinstance(sensor, Sensor):
         raise TypeError(f"sensor must be a Sensor, got {type(sensor).__name__}")
     scene = _brightness(scene_image)

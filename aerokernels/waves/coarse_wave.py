@@ -11,9 +11,9 @@ import numpy as np
 
 from ..medium import IndexField
 from ..pupils import Pupil
-from .diffraction import Ways, beside, window_of
+from .diffraction import WaveAndRays, beside, window_of
 from .layers import span_of
-from .screens import Crossings, MapPaths, crossings_of, disturbance, fast_size, places_across, spread_along
+from .screens import Crossings, MapPaths, crossings_of, disturbance, places_across, spread_along
 from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
 from .slabs import FINEST, LookingAlong, Slabs, slabs_of
 from .verdict import Validity
@@ -43,6 +43,8 @@ def by_waves(
 
     `traced` is the map of traced rays, if there is one: near foci it replaces the slabs' rays.
     """
+    from scipy.fft import next_fast_len
+
     reach = max(pupil.half_extent)
     flat = is_one_column(field, pupil.normal)
     clear = is_clear(field, pupil, pupil.normal, wavelength)
@@ -59,14 +61,14 @@ def by_waves(
         feature = _finest_of(slabs, pupil, flat, wavelength)
     least, most = COLUMN_PIXELS if flat else (max(LEAST_PIXELS, PER_REACH * half / reach), slabs.most_pixels)
     # A rim makes fringes as fine as the pixels allow: the most pixels are used.
-    pixels = fast_size(math.ceil(np.clip(2.0 * half * PER_FEATURE / feature, least, most))) if clear else most
+    pixels = next_fast_len(math.ceil(np.clip(2.0 * half * PER_FEATURE / feature, least, most))) if clear else most
     window = window_of(pupil, half, pixels, flat)
     distance = disturbance(field, pupil, pupil.normal).length if clear else _slabs_length(slabs, pupil, flat)
     shadow, passes = shadow_of(slabs, window, wavelength, end)
     near = beside(passes)
-    path = slabs.taken(window.x, window.y, 1)[0]
+    path = slabs.paths(window.x, window.y, 1)[0]
     crossings = crossings_of(path[near], window.pixel, (window.amplitude * passes)[near], distance)
-    ways = Ways(
+    comparison = WaveAndRays(
         window=window,
         slabs=slabs,
         passes=passes,
@@ -79,7 +81,7 @@ def by_waves(
         traced=None if traced is None else traced.strehl,
         by_traced=traced is not None and _by_traced(crossings, feature, traced.pixel),
     )
-    change, error = ways.change(limit)
+    change, error = comparison.change(limit)
     return Validity(
         strehl_change=change,
         feature=feature,
@@ -107,7 +109,7 @@ def _finest_of(slabs: Slabs, pupil: Pupil, flat: bool, wavelength: float) -> flo
     few = np.zeros(1) if flat else place[_some_of(count)]
     lines = []
     for x, y in ((few, place),) if flat else ((few, place), (place, few)):
-        path = slabs.taken(x, y, 1)[0]
+        path = slabs.paths(x, y, 1)[0]
         lit = np.abs(y[:, None]) <= pupil.half_extent[1] if flat else pupil.transmission(*np.meshgrid(x, y)) > 0.0
         opaque = slabs.opaque(x, y, FINEST)
         if opaque is not None:
@@ -141,7 +143,7 @@ def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
     opaque = slabs.opaque(across, place, FINEST)
     if opaque is not None and (lit & ~opaque.any(axis=0)).any():
         lit &= ~opaque.any(axis=0)
-    return spread_along(slabs.taken(across, place, FINEST)[:, lit], slabs.first, slabs.last).length
+    return spread_along(slabs.paths(across, place, FINEST)[:, lit], slabs.first, slabs.last).length
 
 
 def finest_and_squares(path: np.ndarray, pixel: float, wavelength: float) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from ..inputs.arguments import checked
-from ..inputs.checks import check_choice
+from ..inputs.checks import check_choice, check_count, check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..pupils import Pupil
@@ -80,10 +80,9 @@ def split_step(
         wave = replace(light, ambient_index=field.ambient_index, incident=None)
     else:
         raise TypeError(f"light must be a pupil or a Wave, got {type(light).__name__}")
-    if not (np.isfinite(tolerance) and tolerance > 0.0):
-        raise ValueError(f"tolerance must be positive, got {tolerance!r}")
-    if step_count is not None and (not isinstance(step_count, (int, np.integer)) or step_count < 1):
-        raise ValueError(f"step_count must be a whole number of at least 1, got {step_count!r}")
+    check_positive(tolerance, "tolerance")
+    if step_count is not None:
+        check_count(step_count, "step_count")
     check_choice(precision, "precision", PRECISIONS)
     library = fourier_library(device)
     with clocked() as seconds:
@@ -132,8 +131,7 @@ def plane_wave(pupil: Pupil, wavelength: float, pixel_count: int, window: float,
     Raises:
         ValueError: `pixel_count` is below 8, or the window is narrower than the pupil.
     """
-    if not isinstance(pixel_count, (int, np.integer)) or pixel_count < FEWEST_PIXELS:
-        raise ValueError(f"pixel_count must be a whole number of at least {FEWEST_PIXELS}, got {pixel_count!r}")
+    check_count(pixel_count, "pixel_count", FEWEST_PIXELS)
     if not (np.isfinite(window) and window >= 1.0):
         raise ValueError(f"window must be at least 1, the pupil's own width, got {window!r}")
     half = max(pupil.half_extent) * window

@@ -37,6 +37,7 @@ from typing import Any
 import numpy as np
 
 from ..inputs.arguments import checked
+from ..inputs.checks import check_positive
 from ..medium import IndexField
 from ..pupils import Pupil
 from ..tracing.lines import box_size
@@ -101,10 +102,9 @@ def validity(
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
     if not isinstance(pupil, Pupil):
         raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
-    if not (np.isfinite(limit) and limit > 0.0):
-        raise ValueError(f"limit must be positive, got {limit!r}")
+    check_positive(limit, "limit")
     wavelength = field.wavelength_for(wavelength)
-    feature, look, paths, told_by = None, pupil.normal, None, None
+    feature, look, paths, map_key = None, pupil.normal, None, None
     if wavefront is not None:
         if wavefront.pupil is not None and not _same_light(wavefront.pupil, pupil):
             raise ValueError(f"wavefront was traced for another pupil, {wavefront.pupil!r}: give that one")
@@ -115,13 +115,13 @@ def validity(
             found, squares = finest_and_squares(paths.path, paths.pixel, wavelength)
             # A phase as fine as the map's pixels may be finer in the field: then the wave searches for it again.
             feature = found if found >= RESOLVED * paths.pixel else None
-            told_by = (len(paths.path), squares, wavefront.wavelength, wavefront.blocked, wavefront.removed)
+            map_key = (len(paths.path), squares, wavefront.wavelength, wavefront.blocked, wavefront.removed)
     # A verdict is cached on the field by the light and the map. The map's pixels and squares distinguish it from one
     # traced with another tolerance.
-    key = ("verdict", weakref.ref(pupil), look.tobytes(), wavelength, limit, told_by)
-    told: Validity | None = field.held(key)
-    if told is not None:
-        return told
+    key = ("verdict", weakref.ref(pupil), look.tobytes(), wavelength, limit, map_key)
+    cached: Validity | None = field.held(key)
+    if cached is not None:
+        return cached
     seen = None
     if wavefront is not None:
         if paths is not None and feature is not None:
@@ -130,7 +130,7 @@ def validity(
             if waves is False or not cheap or not affordable(field, look, wavefront):
                 answer = by_rays(field, pupil, look, wavefront, paths, wavelength, feature, limit)
                 if answer is not None:
-                    return _kept(field, key, answer)
+                    return _cache(field, key, answer)
         if waves is None:
             waves = affordable(field, look, wavefront)
         if not waves or paths is None:
@@ -140,10 +140,10 @@ def validity(
         if paths is not None and _is_whole(wavefront, wavelength):
             seen = paths
     through = pupil if look is pupil.normal else replace(pupil, normal=look)  # type: ignore[type-var]
-    return _kept(field, key, by_waves(field, through, wavelength, feature, limit, seen))
+    return _cache(field, key, by_waves(field, through, wavelength, feature, limit, seen))
 
 
-def _kept(field: IndexField, key: tuple[Any, ...], answer: Validity) -> Validity:
+def _cache(field: IndexField, key: tuple[Any, ...], answer: Validity) -> Validity:
     """Cache an answer on the field and return it."""
     kept: Validity = field.derive(key, lambda: answer, KEPT)
     return kept
