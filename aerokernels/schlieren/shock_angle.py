@@ -55,6 +55,10 @@ def measure_shock_angle(
     the brightness first departs from the air's (see `fronts.py`). With `near`, a shock inside the flow is measured: the
     strongest band near a given line. A straight line or a parabola is fitted; outliers are left out.
 
+    The standard error is from the scatter of the points. In a synthetic picture with one ray per pixel an ideal shock
+    is a staircase, which repeats along the whole window at slopes near simple ratios, such as 1/2 or 2/3: its error is
+    then not in the scatter (up to ten standard errors were seen). Make such pictures with several `rays_per_pixel`.
+
     Args:
         picture: a Picture or any of the synthetic pictures; a horizontal knife edge shows slanted shocks best.
         window: range along the horizontal [m].
