@@ -9,6 +9,7 @@ transform shifts exactly by fractions of a pixel; only the variation of the shif
 Radiance is conserved along rays, so nothing brightens where the flow magnifies.
 """
 
+import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -30,6 +31,8 @@ from .spreads import SpreadGrid, defocus_paths, mixed, phasors, pixel_spreads, s
 
 # Defaults: nodes along a side, pixels across a point spread function, rays across the pupil.
 NODE_COUNT, SIZE, PUPIL_PIXELS = 9, 32, 32
+# Share of the light that point spread functions may leave out before a warning.
+MOST_LOST = 0.2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -166,6 +169,10 @@ def image_through(
         TypeError: An argument is of the wrong type, or an option is unknown.
         ValueError: A number is out of range, the scene's shape does not fit, no ray meets the field, or the view is
             truncated and `allow_truncation` is not set.
+
+    Warns:
+        RuntimeWarning: More than a fifth of the light of a point spread function is outside of its `psf_pixels`, as far
+            out of focus: `spreads.kept` has the shares.
     """
     check_view(field, camera, options)
     check_count(psf_nodes, "psf_nodes")
@@ -204,6 +211,14 @@ def image_through(
     if sensor is not None:
         image = sensor.expose(image, seed)
     spreads = mixed(grids, light.mean_weights)
+    lost = 1.0 - float(spreads.kept.min())
+    if lost > MOST_LOST:
+        warnings.warn(
+            f"{100.0 * lost:.3g} % of the light of a point spread function is outside of its {psf_pixels} pixels, the "
+            "picture has too little blur: take more psf_pixels",
+            RuntimeWarning,
+            stacklevel=3,
+        )
     return ImageThrough(image, scene, found, spreads, camera, found.wavelength, light, grids, seconds)
 
 
