@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, Rectangle
-from aerokernels.waves.coarse_wave import _mean_squares, finest_feature, fresnel_number
+from aerokernels.waves.coarse_wave import _mean_squares, finest_and_squares, fresnel_number
 from aerokernels.waves.slabs import FINEST, LEFT_OUT, LookingAlong, slabs_of
 from aerokernels.waves.validity import Validity, _same_light
 
@@ -25,16 +25,16 @@ def test_the_finest_phase_is_where_second_differences_hold_it(amplitude, pixels,
     place = np.arange(64)
     phase = np.broadcast_to(amplitude * np.cos(2.0 * np.pi * place / 16.0 + 0.3), (64, 64)) + 5.0 * place
     path = (phase if along == "x" else phase.T) * WAVE / (2.0 * np.pi)
-    assert finest_feature(path, PIXEL, WAVE) == pixels * PIXEL
+    assert finest_and_squares(path, PIXEL, WAVE)[0] == pixels * PIXEL
     path[:, 40:] = np.nan
     path[50:] = np.nan
-    assert finest_feature(path, PIXEL, WAVE) == pixels * PIXEL
+    assert finest_and_squares(path, PIXEL, WAVE)[0] == pixels * PIXEL
 
 
 def test_a_column_is_looked_at_along_itself():
     """A map of one column, as of a planar field: its own lines only."""
     phase = 0.13 * np.cos(2.0 * np.pi * np.arange(64) / 16.0)[:, None]
-    assert finest_feature(phase * WAVE / (2.0 * np.pi), PIXEL, WAVE) == 4 * PIXEL
+    assert finest_and_squares(phase * WAVE / (2.0 * np.pi), PIXEL, WAVE)[0] == 4 * PIXEL
     assert _mean_squares(np.array([[[0.0, 1.0, 4.0, 9.0, 16.0]], [[0.0, np.nan, 2.0, 0.0, 1.0]]]), 1) == 4.0 + 9.0
 
 
@@ -79,7 +79,7 @@ def test_slabs_begin_and_end_where_the_air_left_out_holds_a_hundredth_radian(sig
     assert ends == pytest.approx([0.08, 0.31], abs=1e-12)
     # What a finer count of slabs holds is what one holds, and that is the integral of all layers but those left out.
     x, y = np.array([0.005 * sign]), np.array([0.005])
-    whole = slabs.taken(x, y, 1)[0, 0, 0]
-    assert slabs.taken(x, y, FINEST).sum() == pytest.approx(whole, rel=1e-3)
+    whole = slabs.paths(x, y, 1)[0, 0, 0]
+    assert slabs.paths(x, y, FINEST).sum() == pytest.approx(whole, rel=1e-3)
     held = (phase[9] + phase[12] + phase[30]) * wavelength / (2.0 * np.pi)
     assert whole == pytest.approx(held, rel=2e-3)

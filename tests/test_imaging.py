@@ -3,6 +3,8 @@
 Angles are exact to second order where the fields are weak; each test says its tolerance, in pixels of the picture.
 """
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -388,3 +390,17 @@ def test_the_errors_told_hold_displacement_and_blur(seed: int):
     assert (found.blur_missed <= found.blur_error + 1e-5).all(), found
     assert (found.displacement_missed <= found.displacement_error + 1e-5).all(), found
     assert np.median(found.blur_error) < 10.0 * np.median(found.blur) + 1e-4
+
+
+def test_point_spread_functions_that_do_not_hold_their_light_are_told():
+    """A scene far out of focus: a blur of 28 pixels in kernels of 16, which gave a picture too sharp without a word."""
+    camera = Camera(Disc(4e-3), 0.05, 5e-6, (6, 6), distance=2.0, focus=1.2)
+    options = {"psf_nodes": 1, "pupil_pixels": 48, "allow_truncation": True}
+    with pytest.warns(
+        RuntimeWarning, match=r"\d % of the light of a point spread function is outside of its 16 pixels"
+    ):
+        found = image_through(prism(), np.ones((6, 6)), camera, psf_pixels=16, **options)
+    assert found.spreads.kept.min() < 0.6
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert image_through(prism(), np.ones((6, 6)), camera, psf_pixels=48, **options).spreads.kept.min() > 0.95

@@ -34,7 +34,7 @@ def test_air_and_window_that_are_moved_together_give_the_same_slabs(kind: type, 
     for move in (np.zeros(3), PITCH * np.array([6.0, -3.0, 2.0])):
         field = lumps(move, interpolation=interpolation)
         one = slabs(kind, field, move + np.array([PITCH, -2.0 * PITCH, field.box[0][2] - move[2]]))
-        found.append((one.taken(x, y, 8), one.taken(x, y, FINEST)))
+        found.append((one.paths(x, y, 8), one.paths(x, y, FINEST)))
     for here, there in zip(*found, strict=True):
         assert np.ptp(here) > 0.0
         np.testing.assert_allclose(there, here, atol=1e-6 * np.abs(here).max())
@@ -47,7 +47,7 @@ def test_x_and_y_may_be_exchanged(kind: type):
     center = np.array([2.0 * PITCH, -PITCH, lumps().box[0][2]])
     plain, turned = slabs(kind, lumps(), center), slabs(kind, lumps(turned=True), center[[1, 0, 2]])
     for count in (8, FINEST):
-        here, there = plain.taken(x, y, count), turned.taken(y, x, count)
+        here, there = plain.paths(x, y, count), turned.paths(y, x, count)
         np.testing.assert_allclose(there, here.swapaxes(1, 2), atol=1e-6 * np.abs(here).max())
 
 
@@ -58,7 +58,7 @@ def test_both_kinds_of_slabs_hold_the_same_path():
     """
     x, y = PITCH * np.linspace(-3.0, 2.0, 6), PITCH * np.linspace(-2.0, 3.0, 6)
     center = np.array([2.0 * PITCH, -PITCH, lumps().box[0][2]])
-    whole = [slabs(kind, lumps(), center).taken(x, y, 8).sum(axis=0) for kind in KINDS]
+    whole = [slabs(kind, lumps(), center).paths(x, y, 8).sum(axis=0) for kind in KINDS]
     whole = [each - each[0, 0] for each in whole]
     for other in whole[1:]:
         np.testing.assert_allclose(other, whole[0], atol=2.0 * LEFT_OUT * WAVELENGTH / (2.0 * np.pi))
@@ -133,7 +133,7 @@ def test_a_body_that_is_moved_with_the_window_casts_the_same_shadow():
         dark = opaque.any(axis=0)
         assert dark.all(axis=1).tolist() == (y + PITCH < 2.5 * PITCH).tolist()
         assert not dark[-1].any() and opaque[1:4].any() and not opaque[5:].any()
-        seen.append((opaque, past.taken(x, y, 8)))
+        seen.append((opaque, past.paths(x, y, 8)))
     np.testing.assert_array_equal(seen[0][0], seen[1][0])
     np.testing.assert_allclose(seen[0][1], seen[1][1], atol=1e-6 * np.abs(seen[0][1]).max())
 

@@ -27,7 +27,7 @@ FIELD = IndexField.from_samples(np.zeros((3, 3)), origin=(0.0, 0.0), spacing=(0.
 @pytest.mark.parametrize(
     ("made", "told"),
     [
-        (lambda tmp: Camera(Disc(0.01), -0.1, 5e-6), "focal_length must be a positive length"),
+        (lambda tmp: Camera(Disc(0.01), -0.1, 5e-6), "focal_length must be positive and finite [m]"),
         (lambda tmp: Camera(Disc(0.01), 0.1, 5e-6, distance=-1.0), "distance must be a positive length"),
         (lambda tmp: Background.of_scene(np.ones(3), 1.0, CAMERA), "a background must be a finite array"),
         (lambda tmp: Background.of_scene(np.ones((3, 3)), -1.0, CAMERA), "the background's pixel must be a positive"),
@@ -133,7 +133,7 @@ def test_what_an_interferometer_looks_through():
     for field, fault, told in (
         (3, TypeError, "field must be an IndexField, a DensityField, a Series or several fields, got int"),
         ([3], TypeError, "field must be an IndexField, a DensityField or a Series, got int"),
-        ([], ValueError, "there is no field to look through"),
+        ([], ValueError, "no field was given"),
     ):
         with pytest.raises(fault, match=told):
             fldi_response(field, instrument)
@@ -149,7 +149,7 @@ def test_what_would_take_hours_or_end_in_pythons_words_is_refused(tmp_path):
 
     place = Disc(0.01).flat_sample(300, "sobol", 0)[0] * 0.01
     wave = Wavefront.from_samples(place, 1e-5 * place[:, 0], Disc(0.01), 1e-6, pixel_count=12)
-    with pytest.raises(ValueError, match="1000000 Zernike polynomials are more"):
+    with pytest.raises(ValueError, match="samples cannot distinguish 1000000 Zernike"):
         wave.zernike(10**6)
     assert np.isinf(wave.zernike_errors(10**6)).all()
     with pytest.raises(TypeError, match="count must be a whole number"):

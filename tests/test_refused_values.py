@@ -171,7 +171,7 @@ def test_statistics_of_few_numbers_say_that_they_are_not_known():
 
 @pytest.mark.parametrize("picture", [np.ones(3), np.full((2, 2), np.nan)])
 def test_a_picture_is_a_plane_of_brightness(picture):
-    with pytest.raises(ValueError, match="a picture is one plane of finite brightness"):
+    with pytest.raises(ValueError, match="a picture must be a two-axis array of finite"):
         Picture(picture, np.arange(2.0), np.arange(2.0))
 
 

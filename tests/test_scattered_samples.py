@@ -40,7 +40,7 @@ def test_scattered_samples_make_the_wavefront():
         ((places[:5], x[:5]), "at least 9 samples, got 5"),
         ((places, x[:5]), "points must have shape"),
         ((0.5 * places, x), "% of the pupil is farther"),
-        ((np.repeat(places, 2, axis=0), np.repeat(x, 2)), "two samples lie at one place"),
+        ((np.repeat(places, 2, axis=0), np.repeat(x, 2)), "two samples are at the same point"),
         ((places, np.where(x == x[7], np.nan, x)), "the first is sample 7"),
     ):
         with pytest.raises(ValueError, match=message):

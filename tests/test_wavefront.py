@@ -183,9 +183,9 @@ def test_what_lies_outside_the_pupil_does_not_matter():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"opd": np.zeros((4, 5)), "mask": np.ones((4, 5))}, r"square and of one shape, got \(4, 5\) and \(4, 5\)"),
+        ({"opd": np.zeros((4, 5)), "mask": np.ones((4, 5))}, r"same shape, got \(4, 5\) and \(4, 5\)"),
         ({"mask": np.ones((5, 5))}, r"got \(4, 4\) and \(5, 5\)"),
-        ({"opd": np.zeros(4), "mask": np.ones(4)}, "square and of one shape"),
+        ({"opd": np.zeros(4), "mask": np.ones(4)}, "square and have the same shape"),
         ({"pixel": 0.0}, "must be positive, got 0.0"),
         ({"wavelength": -1.0}, "must be a positive length"),
         ({"padding": 0}, "must be positive"),

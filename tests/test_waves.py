@@ -175,7 +175,7 @@ def test_what_is_refused():
     ):
         with pytest.raises(ValueError, match=message):
             split_step(field, pupil, **options)
-    with pytest.raises(ValueError, match="not dark everywhere"):
+    with pytest.raises(ValueError, match="not zero everywhere"):
         Wave(np.zeros((8, 8)), 1e-5, WAVELENGTH)
     with pytest.raises(ValueError, match="limit must be positive"):
         validity(field, pupil, limit=0.0)

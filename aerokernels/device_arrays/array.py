@@ -79,7 +79,7 @@ class DeviceArray:
         rows, count = np.asarray(rows), len(self)
         if rows.dtype == bool:
             if rows.shape != (count,):
-                raise IndexError(f"a mask of shape {rows.shape} is not one of {count} rows")
+                raise IndexError(f"a mask of shape {rows.shape} does not fit {count} rows")
             rows = np.flatnonzero(rows)
         if not len(rows):
             return np.zeros((0, *self.host_shape[1:]), self.dtype)

@@ -81,12 +81,6 @@ def unit_of(way: wp.vec3d):
 
 
 @wp.func
-def is_finite(value: wp.vec3d):
-    """Return whether all three components are finite."""
-    return wp.isfinite(value[0]) and wp.isfinite(value[1]) and wp.isfinite(value[2])
-
-
-@wp.func
 def note(faults: wp.array(dtype=wp.int32), kind: int, ray: int):
     """Count a fault, and record the first ray that has it."""
     wp.atomic_add(faults, kind, 1)
@@ -106,9 +100,9 @@ def check_rays(
     row = wp.min(ray, direction.shape[0] - 1)
     place = wp.vec3d(position[ray, 0], position[ray, 1], position[ray, 2])
     way = wp.vec3d(direction[row, 0], direction[row, 1], direction[row, 2])
-    if not is_finite(place):
+    if not wp.isfinite(place):
         note(faults, PLACE, ray)
-    if not is_finite(way):
+    if not wp.isfinite(way):
         note(faults, WAY, ray)
     elif way == wp.vec3d():
         note(faults, ZERO, ray)

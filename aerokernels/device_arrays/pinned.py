@@ -175,8 +175,8 @@ def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Ite
                 stage_next()
             for number, chunk in enumerate(chunks):
                 jobs[number].result()
-                views = _views(slots[number % len(slots)], buffers, chunk.stop - chunk.start)
-                for view, buffer in zip(views, buffers, strict=True):
+                for taken, buffer in zip(slots[number % len(slots)], buffers, strict=True):
+                    view = as_kind(taken, buffer.dtype, chunk.stop - chunk.start)
                     warp.copy(buffer, view, dest_offset=chunk.start, count=len(view), stream=stream)
                 events.append(stream.record_event())
                 device.stream.wait_event(events[-1])
@@ -187,28 +187,28 @@ def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Ite
     finally:
         for event in events[-len(slots) :]:
             warp.synchronize_event(event)
-        for taken in (taken for slot in slots for taken in slot):
-            pinned_memory().give_back(taken)
+        _give_back(slots)
 
 
 def _slots(arrays: list[np.ndarray], rows: int, count: int) -> list[list[Any]]:
     """Return pinned memory for so many rows of each array, up to `count` times; empty if there is not enough."""
-    memory, slots = pinned_memory(), []
+    slots: list[list[Any]] = []
     for _ in range(count):
-        slot = [memory.take(array[:1].nbytes * rows) for array in arrays]
+        slot = [pinned_memory().take(array[:1].nbytes * rows) for array in arrays]
         if any(taken is None for taken in slot):
-            for taken in slot:
-                if taken is not None:
-                    memory.give_back(taken)
+            _give_back([slot])
             break
         slots.append(slot)
-    return slots if len(slots) > 1 or count == 1 else _given_back(slots)
-
-
-def _given_back(slots: list[list[Any]]) -> list[list[Any]]:
-    for taken in (taken for slot in slots for taken in slot):
-        pinned_memory().give_back(taken)
+    if len(slots) > 1 or count == 1:
+        return slots
+    _give_back(slots)
     return []
+
+
+def _give_back(slots: list[list[Any]]) -> None:
+    """Return the memory of slots to the cache."""
+    for taken in (taken for slot in slots for taken in slot if taken is not None):
+        pinned_memory().give_back(taken)
 
 
 def _stage(arrays: list[np.ndarray], slot: list[Any], chunk: slice) -> None:
@@ -217,10 +217,6 @@ def _stage(arrays: list[np.ndarray], slot: list[Any], chunk: slice) -> None:
         some = array[chunk]
         there = np.asarray(taken.numpy()[: some.nbytes]).view(some.dtype).reshape(some.shape)
         np.copyto(there, some)
-
-
-def _views(slot: list[Any], buffers: list[Any], count: int) -> list[Any]:
-    return [as_kind(taken, buffer.dtype, count) for taken, buffer in zip(slot, buffers, strict=True)]
 
 
 def as_kind(taken: Any, kind: Any, count: int) -> Any:

@@ -55,7 +55,7 @@ def checked_rays(position: Any, direction: Any) -> tuple[DeviceArray, DeviceArra
             raise ValueError(f"ray {what} must have shape (ray_count, 3), got {tuple(array.shape)}")
         if array.device != device:
             raise ValueError(
-                f"ray positions and directions lie on two devices, {device.alias} and {array.device.alias}"
+                f"ray positions and directions are on two devices, {device.alias} and {array.device.alias}"
             )
     count = len(both[0])
     if len(both[1]) not in (1, count):
@@ -109,7 +109,7 @@ def made_rays(
         found = wp.get_device(device)
     except (ValueError, RuntimeError) as error:
         names = ", ".join(each.alias for each in wp.get_devices())
-        raise ValueError(f"device {device!r} is not there: rays can be made on {names}") from error
+        raise ValueError(f"device {device!r} does not exist: rays can be made on {names}") from error
     if isinstance(points, SquareMap):
         start, directions = sobol_numbers(2, seed)
         numbers = [points.shape, points.row_count, points.column_count, _put(points.table, wp.float64, found)]

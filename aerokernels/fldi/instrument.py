@@ -105,7 +105,7 @@ class FLDI:
             np.broadcast_shapes(wave_number.shape, distance.shape)
         except ValueError:
             raise ValueError(
-                f"wave_number and distance must have shapes that go together, got {wave_number.shape} and "
+                f"wave_number and distance must have shapes that broadcast, got {wave_number.shape} and "
                 f"{distance.shape}: for every pair give wave_number[:, None]"
             ) from None
         apart = np.sinc(wave_number * np.cos(angle) * self.separation / (2.0 * np.pi))

@@ -40,7 +40,7 @@ def crossed(field: IndexField, instrument: FLDI, focus: np.ndarray) -> tuple[flo
         if found[0] > found[1]:
             return None
         if not np.isfinite(found).all():
-            raise ValueError("the beams never leave the field: a planar one has no ends along x; turn the axis")
+            raise ValueError("the beams never leave the field: a planar field is infinite along x; turn the axis")
         ends = found
     return ends
 

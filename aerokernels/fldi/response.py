@@ -121,10 +121,10 @@ class FLDIResponse:
         """Number of phases, their rms and error."""
         seen = np.isfinite(self.phase)
         if not seen.any():
-            return f"FLDIResponse of {self.phase.size} phases, none of which is known: a body holds back the light"
+            return f"FLDIResponse of {self.phase.size} phases, none of which is known: a body blocks the light"
         size, error = float(np.sqrt(np.mean(self.phase[seen] ** 2))), float(np.max(self.error[seen]))
         share = 100.0 * float(np.max(self.truncated))
-        beyond = f"; up to {share:.3g} % of the light goes beyond the known air" if share > 0.0 else ""
+        beyond = f"; up to {share:.3g} % of the light goes through unknown air" if share > 0.0 else ""
         return f"FLDIResponse of {self.phase.size} phases: {size:.4g} rad rms, each to {error:.2g} rad{beyond}"
 
 
@@ -166,7 +166,7 @@ def fldi_response(
     if moved.ndim != 2 or moved.shape[1] != 3 or not np.isfinite(moved).all():
         raise ValueError(f"offsets must be finite, shape (n, 3), got shape {np.asarray(offsets).shape}")
     if time is not None and isinstance(field, (Series, IndexField, DensityField)):
-        raise ValueError("time goes with several fields: a series has its own, and one field has none")
+        raise ValueError("time is only for several fields: a series has its own, and a single field has none")
     times: np.ndarray | None = None
     fields: list[Any] | Iterable[Any]
     if isinstance(field, Series):
@@ -186,7 +186,7 @@ def fldi_response(
             raise ValueError("times of fields must be finite and increase")
     found = [_read(one, instrument, moved, rays, relation) for one in fields]
     if not found:
-        raise ValueError("there is no field to look through")
+        raise ValueError("no field was given")
     arrays = np.stack(found)  # time, offset, quantity
     warn_of_truncation(float(arrays[..., -1].max()))
     if offsets is None:
@@ -208,7 +208,7 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
     if given is field and relation:
         raise TypeError(
             f"fldi_response has no argument {next(iter(relation))!r} for an index field: it takes offsets, time and "
-            "rays, and of a density field or a series what `index_field` takes"
+            "rays; a density field or a series also takes the arguments of `index_field`"
         )
     field.wavelength_for(instrument.wavelength)
     rows: list[tuple[float, ...]] = []

@@ -56,7 +56,7 @@ class DensityField(ReadOnly, ABC):
 
     @staticmethod
     def from_xarray(array, **arguments) -> "DensityField":
-        """Return a density field from an xarray array or data set: see `aerokernels.flow.reading.in_memory.from_xarray`.
+        """Return a density field from an xarray object: see `aerokernels.flow.reading.in_memory.from_xarray`.
 
         Coordinates x, y, z make a volume, two of them a plane, r and z an axisymmetric field; their attribute `units`
         gives their unit. The arguments are those of `flow.read` except spacing, region, walls and those for one file

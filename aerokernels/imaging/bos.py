@@ -117,7 +117,7 @@ def bos(
     """
     check_view(field, camera, options)
     if not np.isfinite(camera.distance):
-        raise ValueError("the pattern stands at the camera's distance, which is infinite: give one [m]")
+        raise ValueError("the pattern is at the camera's distance, which is infinite: give a finite distance [m]")
     if sensor is not None and not isinstance(sensor, Sensor):
         raise TypeError(f"sensor must be a Sensor, got {type(sensor).__name__}")
     shape = camera.shape(None if isinstance(pattern, DotPattern) else pattern)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..inputs.arguments import checked
+from ..inputs.checks import check_positive
 from ..pupils import Pupil
 
 GREATEST_PIXELS = 100_000_000
@@ -53,10 +54,8 @@ class Camera:
             raise TypeError(
                 f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(self.pupil).__name__}"
             )
-        for name in ("focal_length", "pixel"):
-            value = getattr(self, name)
-            if not (np.ndim(value) == 0 and np.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} must be a positive length [m], got {value!r}")
+        check_positive(self.focal_length, "focal_length", "m")
+        check_positive(self.pixel, "pixel", "m")
         if not (np.ndim(self.distance) == 0 and self.distance > 0.0):
             raise ValueError(f"distance must be a positive length [m], or infinite, got {self.distance!r}")
         if not self.focus_distance > self.focal_length:

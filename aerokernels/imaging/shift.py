@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..inputs.arguments import checked
-from ..inputs.checks import check_positive
+from ..inputs.checks import check_count, check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..tracing.pupil_air import GREATEST_SHARE
@@ -150,24 +150,16 @@ class BackgroundDisplacement:
 
         pair, one = ("y", "x", "component"), ("y", "x")
         rows, columns = self.through.shape
+        maps = {
+            "displacement": (pair, "pixel", "displacement through the flow"),
+            "blur": (pair, "pixel", "rms spread of the aperture's rays"),
+            "through": (one, "1", "share of the aperture that sees the scene"),
+            "truncated": (one, "1", "share of the aperture that sees beyond the known air"),
+        }
         return xarray.Dataset(
             {
-                "displacement": (
-                    pair,
-                    self.displacement,
-                    {"units": "pixel", "long_name": "displacement through the flow"},
-                ),
-                "blur": (pair, self.blur, {"units": "pixel", "long_name": "rms spread of the aperture's rays"}),
-                "through": (
-                    one,
-                    self.through,
-                    {"units": "1", "long_name": "share of the aperture that sees the scene"},
-                ),
-                "truncated": (
-                    one,
-                    self.truncated,
-                    {"units": "1", "long_name": "share of the aperture that sees beyond the known air"},
-                ),
+                name: (dims, getattr(self, name), {"units": unit, "long_name": text})
+                for name, (dims, unit, text) in maps.items()
             },
             {
                 "component": ["x", "y"],
@@ -308,9 +300,7 @@ def _others(count: int, many: int) -> int:
 
 def aperture(camera: Camera, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return points of the aperture along its axes [m], shape (n, 2), and weights of their light, which sum to 1."""
-    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
-        raise ValueError(f"aperture_rays must be a whole number of at least 1, got {count!r}")
-    if count == 1:
+    if check_count(count, "aperture_rays") == 1:
         return np.zeros((1, 2)), np.ones(1)
     pupil = camera.pupil
     points, weight = pupil.sample(int(count), "gauss")

@@ -133,7 +133,7 @@ def mixed(grids: tuple[SpreadGrid, ...], weights: np.ndarray) -> SpreadGrid:
 
 
 def node_paths(
-    field: IndexField | None, camera: Camera, tangent: np.ndarray, q: np.ndarray, options: dict[str, Any]
+    field: IndexField, camera: Camera, tangent: np.ndarray, q: np.ndarray, options: dict[str, Any]
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Return the OPD [m] at points q (n, 2) of the pupil [m] for light from the scene at tangents (m, 2), with defocus.
 
@@ -143,9 +143,7 @@ def node_paths(
     pupil, distance = camera.pupil, camera.distance
     first, second = pupil.axes
     far = not np.isfinite(distance)
-    defocus = _defocus(camera, tangent, q)
-    if field is None:
-        return defocus, np.ones(defocus.shape), float(options["wavelength"])
+    defocus = defocus_paths(camera, tangent, q)
     start = pupil.center + q[:, :1] * first + q[:, 1:] * second
     if far:
         low, high = field.box
@@ -194,7 +192,7 @@ def _dot(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     return np.asarray(np.einsum("...i,...i->...", left, right))
 
 
-def _defocus(camera: Camera, tangent: np.ndarray, q: np.ndarray) -> np.ndarray:
+def defocus_paths(camera: Camera, tangent: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Return the OPD [m] at points q (n, 2) of the pupil for light from the scene at tangents (m, 2), with defocus."""
     if camera.distance == camera.focus_distance:
         return np.zeros((len(tangent), len(q)))

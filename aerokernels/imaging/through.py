@@ -9,6 +9,7 @@ transform shifts exactly by fractions of a pixel; only the variation of the shif
 Radiance is conserved along rays, so nothing brightens where the flow magnifies.
 """
 
+import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..inputs.arguments import Numbers, checked, refuse_masked
+from ..inputs.checks import check_count
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..sensor import Sensor, write_grey
@@ -25,10 +27,12 @@ from .camera import Camera
 from .render import render
 from .shift import APERTURE_RAYS, BackgroundDisplacement, check_view, gather
 from .spectrum import Spectrum
-from .spreads import SpreadGrid, mixed, node_paths, phasors, pixel_spreads, spread_grid
+from .spreads import SpreadGrid, defocus_paths, mixed, phasors, pixel_spreads, spread_grid
 
 # Defaults: nodes along a side, pixels across a point spread function, rays across the pupil.
 NODE_COUNT, SIZE, PUPIL_PIXELS = 9, 32, 32
+# Share of the light that point spread functions may leave out before a warning.
+MOST_LOST = 0.2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,8 +74,8 @@ class ImageThrough:
         coordinate, step, weight, _ = pupil_grid(self.camera.pupil, PUPIL_PIXELS)
         lit = weight > 0.0
         q = np.stack([axis[lit] for axis in np.meshgrid(coordinate, coordinate)], axis=1)
-        opd, _, _ = node_paths(None, self.camera, np.zeros((1, 2)), q, {"wavelength": self.wavelength})
         zero, found, middle = np.zeros((1, 2)), [], np.array([0])
+        opd = defocus_paths(self.camera, zero, q)
         for length in self.spectrum.wavelengths:
             wave = np.zeros((1, *weight.shape), dtype=np.complex128)
             wave[:, lit] = weight[lit] * phasors(2.0 * np.pi / length * opd)
@@ -165,15 +169,15 @@ def image_through(
         TypeError: An argument is of the wrong type, or an option is unknown.
         ValueError: A number is out of range, the scene's shape does not fit, no ray meets the field, or the view is
             truncated and `allow_truncation` is not set.
+
+    Warns:
+        RuntimeWarning: More than a fifth of the light of a point spread function is outside of its `psf_pixels`, as far
+            out of focus: `spreads.kept` has the shares.
     """
     check_view(field, camera, options)
-    for name, count, least in (
-        ("psf_nodes", psf_nodes, 1),
-        ("psf_pixels", psf_pixels, 1),
-        ("pupil_pixels", pupil_pixels, 2),
-    ):
-        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < least:
-            raise ValueError(f"{name} must be a whole number of at least {least}, got {count!r}")
+    check_count(psf_nodes, "psf_nodes")
+    check_count(psf_pixels, "psf_pixels")
+    check_count(pupil_pixels, "pupil_pixels", 2)
     if sensor is not None and not isinstance(sensor, Sensor):
         raise TypeError(f"sensor must be a Sensor, got {type(sensor).__name__}")
     scene = _brightness(scene_image)
@@ -207,6 +211,14 @@ def image_through(
     if sensor is not None:
         image = sensor.expose(image, seed)
     spreads = mixed(grids, light.mean_weights)
+    lost = 1.0 - float(spreads.kept.min())
+    if lost > MOST_LOST:
+        warnings.warn(
+            f"{100.0 * lost:.3g} % of the light of a point spread function is outside of its {psf_pixels} pixels, the "
+            "picture has too little blur: take more psf_pixels",
+            RuntimeWarning,
+            stacklevel=3,
+        )
     return ImageThrough(image, scene, found, spreads, camera, found.wavelength, light, grids, seconds)
 
 

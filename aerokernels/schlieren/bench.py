@@ -111,19 +111,15 @@ class Bench:
         """
         half = 0.5 * self.angle / self.source_points
         ends = np.array([point[0] - half, point[0] + half])
-        place = np.clip(self.edge(cut_off) - np.asarray(deflection), *ends)
         strip = None
         if self._shape is not None:
             high = self._unit * self._shape.half_extent[1] / self.source_points
             strip = point[1] - high, point[1] + high
-        first, whole = self._below(ends, strip)
-        return np.asarray(1.0 - (self._below(place, strip) - first) / (whole - first))
+        return 1.0 - self._share_below(self.edge(cut_off) - np.asarray(deflection), ends, strip)
 
     def held_back(self, place: np.ndarray) -> np.ndarray:
         """Return the share of the source's light from angles below `place` across the edge [rad]."""
-        half = 0.5 * self.angle
-        first, whole = self._below(np.array([-half, half]), None)
-        return np.asarray((self._below(np.clip(place, -half, half), None) - first) / (whole - first))
+        return self._share_below(place, 0.5 * self.angle * np.array([-1.0, 1.0]), None)
 
     def edge(self, cut_off: float) -> float:
         """Return the position of the edge, as an angle from the source's middle [rad]."""
@@ -134,6 +130,11 @@ class Bench:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if float(self.held_back(np.asarray(middle))) < cut_off else (low, middle)
         return 0.5 * (low + high)
+
+    def _share_below(self, place: np.ndarray, ends: np.ndarray, strip: tuple[float, float] | None) -> np.ndarray:
+        """Return the share of the light between two angles across the edge that comes from angles below `place`."""
+        first, whole = self._below(ends, strip)
+        return np.asarray((self._below(np.clip(place, *ends), strip) - first) / (whole - first))
 
     def _below(self, place: np.ndarray, strip: tuple[float, float] | None) -> np.ndarray:
         """Return the light from angles below `place` across the edge, in a strip of angles along it; None for all."""

@@ -69,9 +69,7 @@ class Interferogram(PictureView):
         """Return the picture as a dataset with units."""
         return traced_dataset(
             self,
-            {
-                "opd": ("pixel", self.opd, "m", "optical path difference against the ambient medium"),
-            },
+            {"opd": ("pixel", self.opd, "m", "optical path difference against the ambient medium")},
             {
                 "kind": "interferogram",
                 "wavelength_m": self.wavelength,
@@ -167,12 +165,8 @@ def fringe_picture(
     light = np.where(traced.through, 0.5 * (1.0 + visibility * np.cos(2.0 * np.pi * waves)), 0.0)
     return Interferogram(
         intensity=np.clip(exposure * traced.pixel_mean(light), 0.0, 1.0),
-        horizontal=window.horizontal,
-        vertical=window.vertical,
         opd=traced.pixel_mean(traced.opd),
-        blocked=traced.blocked_pixels,
-        right=window.right,
-        up=window.up,
+        **traced.frame,
         wavelength=traced.wavelength,
         fringe_spacing=None if fringe_spacing is None else float(fringe_spacing),
         fringe_angle=float(fringe_angle),

@@ -147,7 +147,7 @@ def fit_curve(
     for _ in range(10):
         if used.sum() < least:
             raise ValueError(
-                f"{int(used.sum())} of {along.size} scan lines show one front, {least} should: move the "
+                f"{int(used.sum())} of {along.size} scan lines show one front, {least} are needed: move the "
                 "window to where the shock is clear and in the picture, or change knife edge, smoothing or sensitivity"
             )
         coefficients = np.linalg.lstsq(powers[used], across[used], rcond=None)[0]

@@ -182,13 +182,9 @@ def _image(
 ) -> SchlierenImage:
     return SchlierenImage(
         intensity=np.clip(brightness, 0.0, 1.0),
-        horizontal=traced.window.horizontal,
-        vertical=traced.window.vertical,
         deflection=traced.pixel_mean(traced.deflection),
         opd=traced.pixel_mean(traced.opd),
-        blocked=traced.blocked_pixels,
-        right=traced.window.right,
-        up=traced.window.up,
+        **traced.frame,
         knife_edge=knife_edge,
         cut_off=float(cut_off),
         sensitivity=float(sensitivity),

@@ -19,6 +19,7 @@ C. M. Vest, Holographic Interferometry (Wiley, 1979), section 6.3 (refraction an
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -76,9 +77,16 @@ class LineOfSight:
         return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
     @property
-    def blocked_pixels(self) -> np.ndarray:
-        """Mask of the pixels of which the body hides more than half, shape (ny, nx)."""
-        return self.pixel_mean(self.blocked.astype(np.float64)) > 0.5
+    def frame(self) -> dict[str, Any]:
+        """Attributes that all pictures of these rays share: pixel centres, axes, and the pixels the body hides."""
+        window = self.window
+        return {
+            "horizontal": window.horizontal,
+            "vertical": window.vertical,
+            "blocked": self.pixel_mean(self.blocked.astype(np.float64)) > 0.5,  # more than half of the pixel
+            "right": window.right,
+            "up": window.up,
+        }
 
 
 @checked
@@ -122,7 +130,7 @@ def line_of_sight(
     if sine.shape != (2,) or not np.isfinite(sine).all() or np.abs(sine).max() > 0.5:
         raise ValueError(f"tilt {tilt!r}: give two angles of at most 0.5 rad")
     if not np.isfinite(focus):
-        raise ValueError(f"focus = {focus}: give the place of the plane in focus in metres from the field's middle")
+        raise ValueError(f"focus = {focus}: give the position of the plane in focus in metres from the field's middle")
     if isinstance(rays_per_pixel, bool) or not isinstance(rays_per_pixel, (int, np.integer)) or rays_per_pixel < 1:
         raise ValueError(f"rays_per_pixel {rays_per_pixel!r}: give a whole number of at least 1")
     window = make_window(field, view, extent, pixel_count, width)

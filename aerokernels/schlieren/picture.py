@@ -48,12 +48,14 @@ class Picture(PictureView):
         """Check the values."""
         intensity = np.asarray(self.intensity, dtype=np.float64)
         if intensity.ndim != 2 or not np.isfinite(intensity).all():
-            raise ValueError(f"a picture is one plane of finite brightness, got shape {intensity.shape}")
+            raise ValueError(f"a picture must be a two-axis array of finite brightness, got shape {intensity.shape}")
         object.__setattr__(self, "intensity", intensity)
         for name, count in (("horizontal", intensity.shape[1]), ("vertical", intensity.shape[0])):
             centres = np.asarray(getattr(self, name), dtype=np.float64)
             if centres.shape != (count,):
-                raise ValueError(f"{name} has shape {centres.shape}, the picture {intensity.shape}: one for each pixel")
+                raise ValueError(
+                    f"{name} has shape {centres.shape}, the picture {intensity.shape}: give one centre for each pixel"
+                )
             steps = np.diff(centres)
             if not np.isfinite(centres).all() or (steps <= 0.0).any() or np.ptp(steps) > 1e-6 * steps.max(initial=0.0):
                 raise ValueError(f"{name}: the pixel centres must increase in even steps")

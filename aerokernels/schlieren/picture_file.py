@@ -55,7 +55,7 @@ def read_picture(
     count = grey.shape
     if not (0.0 <= tip[0] <= count[1] - 1 and 0.0 <= tip[1] <= count[0] - 1):
         raise ValueError(
-            f"picture {path}: nose at column {tip[0]:g}, row {tip[1]:g} lies outside its {count[1]} x {count[0]}"
+            f"picture {path}: nose at column {tip[0]:g}, row {tip[1]:g} is outside its {count[1]} x {count[0]} pixels"
         )
     intensity = grey[::-1]
     column, row = tip[0], count[0] - 1 - tip[1]
@@ -88,20 +88,19 @@ def _read_grey(path: Path) -> np.ndarray:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # warnings about files that are readable nevertheless
             with Image.open(path) as image:
-                told = f"picture {path}: its head"
-                check_room(8.0 * COPIES * image.width * image.height, told)
+                check_room(8.0 * COPIES * image.width * image.height, f"picture {path}: its head")
                 frame_count = getattr(image, "n_frames", 1)
                 grey = _as_grey(image)
     except NoRoomError:
         raise
     except UnidentifiedImageError:
-        raise ValueError(f"picture {path}: not a picture that can be read; give a PNG or TIFF file") from None
+        raise ValueError(f"picture {path}: not a readable picture; give a PNG or TIFF file") from None
     except Image.DecompressionBombError as error:
-        raise ValueError(f"picture {path}: {error}; cut it down to the part that is needed") from None
+        raise ValueError(f"picture {path}: {error}; crop it to the part that is needed") from None
     except Exception as error:  # Pillow's readers raise any exception for truncated or damaged files
         raise ValueError(f"picture {path}: cannot be read, {error}; save it again") from None
     if frame_count > 1:
-        raise ValueError(f"picture {path}: holds {frame_count} pictures; save the one that is meant by itself")
+        raise ValueError(f"picture {path}: holds {frame_count} pictures; save the one to read as a file of its own")
     if min(grey.shape) < LEAST_PIXELS:
         raise ValueError(
             f"picture {path}: {grey.shape[1]} x {grey.shape[0]} pixels; at least {LEAST_PIXELS} each way are needed"
@@ -109,7 +108,7 @@ def _read_grey(path: Path) -> np.ndarray:
     if not np.isfinite(grey).all():
         raise ValueError(f"picture {path}: {int(np.sum(~np.isfinite(grey)))} pixels are not finite; repair the file")
     if np.ptp(grey) == 0.0:
-        raise ValueError(f"picture {path}: has one brightness all over, there is nothing in it")
+        raise ValueError(f"picture {path}: has a single brightness everywhere")
     return grey
 
 

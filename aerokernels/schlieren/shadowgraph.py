@@ -76,9 +76,7 @@ class Shadowgraph(PictureView):
         """Return the picture as a dataset with units."""
         return traced_dataset(
             self,
-            {
-                "irradiance": ("pixel", self.irradiance, "1", "light on the screen over undisturbed light"),
-            },
+            {"irradiance": ("pixel", self.irradiance, "1", "light on the screen over undisturbed light")},
             {
                 "kind": "shadowgraph",
                 "distance_m": self.distance,
@@ -155,12 +153,8 @@ def shadow_picture(
         irradiance = blurred(irradiance, source, distance * source_angle, window.pitch)
     return Shadowgraph(
         intensity=np.clip(exposure * irradiance, 0.0, 1.0),
-        horizontal=window.horizontal,
-        vertical=window.vertical,
         irradiance=irradiance,
-        blocked=traced.blocked_pixels,
-        right=window.right,
-        up=window.up,
+        **traced.frame,
         distance=float(distance),
         source_angle=float(source_angle),
         exposure=float(exposure),
@@ -171,7 +165,7 @@ def shadow_picture(
 def check_screen(distance: float, source_angle: float, exposure: float) -> None:
     """Check the arguments."""
     if not np.isfinite(distance):
-        raise ValueError(f"distance = {distance}: give the place of the screen in metres from the field's middle")
+        raise ValueError(f"distance = {distance}: give the position of the screen in metres from the field's middle")
     if not 0.0 <= source_angle < 0.5:
         raise ValueError(f"source_angle = {source_angle}: give an angle in radians, 0 for a point source")
     check_exposure(exposure)

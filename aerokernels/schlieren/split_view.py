@@ -92,9 +92,7 @@ def compare_halves(simulated: AnyPicture, measured: Picture) -> HalfComparison:
     low, high = np.quantile(ours, QUANTILES)
     dark, bright = np.quantile(theirs, QUANTILES)
     if np.ptp(ours) == 0.0 or bright <= dark:
-        raise ValueError(
-            "one of the pictures has one brightness all over where they overlap: there is nothing to compare"
-        )
+        raise ValueError("one of the pictures has a single brightness where they overlap: there is nothing to compare")
     gain = float((high - low) / (bright - dark))
     offset = float(low - gain * dark)
     intensity = np.array(simulated.intensity, dtype=np.float64)

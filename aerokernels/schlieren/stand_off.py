@@ -82,14 +82,12 @@ def measure_stand_off(
     shock, shock_error, shock_points = _on_axis(height, along[0] + pitch * places, abs(pitch), "shock", axis)
     if nose is not None:
         if not np.isfinite(nose):
-            raise ValueError(f"nose = {nose}: give a place along the horizontal in metres")
+            raise ValueError(f"nose = {nose}: give a position along the horizontal in metres")
         return StandOff(abs(shock - nose), shock_error, shock, float(nose), shock_points, np.empty((0, 2)))
     dark = DARK_SHARE * float(np.median(lines[:, 0]))
     edges = np.array([_dark_edge(line, dark, place) for line, place in zip(lines, places, strict=True)])
     tip, tip_error, nose_points = _on_axis(height, along[0] + pitch * edges, abs(pitch), "body", axis)
-    return StandOff(
-        abs(shock - tip), math.hypot(shock_error, tip_error), shock, tip, shock_points, nose_points
-    )  # fmt: skip
+    return StandOff(abs(shock - tip), math.hypot(shock_error, tip_error), shock, tip, shock_points, nose_points)
 
 
 def _on_axis(

@@ -84,10 +84,10 @@ def _finite_box(field: IndexField, forward: np.ndarray, width: float | None) -> 
             raise ValueError(f"width = {width}: {field.geometry} fields have their own; leave it out")
         return low, high
     if width is None or not (np.isfinite(width) and width > 0.0):
-        raise ValueError(f"width = {width}: a planar field has no end in x; give the length of the light's way [m]")
+        raise ValueError(f"width = {width}: a planar field is infinite in x; give the length of the light's path [m]")
     if abs(forward[0]) < 1.0 - 1e-12:
         raise ValueError(
-            f"view {forward.tolist()}: look through a planar field along x, which it does not change along"
+            f"view {forward.tolist()}: look through a planar field along x, the axis along which it is constant"
         )
     return np.array([-0.5 * width, *low[1:]]), np.array([0.5 * width, *high[1:]])
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..inputs.arguments import checked, refuse_masked
+from ..inputs.checks import check_positive, check_share
 from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Pupil
@@ -65,9 +66,10 @@ class WavefrontMap:
             refuse_masked(getattr(self, name), name)
         opd, weight = np.array(self.opd, dtype=np.float64), np.array(self.weight, dtype=np.float64)
         if opd.ndim != 2 or opd.shape[0] != opd.shape[1] or opd.shape != weight.shape:
-            raise ValueError(f"opd and weight must be square and of one shape, got {opd.shape} and {weight.shape}")
-        if not (np.ndim(self.pixel) == 0 and np.isfinite(self.pixel) and self.pixel > 0.0):
-            raise ValueError(f"the pixel must be a positive length [m], got {self.pixel!r}")
+            raise ValueError(
+                f"opd and weight must be square and have the same shape, got {opd.shape} and {weight.shape}"
+            )
+        pixel = check_positive(self.pixel, "pixel", "m")
         if not np.isfinite(weight).all() or (weight < 0.0).any() or not weight.any():
             raise ValueError("weights must be finite, not negative and not all zero")
         lit = weight > 0.0
@@ -76,23 +78,20 @@ class WavefrontMap:
                 f"the wavefront must be finite in the pupil, got {(~np.isfinite(opd[lit])).sum()} bad samples"
             )
         opd[~lit] = np.nan
-        radius = 0.5 * len(opd) * float(self.pixel) if self.radius is None else float(self.radius)
-        if not (np.isfinite(radius) and radius > 0.0):
-            raise ValueError(f"the radius must be a positive length [m], got {self.radius!r}")
+        radius = 0.5 * len(opd) * pixel if self.radius is None else check_positive(self.radius, "radius", "m")
         intensity = weight**2 if self.intensity is None else np.where(lit, np.array(self.intensity, np.float64), 0.0)
         if (
             intensity.shape != weight.shape
             or not np.isfinite(intensity).all()
             or not (intensity >= weight**2 * (1.0 - 1e-9)).all()
         ):
-            raise ValueError("the intensity must be finite, of the weights' shape and nowhere below their square")
-        if not (np.ndim(self.blocked) == 0 and 0.0 <= self.blocked <= 1.0):
-            raise ValueError(f"blocked must be a share of the pupil's weight, 0 to 1, got {self.blocked!r}")
+            raise ValueError("the intensity must be finite, have the weights' shape and be nowhere below their square")
+        check_share(self.blocked, "blocked")
         if self.direction is not None and not (np.shape(self.direction) == (3,) and np.isfinite(self.direction).all()):
             raise ValueError(f"the direction must be three finite numbers, got {self.direction!r}")
         for array in (opd, weight, intensity):
             array.setflags(write=False)
-        checked = {"opd": opd, "weight": weight, "intensity": intensity, "pixel": float(self.pixel), "radius": radius}
+        checked = {"opd": opd, "weight": weight, "intensity": intensity, "pixel": pixel, "radius": radius}
         for name, value in {**checked, "wavelength": check_wavelength(self.wavelength)}.items():
             object.__setattr__(self, name, value)
 

@@ -20,12 +20,11 @@ from typing import Any
 import numpy as np
 
 from .data import WavefrontMap
-from .pixel_errors import SAFETY
+from .pixel_errors import INTERLEAVED, SAFETY
 from .pixel_weights import exact_weights
-from .transfer import Transfer, autocorrelation, complex_amplitude, encircled, transfer_function
+from .point_spread import complex_amplitude
+from .transfer import Transfer, autocorrelation, encircled, transfer_function
 
-# Every other row and column.
-INTERLEAVED = tuple((row, column) for row in (0, 1) for column in (0, 1))
 # Radii of the sum over light by its angle.
 RADII = 65
 
@@ -66,9 +65,9 @@ def _transfers(wavefront: WavefrontMap) -> Iterator[Transfer]:
     exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
     value, perfect = (autocorrelation(one) / wavefront.power for one in (wave(exact), exact))
     yield _at_rest(replace(plain, value=value, perfect=perfect.real))
-    for row, column in INTERLEAVED:
+    for every in INTERLEAVED:
         some = np.zeros(weight.shape)
-        some[row::2, column::2] = 1.0
+        some[every] = 1.0
         power = float((some * intensity).sum())
         if power > 0.0:
             value, perfect = (_halves(some * one, one) / power for one in (wave(weight), weight))
@@ -92,14 +91,11 @@ def grid_errors(wavefront: Any, number: Callable[[Any], Any]) -> np.ndarray:
     plain = np.asarray(number(wavefront))
     odd = len(wavefront.opd) % 2
     grids = []
-    for row, column in INTERLEAVED:
-        some = [np.pad(one, (0, odd))[row::2, column::2] for one in (wavefront.opd, wavefront.weight)]
-        intensity = np.pad(wavefront.intensity, (0, odd))[row::2, column::2]
-        if some[1].any():
-            coarse = replace(
-                wavefront, opd=some[0], weight=some[1], intensity=intensity, pixel=2.0 * wavefront.pixel, pupil=None
-            )
-            grids.append(np.asarray(number(coarse)))
+    maps = {name: np.pad(getattr(wavefront, name), (0, odd)) for name in ("opd", "weight", "intensity")}
+    for every in INTERLEAVED:
+        coarse = {name: values[every] for name, values in maps.items()}
+        if coarse["weight"].any():
+            grids.append(np.asarray(number(replace(wavefront, **coarse, pixel=2.0 * wavefront.pixel, pupil=None))))
     if len(grids) < 2:
         return np.full(plain.shape, np.nan)
     spread = np.std(grids, axis=0, ddof=1) / np.sqrt(len(grids))

@@ -9,6 +9,7 @@ import numpy as np
 from ..display.shown import shown
 from ..zernike import zernike_modes
 from .data import WavefrontMap
+from .pixel_errors import zernike_pixel_errors
 from .pixel_weights import derivative_weights
 from .terms import weighted_mean
 from .transfer import autocorrelation
@@ -61,23 +62,26 @@ def fit_zernike(wavefront: WavefrontMap, count: int) -> np.ndarray:
         found, _, rank, _ = np.linalg.lstsq(basis, opd * root, rcond=1e-9)
     if rank < count:
         raise ValueError(
-            f"{count} Zernike polynomials are more than the pupil's {len(opd)} samples tell apart ({rank}): take "
-            "fewer, or a greater pixel_count"
+            f"the pupil's {len(opd)} samples cannot distinguish {count} Zernike polynomials, only {rank}: take fewer, "
+            "or a greater pixel_count"
         )
     return np.asarray(found)
 
 
-def zernike_gains(wavefront: WavefrontMap, count: int) -> np.ndarray:
-    """Return the greatest change of each Zernike coefficient by an OPD of rms 1, shape (count,).
+def zernike_errors(wavefront: WavefrontMap, count: int) -> np.ndarray:
+    """Return the error of each Zernike coefficient [m] due to the OPD's error and the pixels, shape (count,).
 
     Infinite if the pupil's samples cannot distinguish the polynomials.
     """
     if count > len(wavefront.samples[0]):
         return np.full(count, np.inf)
-    _, size, rows = np.linalg.svd(_weighted_modes(wavefront, count), full_matrices=False)
+    basis = _weighted_modes(wavefront, count)
+    _, size, rows = np.linalg.svd(basis, full_matrices=False)
     if len(size) < count or size[-1] <= 1e-9 * size[0]:
         return np.full(count, np.inf)
-    return np.asarray(np.linalg.norm(rows / size[:, None], axis=0))
+    gains = np.linalg.norm(rows / size[:, None], axis=0)
+    modes = basis / np.sqrt(wavefront.samples[1])[:, None]
+    return np.hypot(wavefront.opd_error * gains, zernike_pixel_errors(wavefront, modes))
 
 
 def _weighted_modes(wavefront: WavefrontMap, count: int) -> np.ndarray:

@@ -13,6 +13,8 @@ from .pixel_weights import exact_weights
 from .terms import mean_phasor, weighted_mean
 
 SAFETY = 2.0
+# Slices of every other row and column: four interleaved grids.
+INTERLEAVED = tuple((slice(row, None, 2), slice(column, None, 2)) for row in (0, 1) for column in (0, 1))
 
 
 def pixel_errors(wavefront: Any) -> dict[str, float]:
@@ -27,7 +29,7 @@ def pixel_errors(wavefront: Any) -> dict[str, float]:
     lacking = SAFETY * np.abs(read(exact) - read(weight))
     y, x = np.meshgrid(wavefront.coordinate, wavefront.coordinate, indexing="ij")
     grids = []
-    for every in ((slice(row, None, 2), slice(column, None, 2)) for row in (0, 1) for column in (0, 1)):
+    for every in INTERLEAVED:
         there = lit[every]
         if there.any():
             points = np.stack([x[every][there], y[every][there]], axis=1)
@@ -37,6 +39,32 @@ def pixel_errors(wavefront: Any) -> dict[str, float]:
     names = ("strehl", "opd_rms", "tilt_x", "tilt_y")
     found = dict(zip(names, np.hypot(lacking, spread).tolist(), strict=True))
     return {**found, "peak_to_valley": _steps_at_extremes(opd)}
+
+
+def zernike_pixel_errors(wavefront: Any, modes: np.ndarray) -> np.ndarray:
+    """Return errors due to the pixels of Zernike coefficients [m], shape (count,).
+
+    Args:
+        wavefront: The wavefront.
+        modes: The polynomials at its pixels, shape (lit count, count).
+    """
+    opd, lit = wavefront.opd, wavefront.lit
+    weight = np.asarray(wavefront.weight)
+    exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
+
+    def fit(weights: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        return _fit(modes[pixels], opd[lit][pixels], weights[lit][pixels] / weights.sum())
+
+    every_pixel = np.ones(len(modes), dtype=bool)
+    lacking = SAFETY * np.abs(fit(exact, every_pixel) - fit(weight, every_pixel))
+    grids = []
+    for every in INTERLEAVED:
+        some = np.zeros(lit.shape, dtype=bool)
+        some[every] = True
+        if np.count_nonzero(some[lit]) < modes.shape[1]:
+            return np.full(modes.shape[1], np.nan)
+        grids.append(fit(weight, some[lit]))
+    return np.hypot(lacking, np.std(grids, axis=0, ddof=1) / np.sqrt(len(grids)))
 
 
 def _numbers(opd: np.ndarray, weight: np.ndarray, points: np.ndarray, wavelength: float, removed) -> np.ndarray:

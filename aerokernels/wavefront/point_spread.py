@@ -6,6 +6,7 @@ with a the angle at which light leaves the pupil: OPD = a0 x has its peak at a0.
 two matrix products (R. Soummer et al., Opt. Express 15 (2007) 15935), which give the same values.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -47,8 +48,7 @@ class PointSpread:
         An intensity is the Strehl ratio of the wavefront minus a tilt, so a phase error changes it as it changes a
         Strehl ratio. The error due to the pixels is added: see spread_errors.py.
         """
-        phase = float("nan") if self.phase_error is None else self.phase_error()
-        pixels = 0.0 if self.pixel_error is None else self.pixel_error()
+        phase, pixels = phase_and_pixels(self.phase_error, self.pixel_error)
         return np.hypot(strehl_errors(self.intensity, phase), pixels)
 
     @property
@@ -83,6 +83,19 @@ class PointSpread:
         from .plots import plot_point_spread
 
         return plot_point_spread(self, axes, decades)
+
+
+def phase_and_pixels(
+    phase_error: Callable[[], float] | None, pixel_error: Callable[[], np.ndarray] | None
+) -> tuple[float, np.ndarray | float]:
+    """Return the phase error [rad], NaN if it is not known, and the error due to the pixels, 0 without pixels."""
+    return math.nan if phase_error is None else phase_error(), 0.0 if pixel_error is None else pixel_error()
+
+
+def complex_amplitude(opd: np.ndarray, weight: np.ndarray, wavelength: float) -> np.ndarray:
+    """Return the field weight exp(i k OPD) of a map, 0 outside the pupil, shape (n, n)."""
+    lit = weight > 0.0
+    return weight * np.exp(2j * np.pi / wavelength * np.where(lit, opd, 0.0))
 
 
 def far_field(
@@ -158,7 +171,7 @@ def point_spread_function(
     """
     opd, mask = np.asarray(opd, dtype=np.float64), np.asarray(mask, dtype=np.float64)
     if opd.ndim != 2 or opd.shape[0] != opd.shape[1] or opd.shape != mask.shape:
-        raise ValueError(f"opd and mask must be square and of one shape, got {opd.shape} and {mask.shape}")
+        raise ValueError(f"opd and mask must be square and have the same shape, got {opd.shape} and {mask.shape}")
     wavelength = check_wavelength(wavelength)
     if not (np.isfinite(pixel) and pixel > 0.0 and padding >= 1):
         raise ValueError(f"pixel and padding must be positive, got {pixel!r} m and {padding!r}")
@@ -171,7 +184,7 @@ def point_spread_function(
         raise ValueError("the pupil must not be empty and the wavefront in it must be finite")
     count = opd.shape[0]
     size = int(count * padding)
-    wave = mask * np.exp(2j * np.pi / wavelength * np.where(lit, opd, 0.0))
+    wave = complex_amplitude(opd, mask, wavelength)
     if angle is not None:
         angle = np.atleast_1d(np.asarray(angle, dtype=np.float64))
         if angle.ndim != 1 or not np.isfinite(angle).all():

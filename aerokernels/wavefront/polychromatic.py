@@ -45,7 +45,9 @@ def polychromatic_psf(
         reach = 0.5 * lengths.min() / wavefront.pixel if half_width is None else float(half_width)
         steps = reach * width * padding / lengths.min()
         if not 0.0 <= steps <= MOST_ANGLES // 2:
-            raise ValueError(f"half_width = {half_width!r} rad asks for {2.0 * steps:.3g} angles a side: give `angle`")
+            raise ValueError(
+                f"half_width = {half_width!r} rad needs {2.0 * steps:.3g} angles along a side: give `angle`"
+            )
         angle = reach / max(int(np.ceil(steps)), 1) * np.arange(-int(np.ceil(steps)), int(np.ceil(steps)) + 1)
     each = [wavefront.at_wavelength(float(length)).psf(angle) for length in lengths]
     share = mixed_weights(lengths, shares)

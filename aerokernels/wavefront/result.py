@@ -20,7 +20,7 @@ from .modes import (
     centroid_weights,
     fit_zernike,
     structure_function,
-    zernike_gains,
+    zernike_errors,
     zernike_surface,
 )
 from .pixel_errors import pixel_errors
@@ -28,7 +28,7 @@ from .point_spread import PointSpread, point_spread_function
 from .spot_width import spot_width, spot_width_error
 from .spread_errors import spread_errors
 from .strehl_errors import strehl_error
-from .terms import check_metres, mean_phasor, remove_terms, weighted_mean
+from .terms import check_metres, fit_tilt, mean_phasor, remove_terms, weighted_mean
 from .transfer import EncircledEnergy, Transfer, encircled, normalised_sensitivity, transfer_function
 
 
@@ -126,8 +126,6 @@ class Wavefront(WavefrontMap):
     @property
     def tilt(self) -> np.ndarray:
         """Slopes of the least-squares plane along x and y [rad], shape (2,): the deflection of the beam."""
-        from .terms import fit_tilt
-
         opd, weight = self.samples
         return np.asarray(fit_tilt(opd, self.points, weight).tilt)
 
@@ -146,13 +144,15 @@ class Wavefront(WavefrontMap):
 
     @checked
     def zernike_errors(self, count: int) -> np.ndarray:
-        """Bound the error of each Zernike coefficient [m] that follows from the error of the OPD, shape (count,).
+        """Return the error of each Zernike coefficient [m], shape (count,).
 
         An OPD error of rms e, of any shape, changes coefficient j by e sqrt((G^-1)_jj) at most, where G holds the mean
         products of the polynomials over the pupil: e on a disc, hundreds of e where the polynomials hardly differ, as
-        on a thin ring. Infinite if the pupil's samples cannot distinguish the polynomials.
+        on a thin ring. The error due to the pixels, each of which has one sample, is added (pixel_errors.py); NaN if a
+        quarter of the pixels is too few to measure it. Infinite if the pupil's samples cannot distinguish the
+        polynomials.
         """
-        return self.opd_error * zernike_gains(self, count)
+        return zernike_errors(self, count)
 
     @checked
     def psf(

@@ -82,9 +82,9 @@ def _checked(points: Any, opd: Any, pupil: Pupil) -> tuple[np.ndarray, np.ndarra
     if place.shape[1] == 3:
         place = (place - pupil.center) @ np.stack(pupil.axes).T
     if len(place) < FEWEST:
-        raise ValueError(f"a wavefront takes at least {FEWEST} samples, got {len(place)}")
+        raise ValueError(f"a wavefront needs at least {FEWEST} samples, got {len(place)}")
     if len(np.unique(place, axis=0)) < len(place):
-        raise ValueError("two samples lie at one place: give one for each")
+        raise ValueError("two samples are at the same point: give one sample for each point")
     return place, values
 
 

@@ -19,14 +19,14 @@ import numpy as np
 
 from .pixel_errors import SAFETY
 from .pixel_weights import exact_weights
-from .point_spread import steady_product
+from .point_spread import complex_amplitude, steady_product
 
 
 def spread_errors(wavefront: Any, angle: np.ndarray) -> np.ndarray:
     """Return the error due to the pixels of intensities at angles of rows and columns [rad] (m,), shape (m, m)."""
     weight = np.asarray(wavefront.weight)
     exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
-    phase = np.exp(2j * np.pi / wavefront.wavelength * np.where(wavefront.lit, wavefront.opd, 0.0))
+    phase = complex_amplitude(wavefront.opd, wavefront.lit.astype(np.float64), wavefront.wavelength)
     plain, lacking = phase * weight / weight.sum(), phase * (exact / exact.sum() - weight / weight.sum())
     half = 0.5 * wavefront.wavelength / wavefront.pixel
     rim = half * (1.0 - np.array([0.0, 1.0 / len(weight)]))

@@ -51,9 +51,7 @@ REMEDIES = {
 
 def strehl_error(value: float, phase: float) -> float:
     """Return the greatest change of a Strehl ratio `value` by a phase error of rms `phase` [rad]."""
-    root, rest = _roots(value)
-    change = min(phase, rest * phase + 0.5 * root * phase**2)
-    return phase if math.isnan(phase) else 2.0 * root * change + change**2
+    return float(strehl_errors(np.asarray(value), phase))
 
 
 def strehl_errors(values: np.ndarray, phase: float) -> np.ndarray:
@@ -66,22 +64,17 @@ def strehl_errors(values: np.ndarray, phase: float) -> np.ndarray:
 
 def greatest_strehl_error(phase: float) -> float:
     """Return the greatest change of any Strehl ratio by a phase error of rms `phase` [rad]."""
-    return max(strehl_error(float(value), phase) for value in np.linspace(0.0, 1.0, RATIOS))
+    return float(strehl_errors(np.linspace(0.0, 1.0, RATIOS), phase).max())
 
 
 def phase_of_error(value: float, error: float) -> float:
     """Return the rms phase error [rad] that changes a Strehl ratio `value` by up to `error`: inverts `strehl_error`."""
-    root, rest = _roots(value)
     if not error > 0.0:
         return error  # zero, or NaN
+    value = min(max(value, 0.0), 1.0)  # against rounding
+    root, rest = math.sqrt(value), math.sqrt(1.0 - value)
     change = error / (math.sqrt(root**2 + error) + root)
     return max(change, 2.0 * change / (rest + math.sqrt(rest**2 + 2.0 * change * root)))
-
-
-def _roots(value: float) -> tuple[float, float]:
-    """Return sqrt(S) and sqrt(1 - S), with S clipped to 0 to 1 against rounding."""
-    value = min(max(value, 0.0), 1.0)
-    return math.sqrt(value), math.sqrt(1.0 - value)
 
 
 def phase_error(value: float, budget: Mapping[str, float]) -> float:

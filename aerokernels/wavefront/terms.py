@@ -127,7 +127,7 @@ def remove_terms(opd, remove, points=None, weights=None) -> np.ndarray:
     if fitted:
         if points is None:
             raise ValueError(
-                f"removing '{fitted[0]}' needs to know where the samples lie: give the wavefront as a map (two axes), "
+                f"removing '{fitted[0]}' needs the positions of the samples: give the wavefront as a map (two axes), "
                 "or points, the pupil coordinates of the samples, shape (n, 2)"
             )
         opd = opd - _surface(opd, points, weights, fitted)

@@ -21,6 +21,7 @@ import numpy as np
 from ..display.shown import shown
 from ..pupils import Disc
 from .data import WavefrontMap
+from .point_spread import complex_amplitude, phase_and_pixels
 
 # Coefficient of the long-exposure transfer function exp(-3.44 (r / r0)^(5/3)): D. L. Fried, J. Opt. Soc. Am. 56 (1966)
 # 1372.
@@ -49,8 +50,7 @@ class Transfer:
     @cached_property
     def error(self) -> np.ndarray:
         """Error of each value, shape (n, n); NaN if it is not known. Computed when first read."""
-        phase = float("nan") if self.phase_error is None else self.phase_error()
-        pixels = 0.0 if self.pixel_error is None else self.pixel_error()
+        phase, pixels = phase_and_pixels(self.phase_error, self.pixel_error)
         return np.hypot(np.minimum(2.0 * phase, 2.0) * self.perfect, pixels)
 
     def along(self, angle: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -92,8 +92,7 @@ class EncircledEnergy:
     @cached_property
     def error(self) -> np.ndarray:
         """Error of each share, of their shape; NaN if it is not known. Computed when first read."""
-        phase = float("nan") if self.phase_error is None else self.phase_error()
-        pixels = 0.0 if self.pixel_error is None else self.pixel_error()
+        phase, pixels = phase_and_pixels(self.phase_error, self.pixel_error)
         return np.minimum(np.hypot(np.full(np.shape(self.energy), 2.0 * phase), pixels), 1.0)
 
     def radius(self, share: float) -> float:
@@ -114,12 +113,6 @@ class EncircledEnergy:
         from .plots import plot_encircled_energy
 
         return plot_encircled_energy(self, axes)
-
-
-def complex_amplitude(opd: np.ndarray, weight: np.ndarray, wavelength: float) -> np.ndarray:
-    """Return the field weight exp(i k OPD) of a map, 0 outside the pupil, shape (n, n)."""
-    lit = weight > 0.0
-    return weight * np.exp(2j * np.pi / wavelength * np.where(lit, opd, 0.0))
 
 
 def autocorrelation(wave: np.ndarray, other: np.ndarray | None = None) -> np.ndarray:

@@ -82,50 +82,50 @@ def _along_z(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, wa
     spacing, place = float(grid.spacing[-1]), grid.origin[-1] + grid.spacing[-1] * np.arange(-1, grid.shape[-1] + 1)
     # The pupil's plane may be slanted to the light: then a part of it is farther away.
     slant = pupil.reach * math.sqrt(max(1.0 - float(pupil.normal[2]) ** 2, 0.0))
-    way = sign * (place - float(pupil.center[2])) + slant
-    length = float(way.max()) + pupil.reach
-    ahead = np.flatnonzero(way > -2.0 * spacing)
+    distance = sign * (place - float(pupil.center[2])) + slant
+    length = float(distance.max()) + pupil.reach
+    ahead = np.flatnonzero(distance > -2.0 * spacing)
     margin = FRINGES * math.sqrt(2.0 * math.pi / wave_number * length)
-    held = _held(field, grid, pupil, margin) if len(ahead) else None
-    if held is None:
+    coefficients = _coefficients(field, grid, pupil, margin) if len(ahead) else None
+    if coefficients is None:
         return None
     in_front = slice(int(ahead[0]), int(ahead[-1]) + 1)
-    held, way = held[..., in_front], np.maximum(way[in_front], 0.0)
-    round_about = field.geometry == "axisymmetric"
+    coefficients, distance = coefficients[..., in_front], np.maximum(distance[in_front], 0.0)
+    axisymmetric = field.geometry == "axisymmetric"
     # Slope over radius is a mean of second derivatives between the axis and that radius.
-    ways = 2.0 if round_about else 1.0
+    directions = 2.0 if axisymmetric else 1.0
     # The coefficients are those of the potential, which is the contrast times the ambient index.
     scale, steps = spacing / grid.ambient_index, grid.spacing[:-1]
     share = scale / (4.0 * wave_number)
-    planes, rest, curvature, second = _Planes(held.shape), 0.0, math.inf, np.zeros(len(way))
-    for part in _parts(held, 2):
-        firsts = planes.take(part)
+    planes, rest, curvature, second = _Planes(coefficients.shape), 0.0, math.inf, np.zeros(len(distance))
+    for part in _parts(coefficients, 2):
+        firsts = planes.add(part)
         # The radial slope points in all directions around the axis: it has no common tilt.
         low, high = planes.low, planes.high
-        steep = np.maximum(high, -low) if round_about else 0.5 * (high - low)
+        steep = np.maximum(high, -low) if axisymmetric else 0.5 * (high - low)
         turn = scale * float(np.sqrt(np.sum((steep / steps[:, None]) ** 2, axis=0)).sum())
         rest = 2.0 * wave_number * length * turn**2
         if rest <= GREATEST_BOUND:
-            planes.take_bends(firsts)
-            second = ways * np.sum(planes.second / steps[:, None] ** 2, axis=0)
-            curvature = scale * float((way * second).sum())
+            planes.add_second(firsts)
+            second = directions * np.sum(planes.second / steps[:, None] ** 2, axis=0)
+            curvature = scale * float((distance * second).sum())
             rest += curvature
         if rest > GREATEST_BOUND:  # further parts can only increase it
             curvature = math.inf
             break
     # Fourth differences are at most four times the second ones; they are computed only if that bound is large.
-    diffraction = share * float((way**2 * second).sum()) * 4.0 * ways * len(steps) / float(steps.min()) ** 2
+    diffraction = share * float((distance**2 * second).sum()) * 4.0 * directions * len(steps) / float(steps.min()) ** 2
     if diffraction > LITTLE * rest and ENOUGH < rest + diffraction and rest <= GREATEST_BOUND:
-        fourth = np.zeros((len(steps), len(way)))
-        for part in _parts(held, 4):
+        fourth = np.zeros((len(steps), len(distance)))
+        for part in _parts(coefficients, 4):
             for axis, found in enumerate(fourth):
                 np.maximum(found, _greatest(_differences(part, axis, 4)), out=found)
-        roots = ways * np.sum(np.sqrt(fourth) / steps[:, None] ** 2, axis=0)
-        diffraction = share * float((way * roots) @ (way * roots))
+        roots = directions * np.sum(np.sqrt(fourth) / steps[:, None] ** 2, axis=0)
+        diffraction = share * float((distance * roots) @ (distance * roots))
     change = rest + diffraction if math.isfinite(curvature) else math.inf
     if change > ENOUGH:
         to_phase = 0.5 * scale * wave_number
-        change = min(change, (to_phase * _spread(held, math.sqrt(GREATEST_BOUND) / to_phase)) ** 2)
+        change = min(change, (to_phase * _spread(coefficients, math.sqrt(GREATEST_BOUND) / to_phase)) ** 2)
     return ChangeBound(change, curvature, length)
 
 
@@ -143,7 +143,7 @@ class _Planes:
         count = len(shape) - 1, shape[-1]
         self.low, self.high, self.second = np.full(count, np.inf), np.full(count, -np.inf), np.zeros(count)
 
-    def take(self, part: np.ndarray) -> list[np.ndarray]:
+    def add(self, part: np.ndarray) -> list[np.ndarray]:
         """Add a part; return its first differences along each axis."""
         firsts = [_differences(part, axis) for axis in range(len(self.low))]
         for first, low, high in zip(firsts, self.low, self.high, strict=True):
@@ -151,35 +151,35 @@ class _Planes:
             np.minimum(low, _over(np.minimum, first), out=low)
         return firsts
 
-    def take_bends(self, firsts: list[np.ndarray]) -> None:
+    def add_second(self, firsts: list[np.ndarray]) -> None:
         """Add the second differences of a part, given its first ones."""
         for axis, (first, second) in enumerate(zip(firsts, self.second, strict=True)):
             np.maximum(second, _greatest(_differences(first, axis)), out=second)
 
 
-def _spread(held: np.ndarray, much: float) -> float:
+def _spread(coefficients: np.ndarray, much: float) -> float:
     """Return the sum over planes of the coefficients' range in each; infinite if a few lines already exceed `much`."""
-    few = held[tuple(slice(None, None, max(1, (count - 1) // 2)) for count in held.shape[:-1])]
+    few = coefficients[tuple(slice(None, None, max(1, (count - 1) // 2)) for count in coefficients.shape[:-1])]
     high, low = _over(np.maximum, few), _over(np.minimum, few)
     if float(np.sum(high - low)) > much:
         return math.inf
-    high, low = np.full(held.shape[-1], -np.inf), np.full(held.shape[-1], np.inf)
-    for part in _parts(held, 0):
+    high, low = np.full(coefficients.shape[-1], -np.inf), np.full(coefficients.shape[-1], np.inf)
+    for part in _parts(coefficients, 0):
         np.maximum(high, _over(np.maximum, part), out=high)
         np.minimum(low, _over(np.minimum, part), out=low)
     return float(np.sum(high - low))
 
 
-def _parts(held: np.ndarray, order: int) -> Iterator[np.ndarray]:
+def _parts(coefficients: np.ndarray, order: int) -> Iterator[np.ndarray]:
     """Yield parts of coefficients along the first axis that fit a processor's cache, overlapping by `order`.
 
     In single precision, minus one line along z, since a common value does not matter. Rounding of the differences can
     only increase the bound.
     """
-    line = held[(0,) * (held.ndim - 1)]
-    rows = max(PART_SIZE // held[0].size, 2 * order)
-    for start in range(0, max(len(held) - order, 1), rows):
-        part = held[start : start + rows + order]
+    line = coefficients[(0,) * (coefficients.ndim - 1)]
+    rows = max(PART_SIZE // coefficients[0].size, 2 * order)
+    for start in range(0, max(len(coefficients) - order, 1), rows):
+        part = coefficients[start : start + rows + order]
         yield np.subtract(part, line, out=np.empty(part.shape, dtype=np.float32), casting="same_kind")
 
 
@@ -209,7 +209,7 @@ def _over(extreme: np.ufunc, values: np.ndarray) -> np.ndarray:
     return np.asarray(values[0])
 
 
-def _held(field: IndexField, grid: UniformGrid, pupil: Pupil, margin: float) -> np.ndarray | None:
+def _coefficients(field: IndexField, grid: UniformGrid, pupil: Pupil, margin: float) -> np.ndarray | None:
     """Return the coefficients for the pupil's light with a margin around it [m]; None if it leaves the box."""
     reach = pupil.reach + margin
     if field.geometry == "axisymmetric":

@@ -4,15 +4,16 @@ The finest relevant phase sets the pixels, and diffraction.py doubles the slabs 
 """
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from ..medium import IndexField
 from ..pupils import Pupil
-from .diffraction import Ways, beside, window_of
+from .diffraction import WaveAndRays, beside, window_of
 from .layers import span_of
-from .screens import Crossings, crossings_of, disturbance, fast_size, places_across, spread_along
+from .screens import Crossings, MapPaths, crossings_of, disturbance, places_across, spread_along
 from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
 from .slabs import FINEST, LookingAlong, Slabs, slabs_of
 from .verdict import Validity
@@ -30,56 +31,44 @@ PER_FEATURE, LEAST_PIXELS, PER_REACH, COLUMN_PIXELS, SLAB_LINES = 4.0, 48, 32.0,
 SOME, MANY, RESOLVED = 0.01, 0.1, 4.0
 
 
-@dataclass(frozen=True)
-class TracedMap:
-    """The numbers of a traced wavefront that a wave is compared with.
-
-    Attributes:
-        strehl: Strehl ratio of the wavefront.
-        pixel: Side of the map's pixels [m].
-    """
-
-    strehl: float
-    pixel: float
-
-
 def by_waves(
     field: IndexField,
     pupil: Pupil,
     wavelength: float,
     feature: float | None,
     limit: float,
-    traced: TracedMap | None = None,
+    traced: MapPaths | None = None,
 ) -> Validity:
     """Return the verdict of a wave through slabs of the field (diffraction.py); a `feature` of None is searched for.
 
     `traced` is the map of traced rays, if there is one: near foci it replaces the slabs' rays.
     """
+    from scipy.fft import next_fast_len
+
     reach = max(pupil.half_extent)
     flat = is_one_column(field, pupil.normal)
     clear = is_clear(field, pupil, pupil.normal, wavelength)
+    margin = 0.0 if clear else fringes(field, wavelength)
+    if not clear:
+        traced = None
     look = LookingAlong(pupil.center, pupil.normal, pupil.axes, reach)
     begin, end = span_of(field, look.center, look.normal, look.axes, *(2 * [(-look.half, look.half)]))
-    look = replace(look, half=_half_window(reach, wavelength, end, 0.0 if clear else fringes(field, wavelength)))
-    slabs: Slabs = (
-        slabs_of(field, look, begin, end, wavelength) if clear else SlabsPastBody(field, look, begin, end, wavelength)
-    )
-    half = _half_window(reach, wavelength, slabs.last, 0.0 if clear else fringes(field, wavelength))
+    look = replace(look, half=_half_window(reach, wavelength, end, margin))
+    make: Callable[..., Slabs] = slabs_of if clear else SlabsPastBody
+    slabs = make(field, look, begin, end, wavelength)
+    half = _half_window(reach, wavelength, slabs.last, margin)
     if feature is None:
         feature = _finest_of(slabs, pupil, flat, wavelength)
     least, most = COLUMN_PIXELS if flat else (max(LEAST_PIXELS, PER_REACH * half / reach), slabs.most_pixels)
     # A rim makes fringes as fine as the pixels allow: the most pixels are used.
-    pixels = fast_size(math.ceil(np.clip(2.0 * half * PER_FEATURE / feature, least, most))) if clear else most
+    pixels = next_fast_len(math.ceil(np.clip(2.0 * half * PER_FEATURE / feature, least, most))) if clear else most
     window = window_of(pupil, half, pixels, flat)
-    if clear:
-        distance = disturbance(field, pupil, pupil.normal).length
-    else:
-        distance = _slabs_length(slabs, pupil, flat)
+    distance = disturbance(field, pupil, pupil.normal).length if clear else _slabs_length(slabs, pupil, flat)
     shadow, passes = shadow_of(slabs, window, wavelength, end)
     near = beside(passes)
-    path = slabs.taken(window.x, window.y, 1)[0]
+    path = slabs.paths(window.x, window.y, 1)[0]
     crossings = crossings_of(path[near], window.pixel, (window.amplitude * passes)[near], distance)
-    ways = Ways(
+    comparison = WaveAndRays(
         window=window,
         slabs=slabs,
         passes=passes,
@@ -89,10 +78,10 @@ def by_waves(
         wavelength=wavelength,
         ambient_index=field.ambient_index,
         straight=crossings.near > MANY,
-        traced=traced.strehl if traced is not None and clear else None,
-        by_traced=traced is not None and clear and _by_traced(crossings, feature, traced.pixel),
+        traced=None if traced is None else traced.strehl,
+        by_traced=traced is not None and _by_traced(crossings, feature, traced.pixel),
     )
-    change, error = ways.change(limit)
+    change, error = comparison.change(limit)
     return Validity(
         strehl_change=change,
         feature=feature,
@@ -120,7 +109,7 @@ def _finest_of(slabs: Slabs, pupil: Pupil, flat: bool, wavelength: float) -> flo
     few = np.zeros(1) if flat else place[_some_of(count)]
     lines = []
     for x, y in ((few, place),) if flat else ((few, place), (place, few)):
-        path = slabs.taken(x, y, 1)[0]
+        path = slabs.paths(x, y, 1)[0]
         lit = np.abs(y[:, None]) <= pupil.half_extent[1] if flat else pupil.transmission(*np.meshgrid(x, y)) > 0.0
         opaque = slabs.opaque(x, y, FINEST)
         if opaque is not None:
@@ -154,24 +143,20 @@ def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
     opaque = slabs.opaque(across, place, FINEST)
     if opaque is not None and (lit & ~opaque.any(axis=0)).any():
         lit &= ~opaque.any(axis=0)
-    return spread_along(slabs.taken(across, place, FINEST)[:, lit], slabs.first, slabs.last).length
-
-
-def finest_feature(path: np.ndarray, pixel: float, wavelength: float) -> float:
-    """Return the half period [m] of the finest phase above UNSEEN rad; infinite if there is none.
-
-    `path` [m] is NaN outside the pupil. Uses second differences at increasing distance, which are independent of tilt
-    and of the pupil's edge: a component of period p has its full amplitude at a distance of p / 2.
-    """
-    return finest_and_squares(path, pixel, wavelength)[0]
+    return spread_along(slabs.paths(across, place, FINEST)[:, lit], slabs.first, slabs.last).length
 
 
 def finest_and_squares(path: np.ndarray, pixel: float, wavelength: float) -> tuple[float, float]:
-    """Return `finest_feature` and the mean square of its second differences [m2], which distinguishes maps."""
+    """Return the half period [m] of the finest phase above UNSEEN rad, and a mean square [m2] that identifies the map.
+
+    `path` [m] is NaN outside the pupil. The half period is infinite if there is no such phase. Uses second differences
+    at increasing distance, which are independent of tilt and of the pupil's edge: a component of period p has its full
+    amplitude at a distance of p / 2. The mean square is the one of these differences.
+    """
     # A sample of lines is enough: columns and, for a map of more than one column, rows.
     part = _some_of(len(path))
-    ways = [path.T[part], path[part]] if path.shape[0] == path.shape[1] else [path.T[part]]
-    return _finest_on(np.stack(ways), pixel, wavelength)
+    lines = [path.T[part], path[part]] if path.shape[0] == path.shape[1] else [path.T[part]]
+    return _finest_on(np.stack(lines), pixel, wavelength)
 
 
 def _some_of(count: int) -> slice:

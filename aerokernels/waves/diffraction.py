@@ -75,7 +75,7 @@ def window_of(pupil: Pupil, half: float, pixel_count: int, one_column: bool = Fa
 
 
 @dataclass(frozen=True)
-class Through:
+class SlabResult:
     """Result of a wave and rays through some number of slabs.
 
     Attributes:
@@ -88,7 +88,7 @@ class Through:
     change: float
     apart: float
 
-    def doubt(self, fewer: "Through", alone: bool) -> float:
+    def doubt(self, fewer: "SlabResult", alone: bool) -> float:
         """Return the difference from the result of half as many slabs; for a wave alone, of the complex sums.
 
         The phase of the sum counts so that two Strehl ratios that agree by chance are not taken as converged.
@@ -99,7 +99,7 @@ class Through:
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
+class WaveAndRays:
     """A wave and rays through a field: everything that does not depend on the number of slabs.
 
     Attributes:
@@ -137,10 +137,10 @@ class Ways:
         """
         opaque = self.slabs.opaque(self.window.x, self.window.y, 1)
         if opaque is not None and opaque.any():
-            return self._through(FINEST).change, float("nan")
-        count, found, doubt = FEWEST, self._through(FEWEST), math.inf
+            return self._result(FINEST).change, float("nan")
+        count, found, doubt = FEWEST, self._result(FEWEST), math.inf
         while count < FINEST:
-            count, last, found = 2 * count, found, self._through(2 * count)
+            count, last, found = 2 * count, found, self._result(2 * count)
             by_slabs = found.doubt(last, self.by_traced)
             doubt = max(by_slabs, found.apart)
             if count < FEW and abs(found.change) > CLEAR * limit:
@@ -152,15 +152,15 @@ class Ways:
                 break
         return found.change, math.inf if self.straight and not self.by_traced else doubt
 
-    def _through(self, count: int) -> "Through":
+    def _result(self, count: int) -> "SlabResult":
         """Return the result of so many slabs."""
         window = self.window
-        paths = self.slabs.taken(window.x, window.y, count)
+        paths = self.slabs.paths(window.x, window.y, count)
         wave = self._wave(paths, self.slabs.opaque(window.x, window.y, count)) / self._light
         if self.by_traced and self.traced is not None:
-            return Through(wave, abs(wave) ** 2 - self.traced, 0.0)
+            return SlabResult(wave, abs(wave) ** 2 - self.traced, 0.0)
         by_rays = (abs(self._rays(paths)) / self._light) ** 2
-        return Through(wave, abs(wave) ** 2 - by_rays, 0.0 if self.traced is None else abs(by_rays - self.traced))
+        return SlabResult(wave, abs(wave) ** 2 - by_rays, 0.0 if self.traced is None else abs(by_rays - self.traced))
 
     @cached_property
     def _light(self) -> float:
@@ -171,12 +171,12 @@ class Ways:
         """Return the sum of the wave behind all screens, some of which may be partly opaque."""
         forward, inverse = self._transforms
         step = (self.slabs.last - self.slabs.first) / len(paths)
-        wave, way = self._spectrum * self._free(self.before + 0.5 * step), None
+        wave, free = self._spectrum * self._free(self.before + 0.5 * step), None
         for number, factor in enumerate(_one_by_one(paths, self.wavelength)):
             if number > 0:
-                way = self._free(step) if way is None else way
+                free = self._free(step) if free is None else free
                 wave = forward(wave, overwrite_x=True)
-                wave *= way
+                wave *= free
             wave = inverse(wave, overwrite_x=True)
             wave *= factor
             if opaque is not None:
@@ -197,9 +197,9 @@ class Ways:
         """Fourier transform of the pupil's light."""
         return self._transforms[0](self.window.amplitude.astype(np.complex64), overwrite_x=True)
 
-    def _free(self, way: float) -> np.ndarray:
+    def _free(self, distance: float) -> np.ndarray:
         """Return the factors of the Fourier components over a distance [m] of free space."""
-        turn = -0.5 * way * self.wavelength / (2.0 * np.pi * self.ambient_index)
+        turn = -0.5 * distance * self.wavelength / (2.0 * np.pi * self.ambient_index)
         rows, *columns = (np.exp(1j * turn * square).astype(np.complex64) for square in self._frequencies)
         return rows[:, None] * columns[0] if columns else rows[:, None]
 
@@ -273,13 +273,13 @@ def bending(paths: np.ndarray, pixel: float, step: float, after: float) -> np.nd
                 for own, moved, change in zip(slopes, aside, more, strict=True):
                     gained += moved * (own[number] + kind(0.5) * change)
                     own[number] += change
-            way = kind(step if first + number < len(paths) - 1 else 0.5 * step + after)
+            distance = kind(step if first + number < len(paths) - 1 else 0.5 * step + after)
             for turned, moved, own in zip(turn, aside, slopes, strict=True):
                 turned += own[number]
-                moved += way * turned
+                moved += distance * turned
                 # Slopes of the jump at the box's side, where there is no light, must not overflow.
                 np.minimum(np.maximum(moved, -reach, out=moved), reach, out=moved)
-                gained += kind(0.5) * way * turned**2
+                gained += kind(0.5) * distance * turned**2
     return gained
 
 

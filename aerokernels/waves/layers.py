@@ -45,9 +45,17 @@ def span_of(
     Raises:
         ValueError: No line meets the field.
     """
-    within = _span_along_z(field, center, normal, axes, across, up)
-    if within is not None:
-        return within
+    if abs(abs(float(normal[2])) - 1.0) <= 1e-15:
+        middle = center + 0.5 * (across[0] + across[1]) * axes[0] + 0.5 * (up[0] + up[1]) * axes[1]
+        low, high = field.box
+        inside = (
+            math.hypot(middle[0], middle[1]) < high[0]
+            if field.geometry == "axisymmetric"
+            else bool(((middle > low) & (middle < high))[:2].all())
+        )
+        ends = sorted(float(normal[2]) * (float(end) - float(center[2])) for end in (low[2], high[2]))
+        if inside and ends[1] > 0.0:
+            return max(ends[0], 0.0), ends[1]
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(*across, LINES), np.linspace(*up, LINES)))
     start = center + x[:, None] * axes[0] + y[:, None] * axes[1]
     span = box_span(field, start, np.broadcast_to(normal, start.shape).copy())
@@ -55,28 +63,6 @@ def span_of(
     if not meets.any():
         raise ValueError("the wave does not meet the field: check its centre, its normal and the units (metres)")
     return max(float(span.enter[meets].min()), 0.0), float(span.leave[meets].max())
-
-
-def _span_along_z(
-    field: IndexField,
-    center: np.ndarray,
-    normal: np.ndarray,
-    axes: tuple[np.ndarray, np.ndarray],
-    across: tuple[float, float],
-    up: tuple[float, float],
-) -> tuple[float, float] | None:
-    """Return the distances of `span_of` for lines along z if the middle line meets the field, else None."""
-    if abs(abs(float(normal[2])) - 1.0) > 1e-15:
-        return None
-    middle = center + 0.5 * (across[0] + across[1]) * axes[0] + 0.5 * (up[0] + up[1]) * axes[1]
-    low, high = field.box
-    inside = (
-        math.hypot(middle[0], middle[1]) < high[0]
-        if field.geometry == "axisymmetric"
-        else bool(((middle > low) & (middle < high))[:2].all())
-    )
-    ends = sorted(float(normal[2]) * (float(end) - float(center[2])) for end in (low[2], high[2]))
-    return (max(ends[0], 0.0), ends[1]) if inside and ends[1] > 0.0 else None
 
 
 def layer_count(field: IndexField, length: float, step_count: int | None, most: int = MOST_LAYERS) -> int:
@@ -143,8 +129,8 @@ def check_memory(count: int, pixels: int) -> None:
     memory = 4 * count * pixels
     if memory > GREATEST_MEMORY:
         raise ValueError(
-            f"{count} layers of {pixels} pixels take {memory / 2**30:.1f} GiB: take a smaller pixel_count, or a field "
-            "without the air that is at rest"
+            f"{count} layers of {pixels} pixels need {memory / 2**30:.1f} GiB: take a smaller pixel_count, or a field "
+            "without the undisturbed air around the flow"
         )
 
 

@@ -180,8 +180,10 @@ def _by_nodes(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, x
         return Disturbance(0.0, 0.0)
     # Outside the box the contrast is zero.
     lines = grid.samples[(*(node * inside[:, None]).T, slice(begin, end, step))] * inside[:, None]
-    way = sign * (float(grid.spacing[-1]) * np.array([begin, begin + step * lines.shape[1]]) - ends * grid.spacing[-1])
-    return spread_along(lines.T, *way.tolist())
+    distance = sign * (
+        float(grid.spacing[-1]) * np.array([begin, begin + step * lines.shape[1]]) - ends * grid.spacing[-1]
+    )
+    return spread_along(lines.T, *distance.tolist())
 
 
 def spread_along(layers: np.ndarray, begin: float, end: float) -> Disturbance:
@@ -209,12 +211,12 @@ def _two_screens(paths: MapPaths, ambient_index: float, length: float) -> float:
     leaves the pupil sideways meets no phase there, so the mean phase is removed: a common delay does not matter, and
     would be a step around the pupil.
     """
-    from scipy.fft import fft2, ifft2
+    from scipy.fft import fft2, ifft2, next_fast_len
 
     path, light, pixel, wavelength, count = paths.path, paths.light, paths.pixel, paths.wavelength, len(paths.path)
     # A margin for the light that diffracts out of the pupil.
     beside = max(FEWEST_BESIDE, math.ceil(BESIDE * math.sqrt(wavelength * length) / pixel))
-    size = fast_size(count + min(2 * beside, math.ceil(MOST_BESIDE * count)))
+    size = next_fast_len(count + min(2 * beside, math.ceil(MOST_BESIDE * count)))
     whole_light = float(light.sum())
     path = np.where(light > 0.0, path, np.float32(0.0))
     mean = float(np.einsum("ij,ij->", path, light)) / whole_light
@@ -222,8 +224,8 @@ def _two_screens(paths: MapPaths, ambient_index: float, length: float) -> float:
     wave = light * half
     whole = np.einsum("ij,ij->", half, wave)
     across = 2.0 * np.pi * np.fft.fftfreq(size, pixel)
-    way = 0.5 * length / math.sqrt(3.0) * wavelength / (2.0 * np.pi * ambient_index)
-    free = np.exp(-1j * way * across**2).astype(np.complex64)
+    distance = 0.5 * length / math.sqrt(3.0) * wavelength / (2.0 * np.pi * ambient_index)
+    free = np.exp(-1j * distance * across**2).astype(np.complex64)
     # No matrix products: BLAS would wake its threads, which takes longer than these few operations.
     spectrum = fft2(wave, s=(size, size))
     spectrum *= free[:, None]
@@ -233,13 +235,6 @@ def _two_screens(paths: MapPaths, ambient_index: float, length: float) -> float:
     half -= np.float32(1.0)
     total = wave.sum() + np.einsum("ij,ij->", half, between)
     return (abs(complex(total)) ** 2 - abs(complex(whole)) ** 2) / whole_light**2
-
-
-def fast_size(count: int) -> int:
-    """Return the next size for which a Fourier transform is fast."""
-    from scipy.fft import next_fast_len
-
-    return int(next_fast_len(count))
 
 
 def crossings_of(path: np.ndarray, pixel: float, light: np.ndarray, distance: float) -> Crossings:

@@ -34,8 +34,8 @@ class SlabsPastBody(Slabs):
         self.first, self.last = begin, end
         self._sampled: dict[tuple[bytes, bytes], tuple[np.ndarray, np.ndarray]] = {}
 
-    def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
-        """See `Slabs.taken`. In the shadow a slab continues the path from beside it, so that the rim makes no slope."""
+    def paths(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
+        """See `Slabs.paths`. In the shadow a slab continues the path from beside it, so that the rim makes no slope."""
         path, opaque = self._layers(x, y)
         path = path.reshape(count, -1, *path.shape[1:]).sum(axis=1, dtype=np.float64)
         dark = opaque.any(axis=0)
@@ -89,15 +89,15 @@ def shadow_of(slabs: Slabs, window: Window, wavelength: float, end: float) -> tu
         return Shadow(), window.lit
     passes = window.lit & ~opaque.any(axis=0)
     if not passes.any():
-        raise ValueError("the body holds back all of the pupil's light: move the pupil, or turn its normal")
+        raise ValueError("the body blocks all of the pupil's light: move the pupil, or turn its normal")
     if not opaque.any():
         return Shadow(), passes
     light = window.amplitude**2
     first = int(np.argmax(opaque.any(axis=(1, 2))))
-    way = end - (slabs.first + first * (slabs.last - slabs.first) / len(opaque))
+    distance = end - (slabs.first + first * (slabs.last - slabs.first) / len(opaque))
     area = float(window.amplitude[passes].sum()) * window.pixel * window.width
     blocked = max(1.0 - float(light[passes].sum() / light.sum()), 0.0)
-    return Shadow(blocked, area / (math.pi * wavelength * way)), passes
+    return Shadow(blocked, area / (math.pi * wavelength * distance)), passes
 
 
 def is_clear(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: float) -> bool:

@@ -63,7 +63,7 @@ class Slabs(ABC):
     most_pixels: int
 
     @abstractmethod
-    def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
+    def paths(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
         """Return the optical paths [m] of `count` slabs, a power of two up to FINEST, float32, shape (count, y, x).
 
         The path of one line is subtracted from each slab: a delay common to all lines does not matter, and would cost
@@ -76,7 +76,7 @@ class Slabs(ABC):
         """
 
     def opaque(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray | None:
-        """Return masks of where light ends in `count` slabs, (count, y, x), arguments as in `taken`; None: nowhere."""
+        """Return masks of where light ends in `count` slabs, (count, y, x), arguments as in `paths`; None: nowhere."""
         return None
 
 
@@ -108,8 +108,8 @@ class SlabsAlongZ(Slabs):
         self._field, self._grid, self._look = field, field.samples, look
         grid = self._grid
         self._across = tuple(self._window(axis) for axis in range(grid.samples.ndim - 1))
-        self._held = grid.coefficients[tuple(slice(low, high) for low, high, _ in self._across)]
-        self.first, self.last = self._disturbed(self._held, begin, end, wavelength)
+        self._coefficients = grid.coefficients[tuple(slice(low, high) for low, high, _ in self._across)]
+        self.first, self.last = self._disturbed(self._coefficients, begin, end, wavelength)
         self._integrated: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._latest: tuple[tuple[bytes, bytes, int], np.ndarray] | None = None
         self._known: dict[tuple[int, bytes], tuple[Any, np.ndarray]] = {}
@@ -159,7 +159,7 @@ class SlabsAlongZ(Slabs):
         if made not in self._integrated:
             look, stride = self._look, spline.STRIDE[self._grid.interpolation]
             edges = float(look.center[2]) + float(look.normal[2]) * np.linspace(self.first, self.last, made + 1)
-            means = _slab_means(self._held, self._grid, edges)
+            means = _slab_means(self._coefficients, self._grid, edges)
             line = means[(0,) * (means.ndim - 1)].copy()
             # Only coefficients of values: their weights add up to one. Coefficients of slopes, in between, are left as
             # they are.
@@ -180,8 +180,8 @@ class SlabsAlongZ(Slabs):
                 return True
         return False
 
-    def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
-        """See `Slabs.taken`. At least TOGETHER slabs are computed and cached; fewer are sums of these."""
+    def paths(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
+        """See `Slabs.paths`. At least TOGETHER slabs are computed and cached; fewer are sums of these."""
         # One column costs less than the function calls, so more slabs are computed at once.
         made = max(count, TOGETHER) if len(x) > 1 else max(HELD, _made_for(count))
         key = (x.tobytes(), y.tobytes(), made)
@@ -296,8 +296,8 @@ class SlabsOfLayers(Slabs):
         self.first, self.last = begin, end
         self._sampled: dict[tuple[int, int, int], np.ndarray] = {}
 
-    def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
-        """See `Slabs.taken`."""
+    def paths(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
+        """See `Slabs.paths`."""
         layers = max(LAYERS, count) if count <= FEW else max(2 * LAYERS, 2 * count)
         key = (len(y), len(x), layers)
         if key not in self._sampled:

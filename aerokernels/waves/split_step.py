@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from ..inputs.arguments import checked
-from ..inputs.checks import check_choice
+from ..inputs.checks import check_choice, check_count, check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..pupils import Pupil
@@ -80,10 +80,9 @@ def split_step(
         wave = replace(light, ambient_index=field.ambient_index, incident=None)
     else:
         raise TypeError(f"light must be a pupil or a Wave, got {type(light).__name__}")
-    if not (np.isfinite(tolerance) and tolerance > 0.0):
-        raise ValueError(f"tolerance must be positive, got {tolerance!r}")
-    if step_count is not None and (not isinstance(step_count, (int, np.integer)) or step_count < 1):
-        raise ValueError(f"step_count must be a whole number of at least 1, got {step_count!r}")
+    check_positive(tolerance, "tolerance")
+    if step_count is not None:
+        check_count(step_count, "step_count")
     check_choice(precision, "precision", PRECISIONS)
     library = fourier_library(device)
     with clocked() as seconds:
@@ -94,39 +93,19 @@ def split_step(
             layers, opaque = mean_layers(field, wave, begin, end, count)
         with stage("kernel"):
             start = wave.propagate(begin, paraxial=paraxial)
-            by = partial(
-                through_layers,
-                np.array(start.amplitude),
-                layers,
-                end - begin,
-                exponent=transfer_exponent(
-                    start.amplitude.shape, start.pixel, start.wavelength, start.ambient_index, paraxial
-                ),
-                wavelength=start.wavelength,
-                library=library,
-                precision=precision,
-                opaque=opaque,
+            propagate = partial(
+                through_layers, length=end - begin, paraxial=paraxial, library=library, precision=precision
             )
             size = float(np.linalg.norm(start.amplitude))
-            found, coarse, steps, error = _refined(by, size, len(layers), tolerance, step_count)
+            found, coarse, steps, error = _refined(
+                partial(propagate, start, layers, opaque), size, len(layers), tolerance, step_count
+            )
             sparse = every_second_pixel(light, wave, window)
             strehl_error = float("nan")
             if coarse is not None and sparse is not None:
                 rough = sparse.propagate(begin, paraxial=paraxial)
                 kept = every_second(wave.amplitude.shape)
-                behind = through_layers(
-                    np.array(rough.amplitude),
-                    layers[:, *kept],
-                    end - begin,
-                    steps,
-                    transfer_exponent(
-                        rough.amplitude.shape, rough.pixel, rough.wavelength, rough.ambient_index, paraxial
-                    ),
-                    rough.wavelength,
-                    library,
-                    precision,
-                    None if opaque is None else opaque[:, *kept],
-                )
+                behind = propagate(rough, layers[:, *kept], None if opaque is None else opaque[:, *kept], steps)
                 fine, fewer, larger = (
                     replace(one, amplitude=amplitude).strehl()
                     for one, amplitude in ((start, found), (start, coarse), (rough, behind))
@@ -152,8 +131,7 @@ def plane_wave(pupil: Pupil, wavelength: float, pixel_count: int, window: float,
     Raises:
         ValueError: `pixel_count` is below 8, or the window is narrower than the pupil.
     """
-    if not isinstance(pixel_count, (int, np.integer)) or pixel_count < FEWEST_PIXELS:
-        raise ValueError(f"pixel_count must be a whole number of at least {FEWEST_PIXELS}, got {pixel_count!r}")
+    check_count(pixel_count, "pixel_count", FEWEST_PIXELS)
     if not (np.isfinite(window) and window >= 1.0):
         raise ValueError(f"window must be at least 1, the pupil's own width, got {window!r}")
     half = max(pupil.half_extent) * window
@@ -181,7 +159,7 @@ def every_second_pixel(light: Pupil | Wave, wave: Wave, window: float) -> Wave |
 
 
 def _refined(
-    by: Callable[[int], np.ndarray], size: float, most: int, tolerance: float, step_count: int | None
+    propagate: Callable[[int], np.ndarray], size: float, most: int, tolerance: float, step_count: int | None
 ) -> tuple[np.ndarray, np.ndarray | None, int, float]:
     """Double the steps until the error is within the tolerance, or there is one per layer.
 
@@ -189,47 +167,46 @@ def _refined(
     error.
     """
     if step_count is not None:
-        found = by(step_count)
+        found = propagate(step_count)
         if step_count % 2:
             return found, None, step_count, float("nan")
-        coarse = by(step_count // 2)
+        coarse = propagate(step_count // 2)
         return found, coarse, step_count, float(np.linalg.norm(found - coarse)) / 3.0 / size
     steps = FEWEST_STEPS
-    coarse, fine = by(steps // 2), by(steps)
+    coarse, fine = propagate(steps // 2), propagate(steps)
     # The difference of second-order results divided by 3 is the error of the finer one.
     while (error := float(np.linalg.norm(fine - coarse)) / 3.0 / size) > tolerance and steps < most:
         steps *= 2
-        coarse, fine = fine, by(steps)
+        coarse, fine = fine, propagate(steps)
     return fine, coarse, steps, error
 
 
 def through_layers(
-    amplitude: np.ndarray,
+    wave: Wave,
     layers: np.ndarray,
-    length: float,
+    opaque: np.ndarray | None,
     steps: int,
-    exponent: np.ndarray,
-    wavelength: float,
-    library: FourierLibrary | None = None,
-    precision: str = "float64",
-    opaque: np.ndarray | None = None,
+    *,
+    length: float,
+    paraxial: bool,
+    library: FourierLibrary,
+    precision: str,
 ) -> np.ndarray:
     """Return the amplitude after all layers in so many steps; adjacent half steps of free space are merged.
 
     Light ends where `opaque`, of the shape of the layers, is true.
     """
-    library = fourier_library() if library is None else library
     kind = PRECISIONS[precision]
     step = length / steps
     each = len(layers) // steps
+    exponent = transfer_exponent(wave.amplitude.shape, wave.pixel, wave.wavelength, wave.ambient_index, paraxial)
     half, whole = (library.array(np.exp(part * step * exponent).astype(kind)) for part in (0.5, 1.0))
-    spectrum = library.forward(library.array(amplitude.astype(kind))) * half
+    spectrum = library.forward(library.array(wave.amplitude.astype(kind))) * half
     for number in range(steps):
-        path = layers[number * each : (number + 1) * each].sum(axis=0, dtype=np.float64)
-        factor = np.exp(2j * np.pi / wavelength * path).astype(kind)
+        part = slice(number * each, (number + 1) * each)
+        factor = np.exp(2j * np.pi / wave.wavelength * layers[part].sum(axis=0, dtype=np.float64)).astype(kind)
         if opaque is not None:
-            factor[opaque[number * each : (number + 1) * each].any(axis=0)] = 0.0
-        turned = library.array(factor)
-        spectrum = library.forward(library.inverse(spectrum) * turned)
+            factor[opaque[part].any(axis=0)] = 0.0
+        spectrum = library.forward(library.inverse(spectrum) * library.array(factor))
         spectrum = spectrum * (half if number == steps - 1 else whole)
     return library.numpy(library.inverse(spectrum)).astype(np.complex128)

@@ -37,12 +37,13 @@ from typing import Any
 import numpy as np
 
 from ..inputs.arguments import checked
+from ..inputs.checks import check_positive
 from ..medium import IndexField
 from ..pupils import Pupil
 from ..tracing.lines import box_size
 from ..wavefront import Wavefront
 from .bounds import GREATEST_BOUND, change_bound
-from .coarse_wave import RESOLVED, TracedMap, by_waves, finest_and_squares, fresnel_number, is_one_column
+from .coarse_wave import RESOLVED, by_waves, finest_and_squares, fresnel_number, is_one_column
 from .screens import MapPaths, disturbance, paths_of, screens_answer, stride_of
 from .shadows import is_clear
 from .slabs import is_summed
@@ -61,6 +62,8 @@ FEWEST_FRESNEL = 4.0
 LAYERS_WORTH = 8e5
 # Pixels across a map whose rays take twenty times as long as a wave of one column, 1.5 to 2.5 ms.
 COLUMN_WORTH = 128
+# Terms that may be removed from a wavefront whose rays decide: others change where rays cross and focus.
+FLAT_TERMS = {"piston", "tilt", "Z1", "Z2", "Z3"}
 # Pixels across the grid on which pupils are compared; verdicts cached on a field.
 SAME_PIXELS, KEPT = 32, 8
 
@@ -99,10 +102,9 @@ def validity(
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
     if not isinstance(pupil, Pupil):
         raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
-    if not (np.isfinite(limit) and limit > 0.0):
-        raise ValueError(f"limit must be positive, got {limit!r}")
+    check_positive(limit, "limit")
     wavelength = field.wavelength_for(wavelength)
-    feature, look, paths, told_by = None, pupil.normal, None, None
+    feature, look, paths, map_key = None, pupil.normal, None, None
     if wavefront is not None:
         if wavefront.pupil is not None and not _same_light(wavefront.pupil, pupil):
             raise ValueError(f"wavefront was traced for another pupil, {wavefront.pupil!r}: give that one")
@@ -113,13 +115,13 @@ def validity(
             found, squares = finest_and_squares(paths.path, paths.pixel, wavelength)
             # A phase as fine as the map's pixels may be finer in the field: then the wave searches for it again.
             feature = found if found >= RESOLVED * paths.pixel else None
-            told_by = (len(paths.path), squares, wavefront.wavelength, wavefront.blocked, wavefront.removed)
+            map_key = (len(paths.path), squares, wavefront.wavelength, wavefront.blocked, wavefront.removed)
     # A verdict is cached on the field by the light and the map. The map's pixels and squares distinguish it from one
     # traced with another tolerance.
-    key = ("verdict", weakref.ref(pupil), look.tobytes(), wavelength, limit, told_by)
-    told: Validity | None = field.held(key)
-    if told is not None:
-        return told
+    key = ("verdict", weakref.ref(pupil), look.tobytes(), wavelength, limit, map_key)
+    cached: Validity | None = field.held(key)
+    if cached is not None:
+        return cached
     seen = None
     if wavefront is not None:
         if paths is not None and feature is not None:
@@ -128,7 +130,7 @@ def validity(
             if waves is False or not cheap or not affordable(field, look, wavefront):
                 answer = by_rays(field, pupil, look, wavefront, paths, wavelength, feature, limit)
                 if answer is not None:
-                    return _kept(field, key, answer)
+                    return _cache(field, key, answer)
         if waves is None:
             waves = affordable(field, look, wavefront)
         if not waves or paths is None:
@@ -136,12 +138,12 @@ def validity(
             if answer.decided or not waves:
                 return answer
         if paths is not None and _is_whole(wavefront, wavelength):
-            seen = TracedMap(paths.strehl, paths.pixel)
+            seen = paths
     through = pupil if look is pupil.normal else replace(pupil, normal=look)  # type: ignore[type-var]
-    return _kept(field, key, by_waves(field, through, wavelength, feature, limit, seen))
+    return _cache(field, key, by_waves(field, through, wavelength, feature, limit, seen))
 
 
-def _kept(field: IndexField, key: tuple[Any, ...], answer: Validity) -> Validity:
+def _cache(field: IndexField, key: tuple[Any, ...], answer: Validity) -> Validity:
     """Cache an answer on the field and return it."""
     kept: Validity = field.derive(key, lambda: answer, KEPT)
     return kept
@@ -173,18 +175,17 @@ def by_bounds(
     """Return the verdict of the field's own bounds, for a wavefront of any map: rays are good, or it is not decided."""
     whole = wavefront.wavelength == wavelength and wavefront.blocked <= 1e-3
     found = change_bound(field, pupil, look, wavelength)
-    proven = whole and found.change <= min(limit, GREATEST_BOUND)
-    unknown = float("nan")
+    bound = found.change if whole else float("inf")
+    if not bound <= min(limit, GREATEST_BOUND):  # also where it is NaN
+        return Validity(limit=limit, answered_by="nobody", bound=bound)
     return Validity(
-        strehl_change=0.0 if proven else unknown,
-        feature=unknown,
-        distance=found.distance if proven else unknown,
-        fresnel_number=unknown,
-        crossed_share=0.0 if proven else unknown,
-        curvature=found.curvature if proven else unknown,
+        strehl_change=0.0,
+        distance=found.distance,
+        crossed_share=0.0,
+        curvature=found.curvature,
         limit=limit,
-        answered_by="bounds" if proven else "nobody",
-        bound=found.change if whole else float("inf"),
+        answered_by="bounds",
+        bound=bound,
     )
 
 
@@ -212,7 +213,7 @@ def by_rays(
     limit: float,
 ) -> Validity | None:
     """Return the verdict of a traced wavefront that resolves its finest phase; None if it does not decide."""
-    if wavefront.wavelength != wavelength or wavefront.blocked > 1e-3 or "focus" in wavefront.removed:
+    if wavefront.wavelength != wavelength or wavefront.blocked > 1e-3 or not set(wavefront.removed) <= FLAT_TERMS:
         return None
     # The screens' pixels may be coarser than the map's: they must resolve the finest phase too.
     if feature < RESOLVED * wavefront.pixel * stride_of(len(wavefront.opd), wavefront.pixel, feature):

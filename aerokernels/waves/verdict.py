@@ -33,12 +33,12 @@ class Validity:
             and no traced rays are available; NaN if not known.
     """
 
-    strehl_change: float
-    feature: float
-    distance: float
-    fresnel_number: float
-    crossed_share: float
-    curvature: float
+    strehl_change: float = float("nan")
+    feature: float = float("nan")
+    distance: float = float("nan")
+    fresnel_number: float = float("nan")
+    crossed_share: float = float("nan")
+    curvature: float = float("nan")
     limit: float = GOOD
     answered_by: str = "waves"
     blocked: float = 0.0
@@ -61,23 +61,23 @@ class Validity:
         """The verdict in a sentence."""
         if not self.decided:
             return (
-                "not decided: the traced wavefront does not say by itself, bounds of the field's derivatives allow a "
-                f"change of the Strehl ratio by {self.bound:.2g}, {self.limit:g} being allowed, and a wave would cost "
-                "much beside this wavefront; ask for it by validity(..., waves=True), or trace a map of "
+                "not decided: the traced wavefront alone is not conclusive, bounds of the field's derivatives allow a "
+                f"change of the Strehl ratio by {self.bound:.2g} (limit {self.limit:g}), and a wave would be expensive "
+                "compared with this wavefront; request one by validity(..., waves=True), or trace a map of "
                 f"{FEWEST_MAPPED} pixels across or more"
             )
         if self.answered_by == "bounds":
             return (
-                f"rays are good: waves change the Strehl ratio by {self.bound:.2g} at most, {self.limit:g} being "
-                "allowed, say bounds of the field's derivatives"
+                f"rays are good: diffraction changes the Strehl ratio by at most {self.bound:.2g} (limit "
+                f"{self.limit:g}), according to bounds of the field's derivatives"
             )
-        who = "the traced wavefront" if self.answered_by == "rays" else "a wave through the field"
-        error = f" give or take {self.error:.1g}" if np.isfinite(self.error) else ""
-        change = f"waves change the Strehl ratio by {self.strehl_change:+.2g}{error}, {self.limit:g} being allowed"
-        change += f", says {who}"
+        source = "the traced wavefront" if self.answered_by == "rays" else "a wave through the field"
+        error = f" +- {self.error:.1g}" if np.isfinite(self.error) else ""
+        change = f"diffraction changes the Strehl ratio by {self.strehl_change:+.2g}{error} (limit {self.limit:g})"
+        change += f", according to {source}"
         if np.isfinite(self.rim_fresnel_number):
             change += (
-                f"; {100.0 * self.blocked:.2g} % of the light ends on the body, past whose rim the rest diffracts with "
+                f"; {100.0 * self.blocked:.2g} % of the light ends on the body, and the rest diffracts at its rim with "
                 f"a Fresnel number of {self.rim_fresnel_number:.2g}"
             )
         if self.good:

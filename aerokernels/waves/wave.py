@@ -56,10 +56,9 @@ class Wave:
         amplitude = np.array(self.amplitude, dtype=np.complex128)
         if amplitude.ndim != 2 or not np.isfinite(amplitude).all() or not amplitude.any():
             raise ValueError(
-                f"the amplitude must be finite, of two axes [y, x] and not dark everywhere, got shape {amplitude.shape}"
+                f"the amplitude must be finite, not zero everywhere and have two axes [y, x], got {amplitude.shape}"
             )
-        if not (np.ndim(self.pixel) == 0 and np.isfinite(self.pixel) and self.pixel > 0.0):
-            raise ValueError(f"the pixel must be a positive length [m], got {self.pixel!r}")
+        check_positive(self.pixel, "pixel", "m")
         check_positive(self.ambient_index, "ambient_index")
         amplitude.setflags(write=False)
         checked = {
@@ -92,12 +91,7 @@ class Wave:
     def propagate(self, distance: float, *, paraxial: bool = False) -> "Wave":
         """Return the wave after a distance [m] in ambient air: see angular_spectrum.py."""
         moved = angular_spectrum(
-            self.amplitude,
-            self.pixel,
-            self.wavelength,
-            distance,
-            ambient_index=self.ambient_index,
-            paraxial=paraxial,
+            self.amplitude, self.pixel, self.wavelength, distance, ambient_index=self.ambient_index, paraxial=paraxial
         )
         return replace(self, amplitude=moved, center=self.center + distance * self.normal)
 

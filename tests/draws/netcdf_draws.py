@@ -19,7 +19,7 @@ from aerokernels.files.netcdf_lazy import FileVariable, dataset_of, errors_namin
 from aerokernels.flow.reading.labelled import labelled_dataset
 from aerokernels.flow.series_files import series_of_dataset
 from aerokernels.jobs.recorded import waveforms
-from aerokernels.jobs.run_folder import RunFolder, RunWithoutEcho, match_runs, run_of
+from aerokernels.jobs.run_folder import RunFolder, match_runs, run_of
 from aerokernels.medium import IndexField
 from aerokernels.wavefront import Wavefront
 from aerokernels.wavefront.data import SIGN_CONVENTION

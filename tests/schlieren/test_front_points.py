@@ -91,10 +91,10 @@ def test_half_of_the_lines_and_eight_must_agree():
         if good == 20:
             assert fit_curve(along, points, 1, 0.1)[0] == pytest.approx([2.0, 0.5], abs=1e-9)
         else:
-            with pytest.raises(ValueError, match="of 40 scan lines show one front, 20 should"):
+            with pytest.raises(ValueError, match="of 40 scan lines show one front, 20 are needed"):
                 fit_curve(along, points, 1, 0.1)
     assert fit_curve(along[:LEAST_LINES], across[:LEAST_LINES], 1, 0.1)[2].sum() == 8
-    with pytest.raises(ValueError, match="7 of 7 scan lines show one front, 8 should"):
+    with pytest.raises(ValueError, match="7 of 7 scan lines show one front, 8 are needed"):
         fit_curve(along[:7], across[:7], 1, 0.1)
 
 

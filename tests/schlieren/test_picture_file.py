@@ -74,7 +74,7 @@ def bad_files(folder: Path) -> dict[str, Path]:
     write_picture(folder / "good.png", drawn())
     whole = (folder / "good.png").read_bytes()
     (folder / "cut.png").write_bytes(whole[: len(whole) // 2])
-    (folder / "text.png").write_text("not a picture")
+    (folder / "text.png").write_text("not a readable picture")
     (folder / "empty.png").write_bytes(b"")
     Image.fromarray(np.full((40, 40), 7, np.uint8)).save(folder / "even.png")
     Image.fromarray(np.eye(8, dtype=np.uint8)).save(folder / "small.png")
@@ -91,10 +91,10 @@ def bad_files(folder: Path) -> dict[str, Path]:
     [
         ("absent", "no such file"),
         ("folder", "is a folder"),
-        ("text", "not a picture"),
-        ("empty", "not a picture"),
+        ("text", "not a readable picture"),
+        ("empty", "not a readable picture"),
         ("cut", "cannot be read"),
-        ("even", "one brightness"),
+        ("even", "a single brightness"),
         ("small", "at least 16"),
         ("pages", "holds 2 pictures"),
         ("holes", "1 pixels are not finite"),
@@ -170,7 +170,7 @@ def test_halves_that_do_not_meet():
     plain = drawn()
     with pytest.raises(ValueError, match="in common"):
         compare_halves(plain, Picture(plain.intensity, HORIZONTAL + 1.0, VERTICAL))
-    with pytest.raises(ValueError, match="one brightness"):
+    with pytest.raises(ValueError, match="a single brightness"):
         compare_halves(plain, Picture(np.full_like(plain.intensity, 0.3), HORIZONTAL, VERTICAL))
     with pytest.raises(ValueError, match="even steps"):
         Picture(plain.intensity, np.square(np.arange(60.0)), VERTICAL)

@@ -92,7 +92,7 @@ def test_rays_made_on_a_device_are_those_made_on_the_host(engine, kind):
 
 
 def test_a_device_that_is_not_there_is_refused_by_name():
-    with pytest.raises(ValueError, match=r"device 'cuda:17' is not there: rays can be made on .*cpu"):
+    with pytest.raises(ValueError, match=r"device 'cuda:17' does not exist: rays can be made on .*cpu"):
         RayBundle.collimated(PUPIL, 16, device="cuda:17")
 
 

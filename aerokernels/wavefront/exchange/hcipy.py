@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..data import WavefrontMap
-from ..transfer import complex_amplitude
+from ..point_spread import complex_amplitude
 from .packages import package
 
 

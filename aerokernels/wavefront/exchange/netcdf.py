@@ -69,7 +69,7 @@ def from_xarray(dataset) -> dict[str, Any]:
         name for name in ("wavelength", "pixel", "sign_convention") if name not in dataset.attrs
     ]
     if lost:
-        raise ValueError(f"the dataset is no wavefront of Wavefront.to_xarray: {', '.join(lost)} is missing")
+        raise ValueError(f"the dataset was not made by Wavefront.to_xarray: {', '.join(lost)} is missing")
     attributes = dataset.attrs
     if str(attributes["sign_convention"]) != SIGN_CONVENTION:
         raise ValueError(f"the dataset's sign convention is {attributes['sign_convention']!r}, not {SIGN_CONVENTION!r}")
@@ -147,7 +147,7 @@ def _check_coordinates(dataset, shape: tuple[int, ...], pixel: float) -> None:
         if found.dtype.kind not in "iuf" or not np.abs(found - expected).max(initial=0.0) <= SAME_PLACE * pixel:
             raise ValueError(
                 f"the dataset's {name} must ascend about the pupil's centre in steps of its pixel, {pixel:g} m: give "
-                "the whole map, neither cut nor thinned out nor turned round"
+                "the whole map, not cut, thinned out or flipped"
             )
 
 

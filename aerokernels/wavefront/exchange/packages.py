@@ -16,5 +16,5 @@ def package(name: str) -> Any:
     except ModuleNotFoundError as fault:
         if fault.name != own:
             raise  # a dependency of the package is missing
-        told = f"{own} is not installed, which this hands wavefronts over to: pip install 'aerokernels[exchange]'"
-        raise ModuleNotFoundError(told, name=own) from None
+        message = f"{own} is not installed, which this export needs: pip install 'aerokernels[exchange]'"
+        raise ModuleNotFoundError(message, name=own) from None

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...inputs.wavelength import check_spectrum
+from ..data import SIGN_CONVENTION
 from ..polychromatic import mixed_weights
 
 if TYPE_CHECKING:
@@ -28,23 +29,18 @@ def over_wavelengths(wavefront: Any, wavelengths, angle=None, weights=None) -> "
     strehl = [one.quantities["strehl"] for one in at]
     dims = ("wavelength", "y", "x")
     intensity = np.stack([one.psf(angle).intensity for one in at])
+    ratio = {"units": "1", "long_name": "Strehl ratio"}
+    width = {"units": "rad", "long_name": "full width at half maximum"}
+    mixed = np.tensordot(mixed_weights(lengths, shares), intensity, 1)
     return xarray.Dataset(
         {
-            "strehl": ("wavelength", [one.value for one in strehl], {"units": "1", "long_name": "Strehl ratio"}),
+            "strehl": ("wavelength", [one.value for one in strehl], ratio),
             "strehl_error": ("wavelength", [one.error for one in strehl], {"units": "1"}),
-            "fwhm": (
-                "wavelength",
-                [one.fwhm for one in at],
-                {"units": "rad", "long_name": "full width at half maximum"},
-            ),
-            "psf": (
-                dims,
-                intensity,
-                {"units": "1", "long_name": "over the perfect peak"},
-            ),
+            "fwhm": ("wavelength", [one.fwhm for one in at], width),
+            "psf": (dims, intensity, {"units": "1", "long_name": "over the perfect peak"}),
             "polychromatic_psf": (
                 dims[1:],
-                np.tensordot(mixed_weights(lengths, shares), intensity, 1),
+                mixed,
                 {"units": "1", "long_name": "of all the light, over its perfect peak"},
             ),
             "weight": ("wavelength", shares, {"units": "1", "long_name": "share of the light"}),
@@ -54,5 +50,5 @@ def over_wavelengths(wavefront: Any, wavelengths, angle=None, weights=None) -> "
             "x": ("x", angle, {"units": "rad"}),
             "y": ("y", angle, {"units": "rad"}),
         },
-        {"sign_convention": "OPD is positive where light is delayed"},
+        {"sign_convention": SIGN_CONVENTION},
     )
