@@ -1,6 +1,7 @@
 """Bound the structure that a bundle's rays miss between leapfrog samples, and find how many samples suffice."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from .straight_lines import lines_through
 from .support import support_box
 from .unresolved import Sampling, disturbed_ends, greatest_error, missed_along
 
+# Returns rays that show the extent of a bundle in a part of the field, given by its corners.
+Spread = Callable[[np.ndarray, np.ndarray], RayBundle]
 # Up to this factor more samples are taken in preference to computing the sharper bound of a field.
 A_FEW_MORE = 1.25
 
@@ -36,12 +39,13 @@ CACHED = 16  # speed only
 class MissedStructure:
     """The structure that the rays of a bundle may miss between their samples."""
 
-    def __init__(self, field: IndexField, spread: RayBundle, until, limit: float, lever_arms: LeverArms | None):
-        """Compute the lines of `spread`, rays that show the bundle's extent; `limit` is their allowed error [m]."""
+    def __init__(self, field: IndexField, spread: Spread, until, limit: float, lever_arms: LeverArms | None):
+        """Compute the lines of the rays that `spread` returns for the field's support; `limit` is their error [m]."""
         self.field, self.limit = field, limit
         low, high = support_box(field, limit, lever_arms)
-        place = "lines of rays", field.geometry, field.body, spread, stop_key(until), low.tobytes(), high.tobytes()
-        self.lines = known(field.samples, place, lambda: lines_through(field, spread, until, low, high), CACHED)
+        rays = spread(low, high)
+        place = "lines of rays", field.geometry, field.body, rays, stop_key(until), low.tobytes(), high.tobytes()
+        self.lines = known(field.samples, place, lambda: lines_through(field, rays, until, low, high), CACHED)
         self.ends = disturbed_ends(field, self.lines, limit) if len(self.lines.length) else b""
         self._errors: dict[int, float] = {}
 

@@ -7,7 +7,6 @@ rays. Rays whose estimate is above the tolerance nevertheless are traced again (
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -19,7 +18,7 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..medium.grid_places import known
 from ..rays import RayBundle
-from .between_samples import MARGIN, MissedStructure, multiple_of_three
+from .between_samples import MARGIN, MissedStructure, Spread, multiple_of_three
 from .cube_polynomials import approximate_deviation, may_have_cubes
 from .engines import engine_of
 from .error_limit import error_limit
@@ -30,6 +29,7 @@ from .pilot_levels import error_scales, greatest_bend, level_pair, levels_of
 from .plan import TracePlan
 from .prediction import predict_evaluations
 from .stop import ArcLength, stop_key
+from .straight_lines import outermost_in_box
 from .support import support_box
 from .unresolved import Sampling
 
@@ -61,9 +61,8 @@ CUBES_ANGLE = 5e-7
 
 # Number of pilots whose results are cached with a grid's node positions.
 CACHED = 4  # speed only
-# Number of a bundle's rays whose lines are examined, and the function that makes these rays.
+# Number of a bundle's rays whose lines are examined.
 SPREAD_RAYS = 8192
-Spread = Callable[[], RayBundle]
 
 
 def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
@@ -79,12 +78,21 @@ def pilot_of(rays: RayBundle) -> RayBundle:
     return rays.rows(rows)
 
 
-def spread_of(rays: RayBundle) -> RayBundle:
-    """Return more of the rays, including those that are outermost in position and in direction."""
+def spread_of(geometry: str, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> RayBundle:
+    """Return more of the rays, including those that are outermost in position, in direction and in a part of the field.
+
+    The part is given by its corners [m, along the field's own axes]. Rays on a GPU are not copied to find those that
+    are outermost in it.
+    """
     if rays.ray_count <= SPREAD_RAYS:
         return rays
-    rows = np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int)
-    return rays.rows(np.concatenate([rows, *(extremes_of(rays.held(name)).rows for name in ("position", "direction"))]))
+    places, directions = (extremes_of(rays.held(name)) for name in ("position", "direction"))
+    rows = [np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int), places.rows, directions.rows]
+    # Parallel rays from one plane are as far apart everywhere as at their starts.
+    is_beam = np.array_equal(directions.low, directions.high) and bool((places.low == places.high).any())
+    if rays.device in (None, "cpu") and not (is_beam and geometry != "axisymmetric"):
+        rows.append(outermost_in_box(geometry, rays.position, rays.direction, until, low, high))
+    return rays.rows(np.concatenate(rows))
 
 
 @dataclass(frozen=True)
@@ -122,7 +130,7 @@ def fit_leapfrog(
         plan: Backend, device, precision and tolerance; method "leapfrog".
         until: The stop.
         wavelength: Vacuum wavelength [m].
-        spread: Returns enough of the rays to show the extent of the bundle.
+        spread: Returns enough of the rays to show the extent of the bundle in a part of the field.
         like: A plan of such rays through a field like this one; its number is taken where the pilot confirms it.
         ray_count: Least number of rays that will take these samples.
     """
@@ -214,8 +222,7 @@ class _Fitting:
         if second > 0.0:
             order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
         count = multiple_of_three(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
-        structure = self._structure
-        count = structure.least_count(count, self._is_worth_it, self._retrace_cost)
+        count = self.structure.least_count(count, self._is_worth_it, self._retrace_cost)
         while count and self._is_worth_it(count):
             level = next((level for level in levels if level.count == count), None)
             if level is None:
@@ -227,7 +234,7 @@ class _Fitting:
             worst = level.error(finest)
             if level.is_fit and worst <= budget:
                 scales = error_scales(level, worst, greatest_bend(trials, count))
-                return _Fit(count, scales, worst, structure.sampling(count))
+                return _Fit(count, scales, worst, self.structure.sampling(count))
             count = multiple_of_three(1.25 * count)
         return None
 
@@ -236,7 +243,7 @@ class _Fitting:
         prepare_grid(engine_of(self.plan.backend, self.plan.device), self.grid)
         if count < self._least_samples():
             return None
-        count = self._structure.sufficient(count)
+        count = self.structure.sufficient(count)
         if not count:
             return None
         level, finest, bends = level_pair(self._trials(replace(self.plan, sample_count=count, few_rays=True)), count)
@@ -251,7 +258,7 @@ class _Fitting:
         Two conditions must be met: the pilot agrees with the spline at three times as many samples, and so does each
         pilot ray's own bound of the polynomials' deviation from the spline where it samples them.
         """
-        structure, retrace_cost = self._structure, self._retrace_cost()
+        structure, retrace_cost = self.structure, self._retrace_cost()
         some = structure.lines.every(max(1, len(structure.lines.length) // CUBES_LINES))
         rough = np.count_nonzero(approximate_deviation(self.grid, some) > self.limit) / max(1, len(some.length))
         if rough * retrace_cost > CUBES_GAIN * count:
@@ -278,8 +285,9 @@ class _Fitting:
         return Trials(self.field, self.pilot, plan, self.until, self.wavelength, outputs)
 
     @cached_property
-    def _structure(self) -> MissedStructure:
-        return MissedStructure(self.field, self.spread(), self.until, self.limit, self.plan.lever_arms)
+    def structure(self) -> MissedStructure:
+        """The structure that the rays may miss between samples."""
+        return MissedStructure(self.field, self.spread, self.until, self.limit, self.plan.lever_arms)
 
     def _predicted(self) -> float:
         """Field evaluations of a ray under error control."""

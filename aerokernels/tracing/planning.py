@@ -75,7 +75,8 @@ def plan_rays(
 ) -> TracePlan:
     """Return the plan of a bundle: leapfrog where that meets the tolerance; `pilot()` makes some of its rays.
 
-    `spread()` returns enough rays to show the extent of the whole bundle; None if the pilot rays already show it.
+    `spread(low, high)` returns enough rays to show the extent of the whole bundle in a part of the field given by its
+    corners; None if the pilot rays already show it.
     `like` is the plan of such rays through a field like this one; its number of samples is taken if the pilot confirms
     it. `sure_count` is the number of rays that are traced in any case, where others may not be: it decides whether a
     table pays.
@@ -94,9 +95,8 @@ def plan_rays(
         trial = make_plan(field, method="straight", wavelength=wavelength, **choices)
         if trial.backend != "reference":
             trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without the reason for the method
-            plan = fit_leapfrog(
-                field, pilot(), trial, until, wavelength, spread or pilot, like, sure_count or ray_count
-            )
+            examined = spread or (lambda low, high: pilot())
+            plan = fit_leapfrog(field, pilot(), trial, until, wavelength, examined, like, sure_count or ray_count)
             if plan is not None:
                 return plan
     return make_plan(field, method=method, wavelength=wavelength, **choices)
@@ -112,7 +112,7 @@ def plan_bundle(field: IndexField, rays: RayBundle, until, *, method="auto", ste
         method=method,
         step=step,
         directions=rays.direction if rays.device is None else pilot_of(rays).direction,
-        spread=partial(spread_of, rays),
+        spread=partial(spread_of, field.geometry, rays, until),
         **choices,
     )
 

@@ -8,13 +8,17 @@ import numpy as np
 from ..derived import Derived
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from ..process.machine import core_count
+from ..process.threads import in_turn
 from ..rays import RayBundle
 from .lines import crossing_of_box
 from .scheme import LEAST_COSINE
-from .stop import Plane
+from .stop import Plane, stop_distance
 
 # Number of lines that are tested near a body, in addition to the outermost ones.
 BESIDE_BODY = 192
+# Lines that are searched together for the outermost ones.
+CHUNK = 1 << 14  # speed only
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +49,9 @@ def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, hi
     """Lines of the rays that meet the part of the field from `low` to `high` [m, along the field's own axes]."""
     p, d = rays.position, rays.direction
     if field.body is not None and len(p) > BESIDE_BODY:  # each line is tested against every segment of the body
-        outermost = [ends for vectors in (p, d) for ends in (vectors.argmin(axis=0), vectors.argmax(axis=0))]
-        rows = np.concatenate([np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int), *outermost])
+        some = np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int)
+        ends = outermost_in_box(field.geometry, p, d, until, low, high)
+        rows = np.concatenate([some, outermost(p), outermost(d), ends])
         p, d = p[rows], d[rows]
     enter, leave, _ = crossing_of_box(p, d, low, high, field.geometry)
     if field.body is not None:
@@ -70,6 +75,33 @@ def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, hi
     meets = (leave > enter) & np.isfinite(leave)
     start = p[meets] + enter[meets, None] * d[meets]
     return Lines(start, d[meets], (leave - enter)[meets], lever_arm[meets], tangent[meets])
+
+
+def outermost(vectors: np.ndarray) -> np.ndarray:
+    """Rows with the least and the greatest of each component of vectors (n, k), shape (2 k,)."""
+    return np.concatenate([vectors.argmin(axis=0), vectors.argmax(axis=0)])
+
+
+def outermost_in_box(
+    geometry: str, position: np.ndarray, direction: np.ndarray, until, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """Rows of the lines that begin or end outermost in a box, by each local coordinate; none if all lines miss it.
+
+    The box is given by its corners [m, along the field's own axes]; a line ends at the stop if that is inside.
+    """
+
+    def find(rows: np.ndarray) -> np.ndarray:
+        p, d = position[rows], direction[rows]
+        enter, leave, _ = crossing_of_box(p, d, low, high, geometry)
+        leave = np.minimum(leave, stop_distance(p, d, until))
+        meets = np.flatnonzero((leave > enter) & np.isfinite(leave))
+        if not len(meets):
+            return meets
+        ends = (local_coordinates(p[meets] + at[meets, None] * d[meets], geometry) for at in (enter, leave))
+        return rows[meets[np.concatenate([outermost(place) for place in ends])]]
+
+    pieces = [np.arange(first, min(first + CHUNK, len(position))) for first in range(0, len(position), CHUNK)]
+    return find(np.concatenate(list(in_turn(find, pieces, core_count()))))
 
 
 def local_coordinates(place: np.ndarray, geometry: str) -> np.ndarray:
