@@ -88,6 +88,7 @@ __kernel void deliver_bundle(DELIVER_BUNDLE_ARGUMENTS)
     arrival.optical_path = FRAME_AMBIENT * length + arrival.opd;
     arrival.status = RAY_OK;
     // Load only what is requested: on a GPU the loads take most of the time.
-    const double4 costs = wanted & (WANT_STEP_ERROR | WANT_STEP_COUNT | WANT_EVALUATION_COUNT) ? vload4(1, head) : 0.0;
-    write_outputs(&outputs, wanted, ray, &arrival, costs.s1, (int)costs.s2, (int)costs.s3);
+    const int has_costs = requested & (OUTPUT_STEP_ERROR | OUTPUT_STEP_COUNT | OUTPUT_EVALUATION_COUNT);
+    const double4 costs = has_costs ? vload4(1, head) : 0.0;
+    write_outputs(&outputs, requested, ray, &arrival, costs.s1, (int)costs.s2, (int)costs.s3);
 }

@@ -85,7 +85,7 @@ static inline void take_sample(
     const reals pace = UNIT(ray->h) * ray->slowness, kick = weight * pace;
     ray->optical += weight * ray->s * ray->slowness;
     ray->deficit += weight * deficit;
-    if (control->outputs & WANT_ARC_LENGTH) {
+    if (control->outputs & OUTPUT_ARC_LENGTH) {
         const reals index = sqrt(max(ambient * ambient + R(2.0) * ray->s, (reals)R(0.0)));
         ray->arc += weight * ray->slowness * (R(2.0) * ray->s / (index + ambient));
     }
@@ -112,7 +112,7 @@ static inline void take_sample(
         gather(&ray->paths, &ray->paths_carry, ray->optical);
         gather(&ray->deficits, &ray->deficits_carry, ray->deficit);
         ray->optical = ray->deficit = (reals)R(0.0);
-        if (control->outputs & WANT_ARC_LENGTH) {
+        if (control->outputs & OUTPUT_ARC_LENGTH) {
             gather(&ray->arcs, &ray->arcs_carry, ray->arc);
             ray->arc = (reals)R(0.0);
         }

@@ -43,35 +43,35 @@ static inline void write_packet(
     truths runs,
     __global int *rejected_count)
 {
-    const int wanted = control->outputs;
-    if (wanted & WANT_POSITION) {
+    const int requested = control->outputs;
+    if (requested & OUTPUT_POSITION) {
         write_vectors(outputs->position, first, ray_count, arrival->position);
     }
-    if (wanted & WANT_DIRECTION) {
+    if (requested & OUTPUT_DIRECTION) {
         const Triples heading = arrival->heading;
         const doubles size = sqrt(inner(heading, heading));
         const Triples unit = triples_of(heading.x / size, heading.y / size, heading.z / size);
         write_vectors(outputs->direction, first, ray_count, unit);
     }
-    if (wanted & WANT_OPTICAL_PATH) {
+    if (requested & OUTPUT_OPTICAL_PATH) {
         write_numbers(outputs->optical_path, first, ray_count, arrival->optical_path);
     }
-    if (wanted & WANT_OPD) {
+    if (requested & OUTPUT_OPD) {
         write_numbers(outputs->opd, first, ray_count, arrival->opd);
     }
-    if (wanted & WANT_ARC_LENGTH) {
+    if (requested & OUTPUT_ARC_LENGTH) {
         write_numbers(outputs->arc_length, first, ray_count, arrival->arc_length);
     }
-    if (wanted & WANT_STEP_ERROR) {
+    if (requested & OUTPUT_STEP_ERROR) {
         write_numbers(outputs->step_error, first, ray_count, TO_DOUBLES(step_error));
     }
-    if (wanted & (WANT_STEP_COUNT | WANT_EVALUATION_COUNT)) {
+    if (requested & (OUTPUT_STEP_COUNT | OUTPUT_EVALUATION_COUNT)) {
         EACH_RAY(lane) {
             const int samples = TRUTH_AT(runs, lane) ? control->sample_count : 0;
-            if (wanted & WANT_STEP_COUNT) {
+            if (requested & OUTPUT_STEP_COUNT) {
                 outputs->step_count[first + lane] = samples;
             }
-            if (wanted & WANT_EVALUATION_COUNT) {
+            if (requested & OUTPUT_EVALUATION_COUNT) {
                 outputs->evaluation_count[first + lane] = samples;
             }
         }

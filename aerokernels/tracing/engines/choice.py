@@ -13,7 +13,7 @@ from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
 from ...process.opened import OPENED
-from .info import NO_CUDA, BackendInfo, cuda_driver_loads, known_memory, warp_processor
+from .info import NO_CUDA, BackendInfo, absent, cuda_driver_loads, known_memory, warp_processor
 
 BACKENDS = ("auto", "warp", "opencl", "reference")
 # Environment variables that choose between Warp and OpenCL on a kind of device.
@@ -68,10 +68,10 @@ def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
         ) from error
 
 
-def _best(warp: list[BackendInfo], wanted: str | None) -> tuple[str, str, str]:
+def _best(warp: list[BackendInfo], only: str | None) -> tuple[str, str, str]:
     """As `choose_backend`: the best device of a kind ("cpu", "gpu" or None for any)."""
     opencl = _opencl_devices()
-    for kind in KINDS if wanted is None else (wanted,):
+    for kind in KINDS if only is None else (only,):
         mine, others = _of_kind(warp, kind), _of_kind(opencl, kind)
         if mine or others:
             taken = preferred(mine, others)[0]
@@ -82,7 +82,7 @@ def _best(warp: list[BackendInfo], wanted: str | None) -> tuple[str, str, str]:
             else:
                 reason = "a GPU is preferred" if kind == "gpu" else warp[0].reason
             return taken.backend, taken.device, f"backend {taken.backend} on {taken.device}: {reason}"
-    if wanted == "gpu":
+    if only == "gpu":
         raise ValueError(
             "device 'gpu' is not there: Warp finds no CUDA device and OpenCL no GPU that can trace; see "
             "`aerokernels backends`, or choose device 'cpu'"
@@ -144,7 +144,7 @@ def _warp_devices(quick: bool = False, memory: bool = False) -> list[BackendInfo
     reading a dozen files of its control groups.
     """
     if importlib.util.find_spec("warp") is None:
-        return [_absent("warp", "the package warp-lang is not installed: pip install warp-lang")]
+        return [absent("warp", "the package warp-lang is not installed: pip install warp-lang")]
     if quick and "warp" not in sys.modules and not cuda_driver_loads():
         with suppress(PackageNotFoundError):
             return [warp_processor(_version("warp-lang"), NO_CUDA)]
@@ -180,7 +180,3 @@ def _why_not(opencl: list[BackendInfo]) -> str:
     """Say in one line why Warp is chosen and not OpenCL."""
     broken = "; ".join(info.reason for info in opencl if not info.available)
     return " ".join(f"no OpenCL: {broken}".split()) if broken else "OpenCL has no device of that kind"
-
-
-def _absent(backend: str, reason: str) -> BackendInfo:
-    return BackendInfo(backend, "-", "-", "-", False, False, None, reason)

@@ -49,6 +49,11 @@ def known_memory() -> int | None:
     return int(memory) if memory < math.inf else None
 
 
+def absent(backend: str, reason: str) -> BackendInfo:
+    """Return the entry of a backend without a device that can trace."""
+    return BackendInfo(backend, "-", "-", "-", False, False, None, reason)
+
+
 def warp_processor(version: str, reason: str, memory: bool = False) -> BackendInfo:
     """Return the description of Warp's CPU device; with `memory`, including how much this process may use."""
     text = f"{core_count()} cores, launches chunked over threads"

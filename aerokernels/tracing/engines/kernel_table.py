@@ -39,7 +39,7 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("shape", "int"),
         Value("checks_faces", "int"),
         Value("faces_that_matter", "int"),
-        Value("wanted", "int"),
+        Value("requested", "int"),
         Value("first_ray", "int"),
         Value("position_in", "double3*"),
         Value("direction_in", "double3*"),

@@ -1,17 +1,20 @@
-"""Upload the arrays of a field to an engine's device, and cache them on the field."""
+"""Upload the arrays of fields and of bundles to an engine's device, and cache them with the field or the bundle."""
 
 from typing import Any
 
 import numpy as np
 
 from ...medium import IndexField
+from ...process.clock import stage
+from ..bundle.frame import kernel_arrays, kernel_numbers
+from ..bundle.table import BundleTable
 from ..cube_polynomials import cubes_of
 from ..plan import TracePlan
 from .field_data import FieldData, array_of, field_data, step_bound_tables, trace_members
 from .layout import Value, arrays_of
 
 
-class FieldUploads:
+class Uploads:
     """The uploads that the engines share. An engine provides `put`, `struct_array` and `computed_coefficients`.
 
     Attributes:
@@ -51,6 +54,12 @@ class FieldUploads:
             "Bounds": data.bounds | bounds,
             "Control": data.control | control | blocks | self._control_arrays(field, plan.precision, tables),
         }
+
+    def bundle_arguments(self, table: BundleTable, outputs: frozenset) -> list:
+        """Return the arguments of the kernel deliver_bundle before the rays, with arrays on the device."""
+        with stage("upload"):
+            arrays = table.derive(self.grid_key[1:], lambda: [self.put(array) for array in kernel_arrays(table)])
+        return [*arrays, *kernel_numbers(table, outputs)]
 
     def _field_arrays(
         self, field: IndexField, data: FieldData, precision: str, with_paper_step: bool

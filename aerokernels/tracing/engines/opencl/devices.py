@@ -15,7 +15,7 @@ from typing import Any
 
 from ....process.machine import patient_threads
 from ....process.opened import OPENED
-from ..info import BackendInfo
+from ..info import BackendInfo, absent
 from .drivers import broken_drivers
 from .linker import linker_trouble
 from .pocl_cache import cache_folder, make_safe, remove_damaged
@@ -98,8 +98,8 @@ def list_devices() -> list[BackendInfo]:
     try:
         devices, troubles = survey()
     except OpenCLUnavailable as error:
-        return [_absent(str(error))]
-    return [found.info for found in devices] + [_absent(trouble) for trouble in troubles]
+        return [absent("opencl", str(error))]
+    return [found.info for found in devices] + [absent("opencl", trouble) for trouble in troubles]
 
 
 def find_device(name: str | None = None) -> FoundDevice:
@@ -123,9 +123,9 @@ def find_device(name: str | None = None) -> FoundDevice:
             reasons = [f"{found.info.device}: {found.info.reason}" for found in matching] + troubles
             raise OpenCLUnavailable("no OpenCL device here can trace: " + "; ".join(reasons))
     else:
-        wanted = name.strip().lower()
-        matching = [found for found in devices if found.info.device.lower() == wanted]
-        matching = matching or [found for found in devices if wanted and wanted in found.info.device.lower()]
+        lowered = name.strip().lower()
+        matching = [found for found in devices if found.info.device.lower() == lowered]
+        matching = matching or [found for found in devices if lowered and lowered in found.info.device.lower()]
         if len(matching) == 1:
             if not matching[0].info.available:
                 raise OpenCLUnavailable(f"OpenCL device {matching[0].info.device!r}: {matching[0].info.reason}")
@@ -312,7 +312,3 @@ def with_unique_names(devices: list[FoundDevice]) -> list[FoundDevice]:
             found = replace(found, info=replace(found.info, device=f"{name} #{seen[name]}"))
         named.append(found)
     return named
-
-
-def _absent(reason: str) -> BackendInfo:
-    return BackendInfo("opencl", "-", "-", "-", False, False, None, reason)

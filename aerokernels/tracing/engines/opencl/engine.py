@@ -10,14 +10,12 @@ import pyopencl as cl
 from ....device_arrays import is_one_row
 from ....medium import IndexField
 from ....process.clock import stage
-from ...bundle.frame import kernel_arrays
-from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
 from ...plan import TracePlan
 from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import REAL_TYPES, Value, arrays_of
-from ..uploads import FieldUploads
+from ..uploads import Uploads
 from .arguments import Kernel, pack
 from .devices import session
 from .launchers import give_back, take_kernel
@@ -39,7 +37,7 @@ CONTROL, FIRST_ARRAY = 2, 3
 PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "reduce_sums": 1}
 
 
-class Engine(FieldUploads):
+class Engine(Uploads):
     """OpenCL on one device; see interface.py."""
 
     def __init__(self, device: str | None):
@@ -121,12 +119,11 @@ class Engine(FieldUploads):
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
         """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
-        with stage("upload"):
-            arrays = table.derive(("opencl", self.session), lambda: [self.put(array) for array in kernel_arrays(table)])
+        arguments = self.bundle_arguments(table, outputs)
         with stage("compile"):
             options = build_options(precision=table.precision, channels=table.channels)
             kernel = self._kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle")
-        return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
+        return Prepared(self, kernel, arguments, outputs, None)
 
     def pupil_kernels(self, names: Iterable[str]) -> dict[str, Kernel]:
         """Return the named pupil kernels."""

@@ -119,7 +119,7 @@ def constants() -> list[str]:
         *_defines({f"PUPIL_{name}": getattr(square_map, name) for name in ("RING", "PIXELS", "TRIANGLES")}),
         *_defines({"PUPIL_PIXEL_HEADER": square_map.PIXEL_HEADER}),
         *_group("Bits of the requested outputs of a ray"),
-        *_defines({f"WANT_{name.upper()}": bit for name, bit in OUTPUT_BITS.items()}),
+        *_defines({f"OUTPUT_{name.upper()}": bit for name, bit in OUTPUT_BITS.items()}),
     ]
 
 

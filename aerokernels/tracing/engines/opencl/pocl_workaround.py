@@ -66,21 +66,21 @@ def name_processor(device) -> tuple[str, ...]:
 def workaround(device, options: tuple[str, ...]) -> str:
     """Describe what `name_processor`, which returned `options`, did to a device; empty if nothing was needed."""
     given = _given_name(device)
-    asked = os.environ.get(VARIABLE)
+    chosen = os.environ.get(VARIABLE)
     if not given or (given != UNKNOWN and not options):
         return ""
     if given != UNKNOWN:
         return (
             f"PoCL 3.0 does not inline its functions on a {given!r}: the CPU's name is set to "
-            f"{asked or processor_name()!r} before anything is compiled; {VARIABLE}=off leaves PoCL unchanged, "
+            f"{chosen or processor_name()!r} before anything is compiled; {VARIABLE}=off leaves PoCL unchanged, "
             f"{VARIABLE}=NAME sets another name"
         )
     if options:
         return (
-            f"PoCL 3.0 does not know this CPU: its name is set to {asked or processor_name()!r} before anything is "
+            f"PoCL 3.0 does not know this CPU: its name is set to {chosen or processor_name()!r} before anything is "
             f"compiled; {VARIABLE}=off leaves PoCL unchanged, {VARIABLE}=NAME sets another name"
         )
-    why = f"{VARIABLE} is {asked!r}; unset it" if asked else "its record of the device is not as expected"
+    why = f"{VARIABLE} is {chosen!r}; unset it" if chosen else "its record of the device is not as expected"
     return f"PoCL 3.0 does not know this CPU, and is left unchanged: {why}"
 
 

@@ -66,30 +66,30 @@ def _expand(folder: Path, name: str, source: list[str], seen: set[str], lines: l
         if match is None:
             lines.append(line)
             continue
-        asked = f"{name}, line {number}: header {match[1]!r}"
-        header, text = _header(folder, match[1], asked)
+        named = f"{name}, line {number}: header {match[1]!r}"
+        header, text = _header(folder, match[1], named)
         if header not in seen:
             seen.add(header)
             _expand(folder, header, text, seen, lines)
         lines.append(f'#line {number + 1} "{name}"')
 
 
-def _header(folder: Path, name: str, asked: str) -> tuple[str, list[str]]:
+def _header(folder: Path, name: str, named: str) -> tuple[str, list[str]]:
     """Return the path of a header below the folder (its name for a header generated from Python), and its lines."""
     places = (f"include/{name}", name)
     for place in places:
         if (folder / place).is_file():
-            return place, _read(folder / place, asked)
+            return place, _read(folder / place, named)
     if name in HEADERS:
         return name, HEADERS[name]()
-    raise RuntimeError(f"{asked} is neither {folder / places[0]} nor {folder / places[1]}")
+    raise RuntimeError(f"{named} is neither {folder / places[0]} nor {folder / places[1]}")
 
 
-def _read(path: Path, asked: str) -> list[str]:
+def _read(path: Path, named: str) -> list[str]:
     try:
         return path.read_text(encoding="utf-8").splitlines()
     except OSError as error:
-        raise RuntimeError(f"{asked} cannot be read at {path} ({error.strerror}): install aerokernels again") from error
+        raise RuntimeError(f"{named} cannot be read at {path} ({error.strerror}): install aerokernels again") from error
 
 
 def build_options(*, precision: str = "float32", **chosen: str | int) -> tuple[str, ...]:

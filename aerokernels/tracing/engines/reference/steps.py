@@ -50,12 +50,12 @@ class Integrator:
     def run(self, flight: Flight) -> None:
         """Fly until every ray has ended."""
         count = len(flight.start)
-        self.wanted = np.full(count, 2.0 * self.air.size / self.ambient)
+        self.planned = np.full(count, 2.0 * self.air.size / self.ambient)
         self.aim = np.full(count, np.nan)
         # Crossings of faces without a step in between, and the normal of the ridge on which a ray is held.
-        self.idle, self.held, self.holds = np.zeros(count, dtype=np.int64), np.zeros((count, 3)), False
+        self.idle, self.ridge, self.has_ridges = np.zeros(count, dtype=np.int64), np.zeros((count, 3)), False
         # Greatest step, and error per length of the last step that was too inaccurate.
-        self.cap, self.refused = np.full(count, np.inf), np.full(count, np.inf)
+        self.cap, self.rejected_error = np.full(count, np.inf), np.full(count, np.inf)
         while len(rows := flight.going):
             gap = self.air.in_gap(flight.cell[rows])
             if gap.any():
@@ -135,10 +135,10 @@ class Integrator:
         hop = self.hops(value, turning, place, tolerance, root)
         chosen = root.argmin(axis=1)
         first = root[np.arange(len(rows)), chosen]
-        wanted = np.minimum(self.wanted[rows], self.cap[rows])
-        lands = (first <= wanted) & ~hop
+        planned = np.minimum(self.planned[rows], self.cap[rows])
+        lands = (first <= planned) & ~hop
         aim = self.aim[rows]
-        h = np.where(lands, np.where(np.isfinite(aim), aim, first), wanted)
+        h = np.where(lands, np.where(np.isfinite(aim), aim, first), planned)
         if hop.any():
             self.over_axis(
                 flight, rows[hop], -2.0 * value[turning & hop[:, None]] / rate[turning & hop[:, None]], potential[hop]
@@ -160,12 +160,12 @@ class Integrator:
         finite = np.isfinite(y).all(axis=1) & np.isfinite(error)
         allowed = self.tolerance * a * h / self.extent + NOISE * rounding
         # An error that does not fall with the length of a short step is rounding.
-        before = self.refused[rows]
+        before = self.rejected_error[rows]
         stays = (before < np.inf) & (error > 0.5 * h * np.where(before < np.inf, before, 0.0))
         short = (h <= self.least) | ((h < NOISE_STEP * air.size / a) & stays)
         good = finite & ((error <= allowed) | short)
         with np.errstate(divide="ignore", invalid="ignore"):
-            self.refused[rows] = np.where(good, np.inf, error / h)
+            self.rejected_error[rows] = np.where(good, np.inf, error / h)
         with np.errstate(divide="ignore", over="ignore"):
             factor = np.clip(0.9 * (allowed / np.where(error > 0.0, error, np.inf)) ** 0.125, 0.2, 6.0)
         factor = np.where(error > 0.0, factor, 6.0)
@@ -193,12 +193,12 @@ class Integrator:
         self.aim[rows] = np.where(near, h + miss, np.nan)
         self.cap[rows] = np.where(retake & ~near, 0.5 * h, np.inf)
         grown = h * factor
-        kept = accept & (lands | (self.wanted[rows] > h))
+        kept = accept & (lands | (self.planned[rows] > h))
         grown = np.maximum(grown, 2.0 * self.least)
-        self.wanted[rows] = np.where(
+        self.planned[rows] = np.where(
             accept,
-            np.where(kept, np.maximum(self.wanted[rows], grown), grown),
-            np.where(good | hop, self.wanted[rows], h * np.where(finite, np.minimum(factor, 0.8), 0.25)),
+            np.where(kept, np.maximum(self.planned[rows], grown), grown),
+            np.where(good | hop, self.planned[rows], h * np.where(finite, np.minimum(factor, 0.8), 0.25)),
         )
         flight.failed[rows[~finite & (h <= self.least)]] = True
         if accept.any():
@@ -250,13 +250,13 @@ class Integrator:
     def hold(self, flight, rows, chosen, idle) -> None:
         """Hold rays on a ridge of the index, where slopes on both sides drive them back to it repeatedly."""
         self.idle[rows] = np.where(idle, self.idle[rows] + 1, 0)
-        if self.holds:
-            self.held[rows[~idle]] = 0.0
+        if self.has_ridges:
+            self.ridge[rows[~idle]] = 0.0
         stuck = self.idle[rows] >= IDLE
         if stuck.any():
             rows, chosen = rows[stuck], chosen[stuck]
             normal = self.air.normal(flight.cell[rows], chosen, self.place(flight, rows))
-            self.held[rows], self.idle[rows], self.holds = normal, 0, True
+            self.ridge[rows], self.idle[rows], self.has_ridges = normal, 0, True
             flight.momentum[rows] -= dot(flight.momentum[rows], normal)[:, None] * normal
 
     def drift(self, flight, rows, h, potential, force) -> None:
@@ -293,9 +293,9 @@ class Integrator:
     def sample(self, frame, rows, delta, q) -> tuple[np.ndarray, np.ndarray]:
         """Potential and force on the ray, or continued from the line; no force across a ridge that holds the ray."""
         potential, force = frame.sample(delta)
-        if self.holds:
-            held = self.held[rows]
-            force = force - dot(force, held)[:, None] * held
+        if self.has_ridges:
+            ridge = self.ridge[rows]
+            force = force - dot(force, ridge)[:, None] * ridge
         return (potential + dot(force, q), force) if self.straight else (potential, force)
 
     def slope(self, momentum, potential, force) -> np.ndarray:

@@ -16,14 +16,12 @@ from ....process.machine import core_count, host_memory
 from ....process.opened import OPENED
 from ....process.quiet_warp import start_warp
 from ....process.threads import in_threads
-from ...bundle.frame import kernel_arrays
-from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
 from ...plan import TracePlan
 from ..field_data import stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import STRUCTS, Value
-from ..uploads import FieldUploads
+from ..uploads import Uploads
 from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
@@ -52,7 +50,7 @@ SCALARS: dict[Any, type] = {
 VECTORS = {2: wp.vec2d, 3: wp.vec3d}
 
 
-class Engine(FieldUploads):
+class Engine(Uploads):
     """Warp on one device; see interface.py."""
 
     def __init__(self, device: str):
@@ -109,12 +107,11 @@ class Engine(FieldUploads):
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
         """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
-        with stage("upload"):
-            arrays = table.derive(("warp", self.device), lambda: [self.put(array) for array in kernel_arrays(table)])
+        arguments = self.bundle_arguments(table, outputs)
         with stage("compile"):
             kernel = build_bundle_kernel(library_of(table.precision), table.channels)
             self._load(kernel.module)
-        return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
+        return Prepared(self, kernel, arguments, outputs, None)
 
     def pupil_kernels(self, names: Iterable[str]) -> dict[str, Any]:
         """Return the named pupil kernels; all pupil kernels are compiled together."""
@@ -260,9 +257,9 @@ def _keep_memory(device: wp.Device) -> None:
 
     If memory runs out, the driver takes back what is unused.
     """
-    held = int(POOL_SHARE * device.total_memory)
-    if device.is_mempool_supported and wp.get_mempool_release_threshold(device) < held:
-        wp.set_mempool_release_threshold(device, held)
+    limit = int(POOL_SHARE * device.total_memory)
+    if device.is_mempool_supported and wp.get_mempool_release_threshold(device) < limit:
+        wp.set_mempool_release_threshold(device, limit)
 
 
 def _filled(name: str, members: dict, precision: str = "float64"):

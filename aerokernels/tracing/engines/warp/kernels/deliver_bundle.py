@@ -71,7 +71,7 @@ def build_bundle_kernel(library: KernelLibrary, channel_count: int):
         shape,
         checks_faces,
         faces_that_matter,
-        wanted,
+        requested,
         first_ray,
         position_in,
         direction_in,
@@ -124,10 +124,10 @@ def build_bundle_kernel(library: KernelLibrary, channel_count: int):
         step_error = zero
         step_count = int(0)
         evaluation_count = int(0)
-        if (wanted & wp.static(COSTS)) != 0:
+        if (requested & wp.static(COSTS)) != 0:
             step_error = header[head + 5]
             step_count = int(header[head + 6])
             evaluation_count = int(header[head + 7])
-        write_outputs(outputs, wanted, ray, arrival, step_error, step_count, evaluation_count)
+        write_outputs(outputs, requested, ray, arrival, step_error, step_count, evaluation_count)
 
     return deliver_bundle

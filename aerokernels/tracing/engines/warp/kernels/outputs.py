@@ -8,35 +8,35 @@ from ..library import KernelLibrary, built_once
 
 @built_once
 def build_write_outputs(library: KernelLibrary):
-    """Build a function that writes the requested outputs of a ray at its stop; `wanted` has bits as in result.py."""
+    """Build a function that writes the requested outputs of a ray at its stop; `requested` has bits as in result.py."""
     t = library.types
     Arrival, RayOutputs = t.Arrival, t.RayOutputs
 
     @wp.func
     def write_outputs(
         outputs: RayOutputs,
-        wanted: int,
+        requested: int,
         ray: int,
         arrival: Arrival,
         step_error: wp.float64,
         step_count: int,
         evaluation_count: int,
     ):
-        if (wanted & wp.static(OUTPUT_BITS["position"])) != 0:
+        if (requested & wp.static(OUTPUT_BITS["position"])) != 0:
             outputs.position[ray] = arrival.position
-        if (wanted & wp.static(OUTPUT_BITS["direction"])) != 0:
+        if (requested & wp.static(OUTPUT_BITS["direction"])) != 0:
             outputs.direction[ray] = arrival.direction
-        if (wanted & wp.static(OUTPUT_BITS["optical_path"])) != 0:
+        if (requested & wp.static(OUTPUT_BITS["optical_path"])) != 0:
             outputs.optical_path[ray] = arrival.optical_path
-        if (wanted & wp.static(OUTPUT_BITS["opd"])) != 0:
+        if (requested & wp.static(OUTPUT_BITS["opd"])) != 0:
             outputs.opd[ray] = arrival.opd
-        if (wanted & wp.static(OUTPUT_BITS["arc_length"])) != 0:
+        if (requested & wp.static(OUTPUT_BITS["arc_length"])) != 0:
             outputs.arc_length[ray] = arrival.arc_length
-        if (wanted & wp.static(OUTPUT_BITS["step_error"])) != 0:
+        if (requested & wp.static(OUTPUT_BITS["step_error"])) != 0:
             outputs.step_error[ray] = step_error
-        if (wanted & wp.static(OUTPUT_BITS["step_count"])) != 0:
+        if (requested & wp.static(OUTPUT_BITS["step_count"])) != 0:
             outputs.step_count[ray] = step_count
-        if (wanted & wp.static(OUTPUT_BITS["evaluation_count"])) != 0:
+        if (requested & wp.static(OUTPUT_BITS["evaluation_count"])) != 0:
             outputs.evaluation_count[ray] = evaluation_count
         outputs.status[ray] = arrival.status
 
