@@ -139,10 +139,25 @@ class SolidBody(Derived):
         count = min(NEAREST, len(self.triangles))
         near = self._middles.query(points, count)[1].reshape(len(points), count)
         foot, least = np.empty_like(points), np.full(len(points), np.inf)
-        rows = np.repeat(np.arange(len(points)), count)
-        self._replace_farther(points, foot, least, rows, self.surface[near.ravel()])
-        rows, pieces = self._maybe_nearer(points, least)
-        self._replace_farther(points, foot, least, rows, self.tree.corners[pieces])
+        self._replace_farther(points, foot, least, np.repeat(np.arange(len(points)), count), self.surface[near.ravel()])
+        tree = self.tree
+        pairs: list[tuple[np.ndarray, np.ndarray]] = []
+        low, high = tree.corners.min(axis=1), tree.corners.max(axis=1)
+        waiting = [(0, np.arange(len(points)))]
+        while waiting:
+            node, rows = waiting.pop()
+            rows = rows[_squared_distances(points[rows], *tree.boxes[node]) < least[rows]]
+            first, last = tree.links[node][1:]
+            if len(rows) and last == first:
+                waiting += tree.children(node, rows)
+            elif len(rows):
+                distance = _squared_distances(points[rows, None], low[first:last], high[first:last])
+                row, piece = np.nonzero(distance < least[rows, None])
+                pairs.append((rows[row], first + piece))
+            if pairs and (not waiting or sum(len(row) for row, _ in pairs) > PAIRS):
+                row, piece = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+                self._replace_farther(points, foot, least, row, tree.corners[piece])
+                pairs.clear()
         return foot
 
     def _replace_farther(self, points, foot, least, rows, corners) -> None:
@@ -164,27 +179,6 @@ class SolidBody(Derived):
             best = order[np.diff(row[order], prepend=-1) > 0]
             best = best[distance[best] < least[row[best]] * (1.0 - 1e-12)]  # feet that are equally near stay
             foot[row[best]], least[row[best]] = found[best], distance[best]
-
-    def _maybe_nearer(self, points: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return pairs of a point and a piece of the tree whose bounding box is nearer than a squared distance [m2]."""
-        tree = self.tree
-        low, high = tree.corners.min(axis=1), tree.corners.max(axis=1)
-        found: list[tuple[np.ndarray, np.ndarray]] = []
-        waiting = [(0, np.arange(len(points)))]
-        while waiting:
-            node, rows = waiting.pop()
-            rows = rows[_squared_distances(points[rows], *tree.boxes[node]) < least[rows]]
-            if not len(rows):
-                continue
-            first, last = tree.links[node][1:]
-            if last == first:
-                waiting += tree.children(node, rows)
-                continue
-            distance = _squared_distances(points[rows, None], low[first:last], high[first:last])
-            row, piece = np.nonzero(distance < least[rows, None])
-            found.append((rows[row], first + piece))
-        row, piece = (np.concatenate(parts) for parts in zip(*found, strict=True)) if found else np.zeros((2, 0), int)
-        return row, piece
 
     def signed_distance(self, points) -> np.ndarray:
         """Return the distance to the surface [m], negative inside the body, at points (n, 3)."""
