@@ -48,7 +48,7 @@ __all__ = [
 ]
 
 
-def _one_if_equal(rows: np.ndarray) -> np.ndarray:
+def _rows_or_one(rows: np.ndarray) -> np.ndarray:
     """Return a copy of an array, or only of its first row if all rows are equal."""
     alike = len(rows) > 1 and all((rows[k] == rows[0]).all() for k in (len(rows) // 2, -1))
     return np.array(rows[:1] if alike and (rows == rows[0]).all() else rows, order="C")
@@ -103,7 +103,7 @@ class RayBundle(ReadOnly):
             raise ValueError(f"ray directions must have shape (ray_count, 3), got {np.shape(self.direction)}")
         if len(direction) not in (1, len(position)):
             raise ValueError(f"{len(position)} ray positions but {len(direction)} directions: give one for each")
-        direction = _one_if_equal(direction)
+        direction = _rows_or_one(direction)
         for name, array in (("position", position), ("direction", direction)):
             if not np.isfinite(array).all():
                 bad = ~np.isfinite(array).all(axis=1)

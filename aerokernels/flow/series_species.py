@@ -60,15 +60,15 @@ class Mixture:
         Raises:
             ValueError: Fractions that are not valid, densities that no gas has.
         """
-        each = [one.isel({self._clock: number}) if self._clock in one.dims else one for one in self._shares]
-        shares = np.stack([np.asarray(one.values, dtype=np.float64).ravel() for one in each])
-        told = f"{self._name}, snapshot {number}"
-        parts = mass_fractions(told, shares, "node", self._arrays, self._basis)
+        variables = [one.isel({self._clock: number}) if self._clock in one.dims else one for one in self._shares]
+        fractions = np.stack([np.asarray(one.values, dtype=np.float64).ravel() for one in variables])
+        label = f"{self._name}, snapshot {number}"
+        mass = mass_fractions(label, fractions, "node", self._arrays, self._basis)
         density = np.array(density, dtype=np.float64)
-        partial = (parts * density.ravel()).reshape(-1, *density.shape)
-        around = partial[..., -1].reshape(len(partial), -1).mean(axis=1)  # greatest z: the inflow
-        composition = Fractions(tuple(self._arrays), [], self.said).composition(partial, around)
+        partial = (mass * density.ravel()).reshape(-1, *density.shape)
+        ambient_partial = partial[..., -1].reshape(len(partial), -1).mean(axis=1)  # greatest z: the inflow
+        composition = Fractions(tuple(self._arrays), [], self.said).composition(partial, ambient_partial)
         return GridDensity(
             density, where.origin, where.spacing, where.geometry, ambient, where.cell_averages,
-            own["body"], own["conditions"], f"{told}; {self.said}", composition=composition,
+            own["body"], own["conditions"], f"{label}; {self.said}", composition=composition,
         )  # fmt: skip

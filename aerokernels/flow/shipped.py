@@ -78,7 +78,7 @@ def _volume(name: str) -> GridDensity:
     with (_DATA / f"{name}.npz").open("rb") as stream, np.load(stream, allow_pickle=False) as data:
         half, origin, spacing = data["rho"].astype(np.float64), data["origin"].copy(), data["spacing"]
         ambient, conditions, profile = float(data["rho_inf"]), _free_stream(data), data["profile"]
-        told, alpha = data["resampling"].tolist(), float(data["alpha"])
+        errors, alpha = data["resampling"].tolist(), float(data["alpha"])
     origin[0] -= spacing[0] * (len(half) - 1)
     return GridDensity(
         density=np.concatenate([half[:0:-1], half]),
@@ -90,7 +90,7 @@ def _volume(name: str) -> GridDensity:
         conditions=conditions,
         provenance=f"shipped field {name}: rhoCentralFoam (OpenFOAM 1912), inviscid, 31,680 cells in one half, "
         f"angle of attack {np.degrees(alpha):g} degrees",
-        resampling=VolumeResampling(tuple(spacing.tolist()), *told),
+        resampling=VolumeResampling(tuple(spacing.tolist()), *errors),
     )
 
 

@@ -27,7 +27,7 @@ SHARP_SHARE, LEAST_SHARP = 1.0 / 8.0, 4
 # Order for noise: the error of a sum over the nodes of a line is proportional to the square root of their spacing.
 LOWEST_ORDER = 0.5
 # Greatest order assumed where the two changes of the sharpest values have opposite signs.
-LEAST_ALIKE = 1.0
+HIGHEST_OF_TWO_SIGNS = 1.0
 # Interpolant for comparison where a field has too few nodes to leave any out.
 OTHER = {"cubic": "linear", "linear": "cubic", "monotone": "cubic"}
 # Error of a field over its change on four times the cells: the error of slopes, which is only halved, decides.
@@ -68,18 +68,18 @@ def richardson_error(fine: np.ndarray, coarse: np.ndarray, coarser: np.ndarray, 
         order: Greatest order assumed.
     """
     change, before = fine - coarse, coarse - coarser
-    factor = np.full(np.shape(change), _left(before, change, order))
+    factor = np.full(np.shape(change), _remaining_share(before, change, order))
     size = np.abs(change)
     if len(size) >= LEAST_SHARP / SHARP_SHARE:
         sharp = size >= np.quantile(size, 1.0 - SHARP_SHARE)
         # In the asymptotic range errors have one sign at all spacings. Where they do not, a high order is not assumed.
-        alike = float(np.mean(before[sharp] * change[sharp])) > 0.0
-        highest = order if alike else LEAST_ALIKE
-        factor[sharp] = max(factor[0], _left(before[sharp], change[sharp], highest))
+        one_sign = float(np.mean(before[sharp] * change[sharp])) > 0.0
+        highest = order if one_sign else HIGHEST_OF_TWO_SIGNS
+        factor[sharp] = max(factor[0], _remaining_share(before[sharp], change[sharp], highest))
     return np.asarray(change * factor)
 
 
-def _left(before: np.ndarray, after: np.ndarray, highest: float) -> float:
+def _remaining_share(before: np.ndarray, after: np.ndarray, highest: float) -> float:
     """Return the remaining error over the change `after`, by the order that the rms of both changes show."""
     first, second = (float(np.sqrt(np.mean(values**2))) for values in (before, after))
     order = highest if second == 0.0 else float(np.clip(np.log2(max(first / second, 1.0)), LOWEST_ORDER, highest))

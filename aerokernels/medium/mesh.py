@@ -101,7 +101,7 @@ class QuadMesh(Derived):
             raise ValueError(f"{int((vertices[:, 0] < 0).sum())} vertices have a negative radius")
         cells = _orient(vertices, cells.astype(np.int32))
         if self.shape is None and self.whole is None:  # cutting distinct edges gives distinct vertices
-            _refuse_duplicates(vertices)
+            _check_duplicates(vertices)
         if self.parents is not None:
             parents = np.array(self.parents)
             if parents.shape != (len(cells),) or not np.issubdtype(parents.dtype, np.integer) or parents.min() < 0:
@@ -289,16 +289,17 @@ def _area(corners: np.ndarray) -> np.ndarray:
     return 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
 
 
-def _refuse_duplicates(vertices: np.ndarray) -> None:
+def _check_duplicates(vertices: np.ndarray) -> None:
     """Reject two vertices in one place: cells on either side would look like neighbours without being connected."""
     _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
     if len(first) == len(vertices):
         return
     original = first[inverse.ravel()]
-    double = np.flatnonzero(original != np.arange(len(vertices)))
+    duplicate = np.flatnonzero(original != np.arange(len(vertices)))
+    worst = duplicate[0]
     raise ValueError(
-        f"{len(double)} vertices lie in the same place as another, the first are vertices {original[double[0]]} and "
-        f"{double[0]} at {vertices[double[0]].tolist()}: merge duplicate nodes"
+        f"{len(duplicate)} vertices lie in the same place as another, the first are vertices {original[worst]} and "
+        f"{worst} at {vertices[worst].tolist()}: merge duplicate nodes"
     )
 
 
@@ -307,11 +308,11 @@ def _orient(vertices: np.ndarray, cells: np.ndarray) -> np.ndarray:
     corners = vertices[cells]
     edge = np.roll(corners, -1, axis=1) - corners
     length = np.linalg.norm(edge, axis=2)
-    double = (length == 0.0).any(axis=1)
-    if double.any():
-        worst = int(np.argmax(double))
+    duplicate = (length == 0.0).any(axis=1)
+    if duplicate.any():
+        worst = int(np.argmax(duplicate))
         raise ValueError(
-            f"{int(double.sum())} cells have coincident vertices, the first is cell {worst} "
+            f"{int(duplicate.sum())} cells have coincident vertices, the first is cell {worst} "
             f"with vertices {cells[worst].tolist()}: merge duplicate nodes and drop collapsed cells"
         )
     clockwise = _area(corners) < 0.0

@@ -18,7 +18,8 @@ from .wall_tree import WallTree, wall_tree
 
 # Direction of the lines by which `contains` decides; edges of bodies are unlikely to be parallel to it.
 ASKEW = np.array([0.312_8, 0.541_7, 0.780_2]) / np.linalg.norm([0.312_8, 0.541_7, 0.780_2])
-NEAREST = 12  # triangles with the nearest centroids, among which the search for the nearest one begins
+NEAREST = 3  # triangles with the nearest centroids, with which the search for the nearest one begins
+PAIRS = 1 << 16  # pairs of a point and a triangle that are computed together; speed only
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +129,8 @@ class SolidBody(Derived):
     def nearest_wall(self, points) -> np.ndarray:
         """Return the exact point of the surface nearest to each point (n, 3) [m], shape (n, 3).
 
-        The nearest of the dozen triangles with the nearest centroids limits the boxes of the tree that may contain a
-        nearer one.
+        The triangles with the nearest centroids give an upper bound of the distance. Of the others only those whose
+        bounding boxes are nearer are evaluated.
         """
         points = as_points(points, 3)
         check_finite(points, "the points")
@@ -137,35 +138,47 @@ class SolidBody(Derived):
             return np.empty((0, 3))
         count = min(NEAREST, len(self.triangles))
         near = self._middles.query(points, count)[1].reshape(len(points), count)
-        foot = np.empty_like(points)
-        for first in range(0, len(points), 1 << 16):
-            part = slice(first, first + (1 << 16))
-            some = _nearest_in(points[part, None], self.surface[near[part]])
-            best = np.argmin(np.sum((some - points[part, None]) ** 2, axis=2), axis=1)
-            foot[part] = some[np.arange(len(best)), best]
-        self._improve(points, foot)
-        return foot
-
-    def _improve(self, points: np.ndarray, foot: np.ndarray) -> None:
-        """Replace points `foot` of the surface, in place, by nearer ones where there are any."""
-        least = np.sum((foot - points) ** 2, axis=1)
-        tree, waiting = self.tree, [(0, np.arange(len(points)))]
+        foot, least = np.empty_like(points), np.full(len(points), np.inf)
+        self._replace_farther(points, foot, least, np.repeat(np.arange(len(points)), count), self.surface[near.ravel()])
+        tree = self.tree
+        pairs: list[tuple[np.ndarray, np.ndarray]] = []
+        low, high = tree.corners.min(axis=1), tree.corners.max(axis=1)
+        waiting = [(0, np.arange(len(points)))]
         while waiting:
             node, rows = waiting.pop()
-            low, high = tree.boxes[node]
-            outside = points[rows] - np.clip(points[rows], low, high)
-            rows = rows[np.sum(outside**2, axis=1) < least[rows]]
-            if not len(rows):
-                continue
+            rows = rows[_squared_distances(points[rows], *tree.boxes[node]) < least[rows]]
             first, last = tree.links[node][1:]
-            if last == first:
+            if len(rows) and last == first:
                 waiting += tree.children(node, rows)
-                continue
-            for corners in tree.corners[first:last]:
-                found = _nearest_in(points[rows], corners)
-                distance = np.sum((found - points[rows]) ** 2, axis=1)
-                nearer = distance < least[rows] * (1.0 - 1e-12)  # feet that are equally near stay as they are
-                foot[rows[nearer]], least[rows[nearer]] = found[nearer], distance[nearer]
+            elif len(rows):
+                distance = _squared_distances(points[rows, None], low[first:last], high[first:last])
+                row, piece = np.nonzero(distance < least[rows, None])
+                pairs.append((rows[row], first + piece))
+            if pairs and (not waiting or sum(len(row) for row, _ in pairs) > PAIRS):
+                row, piece = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+                self._replace_farther(points, foot, least, row, tree.corners[piece])
+                pairs.clear()
+        return foot
+
+    def _replace_farther(self, points, foot, least, rows, corners) -> None:
+        """Replace surface points `foot` and squared distances `least`, in place, by nearer ones on triangles.
+
+        Args:
+            points: The points [m], shape (n, 3).
+            foot: A point of the surface for each [m], shape (n, 3).
+            least: Its squared distance [m2], shape (n,).
+            rows: Number of a point for each triangle, shape (m,).
+            corners: Triangles [m], shape (m, 3, 3).
+        """
+        for first in range(0, len(rows), PAIRS):
+            part = slice(first, first + PAIRS)
+            row = rows[part]
+            found = _nearest_in(points[row], corners[part])
+            distance = np.sum((found - points[row]) ** 2, axis=1)
+            order = np.lexsort((distance, row))
+            best = order[np.diff(row[order], prepend=-1) > 0]
+            best = best[distance[best] < least[row[best]] * (1.0 - 1e-12)]  # feet that are equally near stay
+            foot[row[best]], least[row[best]] = found[best], distance[best]
 
     def signed_distance(self, points) -> np.ndarray:
         """Return the distance to the surface [m], negative inside the body, at points (n, 3)."""
@@ -216,6 +229,12 @@ def _outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     )
     inward = volume[part[triangles[:, 0]]] < 0.0
     return np.where(inward[:, None], triangles[:, ::-1], triangles)
+
+
+def _squared_distances(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the squared distance [m2] of points (..., 3) to boxes between two corners (..., 3); 0 inside."""
+    outside = points - np.clip(points, low, high)
+    return np.einsum("...k,...k->...", outside, outside)
 
 
 def _nearest_in(point: np.ndarray, corners: np.ndarray) -> np.ndarray:

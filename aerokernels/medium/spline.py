@@ -102,7 +102,7 @@ def spline_along(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
     """Solve for the n + 2 uniform B-spline coefficients of the n values along one axis."""
     count = values.shape[axis]
     if count >= 4:
-        return _eliminated(values, axis, even_start)
+        return _solve_by_elimination(values, axis, even_start)
     matrix = end_conditions(count, even_start)
     node = np.arange(count)
     for offset, weight in enumerate((1 / 6, 4 / 6, 1 / 6)):
@@ -110,7 +110,7 @@ def spline_along(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
     return np.moveaxis(solve_along(matrix, values, axis), 0, axis)
 
 
-def _eliminated(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
+def _solve_by_elimination(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
     """`spline_along` for four nodes and more, by elimination of all lines at once: twenty times as fast as LAPACK.
 
     Together with the equations c[i-1] + 4 c[i] + c[i+1] = 6 f[i] of three nodes, the not-a-knot condition determines
@@ -120,19 +120,19 @@ def _eliminated(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
     nodes = np.moveaxis(values, axis, 0)
     if 0 < axis == values.ndim - 1:
         nodes = np.ascontiguousarray(nodes)  # each row of all lines is then contiguous
-        made = np.empty((len(nodes) + 2, *nodes.shape[1:]))
+        coefficient = np.empty((len(nodes) + 2, *nodes.shape[1:]))
     else:
         shape = list(values.shape)
         shape[axis] += 2
-        made = np.moveaxis(np.empty(shape), axis, 0)
-    np.multiply(nodes, 6.0, out=made[1:-1])
+        coefficient = np.moveaxis(np.empty(shape), axis, 0)
+    np.multiply(nodes, 6.0, out=coefficient[1:-1])
     last, spare = len(nodes) - 1, np.empty(nodes.shape[1:])
-    made[last] = nodes[-2] - (nodes[-3] - 2.0 * nodes[-2] + nodes[-1]) / 6.0
+    coefficient[last] = nodes[-2] - (nodes[-3] - 2.0 * nodes[-2] + nodes[-1]) / 6.0
     inverse, first = pivots(last + 1, even_start).tolist(), 2 if even_start else 3
     if not even_start:
-        made[2] = nodes[1] - (nodes[0] - 2.0 * nodes[1] + nodes[2]) / 6.0
-    # `made[row] -= ...` would index and write each row twice.
-    rows = [made[row, ...] for row in range(len(made))]
+        coefficient[2] = nodes[1] - (nodes[0] - 2.0 * nodes[1] + nodes[2]) / 6.0
+    # `coefficient[row] -= ...` would index and write each row twice.
+    rows = [coefficient[row, ...] for row in range(len(coefficient))]
     for row in range(first, last):
         np.multiply(rows[row - 1], inverse[row - 1], out=spare)
         np.subtract(rows[row], spare, out=rows[row])
@@ -140,18 +140,18 @@ def _eliminated(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
         np.subtract(rows[row], rows[row + 1], out=rows[row])
         np.multiply(rows[row], inverse[row], out=rows[row])
     if even_start:
-        made[1] = 0.25 * (made[1] - 2.0 * made[2])
-        made[0] = made[2]
+        coefficient[1] = 0.25 * (coefficient[1] - 2.0 * coefficient[2])
+        coefficient[0] = coefficient[2]
     else:
         for row in (1, 0):
-            made[row] = 6.0 * nodes[row] - 4.0 * made[row + 1] - made[row + 2]
+            coefficient[row] = 6.0 * nodes[row] - 4.0 * coefficient[row + 1] - coefficient[row + 2]
     for row in (last + 1, last + 2):
-        made[row] = 6.0 * nodes[row - 2] - 4.0 * made[row - 1] - made[row - 2]
-    return np.moveaxis(made, 0, axis)
+        coefficient[row] = 6.0 * nodes[row - 2] - 4.0 * coefficient[row - 1] - coefficient[row - 2]
+    return np.moveaxis(coefficient, 0, axis)
 
 
 def pivots(count: int, even_start: bool) -> np.ndarray:
-    """Return the reciprocal of the pivot of each equation of `_eliminated`, shape (count - 1,)."""
+    """Return the reciprocal of the pivot of each equation of `_solve_by_elimination`, shape (count - 1,)."""
     inverse, first = np.ones(count - 1), 3
     if even_start:
         first, inverse[1] = 2, 0.25

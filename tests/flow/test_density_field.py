@@ -95,7 +95,7 @@ def test_densities_at_vertices_in_another_order_are_refused():
     y, z = np.meshgrid(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 9), indexing="ij")
     mesh, density = QuadMesh.structured(y, z), 1.0 + y + 10.0 * z
     assert flow.VertexDensity(mesh, density, 1.0).density_at([[0.0, 1.0, 0.0]]) == pytest.approx([2.0])
-    with pytest.raises(ValueError, match=r"give one density for each vertex, shape \(45,\) or \(5, 9\)"):
+    with pytest.raises(ValueError, match=r"give one density for each, shape \(45,\) or \(5, 9\)"):
         flow.VertexDensity(mesh, density.T, 1.0)
 
 

@@ -126,8 +126,11 @@ def test_models_travel_to_a_worker(relation):
         ({"relation": "paper", "constant": 2e-4}, "has its own constant"),
         ({"relation": "ciddor", "constant": 2e-4}, "has its own constant"),
         ({"relation": "paper", "composition": {"N2": 1.0}}, "'paper' is for air"),
-        ({"relation": "ciddor", "composition": {"He": 1.0}}, "'H2O' and 'CO2' alone"),
-        ({"relation": "ciddor", "composition": flow.Composition({"N2": 1.0})}, "'H2O' and 'CO2' alone"),
+        ({"relation": "ciddor", "composition": {"He": 1.0}}, "only the mole fractions of 'H2O' and 'CO2'"),
+        (
+            {"relation": "ciddor", "composition": flow.Composition({"N2": 1.0})},
+            "only the mole fractions of 'H2O' and 'CO2'",
+        ),
         ({"relation": "ciddor", "composition": {"CO2": 450}}, "carbon dioxide must be between"),
         ({"constant": 2e-4, "composition": {"N2": 1.0}}, "either a constant or a composition"),
         ({"constant": -2e-4}, "must be positive and finite"),

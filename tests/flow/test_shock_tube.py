@@ -189,7 +189,7 @@ def test_tube_in_both_directions():
         ({"axis": "x"}, "choose one of y, z"),
         ({"spacing": -1.0}, "spacing must be positive"),
         ({"spacing": 1e-9}, "take a wider one"),
-        ({"spacing": 0.1}, "at least 8 either way"),
+        ({"spacing": 0.1}, "at least 8 along either axis"),
         ({"width": 0.0}, "width must be positive"),
         ({"gamma": 1.0}, "gamma must be above 1"),
         ({"left": GasState(1.2, 1e5, -5e3)}, "vacuum opens"),

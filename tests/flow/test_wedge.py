@@ -134,5 +134,5 @@ def test_bad_points_and_meshes_are_refused():
     field = flow.plane_shock(2.0, length=0.1, spacing=5e-3)
     with pytest.raises(ValueError, match=r"points must have shape \(n, 3\)"):
         field.density_at([[0.0, 0.0]])
-    with pytest.raises(ValueError, match="at least 8 either way"):
+    with pytest.raises(ValueError, match="at least 8 along either axis"):
         flow.plane_shock(2.0, length=0.1, spacing=0.05)
