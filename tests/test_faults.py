@@ -180,7 +180,7 @@ def test_two_processes_do_not_write_one_series(tmp_path: Path):
     whole = journal.read_bytes()
     for damaged in (b"{\n", whole + b"[1]\n", whole + b"null\n", whole * 2, b"[" * 9999 + b"\n", b"3\n"):
         journal.write_bytes(damaged)
-        with pytest.raises(ValueError, match=r"maps\.zarr: (its journal .* is damaged|it holds another series)"):
+        with pytest.raises(ValueError, match=r"maps\.zarr: (its journal .* is damaged|it contains another series)"):
             ZarrStore(path, template, {"series": "a"})
     shutil.rmtree(path)
     with ZarrStore(path, template, {"series": "a"}).writing() as anew:  # the journal alone is worth nothing

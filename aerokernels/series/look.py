@@ -98,7 +98,7 @@ def look_map(
     angles = [_angles(name, values) for name, values in (("azimuth", azimuth), ("elevation", elevation))]
     if (np.abs(angles[1]) > 0.5 * np.pi * (1.0 + 1e-12)).any():
         raise ValueError(
-            "elevation lies between -pi/2 and pi/2, in radians (np.radians); to look over the top, turn the azimuth"
+            "elevation must be between -pi/2 and pi/2, in radians (np.radians); to look over the top, turn the azimuth"
         )
     if not (hasattr(pupil, "center") and hasattr(pupil, "normal")):
         raise TypeError(f"pupil must be a Disc or another pupil, got {type(pupil).__name__}")

@@ -82,7 +82,7 @@ class MeshIntegrals:
         return self._matrices[cuts]
 
     def _reach(self, start: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Return the length of each ray beyond which there is no mesh [m], shape (n,)."""
+        """Return the length of each ray beyond which there is not a mesh [m], shape (n,)."""
         low, high = self.mesh.box
         ends = []
         if abs(direction[2]) > 0.0:

@@ -145,7 +145,7 @@ class Snapshots:
 
     def _lines(self) -> LineIntegrals | MeshIntegrals:
         if self.settings.method == "trace":
-            raise NotLinearError("method 'trace' was asked for")
+            raise NotLinearError("method 'trace' was requested")
         mesh = self.series.mesh
         if mesh is None:
             raise NotLinearError("snapshots of formulas are traced, those of samples on one mesh are not")

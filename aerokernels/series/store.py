@@ -136,7 +136,7 @@ class ZarrStore:
         if self.journal.is_file() and path.is_dir():
             self._read()
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise ValueError(f"out={path}: something else lies there; take another name, or remove it")
+            raise ValueError(f"out={path}: something else is there; take another name, or remove it")
 
     def _read(self) -> None:
         data = self.journal.read_bytes()
@@ -156,7 +156,7 @@ class ZarrStore:
             was, now = (cut(json.dumps(one.get(key))) for one in (found, self.definition))
             told = f"{key} was {was} and is {now}"
             told = "whose first snapshot has other densities" if key == FIRST else told
-            raise ValueError(f"out={self.path}: it holds another series, {told}; take another name, or remove it")
+            raise ValueError(f"out={self.path}: it contains another series, {told}; take another name, or remove it")
         for row in numbers:
             self.done.add(row)
 

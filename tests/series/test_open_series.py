@@ -131,7 +131,7 @@ def test_collections_and_cases_have_their_times(tmp_path: Path, monkeypatch: pyt
     assert list(case.time) == [0.0, 0.0005, 0.002] and isinstance(case[1], DensityField)
     assert asked[-1] == ("case", 0.0005, {"density": "rho"})
     (tmp_path / "bad.pvd").write_text("<VTKFile>")
-    with pytest.raises(ValueError, match="no list of data sets"):
+    with pytest.raises(ValueError, match="not a list of data sets"):
         flow.open_series(tmp_path / "bad.pvd")
 
 

@@ -323,14 +323,14 @@ def test_a_finished_store_is_opened_and_another_series_refused(tmp_path: Path):
     with pytest.raises(ValueError, match=r"s\.zarr: opd is damaged \(RuntimeError: .*make the series again"):
         pickle.loads(pickle.dumps(late)).opd.load()
     chunk.write_bytes(sound)
-    with pytest.raises(ValueError, match="it holds another series, remove was"):
+    with pytest.raises(ValueError, match="it contains another series, remove was"):
         optical_series(series, pupil, pixel_count=8, out=tmp_path / "s.zarr", remove=("piston",), method="linear")
     other = opened(Fourier.random(6), TIME[:2])  # of the same shape, times and surroundings
     with pytest.raises(ValueError, match="another series, whose first snapshot has other densities"):
         optical_series(other, pupil, pixel_count=8, out=tmp_path / "s.zarr", method="linear")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "notes.txt").write_text("mine")
-    with pytest.raises(ValueError, match="something else lies there"):
+    with pytest.raises(ValueError, match="something else is there"):
         optical_series(series, pupil, pixel_count=8, out=tmp_path / "full")
 
 

@@ -94,7 +94,7 @@ def ambient_attribute(path, stated, factor: float, values: np.ndarray) -> float 
     if not isinstance(stated, str):
         number = np.asarray(stated)
         if number.size != 1 or number.dtype.kind not in "iuf":
-            what = f"its attribute ambient_density is {str(stated)[:40]!r}, which is no number"
+            what = f"its attribute ambient_density is {str(stated)[:40]!r}, which is not a number"
             raise ReadError(path, what, "write kg/m3, as in '1.2 kg/m3'")
         stated = float(number.reshape(()))
     try:

@@ -25,7 +25,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     reader = vtkCGNSReader()
     reader.SetFileName(str(path))
     if not reader.CanReadFile(str(path)):
-        raise ReadError(path, "it is no CGNS file, or not a whole one", DAMAGED)
+        raise ReadError(path, "it is not a CGNS file, or it is incomplete", DAMAGED)
     reader.UpdateInformation()
     reader.EnableAllBases()
     reader.EnableAllPointArrays()
@@ -43,7 +43,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     names = [block.name for block in blocks]
     twice = next((name for name in names if name and names.count(name) > 1), None)
     if reader.GetNumberOfBaseArrays() > 1 and twice is not None:
-        told = f"{reader.GetNumberOfBaseArrays()} bases of it hold a zone {twice!r}: moments or cases of one flow"
+        told = f"{reader.GetNumberOfBaseArrays()} of its bases contain a zone {twice!r}: moments or cases of one flow"
         raise ReadError(path, told, "write each base to a file of its own")
     blocks = [replace(block, name=block.name or f"zone {k}") for k, block in enumerate(blocks, start=1)]
     found, notes = patches(path)

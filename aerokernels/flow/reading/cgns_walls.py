@@ -45,7 +45,7 @@ def patches_of(root: Node) -> tuple[list[Patch], list[str]]:
             for own in conditions:
                 corners = _faces_of_range(own, zone, dimension, len(points)) if elements is None else elements.of(own)
                 if not len(corners):
-                    notes.append(f"boundary patch {own.name} names no faces that are there")
+                    notes.append(f"boundary patch {own.name} names faces that do not exist")
                     continue
                 if corners.min() < 0 or corners.max() >= len(points):  # NumPy would count negative numbers from the end
                     raise ValueError(f"boundary patch {own.name!r} names points that are not there")

@@ -80,7 +80,7 @@ def contents(path, *, time: float | str | None = None, **options: Any) -> Conten
     dataset = load(path, time, options)
     points = np.concatenate([block.points for block in dataset.blocks]) if dataset.blocks else np.empty((0, 3))
     if not len(points):
-        raise ReadError(path, "it holds no points", "give a file with a mesh and its arrays")
+        raise ReadError(path, "it has no points", "give a file with a mesh and its arrays")
     return Contents(
         str(path),
         dataset.format,

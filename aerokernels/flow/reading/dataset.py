@@ -51,7 +51,7 @@ def chosen_time(path, times: Sequence[float], asked) -> float | None:
     if asked in (None, "latest", "first"):
         return (times[0] if asked == "first" else times[-1]) if times else None
     if not times:
-        raise ReadError(path, f"it holds one time only, not t = {asked!r}", "leave time out")
+        raise ReadError(path, f"it has one time only, not t = {asked!r}", "leave time out")
     wanted = float(asked)  # a number, or the text of one: `formats.checked_time` rejects others
     nearest = min(times, key=lambda value: abs(value - wanted))
     if not abs(nearest - wanted) <= 1e-9 * abs(wanted):
@@ -225,7 +225,7 @@ def wall_patches(path, patches: Sequence[Patch], names=None) -> list[Patch]:
     known = {patch.name for patch in patches}
     if unknown := chosen - known:
         listed = ", ".join(sorted(known)) or "none"
-        raise ReadError(path, f"there is no patch {min(unknown)!r}", f"walls are of {listed}")
+        raise ReadError(path, f"there is no patch {min(unknown)!r}", f"the patches are {listed}")
     return [patch for patch in patches if patch.name in chosen]
 
 

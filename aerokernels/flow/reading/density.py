@@ -170,7 +170,7 @@ def block_density(
         temperature, other = scalar_array(path, block, choice.temperature, where)
         if where != other:
             raise ReadError(
-                path, f"{choice.pressure} and {choice.temperature} lie in different places", "give both in cells"
+                path, f"{choice.pressure} and {choice.temperature} are given at different places", "give both in cells"
             )
         found = {choice.pressure: pressure, choice.temperature: temperature}
     found = {name: in_si(path, name, values, choice, reference, units) for name, values in found.items()}

@@ -132,7 +132,7 @@ def read_field(path: Path, cell_count: int) -> np.ndarray:
     file = FoamFile(path)
     width = _WIDTH.get(file.header.get("class", ""))
     if width is None:
-        raise file.fault(f"a {file.header.get('class', 'nameless')} is no field of cells", "name a volScalarField")
+        raise file.fault(f"a {file.header.get('class', 'nameless')} is not a field of cells", "name a volScalarField")
     match = _INTERNAL.search(file.data, file.at)
     if match is None:
         raise file.fault("there is no internalField")
@@ -148,7 +148,7 @@ def read_field(path: Path, cell_count: int) -> np.ndarray:
         except ValueError:
             values = np.empty(0)
         if values.size != width:
-            raise file.fault("the uniform value is no number")
+            raise file.fault("the uniform value is not a number")
         return np.tile(values, (cell_count, 1)) if width > 1 else np.full(cell_count, values[0])
     file.word()  # List<scalar>
     values = file.numbers(file.scalar, width, cell_count).astype(np.float64)
@@ -209,7 +209,7 @@ def case_times(folder: Path) -> list[FoamTime]:
     known = {time.value for time in serial}
     more = [FoamTime(value, name, parts) for value, name in times_of(parts[0]) if value not in known] if parts else []
     if not serial and not more:
-        raise ReadError(folder, "the case holds no fields at any time", "run the solver, or restore its time folders")
+        raise ReadError(folder, "the case has no fields at any time", "run the solver, or restore its time folders")
     return sorted([*serial, *more], key=lambda time: time.value)
 
 
@@ -255,7 +255,7 @@ def _part(folder: Path, time: str) -> tuple[Block, list, str, tuple[float, float
     moved = folder / time / "polyMesh"
     mesh = read_mesh(folder / "constant" / "polyMesh")
     if find(moved / "points") is not None:
-        raise ReadError(moved, "the mesh moves", "read a case whose mesh stands still")
+        raise ReadError(moved, "the mesh moves", "read a case with a fixed mesh")
     fields = FoamFields(folder / time, mesh.cell_count)
     plane = plane_of(mesh)
     if plane is None:

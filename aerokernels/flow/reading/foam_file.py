@@ -200,9 +200,9 @@ class FoamFile:
                 kind = kind.newbyteorder("=")
                 values = np.fromstring(text.translate(_BRACKETS).decode("latin-1"), kind, sep=" ")
             except (DeprecationWarning, ValueError):
-                raise self.fault("a list holds something that is no number") from None
+                raise self.fault("a list contains something that is not a number") from None
         if text.strip(b" \n\r\t()") == b"":
             values = values[:0]
         if count is not None and len(values) != count:
-            raise self.fault(f"a list announces {count} numbers and holds {len(values)}")
+            raise self.fault(f"a list announces {count} numbers and has {len(values)}")
         return values

@@ -78,7 +78,7 @@ def _cells_of_faces(folder: Path, face_count: int) -> tuple[np.ndarray, np.ndarr
     if not fits or (len(neighbour) and neighbour.max() > owner.max()):
         raise ReadError(file.path, "owners and neighbours of faces do not agree", BAD_MESH)
     if (owner[: len(neighbour)] == neighbour).any():
-        raise ReadError(file.path, "a face lies between a cell and itself", BAD_MESH)
+        raise ReadError(file.path, "a face has the same cell on both sides", BAD_MESH)
     return owner, neighbour
 
 

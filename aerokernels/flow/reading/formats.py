@@ -77,7 +77,7 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
     if may_be_case(path):
         if is_case(path):
             return _BY_NAME["OpenFOAM case"]
-        raise ReadError(path, "the folder is no OpenFOAM case", "give a case, or one of the files in the folder")
+        raise ReadError(path, "the folder is not an OpenFOAM case", "give a case, or one of the files in the folder")
     if not path.is_file():
         raise ReadError(path, "it is neither a file nor a folder", "give the path of a flow file or case")
     try:

@@ -149,7 +149,7 @@ def mass_fractions(
         count = f"{int(bad.sum())} of {len(bad)}"
         raise ReadError(
             path,
-            f"{said} are no fractions of a whole in {count} {where}s: {where} {first} has {own}, "
+            f"{said} do not add up to a whole in {count} {where}s: {where} {first} has {own}, "
             f"the sum {float(total[first]):.6g} instead of 1",
             f"name all species that are there (known are {', '.join(SPECIES_NAMES)}), or leave species out",
         )

@@ -102,7 +102,7 @@ class Frame:
         if flat_along is not None:
             for name, axis in (("optical axis", look), ("up", up)):
                 if axis is not None and abs(axis @ flat_along) > 1e-6:
-                    raise ValueError(f"frame: {name} {axis.tolist()} points out of the plane that the file lies in")
+                    raise ValueError(f"frame: {name} {axis.tolist()} points out of the plane of the file")
         if look is None:
             across = flat_along is None or abs(flat_along[0]) > 0.5
             look = np.array([0.0, 0.0, 1.0] if across else [-1.0, 0.0, 0.0])
@@ -145,7 +145,7 @@ def direction(value, name: str) -> np.ndarray:
         sign, axis = (-1.0, value[1:]) if value[:1] == "-" else (1.0, value.removeprefix("+"))
         if axis.strip().lower() not in AXES:
             raise ValueError(
-                f"frame: {name} {value!r} is no axis: give one of +x, -x, +y, -y, +z, -z, or three numbers"
+                f"frame: {name} {value!r} is not an axis: give one of +x, -x, +y, -y, +z, -z, or three numbers"
             )
         return sign * np.eye(3)[AXES[axis.strip().lower()]]
     try:

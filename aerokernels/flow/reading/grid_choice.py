@@ -25,9 +25,7 @@ def choose_grid(path, blocks, moved, spacing, region):
             region, (2, 3), "region must be the lowest and the highest corner [m], three numbers each"
         )
         if not (np.maximum(first, low) < np.minimum(last, high)).all():
-            raise ValueError(
-                f"region {region!r} does not lie in the flow of {path}, {low.tolist()} to {high.tolist()} m"
-            )
+            raise ValueError(f"region {region!r} is outside the flow of {path}, {low.tolist()} to {high.tolist()} m")
         low, high = np.maximum(first, low), np.minimum(last, high)
     extent = high - low
     if spacing is None:

@@ -126,6 +126,6 @@ def joined(block: Block) -> tuple[Block, str | None]:
         blank=blank,
     )
     return made, (
-        f"{twice} of {len(block.points)} points lie where another does, as elements that have points of their own are "
+        f"{twice} of {len(block.points)} points coincide with another, as elements that have points of their own are "
         "written: each place has the mean of the values there"
     )

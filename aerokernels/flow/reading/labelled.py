@@ -34,7 +34,7 @@ def read(path: Path, time=None, options: dict | None = None) -> Dataset:
         raise ReadError(path, *str(fault).split(": ", 1)) from None
     except Exception as fault:  # the libraries raise any error for a damaged file
         raise ReadError(
-            path, f"it is no whole NetCDF file ({type(fault).__name__}: {str(fault)[:120]})", DAMAGED
+            path, f"it is not a complete NetCDF file ({type(fault).__name__}: {str(fault)[:120]})", DAMAGED
         ) from None
 
 

@@ -83,11 +83,11 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
         NotImplementedError,
         SyntaxError,
     ) as fault:
-        raise ReadError(path, f"it is no whole NPZ file ({fault})", DAMAGED) from None
+        raise ReadError(path, f"it is not a complete NPZ file ({fault})", DAMAGED) from None
     if not arrays and None in found.values():
         raise ReadError(
             path,
-            "it holds objects of Python alone, which are never unpickled, since that runs what is in them",
+            "it contains only Python objects, which are never unpickled, because that would run code in them",
             "save plain arrays: numpy.savez(path, x=..., y=..., density=...)",
         )
     return arrays
@@ -202,7 +202,7 @@ def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool =
         elif found := next((plain[name] for name in names if name in plain), None):
             chosen[axis] = found
     if unknown := set(variables) - set(COLUMNS):
-        raise ReadError(path, f"variables: {sorted(unknown)[0]!r} is no coordinate", "name x, y, z or r, z")
+        raise ReadError(path, f"variables: {sorted(unknown)[0]!r} is not a coordinate", "name x, y, z or r, z")
     axes, symmetry = axes_of(chosen)
     if len(axes) < 2:
         lacking = f"only {min(chosen)} is known, of two coordinates at least" if chosen else "no coordinates are known"

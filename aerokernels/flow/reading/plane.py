@@ -47,7 +47,7 @@ class Plane:
         if abs(abs(look @ axis) - 1.0) > 1e-9 or float(frame.rotation) != 0.0:
             raise ReadError(
                 path,
-                f"the optical axis {look.tolist()} does not lie along the flow's axis of symmetry {axis.tolist()}",
+                f"the optical axis {look.tolist()} is not along the flow's axis of symmetry {axis.tolist()}",
                 "leave the frame along it, and let the rays run across: give their directions to the bundle or pupil",
             )
         off = origin - axis * (axis @ origin)

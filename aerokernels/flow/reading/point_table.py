@@ -53,7 +53,7 @@ def joined(path, points: np.ndarray, arrays: dict[str, np.ndarray]) -> tuple[Blo
     """Return points as a grid where they form one, else as the cells of a Delaunay triangulation."""
     extent = np.ptp(points, axis=0)
     if (extent > 0.0).sum() < 2:
-        raise ReadError(path, "its points lie on a line", "give points of a plane or a volume")
+        raise ReadError(path, "its points are on a line", "give points of a plane or a volume")
     step = np.where(extent > 0.0, SAME * np.maximum(extent, 1e-300), 1.0)
     places = [
         np.unique(np.round((points[:, k] - points[:, k].min()) / step[k]).astype(np.int64), return_inverse=True)
@@ -88,5 +88,5 @@ def _triangulated(path, points, arrays, wide) -> tuple[Block, list[str]]:
     size = np.abs(measure)
     keep = size > 1e-9 * np.median(size)
     kind = TRIANGLE if flat.shape[1] == 2 else TETRAHEDRON
-    note = "points that lie on no grid: joined by Delaunay's cells, which fill concave parts and bodies"
+    note = "the points form no grid: they are joined by Delaunay cells, which also fill concave parts and bodies"
     return Block(points, Cells.of_one_type(kind, corners[keep]), point_data=arrays), [note]

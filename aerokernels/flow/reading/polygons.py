@@ -74,7 +74,7 @@ def quad_mesh(polygons: Polygons, geometry: str) -> tuple[QuadMesh, np.ndarray, 
         return QuadMesh.structured(y, z, geometry), values.reshape(-1, *polygons.values.shape[1:]), remark
     triangles, owner = _fans(turned(polygons, signed_area(polygons) < 0.0))
     whole = _cut_from_the_middle(triangles)
-    cut = "cells that are no quadrilaterals: each was cut into as many as it has corners"
+    cut = "cells that are not quadrilaterals were cut into as many as they have corners"
     parents = np.repeat(owner, triangles.width)
     mesh = QuadMesh(whole.points, whole.corners.reshape(-1, 4), geometry, parents=parents)
     return mesh, whole.values, f"{remark}; {cut}" if remark else cut

@@ -207,7 +207,7 @@ def reading_of(
             raise ReadError(path, f"the file is {kind}, not {geometry}", "leave geometry out")
         kind = geometry
     if kind == "volume" and normal is not None:
-        raise ReadError(path, "its points lie in a plane, it is no volume", "leave geometry out")
+        raise ReadError(path, "its points are in a plane: it is not a volume", "leave geometry out")
     if (kind == "planar" or geometry == "axisymmetric") and normal is None and dataset.geometry != "axisymmetric":
         raise ReadError(path, f"its points fill a volume, it is not {kind}", "leave geometry out")
     fractions = choose_fractions(path, dataset, densities, species)
@@ -312,7 +312,7 @@ def check_blocks(path, dataset: Dataset) -> None:
         ReadError: The block, the fault and the remedy.
     """
     if not dataset.blocks or not any(len(block.points) for block in dataset.blocks):
-        raise ReadError(path, "it holds no points", "give a file with a mesh and its arrays")
+        raise ReadError(path, "it has no points", "give a file with a mesh and its arrays")
     for block in dataset.blocks:
         check_points(path, block.points, block.name)
         if block.shape is not None and math.prod(block.shape) != len(block.points):

@@ -21,6 +21,8 @@ from .raster import CellFacts, NodeGrid, rasterise
 from .reconstruction import Reconstruction
 from .solid_walls import solid_body
 
+OUTSIDE = "are in a body or beyond the mesh: the density is extrapolated there"
+
 
 class Resampling:
     """The map from the cells of a mesh to the nodes of a uniform grid, computed once for any number of snapshots.
@@ -67,7 +69,7 @@ class Resampling:
         held = grid.cell >= 0
         if not held.any():
             raise ReadError(
-                path, "no node of the grid lies in a cell of it", "repair the mesh, or give a smaller spacing"
+                path, "no node of the grid is in one of its cells", "repair the mesh, or give a smaller spacing"
             )
         self.body = solid_body(path, reading.dataset, blocks, moved, reading.moved, grid, walls)
         averages = all(where == "cell" for where in self._where)
@@ -177,11 +179,7 @@ class Resampling:
             f"resampled to {' x '.join(map(str, self.shape))} nodes of "
             f"{' x '.join(f'{s:.4g}' for s in self.spacing)} m, which changes the density by "
             f"{measured.density_rms:.2g} kg/m3 rms, columns along z by {measured.column_rms:.2g} kg/m2 rms",
-            *(
-                [f"{self.outside_share:.1%} of the nodes lie in a body or beyond the mesh: the density is carried on"]
-                if self.outside_share
-                else []
-            ),
+            *([f"{self.outside_share:.1%} of the nodes {OUTSIDE}"] if self.outside_share else []),
             *([] if self.body is None else [f"a body of {len(self.body.triangles)} triangles"]),
             *_walls_in_words(reading),
             f"ambient {found.ambient_density:.6g} kg/m3",
@@ -198,7 +196,7 @@ def _walls_in_words(reading) -> list[str]:
     if not (averages and walls):
         return []
     named = ", ".join(walls[:3]) + (", ..." if len(walls) > 3 else "")
-    return [f"values that a solver holds at walls ({named}) are not taken from volumes: the cells beside them count"]
+    return [f"the solver's values at walls ({named}) are not used in volumes: the cells beside them count"]
 
 
 def _first_numbers(blocks: Sequence[Block], moved: Sequence[np.ndarray]) -> list[int]:

@@ -90,7 +90,7 @@ def _restart_beside(path: Path) -> Path | None:
     ]
     if len(found) > 1:
         names = ", ".join(p.name for p in found)
-        raise ReadError(path, f"several restarts lie beside it ({names})", "name one: flow.read(RESTART, mesh=MESH)")
+        raise ReadError(path, f"several restarts are beside it ({names})", "name one: flow.read(RESTART, mesh=MESH)")
     return found[0] if found else None
 
 
@@ -147,7 +147,7 @@ def read_mesh(path: Path) -> list[Zone]:
     try:
         text = path.read_text("ascii").splitlines()
     except UnicodeDecodeError:
-        raise ReadError(path, "it is no text", UNFINISHED) from None
+        raise ReadError(path, "it is not a text", UNFINISHED) from None
     # Comments and empty lines may occur anywhere, also within lists.
     lines = [(number, line) for number, line in enumerate((own.split("%")[0] for own in text), start=1) if line.strip()]
     at, marker = 0, ""
@@ -224,7 +224,7 @@ def _elements(path: Path, rows: list[tuple[int, list[str]]], known) -> tuple[lis
         except (ValueError, KeyError, IndexError) as fault:
             if isinstance(fault, ReadError):
                 raise
-            raise ReadError(path, f"line {number}: no element of SU2: {' '.join(row)[:60]!r}", UNFINISHED) from None
+            raise ReadError(path, f"line {number}: not an element of SU2: {' '.join(row)[:60]!r}", UNFINISHED) from None
         kinds.append(kind)
         corners.append(own)
     return kinds, corners

@@ -63,7 +63,7 @@ class _Bytes:
         letters: list[str] = []
         while (letter := self.whole()) != 0:
             if not 0 < letter < 0x110000 or len(letters) > LONGEST_NAME:
-                raise self.fault("a name is not ended, or holds what is no letter")
+                raise self.fault("a name is not ended, or contains invalid characters")
             letters.append(chr(letter))
         return "".join(letters)
 
@@ -98,9 +98,9 @@ def _read(path: Path, data: bytes, version: int, packing: bool, time) -> Dataset
     if one != 1:
         stream.order = ">"
         if one.byteswap() != 1:
-            raise stream.fault("its byte order is not told")
+            raise stream.fault("its byte order is invalid")
     if version >= 111 and stream.whole() != 0:
-        raise stream.fault("it holds a grid or a solution alone")
+        raise stream.fault("it contains only a grid or only a solution")
     stream.text()  # the title
     count = stream.whole()
     if not 0 < count <= GREATEST_VARIABLE_COUNT:
@@ -113,7 +113,7 @@ def _read(path: Path, data: bytes, version: int, packing: bool, time) -> Dataset
         elif marker == AUXILIARY:
             stream.text(), stream.whole(), stream.text()
         else:
-            raise stream.fault(f"the header holds {marker!r}, which is no zone")
+            raise stream.fault(f"the header contains {marker!r} in place of a zone")
     if not zones:
         raise stream.fault("it has no zones")
     for number, zone in enumerate(zones):

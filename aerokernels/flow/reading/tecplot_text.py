@@ -50,7 +50,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     """
     data = path.read_bytes()
     if b"\0" in data:
-        raise ReadError(path, "it is no text: it holds zero bytes", UNFINISHED)
+        raise ReadError(path, "it is not a text: it contains zero bytes", UNFINISHED)
     variables, zones = _parts(path, data.decode("latin-1"))
     blocks: list[Block] = []
     times: list[str | None] = []
@@ -120,7 +120,7 @@ def _parts(path: Path, text: str):
             if not upper.startswith("AUXDATA"):
                 head.append(plain)
         elif where == "numbers":
-            raise ReadError(path, f"{plain[:40]!r} stands among the numbers of zone {len(zones) + 1}", UNFINISHED)
+            raise ReadError(path, f"{plain[:40]!r} is among the numbers of zone {len(zones) + 1}", UNFINISHED)
     close()
     if not variables or not zones:
         raise ReadError(path, "it has no VARIABLES or no ZONE", "give a data file of Tecplot")
@@ -267,7 +267,7 @@ def _numbers(path: Path, name: str, text: str, expected: int) -> np.ndarray:
         try:
             numbers = np.fromstring(text.replace("D", "E").replace("d", "e"), sep=" ")
         except (DeprecationWarning, ValueError):
-            raise ReadError(path, f"{name} holds something that is no number", UNFINISHED) from None
+            raise ReadError(path, f"{name} contains something that is not a number", UNFINISHED) from None
     if counts is not None and len(counts) == len(numbers):
         numbers = np.repeat(numbers, counts)
     _check_count(path, name, len(numbers), expected)
@@ -276,4 +276,4 @@ def _numbers(path: Path, name: str, text: str, expected: int) -> np.ndarray:
 
 def _check_count(path: Path, name: str, held: int, expected: int) -> None:
     if held != expected:
-        raise ReadError(path, f"{name} announces {expected} numbers and holds {held}", UNFINISHED)
+        raise ReadError(path, f"{name} announces {expected} numbers and has {held}", UNFINISHED)

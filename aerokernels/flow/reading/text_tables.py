@@ -21,9 +21,9 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as fault:
-        raise ReadError(path, f"it is no text (byte {fault.start})", DAMAGED) from None
+        raise ReadError(path, f"it is not a text (byte {fault.start})", DAMAGED) from None
     if "\0" in text:
-        raise ReadError(path, "it is no text: it holds zero bytes", DAMAGED)
+        raise ReadError(path, "it is not a text: it contains zero bytes", DAMAGED)
     written = [(k + 1, line) for k, line in enumerate(text.splitlines()) if line.strip()]
     lines = [(number, line) for number, line in written if not line.lstrip().startswith("#")]
     if lines and _all_numbers(lines[0][1]):  # the names are in a comment above, as numpy.savetxt writes them

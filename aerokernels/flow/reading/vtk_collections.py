@@ -47,7 +47,7 @@ def collection(path: Path) -> list[Entry]:
     entries, seen = [], set()
     for time, name, part in found:
         if not math.isfinite(time):
-            raise ReadError(path, f"it lists {name} at a time that is no number", NO_LIST)
+            raise ReadError(path, f"it lists {name} at a time that is not a number", NO_LIST)
         file = _within(path, name)
         for key, what in (((time, file), name), ((time, part), f"part {part}")):
             if key in seen:
@@ -74,11 +74,11 @@ def _within(path: Path, name: str) -> Path:
     """Return the path of a file of a list, after checking that it is within the list's folder."""
     plain = os.path.normpath(name)
     if "\0" in name or os.path.isabs(plain) or plain.split(os.sep)[0] == os.pardir:
-        told = f"it lists {name!r}, which lies outside of its own folder"
-        remedy = "lists may not open files there: move this one to a folder that holds them all, and name them from it"
+        told = f"it lists {name!r}, which is outside of its own folder"
+        remedy = "lists may not open files there: move the list to a folder that contains them all"
         raise ReadError(path, told, remedy)
     if Path(plain).suffix.lower() not in LISTED:
-        raise ReadError(path, f"it lists {name!r}, which is no file of VTK", f"take one of {', '.join(LISTED)}")
+        raise ReadError(path, f"it lists {name!r}, which is not a VTK file", f"take one of {', '.join(LISTED)}")
     return path.parent / plain
 
 
@@ -96,9 +96,9 @@ def _of_collection(path: Path) -> list[tuple[float, str, Any]]:
             for own in sets
         ]
     except KeyError:
-        raise ReadError(path, "it is no list of data sets: one of them names no file", NO_LIST) from None
+        raise ReadError(path, "it is not a list of data sets: one of them names no file", NO_LIST) from None
     except (ElementTree.ParseError, LookupError, ValueError) as fault:
-        raise ReadError(path, f"it is no list of data sets ({fault})", NO_LIST) from None
+        raise ReadError(path, f"it is not a list of data sets ({fault})", NO_LIST) from None
 
 
 def _of_series(path: Path) -> list[tuple[float, str, Any]]:
@@ -107,13 +107,13 @@ def _of_series(path: Path) -> list[tuple[float, str, Any]]:
         listed = json.loads(path.read_text(encoding="utf-8"))["files"]
         names = [entry["name"] for entry in listed]
         if not all(isinstance(name, str) for name in names):
-            raise TypeError("a name that is no text")
+            raise TypeError("a name that is not a text")
         if not any("time" in entry for entry in listed):
             return [(float(number), name, None) for number, name in enumerate(names)]
         times = [entry["time"] for entry in listed]
         if any(isinstance(time, bool) or not isinstance(time, (int, float)) for time in times):
-            raise TypeError("a time that is no number")
+            raise TypeError("a time that is not a number")
         return [(float(time), name, None) for time, name in zip(times, names, strict=True)]
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError, OverflowError) as fault:
         reason = f"there is no {fault}" if isinstance(fault, KeyError) else str(fault)
-        raise ReadError(path, f"it is no file series ({reason})", NO_LIST) from None
+        raise ReadError(path, f"it is not a file series ({reason})", NO_LIST) from None

@@ -148,9 +148,9 @@ def blocks_of(path: Path | str, data) -> list[Block]:
             raise ReadError(path, "it has no block with points", DAMAGED)
         return found
     if not isinstance(data, vtkDataSet):
-        raise ReadError(path, f"a {data.GetClassName()} is no mesh", "give a grid with point or cell data")
+        raise ReadError(path, f"a {data.GetClassName()} is not a mesh", "give a grid with point or cell data")
     if not data.GetNumberOfPoints():
-        raise ReadError(path, "it holds no points", DAMAGED)
+        raise ReadError(path, "it has no points", DAMAGED)
     return [_block(path, data, "")]
 
 

@@ -59,7 +59,7 @@ def test_a_number_of_a_cell_beyond_all_faces_is_refused(tmp_path):
     ("name", "body", "told"),
     [
         ("owner", "2(0 0)", "it names owners of 2 faces, there are"),
-        ("neighbour", "1(0)", "a face lies between a cell and itself"),
+        ("neighbour", "1(0)", "a face has the same cell on both sides"),
         ("boundary", "1(wall { type wall; nFaces 9999; startFace 1; })", "patch wall has faces that are not there"),
         ("points", None, "there is no such file"),
     ],
@@ -118,7 +118,7 @@ def test_cases_in_other_states(tmp_path):
     assert flow.contents(case).times == (0.5,)
     for entry in (case / "0.5").iterdir():
         entry.unlink()
-    with pytest.raises(ReadError, match="the case holds no fields at any time"):
+    with pytest.raises(ReadError, match="the case has no fields at any time"):
         flow.read(case)
     (tmp_path / "bare" / "system").mkdir(parents=True)
     (tmp_path / "bare" / "system" / "controlDict").write_text("")
@@ -162,7 +162,7 @@ def test_how_a_format_is_told(tmp_path):
         ("a.bin", b"grid", {"solution": "a.q"}, "Plot3D"),
         ("a.bin", b"grid", {}, "no format is known for the name's end '.bin'"),
         ("a.bin", b"", {}, "the file is empty"),
-        ("folder", None, {}, "the folder is no OpenFOAM case"),
+        ("folder", None, {}, "the folder is not an OpenFOAM case"),
     ):
         if head is not None:
             (tmp_path / name).write_bytes(head)

@@ -63,5 +63,5 @@ def test_bases_that_hold_the_same_zone_are_refused(tmp_path):
     with h5py.File(path, "a") as file:
         file.copy("Base", "Base 2")
         file["Base 2"].attrs.modify("name", file["Base"].attrs["name"].replace(b"Base", b"Base 2"))
-    with pytest.raises(ValueError, match=r"2 bases of it hold a zone '\w+.*write each base to a file of its own"):
+    with pytest.raises(ValueError, match=r"2 of its bases contain a zone '\w+.*write each base to a file of its own"):
         flow.read(path, reference={"density": 1e6})

@@ -71,7 +71,7 @@ def test_a_wall_of_a_volume(tmp_path, by):
     assert flow.contents(path).patches == (("box", "wall"),)
     a, b, c = body.vertices[body.triangles].transpose(1, 0, 2)
     assert abs(np.einsum("nk,nk->n", a, np.cross(b, c)).sum() / 6.0) == pytest.approx(0.2**3, rel=1e-12)
-    with pytest.raises(ValueError, match=r"no patch 'sphere'.*walls are of box"):
+    with pytest.raises(ValueError, match=r"no patch 'sphere'.*the patches are box"):
         flow.read(path, walls=["sphere"])
 
 
@@ -122,7 +122,7 @@ def test_conditions_of_a_plane(tmp_path, kind, parts, families, expected):
     path = cgns_writer.cgns(tmp_path / "a.cgns", (x, y), y, [("nose", kind, parts)], families=families)
     found, notes = cgns_walls.patches(path)
     if expected is None:
-        assert not found and notes == ["boundary patch nose names no faces that are there"]
+        assert not found and notes == ["boundary patch nose names faces that do not exist"]
     else:
         assert [patch.kind for patch in found] == [expected] and len(found[0].edges) == 32
 

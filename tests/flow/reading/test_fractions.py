@@ -75,7 +75,7 @@ def test_names_formulas_and_moles(tmp_path):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"N2": "Y_N2", "O2": "O2"}, "Y_N2, O2 are no fractions of a whole in 651 of 651 points.*the sum 0.9"),
+        ({"N2": "Y_N2", "O2": "O2"}, "Y_N2, O2 do not add up to a whole in 651 of 651 points.*the sum 0.9"),
         ({"N2": "Y_N2", "air": "O2"}, "species 'air' is not known: choose one of N2, O2"),
         ({"N2": "nitrogen"}, "no array 'nitrogen'.*take one of rho, Y_N2, O2, steam"),
         (["N2", "He"], "no array is known for the mass fraction of He"),

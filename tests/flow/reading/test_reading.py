@@ -78,7 +78,7 @@ def test_frame_and_units(grid_file, given, at):
     [
         ({"density": "roh"}, "there is no array 'roh': take one of rho, p, T, scaled"),
         ({"density": 3}, "density must be an array's name"),
-        ({"frame": {"optical": "-w"}}, "'-w' is no axis"),
+        ({"frame": {"optical": "-w"}}, "'-w' is not an axis"),
         ({"frame": {"optical": "z"}}, "out of the plane"),
         ({"frame": {"optical": "x", "flow": "x"}}, "not both"),
         ({"frame": {"optical": "x", "up": "x"}}, "right angles"),
@@ -90,7 +90,7 @@ def test_frame_and_units(grid_file, given, at):
         ({"ambient_density": -1.0}, "ambient_density"),
         ({"time": 3.0}, "one time only"),
         ({"geometry": "round"}, "'round' is not known"),
-        ({"geometry": "volume"}, "lie in a plane"),
+        ({"geometry": "volume"}, "are in a plane"),
         ({"walls": ["dome"]}, "no patch 'dome'"),
         ({"spacing": 1e-3}, "keeps its own mesh"),
         ({"tiem": 3.0}, "no argument 'tiem'"),
@@ -116,15 +116,15 @@ def test_refusals(grid_file, given, message):
         (
             "a.dat",
             b'VARIABLES = "X" "Y" "rho"\nZONE I=2, J=2\n0 0 1\n1 0 1\n0 1 1\n',
-            "announces 12 numbers and holds 9",
+            "announces 12 numbers and has 9",
         ),
         (
             "a.dat",
             b'VARIABLES = "X" "Y" "rho"\nZONE I=2, J=2\n0 0 1\n1 0 1\n0 1 1\n1 1 99999999999999999*1\n',
-            "announces 12 numbers and holds 100000000000000010",
+            "announces 12 numbers and has 100000000000000010",
         ),
         ("a.plt", b"#!TDV112\1\0\0\0", "the file ends before"),
-        ("a.npz", b"PK\3\4rest", "no whole NPZ"),
+        ("a.npz", b"PK\3\4rest", "not a complete NPZ"),
     ],
 )
 def test_damaged_files_are_refused(tmp_path, name, text, message):

@@ -58,12 +58,12 @@ MIXED = Cells(
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        (lambda: read(), "it holds no points"),
-        (lambda: read(flat(points=FLAT[:0])), "it holds no points"),
+        (lambda: read(), "it has no points"),
+        (lambda: read(flat(points=FLAT[:0])), "it has no points"),
         (lambda: read(flat(cells=None, shape=(3, 4, 1))), r"a grid of \(3, 4, 1\) points has 9"),
         (lambda: read(flat(cells=BAD_COUNTS)), "do not agree with their own counts"),
         (lambda: read(flat(cells=Cells.of_one_type(QUAD, QUADS + 1))), "cell 3 has corners beyond the 9 points"),
-        (lambda: read(flat(), geometry="volume"), "its points lie in a plane, it is no volume"),
+        (lambda: read(flat(), geometry="volume"), "its points are in a plane: it is not a volume"),
         (lambda: reading_of("FILE", Dataset([flat()], "test", "planar"), None, Frame(), 1.0, Reference(), None,
                             "volume", None), "the file is planar, not volume"),
         (lambda: read(solid(), geometry="axisymmetric"), "its points fill a volume, it is not axisymmetric"),
@@ -74,7 +74,7 @@ MIXED = Cells(
         (lambda: read(solid(corners=BRICKS[:, [0, 1, 2, 3, 0, 1, 2, 3]])), "have no volume"),
         (lambda: read(flat(point_data={"rho": np.ones((9, 2))})), r"array 'rho' has shape \(9, 2\) for 9 points"),
         (lambda: read(flat(point_data={"p": np.ones(9)}, cell_data={"T": np.ones(4)}),
-                      density={"pressure": "p", "temperature": "T"}), "p and T lie in different places"),
+                      density={"pressure": "p", "temperature": "T"}), "p and T are given at different places"),
         (lambda: read(flat(cell_data={"N2": np.ones(4)}), density="rho", species=["N2"]),
          "N2 is given at cells, the density at points"),
         (lambda: read(flat(), species=True), "no array is called by a species"),
@@ -90,7 +90,7 @@ def test_datasets(given, told):
 @pytest.mark.parametrize(
     ("given", "fault", "told"),
     [
-        (lambda: read(solid(), region=[(2, 2, 2), (3, 3, 3)]), ValueError, "does not lie in the flow of FILE"),
+        (lambda: read(solid(), region=[(2, 2, 2), (3, 3, 3)]), ValueError, "is outside the flow of FILE"),
         (lambda: read(solid(), region=[(0, 0), (1, 1)]), ValueError, "three numbers each, got"),
         (lambda: read(solid(), spacing=-0.1), ValueError, r"spacing must be positive, got -0\.1"),
         (lambda: read(solid(), spacing=1e-4), ValueError, "asks for 1e.12 nodes, more than"),
@@ -102,7 +102,7 @@ def test_datasets(given, told):
         (lambda: Frame.of(3), TypeError, "frame must be a Frame, a mapping or an optical axis"),
         (lambda: Frame(optical=(0.0, 0.0, 0.0)), ValueError, "must be an axis such as '-x' or three numbers"),
         (lambda: Frame(optical="x", flow="x"), ValueError, "not both"),
-        (lambda: read(flat(), frame={"optical": "z"}), ValueError, "points out of the plane that the file lies in"),
+        (lambda: read(flat(), frame={"optical": "z"}), ValueError, "points out of the plane of the file"),
         (lambda: read(flat(), frame={"up": "x"}), ValueError, "up 'x' needs an optical axis beside it"),
         (lambda: flow.read(np.ones(3)), TypeError, "for arrays there are DensityField.from_xarray"),
         (lambda: unit_of_length("-2 mm"), ValueError, "length_unit must be positive"),

@@ -23,9 +23,9 @@ ARRAYS = {"x": np.arange(3.0), "y": np.arange(2.0), "rho": np.ones((3, 2))}
     ("old", "new", "told"),
     [
         ("VARIABLES", "VARIABELS", "it has no VARIABLES or no ZONE"),
-        ("0 1 1\n", "0 1 one\n", "'one|holds something that is no number"),
-        ("0 1 1\n", "hello\n", "'hello' stands among the numbers of zone 1"),
-        ("0 1 1\n", "", r"zone 1 announces 12 numbers and holds 9"),
+        ("0 1 1\n", "0 1 one\n", "'one|contains something that is not a number"),
+        ("0 1 1\n", "hello\n", "'hello' is among the numbers of zone 1"),
+        ("0 1 1\n", "", r"zone 1 announces 12 numbers and has 9"),
         ("I=2", "I=two", "zone 1 has the count 'two'"),
         ("I=2", "I=0", "zone 1 has the count '0'"),
         ("F=POINT", "ZONETYPE=FEBLOB", r"zone 1 is of type FEBLOB; known are|zone 1 is of type FEBLOB"),
@@ -35,7 +35,7 @@ ARRAYS = {"x": np.arange(3.0), "y": np.arange(2.0), "rho": np.ones((3, 2))}
         ("F=POINT", "F=BLOCK, VARLOCATION=([3-99999999999]=CELLCENTERED)", "VARLOCATION names variable 9+ of 3"),
         ("F=POINT", "F=BLOCK, VARLOCATION=([-]=CELLCENTERED)", "VARLOCATION"),
         ("X, Y", "A, B", "no coordinates are known"),
-        ("X, Y", "\0, Y", "it holds zero bytes"),
+        ("X, Y", "\0, Y", "it contains zero bytes"),
     ],
 )
 def test_tecplot(tmp_path, old, new, told):
@@ -62,7 +62,7 @@ def test_tecplot_elements_and_times(tmp_path):
     with pytest.raises(ReadError, match=r"there is no time 1\.0.*take one of 0\.5, 1\.5"):
         tecplot_text.read(path, 1.0)
     path.write_text(TECPLOT)
-    with pytest.raises(ReadError, match=r"it holds one time only, not t = 3\.0"):
+    with pytest.raises(ReadError, match=r"it has one time only, not t = 3\.0"):
         tecplot_text.read(path, 3.0)
 
 
@@ -70,11 +70,11 @@ def test_tecplot_elements_and_times(tmp_path):
     ("old", "new", "told"),
     [
         ("NDIME= 2", "NDIME= 4", "line 1: 4 dimensions"),
-        ("NDIME= 2", "NDIME= é", "it is no text"),
+        ("NDIME= 2", "NDIME= é", "it is not a text"),
         ("NELEM= 1", "NELEM= one", "line 2: a count must be a whole number, got 'one'"),
         ("NELEM= 1", "NELEM= 99", "line 2: NELEM= 99, but only 10 lines follow"),
         ("9 0 1 3 2 0", "170 0 1 3 2 0", "element 170 is of high order"),
-        ("9 0 1 3 2 0", "9 0 1", "no element of SU2: '9 0 1'"),
+        ("9 0 1 3 2 0", "9 0 1", "not an element of SU2: '9 0 1'"),
         ("9 0 1 3 2 0", "9 0 1 3 4 0", "elements refer to points beyond the 4"),
         ("0 1\n1 1", "0 one\n1 1", "a point needs 2 coordinates, got '0 one'"),
         ("3 0 1\n", "3 0 7\n", "marker w refers to points beyond the 4"),
@@ -105,7 +105,7 @@ def test_su2_restarts_that_do_not_belong_to_the_mesh(tmp_path):
     with pytest.raises(ReadError, match=r"its points are not where the mesh has them \(column y\)"):
         su2.read(restart)
     (tmp_path / "b.csv").write_text(head + "".join(rows))
-    with pytest.raises(ReadError, match=r"several restarts lie beside it \(a\.csv, b\.csv\)"):
+    with pytest.raises(ReadError, match=r"several restarts are beside it \(a\.csv, b\.csv\)"):
         su2.read(mesh)
     mesh.rename(tmp_path / "mesh.txt")
     with pytest.raises(ReadError, match=r"its mesh is not clear \(beside it: none\)"):
@@ -118,7 +118,7 @@ def test_su2_restarts_that_do_not_belong_to_the_mesh(tmp_path):
         ({"x": None, "y": None}, {}, r"no coordinates are known \(there are: rho\)"),
         ({"y": None}, {}, r"only x is known, of two coordinates at least \(there are: x, rho\)"),
         ({}, {"x": "width"}, "there is no array 'width': take one of x, y, rho|there is no array 'width'"),
-        ({}, {"phi": "x"}, "variables: 'phi' is no coordinate"),
+        ({}, {"phi": "x"}, "variables: 'phi' is not a coordinate"),
         ({"x": np.ones((3, 2))}, {}, "coordinates have shapes"),
         ({"rho": np.ones((4, 4))}, {}, r"no array has a sample for each of the \(3, 2\) places"),
         ({"rho": np.array([None, 1], dtype=object)}, {}, "no array has a sample for each"),
@@ -134,12 +134,12 @@ def test_arrays_by_name(tmp_path, changes, variables, told):
 def test_a_file_of_objects_says_that_they_are_not_unpickled(tmp_path):
     path = tmp_path / "a.npz"
     np.savez(path, rho=np.array({"x": [0.0, 1.0]}, dtype=object))
-    with pytest.raises(ReadError, match="objects of Python alone, which are never unpickled"):
+    with pytest.raises(ReadError, match="only Python objects, which are never unpickled"):
         named_arrays.read(path, None, {})
     np.savez(path, **{**ARRAYS, "rho": np.ones((2, 3))})  # as C programs have it: z, y, x
     assert named_arrays.read(path).blocks[0].point_data["rho"].shape == (6,)
     path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(ReadError, match="it is no whole NPZ file"):
+    with pytest.raises(ReadError, match="it is not a complete NPZ file"):
         named_arrays.read(path)
 
 
@@ -147,8 +147,8 @@ def test_a_file_of_objects_says_that_they_are_not_unpickled(tmp_path):
     ("body", "told"),
     [
         ("internalField uniform 1.5;", ""),
-        ("internalField uniform one;", "the uniform value is no number"),
-        ("internalField uniform (1 2 3);", "the uniform value is no number"),
+        ("internalField uniform one;", "the uniform value is not a number"),
+        ("internalField uniform (1 2 3);", "the uniform value is not a number"),
         ("internalField nonuniform List<scalar> 2 (1 2);", "the field has 2 entries, the mesh 3 cells"),
         ("boundaryField {}", "there is no internalField"),
     ],
@@ -160,6 +160,6 @@ def test_openfoam_fields(tmp_path, body, told):
     if not told:
         assert foam_case.read_field(path, 3).tolist() == [1.5, 1.5, 1.5]
         path.write_text(head.replace("volScalarField", "surfaceScalarField") + body)
-        told = "a surfaceScalarField is no field of cells"
+        told = "a surfaceScalarField is not a field of cells"
     with pytest.raises(ReadError, match=told):
         foam_case.read_field(path, 3)

@@ -78,8 +78,8 @@ def test_a_variable_that_a_zone_has_not_is_zero(tmp_path):
     [
         ([head()], [data([X, Y, RHO])], {"begin": b"#!TDX112"}, r"it does not begin with #!TDV"),
         ([head()], [data([X, Y, RHO])], {"begin": b"#!TDV102"}, "version 102 of the format is not read"),
-        ([head()], [data([X, Y, RHO])], {"order": 7}, "its byte order is not told"),
-        ([head()], [data([X, Y, RHO])], {"kind": 1}, "it holds a grid or a solution alone"),
+        ([head()], [data([X, Y, RHO])], {"order": 7}, "its byte order is invalid"),
+        ([head()], [data([X, Y, RHO])], {"kind": 1}, "it contains only a grid or only a solution"),
         ([head()], [data([X, Y, RHO])], {"count": -3}, "it announces -3 variables"),
         ([], [], {}, "it has no zones"),
         ([head(kind=6)], [data([X, Y, RHO])], {}, "is of type 6"),

@@ -165,7 +165,7 @@ def test_a_body_that_goes_on_beyond_the_field(tmp_path):
     ahead = found.body.crossings([centre + np.array([0.0, 0.0, 1.0])], [[0.0, 0.0, -1.0]])
     assert np.allclose(ahead, [[0.75, 1.25]], atol=1e-3)
     assert "a body of" in found.provenance
-    assert "values that a solver holds at walls (body) are not taken" in found.provenance
+    assert "the solver's values at walls (body) are not used" in found.provenance
     with pytest.raises(flow.ReadError, match="no patch 'wings'"):
         flow.read(case, walls=["wings"], spacing=0.1)
 

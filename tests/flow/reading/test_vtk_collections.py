@@ -84,16 +84,16 @@ def test_a_series_without_times_is_counted(tmp_path):
         ([{"timestep": 0, "file": 400 * "x" + ".vts"}], "which is not there"),
         (
             [{"timestep": 0, "file": "../secret.vts"}],
-            r"'\.\./secret\.vts', which lies outside of its own .*move this one",
+            r"'\.\./secret\.vts', which is outside of its own .*move the list",
         ),
         ([{"timestep": 0, "file": "data/../../x.vts"}], "outside of its own folder"),
         ([{"timestep": 0, "file": "/etc/x.vts"}], "outside of its own folder"),
-        ([{"timestep": 0, "file": "b.pvd"}], "'b.pvd', which is no file of VTK"),
-        ([{"timestep": 0, "file": ""}], "which is no file of VTK"),
+        ([{"timestep": 0, "file": "b.pvd"}], "'b.pvd', which is not a VTK file"),
+        ([{"timestep": 0, "file": ""}], "which is not a VTK file"),
         ([{"timestep": 0, "file": "data/0.vts"}] * 2, "it lists data/0.vts twice at the time 0: leave one"),
         ([{"timestep": 0, "part": 1, "file": f"data/{k}.vts"} for k in (0, 1)], "part .*1.* twice at the time 0"),
-        ([{"timestep": "inf", "file": "data/0.vts"}], "data/0.vts at a time that is no number"),
-        ([{"timestep": "soon", "file": "data/0.vts"}], "no list of data sets .*soon"),
+        ([{"timestep": "inf", "file": "data/0.vts"}], "data/0.vts at a time that is not a number"),
+        ([{"timestep": "soon", "file": "data/0.vts"}], "not a list of data sets .*soon"),
         ([{"timestep": 0}], "one of them names no file"),
         ([], "it lists no data sets"),
     ],
@@ -135,5 +135,5 @@ def test_wrong_series(tmp_path, text):
 def test_damaged_xml(tmp_path, text):
     """Expected: refused in words, entities that multiply and those of other files among them."""
     (tmp_path / "a.pvd").write_text(text)
-    with pytest.raises(ReadError, match=r"no list of data sets|lists no data sets|is not there"):
+    with pytest.raises(ReadError, match=r"not a list of data sets|lists no data sets|is not there"):
         collection(tmp_path / "a.pvd")

@@ -103,7 +103,7 @@ def test_hidden_cells_and_points_are_holes(where):
 
 def test_what_holds_no_flow_is_refused(tmp_path):
     empty, table = vtkUnstructuredGrid(), vtkTable()
-    for data, told in ((empty, "it holds no points"), (table, "a vtkTable is no mesh")):
+    for data, told in ((empty, "it has no points"), (table, "a vtkTable is not a mesh")):
         with pytest.raises(ReadError, match=told):
             vtk_files.blocks_of(tmp_path, data)
     blocks = vtkMultiBlockDataSet()
@@ -138,7 +138,7 @@ def test_a_series_of_files(tmp_path):
     for text, told in (
         ("<VTKFile/>", "it lists no data sets"),
         ('<VTKFile><DataSet timestep="0" file="x.vts"/></VTKFile>', "it lists x.vts, which is not there"),
-        ('<VTKFile><DataSet timestep="now" file="0.vts"/></VTKFile>', "it is no list of data sets"),
+        ('<VTKFile><DataSet timestep="now" file="0.vts"/></VTKFile>', "it is not a list of data sets"),
     ):
         path.write_text(text)
         with pytest.raises(ReadError, match=told):
@@ -156,7 +156,7 @@ def test_a_file_of_one_time_has_no_other(tmp_path, name):
     else:
         vtk_writers.write_vtk(tmp_path / name, vtk_writers.vtk_grid())
     assert flow.read(tmp_path / name, time="latest").ambient_density > 0.0
-    with pytest.raises(ReadError, match=r"it holds one time only, not t = 3\.0: leave time out"):
+    with pytest.raises(ReadError, match=r"it has one time only, not t = 3\.0: leave time out"):
         flow.read(tmp_path / name, time=3.0)
 
 
