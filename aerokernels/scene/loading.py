@@ -4,12 +4,11 @@ import os
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from difflib import get_close_matches
-from functools import lru_cache, partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from ..flow.shipped import shipped_names
 from .errors import SceneError
@@ -41,12 +40,6 @@ def shipped_scene_text(name: str) -> str:
     return "\n".join(part.read_text(encoding="utf-8") for part in (_SHIPPED / f"{name}.toml", _COMMON))
 
 
-@lru_cache(maxsize=1)
-def _standard_input(stream: TextIO) -> bytes:
-    """Read standard input once: a sweep loads its scene for every case."""
-    return stream.buffer.read()
-
-
 def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     """Read a scene file, a shipped scene by its name, or, for "-", the scene on standard input.
 
@@ -57,9 +50,8 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         SceneError: Neither a file nor a shipped scene, a file that cannot be read, or a file that is not TOML.
     """
     path, name = Path(place), str(place)
-    read: Callable[[], bytes]
     if name == "-":
-        read, label, stem = partial(_standard_input, sys.stdin), "standard input", "scene"
+        read, label, stem = sys.stdin.buffer.read, "standard input", "scene"
     elif os.path.isfile(path):
         read, label, stem = path.read_bytes, str(path), path.stem
     elif name in shipped_scenes():
