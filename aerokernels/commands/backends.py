@@ -2,7 +2,10 @@
 
 
 def backends() -> None:
-    """List this machine's backends and devices, active work-arounds, and what `auto` chooses and why."""
+    """List this machine's backends and devices.
+
+    Also show active work-arounds, and what `auto` chooses and why.
+    """
     from dataclasses import asdict
 
     from aerokernels.commands._output import note, output, say

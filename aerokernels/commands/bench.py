@@ -27,7 +27,10 @@ def bench(
         bool, typer.Option("--peers", help="Also measure SciPy, diffrax and Dr.Jit on the cone scene.")
     ] = False,
 ) -> None:
-    """Measure speed and error: rays per second, CPU seconds, share of the hardware's peak performance."""
+    """Measure the speed and the error of tracing.
+
+    Report rays per second, CPU seconds and the share of the hardware's peak performance.
+    """
     from aerokernels.benchmark import Settings, run_bench
     from aerokernels.benchmark.table import COLUMNS, table_rows
     from aerokernels.commands._output import note

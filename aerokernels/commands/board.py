@@ -32,7 +32,10 @@ def board(
     pause: Annotated[float, typer.Option(min=0.0, help="Duration of a stall or of an unplugged port [s].")] = 1.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise and the faults.")] = 0,
 ) -> None:
-    """Simulate a digitiser board or an oscilloscope, to try `record` without hardware."""
+    """Simulate a digitiser board or an oscilloscope.
+
+    With it, `record` can be tried without hardware.
+    """
     from aerokernels.commands._output import output, result, say
     from aerokernels.hardware.board import run_board
     from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource

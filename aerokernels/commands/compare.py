@@ -34,7 +34,10 @@ def compare(
     threshold: Annotated[str | None, typer.Option(help="Level of the leading edge [default: the run's].")] = None,
     ranged: Annotated[int, typer.Option(help="Greatest number of echoes per label that are ranged one by one.")] = 300,
 ) -> None:
-    """Compare recorded echoes with simulated ones, label by label: peaks, relative errors, correlation, ranges."""
+    """Compare recorded echoes with simulated ones.
+
+    Label by label: peaks, relative errors, correlation, ranges.
+    """
     from aerokernels.commands._output import note, output, say, warn
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table

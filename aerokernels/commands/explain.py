@@ -11,7 +11,10 @@ def explain(
     rays: Rays = None,
     settings: Settings = None,
 ) -> None:
-    """Show what a run would do and why: flow, region, grid, method, ray counts, predicted cost and errors."""
+    """Show what a run would do, and why.
+
+    Flow, region, grid, method, ray counts, predicted cost and errors.
+    """
     from aerokernels.commands._table import print_table
     from aerokernels.jobs.explain import explanation
 

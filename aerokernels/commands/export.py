@@ -13,7 +13,10 @@ def export(
         list[str] | None, typer.Option(help="key=value: export only echoes with this label. Repeatable.")
     ] = None,
 ) -> None:
-    """Write the echoes of a store to a NetCDF or CSV file, even while a recording into the store is running."""
+    """Write the echoes of a store to a NetCDF or CSV file.
+
+    A recording into the store may go on meanwhile.
+    """
     from aerokernels.commands._output import note
     from aerokernels.commands._recording import parse_labels
     from aerokernels.hardware.export import export as write_echoes

@@ -30,7 +30,10 @@ def fields(
     walls: Annotated[list[str] | None, typer.Option(help="Name of a boundary patch of the body. Repeatable.")] = None,
     geometry: Annotated[str | None, typer.Option(help="axisymmetric: x is the axis and y the radius.")] = None,
 ) -> None:
-    """List the shipped flow fields; or, of a file, its format, extents, arrays with ranges, times and patches."""
+    """List the shipped flow fields, or a flow file's contents.
+
+    Of a file: format, geometry, extents, arrays with their ranges, times, patches, and the density field it gives.
+    """
     if path is None:
         _shipped()
         return

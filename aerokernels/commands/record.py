@@ -38,7 +38,10 @@ def record(
         ),
     ] = 0.25,
 ) -> None:
-    """Record echoes from hardware until --count or Ctrl-C; reconnect when the port comes back after a loss."""
+    """Record echoes from hardware.
+
+    Record until --count or Ctrl-C; a port that is lost is opened again when it comes back.
+    """
     from dataclasses import asdict
 
     from aerokernels.commands._output import output, result, say

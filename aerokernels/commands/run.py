@@ -18,10 +18,11 @@ def run(
     settings: Settings = None,
     no_echo: Annotated[bool, typer.Option("--no-echo", help="Leave out the laser echo and its range.")] = False,
 ) -> None:
-    """Run a scene: flow, rays, wavefront, Strehl ratio, echo and range, each number with its error, and a report.
+    """Run a scene from its flow to the reported range.
 
-    A stage that finds nothing, such as an echo that cannot be ranged, does not stop the others. Exit status 3: all
-    files are written, but the Strehl ratio is not meaningful: its error is greater than the ratio or than 1.
+    Compute wavefront, Strehl ratio, echo and range, each number with its error, and write a report. A stage that
+    finds nothing, such as an echo that cannot be ranged, does not stop the others. Exit status 3: all files are
+    written, but the Strehl ratio is not meaningful: its error is greater than the ratio or than 1.
     """
     from aerokernels.commands._ahead import REPORT, import_ahead
     from aerokernels.commands._output import note

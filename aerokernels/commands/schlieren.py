@@ -93,7 +93,10 @@ def schlieren(
     precision: Precision = None,
     settings: Settings = None,
 ) -> None:
-    """Make schlieren pictures, shadowgraphs and interferograms of a flow by tracing light through it."""
+    """Make schlieren, shadowgraph and interferogram pictures.
+
+    Rays are traced through the flow of a scene or a shipped flow.
+    """
     from aerokernels.commands._output import note
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table

@@ -16,9 +16,10 @@ def series(
     precision: Precision = None,
     settings: Settings = None,
 ) -> None:
-    """Compute OPD maps of a scene's flow snapshots (table [series]) and their statistics, with a report.
+    """Compute OPD maps and statistics of flow snapshots.
 
-    An interrupted job resumes at the snapshot where it stopped.
+    The table [series] of the scene names the snapshots; the results include a report. An interrupted job resumes at
+    the snapshot where it stopped.
     """
     from aerokernels.commands._output import note
     from aerokernels.commands._progress import every_tenth, shown_progress

@@ -40,10 +40,11 @@ def sweep(
     rays: Rays = None,
     settings: Settings = None,
 ) -> None:
-    """Run a scene for every combination of values of its keys, and write one labelled dataset.
+    """Run a scene for many values of its keys.
 
-    An interrupted sweep resumes where it stopped; a finished one does nothing. A case that fails is recorded with its
-    error and does not stop the others. Exit status 1: all cases failed.
+    Every combination of the values is a case, and all cases make one labelled dataset. An interrupted sweep resumes
+    where it stopped; a finished one does nothing. A case that fails is recorded with its error and does not stop
+    the others. Exit status 1: all cases failed.
     """
     from aerokernels.commands._output import note
     from aerokernels.commands._vary import parse_vary

@@ -4,15 +4,13 @@ import os
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from difflib import get_close_matches
-from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from ..flow.shipped import shipped_names
-from ..process.opened import OPENED
 from .errors import SceneError
 
 _SHIPPED = files("aerokernels") / "scenes"
@@ -52,11 +50,8 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         SceneError: Neither a file nor a shipped scene, a file that cannot be read, or a file that is not TOML.
     """
     path, name = Path(place), str(place)
-    read: Callable[[], bytes]
     if name == "-":
-        # A sweep loads its scene for every case, and standard input can be read once.
-        read = partial(OPENED.once, ("standard input", sys.stdin), sys.stdin.buffer.read)
-        label, stem = "standard input", "scene"
+        read, label, stem = sys.stdin.buffer.read, "standard input", "scene"
     elif os.path.isfile(path):
         read, label, stem = path.read_bytes, str(path), path.stem
     elif name in shipped_scenes():

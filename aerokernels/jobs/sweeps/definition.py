@@ -170,6 +170,8 @@ def define(
     for key in axes:
         if key in settings:
             raise ValueError(f"{key} is both set and varied: drop it from --set or from --vary")
+    if str(scene) == "-":  # standard input, which can be read only once
+        scene = changed_scene(scene, {**settings, **with_units({key: values[0] for key, values in axes.items()})})
     if together and sample is not None:
         raise ValueError("zip and sample exclude each other: a Latin hypercube chooses its values itself; give one")
     if sample is not None:
