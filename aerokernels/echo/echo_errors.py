@@ -4,8 +4,9 @@ r"""Compute the errors of an echo's numbers.
                    bound is concave in S, so its mean over the target points is at most its value at the mean S), the
                    error of the interpolation over the target, and the change of S when half of the pupil's rays are
                    left out
-    peak power     P is proportional to the return factor: P x (error of the factor) / factor; and the change of the
-                   peak with the position of the samples on the pulse
+    peak power     P is proportional to the return factor: P x (error of the factor) / factor; the error of the pupil's
+                   open share if a body blocks a part of the pupil; and the change of the peak with the position of the
+                   samples on the pulse
     peak voltage   as for the power; and the standard deviation of the noise at the peak, and half a digitiser code
     range          systematic: the change of the reading with the error of the peak, read off the waveform scaled by
                    1 +- the relative error (range walk of a fixed threshold; every method if the peak is cut off); the
@@ -29,7 +30,7 @@ from ..scene import Scene
 from ..strehl import StrehlEstimate
 from ..wavefront.strehl_errors import strehl_error
 from .pulse_curve import PulseCurve, peak_height
-from .pupil_errors import own_phase_error, pupil_error
+from .pupil_errors import open_share_error, own_phase_error, pupil_error
 from .rangefinder import Rangefinder
 from .ranging import AMPLITUDE_METHODS, RANGING_METHODS
 from .result import EchoResult
@@ -43,6 +44,8 @@ QUADRATURE = 1e-7
 SHIFTS = (0.25, 0.5, 0.75)
 # Noise above this fraction of a code dithers the codes: their errors are then random.
 DITHER = 0.5
+# Target points at which the error of a partly blocked pupil is measured.
+BLOCKED_POINTS = 16
 # Noisy records from which the random error is measured.
 TRIAL_COUNT = 32
 
@@ -159,7 +162,8 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
         strehl = root_sum_square((causes[0], interpolation, causes[1]) if depends_on_phases else causes)
     factor_error = strehl if depends_on_phases else interpolation
     factor = result.mean_strehl if depends_on_phases else result.beam_mean(result.return_factor)
-    share = math.hypot(factor_error / factor if factor > 0.0 else math.inf, QUADRATURE)
+    blocked = _blocked_pupil_error(result, probe)
+    share = math.hypot(factor_error / factor if factor > 0.0 else math.inf, blocked, QUADRATURE)
     moved = probe.read_shifted(*SHIFTS)
     heights = [max(abs(change[kind]) for change, _ in moved) for kind in (0, 1)]
     power, voltage = (
@@ -188,3 +192,15 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
         systematic = root_sum_square((walk, place, path, codes.get(method, 0.0)))
         ranges[method] = RangeUncertainty(systematic, random.get(method, math.nan) if noise > 0.0 else 0.0)
     return EchoErrors(strehl, power, voltage, ranges)
+
+
+def _blocked_pupil_error(result: EchoResult, probe: EchoProbe) -> float:
+    """Relative error of the power due to the edges of a body in front of the pupil; 0 for an open pupil."""
+    kind, factor = probe.scene.receiver.return_factor, result.return_factor
+    points = np.flatnonzero(np.isfinite(factor) & (result.beam_share > 0.0))
+    # The return factor of an open pupil is the Strehl ratio, or 1.
+    whole = result.strehl[points] if kind == "strehl" else 1.0
+    if not (factor[points] < (1.0 - 1e-9) * whole).any():
+        return 0.0
+    some = points[np.unique(np.linspace(0, len(points) - 1, BLOCKED_POINTS).astype(int))]
+    return open_share_error(probe.scene, probe.field, result.target_point[some], result.beam_share[some])

@@ -50,3 +50,20 @@ def _halving_error(scene: Scene, field: IndexField, center: np.ndarray) -> float
     except ValueError:
         return math.nan
     return abs(ratios[0] - ratios[1])
+
+
+def open_share_error(scene: Scene, field: IndexField, target: np.ndarray, weight: np.ndarray) -> float:
+    """Relative error of the pupil's open share, as a weighted mean over target points [m], shape (k, 3).
+
+    The edge of a body that blocks a part of the pupil is a step, at which a quadrature converges slowly. The error is
+    the greatest change when a third or half of the pupil's rays are left out; infinite if no ray gets out then.
+    """
+    pupil, count = scene.receiver.pupil, scene.receiver.ray_count
+    try:
+        shares = [
+            float(weight @ reduce_pupils(scene, field, target, *pupil.sample(rays, "gauss")).open_share)
+            for rays in (count, max(2 * count // 3, 1), max(count // 2, 1))
+        ]
+    except ValueError:
+        return math.inf
+    return max(abs(shares[0] - other) for other in shares[1:]) / shares[0] if shares[0] > 0.0 else math.inf
