@@ -1,7 +1,7 @@
 """A picture with its scale, synthetic or from a photograph, and its datasets."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,20 +11,8 @@ if TYPE_CHECKING:
     import xarray
 
 
-class AnyPicture(Protocol):
-    """Protocol of pictures to measure in: Picture, SchlierenImage, Shadowgraph or Interferogram."""
-
-    @property
-    def intensity(self) -> np.ndarray:
-        """Brightness, 0 black to 1 white, rows from the lowest up, shape (ny, nx)."""
-
-    @property
-    def horizontal(self) -> np.ndarray:
-        """Pixel centres along the horizontal [m], shape (nx,)."""
-
-    @property
-    def vertical(self) -> np.ndarray:
-        """Pixel centres along the vertical [m], shape (ny,)."""
+# What is measured in: a Picture, SchlierenImage, Shadowgraph, Interferogram or HalfComparison.
+AnyPicture = PictureView
 
 
 @dataclass(frozen=True, eq=False, repr=False)

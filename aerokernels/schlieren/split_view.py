@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .picture import AnyPicture, Picture, picture_dataset
+from .view import PictureView
 
 if TYPE_CHECKING:
     import xarray
@@ -15,7 +16,7 @@ QUANTILES = (0.05, 0.95)
 
 
 @dataclass(frozen=True, eq=False)
-class HalfComparison:
+class HalfComparison(PictureView):
     """Upper half simulated, lower half measured.
 
     Attributes:

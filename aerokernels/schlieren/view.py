@@ -8,7 +8,13 @@ from ..display.shown import drawn_on, extent_of
 
 
 class PictureView:
-    """A picture with `intensity` and pixel centres `horizontal` and `vertical` [m]."""
+    """A picture with its scale.
+
+    Attributes:
+        intensity: Brightness, 0 black to 1 white, rows from the lowest up, shape (ny, nx).
+        horizontal: Pixel centres along the horizontal [m], shape (nx,).
+        vertical: Pixel centres along the vertical [m], shape (ny,).
+    """
 
     intensity: np.ndarray
     horizontal: np.ndarray
