@@ -45,7 +45,7 @@ def test_each_snapshot_is_its_own_mixture():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda data: data.assign(helium=data["helium"] + 0.1), "no fractions of a whole in 35 of 35 nodes"),
+        (lambda data: data.assign(helium=data["helium"] + 0.1), "do not add up to a whole in 35 of 35 nodes"),
         (lambda data: data.assign(helium=data["helium"].isel(z=0)), "helium has axes time, y, the density time, y, z"),
         (lambda data: data["rho"], "a single array has no species"),
     ],

@@ -47,20 +47,49 @@ def signed_area(polygons: Polygons) -> np.ndarray:
     return np.asarray(0.5 * np.add.reduceat(point[:, 0] * after[:, 1] - point[:, 1] * after[:, 0], polygons.start[:-1]))
 
 
-def _refuse_folded(polygons: Polygons, turned: np.ndarray) -> None:
-    """Raise ValueError if a reversed cell runs along an edge in the same direction as a cell that was not reversed."""
+def without_doubles(polygons: Polygons) -> tuple[Polygons, str]:
+    """Return polygons of one orientation without those that occur twice with the same values, and a remark.
+
+    Raises:
+        ValueError: Other cells on the same side of an edge: how many overlap, and the first of them.
+    """
+    one, other = _on_one_side(polygons)
+    if not len(one):
+        return polygons, ""
+    label = np.random.default_rng(6).integers(1, 2**63, len(polygons.points), dtype=np.uint64)
+    cell_label = np.add.reduceat(label[polygons.corners], polygons.start[:-1])
+    alike = cell_label[one] == cell_label[other]
+    if polygons.where == "cell":
+        alike &= (polygons.values[one] == polygons.values[other]).reshape(len(one), -1).all(axis=1)
+    if not alike.all():
+        wrong = np.unique(one[~alike])
+        raise ValueError(f"{len(wrong)} of {len(polygons.width)} cells overlap others, {_first(polygons, wrong)}")
+    keep = np.ones(len(polygons.width), bool)
+    keep[one] = False
+    return polygons.kept(keep), f"{int((~keep).sum())} cells that occur twice were left out"
+
+
+def _on_one_side(polygons: Polygons) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs of cells, the later one first, that run along an edge in the same direction."""
     begin, end = polygons.corners, polygons.corners[polygons.following()]
-    cell = np.repeat(np.arange(len(turned)), polygons.width)
-    key = begin.astype(np.int64) * len(polygons.points) + end
+    cell = np.repeat(np.arange(len(polygons.width)), polygons.width)[begin != end]
+    key = (begin.astype(np.int64) * len(polygons.points) + end)[begin != end]
     order = np.argsort(key, kind="stable")
     same = key[order][1:] == key[order][:-1]
-    one, other = cell[order][1:][same], cell[order][:-1][same]
-    folded = turned[one] != turned[other]
-    if not folded.any():
-        return
-    wrong = np.unique(np.where(turned[one], one, other)[folded])
+    return cell[order][1:][same], cell[order][:-1][same]
+
+
+def _first(polygons: Polygons, wrong: np.ndarray) -> str:
     corners = polygons.points[polygons.corners[polygons.start[wrong[0]] : polygons.start[wrong[0] + 1]]]
-    raise ValueError(
-        f"{len(wrong)} of {len(turned)} cells are folded over their neighbours, the first is cell {wrong[0]} with "
-        f"corners {corners.tolist()}"
-    )
+    return f"the first is cell {wrong[0]} with corners {corners.tolist()}"
+
+
+def _refuse_folded(polygons: Polygons, turned: np.ndarray) -> None:
+    """Raise ValueError if a reversed cell runs along an edge in the same direction as a cell that was not reversed."""
+    one, other = _on_one_side(polygons)
+    folded = turned[one] != turned[other]
+    if folded.any():
+        wrong = np.unique(np.where(turned[one], one, other)[folded])
+        raise ValueError(
+            f"{len(wrong)} of {len(turned)} cells are folded over their neighbours, {_first(polygons, wrong)}"
+        )

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...medium import QuadMesh
 from .logical import logical_rectangle
-from .orientation import oriented, signed_area, turned
+from .orientation import oriented, signed_area, turned, without_doubles
 from .polygon_cells import Polygons
 
 STRAIGHT = 1e-7  # sine of the turn at a corner; a smaller turn is a hanging node of a neighbour
@@ -61,7 +61,9 @@ def quad_mesh(polygons: Polygons, geometry: str) -> tuple[QuadMesh, np.ndarray, 
     Raises:
         ValueError: Folded cells, and what `QuadMesh` rejects: degenerate or double cells, duplicate points.
     """
-    polygons, remark = oriented(polygons)
+    polygons, turned_cells = oriented(polygons)
+    polygons, doubles = without_doubles(polygons)
+    remark = "; ".join(filter(None, (turned_cells, doubles)))
     turns = _turns(polygons)
     if (polygons.width == 4).all() and ((turns > STRAIGHT).all() or (turns < -STRAIGHT).all()):
         cells = polygons.corners.reshape(-1, 4)

@@ -2,6 +2,7 @@
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -196,6 +197,7 @@ def reading_of(
         dataset = flattened(dataset, frame.look) or dataset
     choice = choose_density(path, dataset, density, gas_constant)
     densities = [block_density(path, block, choice, reference, dataset.units) for block in dataset.blocks]
+    _check_repeated_blocks(path, dataset.blocks, densities)
     normal = None
     kind = dataset.geometry or geometry
     if kind is None or kind == "planar" or geometry is not None:
@@ -319,6 +321,31 @@ def check_blocks(path, dataset: Dataset) -> None:
             raise ReadError(path, f"a grid of {block.shape} points has {len(block.points)}", "write it again")
         if block.cells is not None:
             _check_cells(path, block)
+
+
+def _check_repeated_blocks(path, blocks: Sequence[Block], densities: list[tuple[np.ndarray, str]]) -> None:
+    """Reject blocks on the same mesh with other densities: several times or cases of one flow.
+
+    Raises:
+        ReadError: The names of two such blocks.
+    """
+    for k, block in enumerate(blocks):
+        for n in range(k):
+            (one, where), (other, elsewhere) = densities[k], densities[n]
+            if where == elsewhere and _same_mesh(block, blocks[n]) and not np.array_equal(one, other, equal_nan=True):
+                names = " and ".join(repr(blocks[i].name or f"block {i + 1}") for i in (n, k))
+                what = f"{names} have the same mesh and other densities: several times or cases of one flow"
+                raise ReadError(path, what, "write each to a file of its own")
+
+
+def _same_mesh(one: Block, other: Block) -> bool:
+    if one.shape != other.shape or len(one.points) != len(other.points) or one.cell_count != other.cell_count:
+        return False
+    if one.cells is None or other.cells is None:
+        return one.shape is not None and np.array_equal(one.points, other.points)
+    if one.cells.faces is not None or not np.array_equal(one.cells.points, other.cells.points):
+        return False
+    return np.array_equal(one.cells.types, other.cells.types) and np.array_equal(one.points, other.points)
 
 
 def _check_cells(path, block: Block) -> None:

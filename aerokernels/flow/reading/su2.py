@@ -134,7 +134,7 @@ class Zone:
         if self.cells.points.min() < 0 or self.cells.points.max() >= count:
             raise ReadError(path, f"elements refer to points beyond the {count} that there are", UNFINISHED)
         for name, own in self.markers.items():
-            if len(own) and own.max() >= count:
+            if len(own) and (own.min() < 0 or own.max() >= count):
                 raise ReadError(path, f"marker {name} refers to points beyond the {count} that there are", UNFINISHED)
 
 
