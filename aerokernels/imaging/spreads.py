@@ -247,22 +247,22 @@ def pixel_spreads(
     # Direction cosines per pixel, along x and y.
     scale = (1.0 - tangent**2 / square) / np.sqrt(square) * camera.pixel_tangent
     # The transform is periodic: a kernel wider than the period would count light twice.
-    held = np.clip((wavelength / step / scale.max(axis=1)).astype(int), 1, size)
+    side = np.clip((wavelength / step / scale.max(axis=1)).astype(int), 1, size)
     kernel, share = np.zeros((len(wave), size, size)), np.ones(len(wave))
     dark = power == 0.0
     kernel[dark, size // 2, size // 2] = 1.0
-    for hold in np.unique(held[~dark]):
-        some = np.flatnonzero((held == hold) & ~dark)
-        found = _through_pixels(wave[some], fraction[some], scale[some] * (step / wavelength), int(hold))
+    for one_side in np.unique(side[~dark]):
+        some = np.flatnonzero((side == one_side) & ~dark)
+        found = _through_pixels(wave[some], fraction[some], scale[some] * (step / wavelength), int(one_side))
         total = found.sum(axis=(1, 2))
         share[some] = total * np.prod(scale[some], axis=1) / ((wavelength / step) ** 2 * power[some])
-        begin = size // 2 - hold // 2
-        kernel[some, begin : begin + hold, begin : begin + hold] = found / total[:, None, None]
+        begin = size // 2 - one_side // 2
+        kernel[some, begin : begin + one_side, begin : begin + one_side] = found / total[:, None, None]
     return kernel, np.minimum(share, 1.0)
 
 
-def _through_pixels(wave: np.ndarray, fraction: np.ndarray, scale: np.ndarray, held: int) -> np.ndarray:
-    r"""Return the light between square pixels around each node, shape (n, held, held).
+def _through_pixels(wave: np.ndarray, fraction: np.ndarray, scale: np.ndarray, side: int) -> np.ndarray:
+    r"""Return the light between square pixels around each node, shape (n, side, side).
 
     The point spread function is the transform of the wave's autocorrelation C, with as many terms as the pupil has
     pairs of pixels. The overlap of a scene pixel and a camera pixel is a triangle function of their distance, so that
@@ -279,14 +279,14 @@ def _through_pixels(wave: np.ndarray, fraction: np.ndarray, scale: np.ndarray, h
     transform = fft2(wave, (length, length))
     # Of the conjugate; one half only, the other half being conjugate to it.
     correlation = rfft2(transform.real**2 + transform.imag**2)[..., :count] / length**2
-    place, apart = np.arange(held) - held // 2, np.arange(count)
+    place, apart = np.arange(side) - side // 2, np.arange(count)
     along = []
     for axis in (1, 0):
         turn = 2.0 * np.pi * scale[:, axis, None] * apart
         factor = phasors(turn[:, None] * place[:, None]) * phasors(-turn * fraction[:, axis, None])[:, None]
         along.append(factor * (np.sinc(scale[:, axis, None] * apart) ** 2)[:, None])
     rows, columns = along
-    both = np.zeros((len(wave), held, length), dtype=np.complex128)
+    both = np.zeros((len(wave), side, length), dtype=np.complex128)
     both[..., :count], both[..., length - count + 1 :] = rows, rows[..., :0:-1].conj()
     columns[..., 1:] *= 2.0
     light = product_on_one_core(product_on_one_core(both, correlation), columns.transpose(0, 2, 1)).real

@@ -105,8 +105,8 @@ class ImageThrough:
         weights = self.spectrum.weights
         light = (("wavelength", "colour")[: weights.ndim], weights, {"units": "1", "long_name": "share of the light"})
         length = ("wavelength", self.spectrum.wavelengths, {"units": "m", "standard_name": "radiation_wavelength"})
-        held = self.shift.to_xarray().assign(image=(dims, self.image, words), weight=light)
-        return held.assign_coords(wavelength=length)
+        dataset = self.shift.to_xarray().assign(image=(dims, self.image, words), weight=light)
+        return dataset.assign_coords(wavelength=length)
 
     def plot(self, axes=None):
         """Draw the picture on matplotlib axes; return the axes."""

@@ -160,9 +160,9 @@ def encircled(transfer: Transfer, angle: np.ndarray, center: np.ndarray) -> np.n
     flat = np.abs(np.ravel(angle))
     # The pixels' PSF has the period wavelength / pixel: one period, a square about the point, holds all the light.
     half = 0.5 / spacing
-    held = np.minimum(flat, half)
-    energy = np.array([a * (j1(2.0 * np.pi * a * frequency) @ (summed[1:] / frequency)) for a in held])
-    energy = spacing**2 * (energy + np.pi * held**2 * summed[0])
+    inside = np.minimum(flat, half)
+    energy = np.array([a * (j1(2.0 * np.pi * a * frequency) @ (summed[1:] / frequency)) for a in inside])
+    energy = spacing**2 * (energy + np.pi * inside**2 * summed[0])
     for row in np.flatnonzero(flat > half):
         energy[row] = 1.0 - _in_corners(even, half, flat[row])
     return energy.reshape(np.shape(angle))

@@ -128,11 +128,11 @@ class SlabsAlongZ(Slabs):
         stride = spline.STRIDE[grid.interpolation]
         return first * stride, last * stride + spline.SUPPORT[grid.interpolation], int(first)
 
-    def _disturbed(self, held: np.ndarray, begin: float, end: float, wavelength: float) -> tuple[float, float]:
+    def _disturbed(self, coefficients: np.ndarray, begin: float, end: float, wavelength: float) -> tuple[float, float]:
         """Return where the air begins and ends to differ across the window by more than LEFT_OUT."""
         grid, look = self._grid, self._look
         stride, support = spline.STRIDE[grid.interpolation], spline.SUPPORT[grid.interpolation]
-        lines = held.reshape(-1, held.shape[-1])
+        lines = coefficients.reshape(-1, coefficients.shape[-1])
         differs = lines.max(axis=0) - lines.min(axis=0)
         if self._sees_past():
             differs = np.maximum(differs, np.abs(lines).max(axis=0))
@@ -187,8 +187,8 @@ class SlabsAlongZ(Slabs):
         key = (x.tobytes(), y.tobytes(), made)
         if self._latest is None or self._latest[0] != key:
             self._latest = key, self._integrals(x, y, made)
-        held = self._latest[1]
-        return held.copy() if made == count else held.reshape(count, -1, *held.shape[1:]).sum(axis=1)
+        cached = self._latest[1]
+        return cached.copy() if made == count else cached.reshape(count, -1, *cached.shape[1:]).sum(axis=1)
 
     def _integrals(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
         look, geometry, (values, line) = self._look, self._field.geometry, self._means(count)
@@ -230,17 +230,19 @@ class SlabsAlongZ(Slabs):
         values = np.ascontiguousarray(values.T)
         return sum(each * values[:, place] for place, each in zip(column, weight, strict=True)), inside
 
-    def _matrix(self, points: np.ndarray, held: int, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    def _matrix(self, points: np.ndarray, coefficient_count: int, axis: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the matrix from coefficients along an axis to values at points [m], and a mask of the box."""
         key = (axis, points.tobytes())
         if key not in self._known:
-            (column, weight), inside = self._weights(points, held, axis)
-            matrix = np.zeros((len(points), held), dtype=np.float32)
+            (column, weight), inside = self._weights(points, coefficient_count, axis)
+            matrix = np.zeros((len(points), coefficient_count), dtype=np.float32)
             np.add.at(matrix, (np.arange(len(points)), column), weight)
             self._known[key] = matrix, inside
         return self._known[key]
 
-    def _weights(self, points: np.ndarray, held: int, axis: int) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+    def _weights(
+        self, points: np.ndarray, coefficient_count: int, axis: int
+    ) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
         """Return indices and weights of the coefficients along an axis for points [m], and a mask of the box."""
         grid, first = self._grid, self._across[axis][2]
         support, stride = spline.SUPPORT[grid.interpolation], spline.STRIDE[grid.interpolation]
@@ -249,7 +251,7 @@ class SlabsAlongZ(Slabs):
         inside = (place >= -1e-12 * last) & (place <= last * (1.0 + 1e-12))
         cell = np.minimum(np.maximum(np.floor(place).astype(np.int64), first), last - 1)
         weight = spline.values(grid.interpolation, np.where(inside, place - cell, 0.0))
-        column = np.minimum((cell - first) * stride + np.arange(support)[:, None], held - 1)
+        column = np.minimum((cell - first) * stride + np.arange(support)[:, None], coefficient_count - 1)
         return (column, weight.astype(np.float32)), inside
 
 
@@ -258,7 +260,7 @@ def _made_for(count: int) -> int:
     return next(made for made in (TOGETHER, HELD, FINEST) if count <= made)
 
 
-def _slab_means(held: np.ndarray, grid: UniformGrid, edges: np.ndarray) -> np.ndarray:
+def _slab_means(coefficients: np.ndarray, grid: UniformGrid, edges: np.ndarray) -> np.ndarray:
     """Return means of coefficients (..., z) over slabs between edges along z [m], shape (..., slabs)."""
     stride, support = spline.STRIDE[grid.interpolation], spline.SUPPORT[grid.interpolation]
     last, count = grid.shape[-1] - 1, len(edges) - 1
@@ -272,16 +274,16 @@ def _slab_means(held: np.ndarray, grid: UniformGrid, edges: np.ndarray) -> np.nd
     gauss = middle - cell + half * GAUSS
     weight = spline.values(grid.interpolation, gauss).sum(axis=1) * half * count / (high - low)
     column = cell * stride + np.arange(support)[:, None]
-    length = held.shape[-1]
+    length = coefficients.shape[-1]
     total = np.bincount((slab * length + column).ravel(), weight.ravel(), count * length).reshape(count, length)
-    if held.ndim == 2:
-        return product_on_one_core(held, total.T)
+    if coefficients.ndim == 2:
+        return product_on_one_core(coefficients, total.T)
     # In a volume each slab is summed over its own coefficients only.
     used = total != 0.0
     first, last = used.argmax(axis=1), length - used[:, ::-1].argmax(axis=1)
-    means = np.empty((*held.shape[:-1], count))
+    means = np.empty((*coefficients.shape[:-1], count))
     for number, (start, stop) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
-        np.matmul(held[..., start:stop], total[number, start:stop], out=means[..., number])
+        np.matmul(coefficients[..., start:stop], total[number, start:stop], out=means[..., number])
     return means
 
 
@@ -302,8 +304,8 @@ class SlabsOfLayers(Slabs):
         key = (len(y), len(x), layers)
         if key not in self._sampled:
             self._sampled = {key: self._layers(x, y, layers)}
-        held = self._sampled[key]
-        return without_piston(held.reshape(count, -1, *held.shape[1:]).sum(axis=1))
+        sampled = self._sampled[key]
+        return without_piston(sampled.reshape(count, -1, *sampled.shape[1:]).sum(axis=1))
 
     def _layers(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
         look, thickness = self._look, (self.last - self.first) / count
