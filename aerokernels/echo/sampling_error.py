@@ -12,12 +12,12 @@ record's widths are measured from the same few samples, so the test pulse is nar
 the record's.
 """
 
-import warnings
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
+from ..inputs.warned import warn_caller
 from .pulse_curve import PulseCurve
 from .waveform import SPEED_OF_LIGHT
 
@@ -141,9 +141,8 @@ def warn_of_sampling(volts: np.ndarray, period: float, method: str, error: float
     if sides is None or not error > TOLERATED * 0.5 * SPEED_OF_LIGHT * period * sum(sides):
         return
     remedy = "" if shape_given else ", or give the pulse's shape as template (a function of time)"
-    warnings.warn(
+    warn_caller(
         f"the record has {sum(sides):.2g} samples across its pulse, too few for method {str(method)!r}: the pulse's "
         f"place between the samples moves the range by up to {1e3 * error:.2g} mm; sample faster{remedy}",
         CoarseSamplingWarning,
-        stacklevel=5,  # the caller of the public function, which `checked` wraps
     )

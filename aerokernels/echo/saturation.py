@@ -6,11 +6,11 @@ fraction of P is above V, its crossing is not in the record: it is before the mi
 """
 
 import math
-import warnings
 from collections.abc import Callable
 
 import numpy as np
 
+from ..inputs.warned import warn_caller
 from .pulse_curve import PLATEAU, PulseCurve
 from .waveform import SPEED_OF_LIGHT
 
@@ -78,12 +78,11 @@ def warn_of_saturation(volts: np.ndarray, period: float, fraction: float, shape:
         own = np.asarray(shape(np.arange(-count, count + 1) * period), dtype=np.float64)
         if np.count_nonzero(own >= own.max() * (1.0 - 1e-12)) >= count - 1:
             return False
-    warnings.warn(
+    warn_caller(
         f"the {count} greatest samples of the record are equal, as if an amplifier or a digitiser saturated at "
         f"{float(volts.max()):.4g} V: if the pulse goes on above them, method 'constant-fraction' reads up to "
         f"{0.5 * SPEED_OF_LIGHT * period * shift:.2g} m too little; attenuate the signal, raise the digitiser's range, "
         "or take 'leading-edge'",
         SaturatedRecordWarning,
-        stacklevel=5,  # the caller of the public function, which `checked` wraps
     )
     return True

@@ -4,10 +4,9 @@ Straight lines from the focus to both ends of the beams are tested, as for a pup
 if it may lose more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing.
 """
 
-import warnings
-
 import numpy as np
 
+from ..inputs.warned import warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing.known_air import may_be_lost
@@ -70,4 +69,4 @@ def warn_of_truncation(share: float) -> None:
             f"{100.0 * share:.3g} % of the light goes through disturbed air that ends with the field's box: what lies "
             "beyond is unknown, and in no error; give the field a larger region there, move the focus or turn the axis"
         )
-        warnings.warn(text, TruncationWarning, stacklevel=4)
+        warn_caller(text, TruncationWarning)

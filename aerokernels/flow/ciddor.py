@@ -17,10 +17,10 @@ Reference: P. E. Ciddor, Refractive index of air: new equations for the visible 
 """
 
 import math
-import warnings
 
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive
+from ..inputs.warned import warn_caller
 from ..inputs.wavelength import SAME, check_wavelength
 
 # Wavelengths for which the equations were fitted [m].
@@ -104,10 +104,9 @@ def moist_air_density(temperature: float, pressure: float, *, water: float = 0.0
     check_positive(pressure, "pressure")
     low, high = TEMPERATURE_RANGE
     if not low <= temperature <= high or pressure > GREATEST_PRESSURE:
-        warnings.warn(
+        warn_caller(
             f"the density of moist air at {temperature:g} K and {pressure:g} Pa is extrapolated: its compressibility "
             f"is known from {low:g} to {high:g} K and up to {GREATEST_PRESSURE:g} Pa",
-            stacklevel=3,
         )
     mass = (1.0 - water) * _molar_mass(co2) + water * WATER_MOLAR_MASS
     return mass * _molar_density(temperature, pressure, water)

@@ -6,11 +6,11 @@ of a pupil, applied to the light of the whole picture: more than a thousandth of
 it. Fewer pixels, at a rim, cause a warning only, since a picture, unlike a Strehl ratio, can mark them.
 """
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..inputs.warned import warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing import Plane
@@ -72,7 +72,7 @@ class KnownView:
             "beyond is unknown"
         )
         if float(np.mean(share)) <= GREATEST_SHARE:
-            warnings.warn(f"{text}; those pixels are marked in `known`", RuntimeWarning, stacklevel=5)
+            warn_caller(f"{text}; those pixels are marked in `known`", RuntimeWarning)
             return
         raise ValueError(
             f"{text}. Give the field a larger region there, look another way, or take allow_truncation=True and read "

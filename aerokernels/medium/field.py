@@ -3,7 +3,6 @@
 The contrast is stored, never the index: float32 cannot represent small contrasts as part of an index near 1.
 """
 
-import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -15,6 +14,7 @@ from ..device_arrays import plain_array
 from ..display.shown import shown
 from ..inputs.arguments import Numbers, are_numbers, checked
 from ..inputs.checks import check_choice, check_positive
+from ..inputs.warned import warn_caller
 from ..inputs.wavelength import check_wavelength, field_wavelength
 from .body import Body
 from .cell_averages import node_values
@@ -35,9 +35,8 @@ def check_ambient(ambient_index: float) -> None:
 def _warn_of_index(least: float, greatest: float) -> None:
     """Warn a caller of from_samples or from_mesh whose contrasts look like indices n."""
     if 0.99 < least <= greatest < 1.5:
-        warnings.warn(
+        warn_caller(
             f"contrast is {least:g} to {greatest:g} everywhere: it is n - ambient_index, not n itself",
-            stacklevel=4,
         )
 
 

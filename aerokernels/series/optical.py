@@ -1,7 +1,6 @@
 """Optical path differences of a series over a pupil: OPD(x, y, t), Strehl ratio and boresight of each snapshot."""
 
 import hashlib
-import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -14,6 +13,7 @@ from aerokernels import __version__
 from ..flow import GridMesh, Series
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice, check_positive
+from ..inputs.warned import warn_caller
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..rays import as_unit_vector
 from ..tracing.plan import PRECISIONS
@@ -161,7 +161,7 @@ def _warn_of_ends(air: PupilAir) -> None:
     """Warn if the known air ends in disturbed air."""
     if air.is_truncated:
         text = f"{air.described}: the optical path ends there too; give a larger grid, or look along it"
-        warnings.warn(text, TruncationWarning, stacklevel=3)
+        warn_caller(text, TruncationWarning)
 
 
 def _warn_of_lost(known: np.ndarray) -> None:
@@ -173,7 +173,7 @@ def _warn_of_lost(known: np.ndarray) -> None:
             "leave the grid sideways, miss it or end on a body (see `valid` and `known`); take a smaller pupil, a "
             "larger grid or another direction, or method='trace' where the air beside the grid is at rest"
         )
-        warnings.warn(text, TruncationWarning, stacklevel=3)
+        warn_caller(text, TruncationWarning)
 
 
 def _finished(written: "Future[None] | None", count: int, total: int, progress: Progress | None) -> None:

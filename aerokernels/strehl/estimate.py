@@ -1,8 +1,6 @@
 """Estimate the Strehl ratio of a pupil over millions of rays that are traced and summed on the device."""
 
-import sys
 import threading
-import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -11,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..inputs.arguments import Numbers, checked
+from ..inputs.warned import warn_caller
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..process.threads import in_turn
@@ -102,7 +101,7 @@ def prepare_strehl(field: IndexField, pupil: Pupil, **options) -> "PreparedStreh
     with clocked() as seconds:
         prepared = PreparedStrehl(field, pupil, **options)
         if prepared.job.air.is_truncated:
-            _warn(f"{prepared.job.air.described}: the Strehl ratio is that of the known air only")
+            warn_caller(f"{prepared.job.air.described}: the Strehl ratio is that of the known air only")
         prepared.plan = prepared.job.planned  # uploads and compiles
     prepared.seconds = seconds
     return prepared
@@ -282,7 +281,7 @@ class PreparedStrehl:
         mean, tilt, rms, _ = fit_moments(total)
         estimate = combined(total, sums.phasors, wavelength, self.remove)
         if met_nothing(self.field, max(abs(mean), rms), wavelength, self.tolerance):
-            _warn(
+            warn_caller(
                 "all rays of the pupil pass through undisturbed air only, although the field is disturbed elsewhere: "
                 "the Strehl ratio is 1; check the units (metres are expected), and the pupil's direction and position"
             )
@@ -307,11 +306,3 @@ class PreparedStrehl:
             boresight=tilt,
             **estimate,
         )
-
-
-def _warn(message: str) -> None:
-    """Warn, with the stack level of the first caller outside this module."""
-    level, frame = 1, sys._getframe()
-    while frame.f_back is not None and frame.f_globals["__name__"] == __name__:
-        level, frame = level + 1, frame.f_back
-    warnings.warn(message, stacklevel=level)

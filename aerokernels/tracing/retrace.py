@@ -6,12 +6,12 @@ the requested precision, if it was not traced so already, then in float64 with t
 RETRACE_SHARE. A ray that is above the tolerance even then gets the status TOLERANCE_NOT_MET.
 """
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
 
 from ..device_arrays import on_host, rows_where
+from ..inputs.warned import warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
 from .error_limit import error_limit
@@ -139,5 +139,5 @@ def report_rejected(plan: TracePlan, count: int, ray_count: int, greatest: float
         f"{count} of {ray_count} rays have error estimates above the tolerance of {plan.tolerance:g} waves{size}, "
         "though they were traced again in float64: their status is TOLERANCE_NOT_MET"
     )
-    warnings.warn(f"{sentence}; loosen the tolerance, or read step_error", ToleranceWarning, stacklevel=3)
+    warn_caller(f"{sentence}; loosen the tolerance, or read step_error", ToleranceWarning)
     return replace(plan, reasons=(*plan.reasons, sentence))
