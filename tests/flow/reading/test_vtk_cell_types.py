@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 import vtk_writers
-from vtkmodules import vtkCommonCore, vtkCommonDataModel
 
 from aerokernels import flow
+
+pytest.importorskip("vtkmodules")
+from vtkmodules import vtkCommonCore, vtkCommonDataModel
 
 # Corners and mid-edge points of a triangle and of a quadrilateral that share an edge, at the unit square's side.
 POINTS = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5), (0.3, 0.3), (1, 1), (1, 0.5), (0.5, 1)]
