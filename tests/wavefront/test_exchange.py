@@ -6,7 +6,7 @@ import pytest
 from aerokernels import Annulus, Disc, Mask, Polygon, Rectangle, Wavefront
 from aerokernels.wavefront.grid import pupil_grid
 from aerokernels.zernike import zernike_modes
-from tests.zemax_files import read_zemax
+from tests.wavefront.zemax_files import read_zemax
 
 WAVELENGTH = 905e-9
 RADIUS = 3e-3
