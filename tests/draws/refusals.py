@@ -6,7 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-PACKAGE = str(Path(__file__).resolve().parents[1])
+import aerokernels
+
+PACKAGE = str(Path(aerokernels.__file__).parent)
 MOST_TEXT = 20_000  # characters; the text may contain names from a file
 
 

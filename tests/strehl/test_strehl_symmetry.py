@@ -218,7 +218,7 @@ def volume() -> IndexField:
     [
         (volume, Disc(PUPIL), None, "the field is a volume, not axisymmetric"),
         (lambda: lens(geometry="planar"), Disc(PUPIL), None, "the field is planar, not axisymmetric"),
-        (lens, Disc(PUPIL, (0.0, 1e-6, 0.0)), None, "the pupil's centre lies 1e-06 m from the axis of symmetry"),
+        (lens, Disc(PUPIL, (0.0, 1e-6, 0.0)), None, "the pupil's centre is 1e-06 m from the axis of symmetry"),
         (lens, Disc(PUPIL, normal=(1e-6, 0.0, 1.0)), None, "the pupil's normal makes an angle of 1e-06 rad"),
         (lens, Disc(PUPIL, normal=(1.0, 0.0, 0.0)), (0.0, 0.0, 1.0), "the pupil's normal makes an angle of 1.57 rad"),
         (lens, Disc(PUPIL), (0.0, 1e-6, 1.0), "the look direction makes an angle of 1e-06 rad"),

@@ -144,7 +144,8 @@ def _check_coordinates(dataset, shape: tuple[int, ...], pixel: float) -> None:
         if name not in dataset.coords:
             continue
         found, expected = np.asarray(dataset[name]), pixel * (np.arange(count) - 0.5 * (count - 1))
-        if found.dtype.kind not in "iuf" or not np.abs(found - expected).max(initial=0.0) <= SAME_PLACE * pixel:
+        is_right = found.dtype.kind in "iuf" and found.shape == (count,)
+        if not (is_right and np.abs(found - expected).max(initial=0.0) <= SAME_PLACE * pixel):
             raise ValueError(
                 f"the dataset's {name} must ascend about the pupil's centre in steps of its pixel, {pixel:g} m: give "
                 "the whole map, not cut, thinned out or flipped"
