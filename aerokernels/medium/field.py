@@ -12,12 +12,12 @@ import numpy as np
 from ..derived import Derived
 from ..device_arrays import plain_array
 from ..display.shown import shown
-from ..inputs.arguments import Numbers, are_numbers, checked
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_choice, check_positive
-from ..inputs.warned import warn_caller
 from ..inputs.wavelength import check_wavelength, field_wavelength
 from .body import Body
 from .cell_averages import node_values
+from .given_contrast import checked_walls, warn_of_index
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite, check_starts_on_axis
 from .kept_averages import conserving_values, cut_and_kept
 from .mesh import GEOMETRIES, QuadMesh
@@ -25,36 +25,6 @@ from .mesh_samples import MeshSamples
 from .rows_of_cells import AveragesLacking
 from .solid_body import SolidBody
 from .vertex_values import vertex_values
-
-
-def check_ambient(ambient_index: float) -> None:
-    """Raise ValueError for an ambient index that is not a positive number."""
-    check_positive(ambient_index, "ambient_index")
-
-
-def _warn_of_index(least: float, greatest: float) -> None:
-    """Warn a caller of from_samples or from_mesh whose contrasts look like indices n."""
-    if 0.99 < least <= greatest < 1.5:
-        warn_caller(
-            f"contrast is {least:g} to {greatest:g} everywhere: it is n - ambient_index, not n itself",
-        )
-
-
-def _checked_walls(walls: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions at walls [m], shape (n, 2), and the contrast there, shape (n,), as float64 arrays.
-
-    Raises:
-        TypeError: Not a pair of arrays of numbers.
-        ValueError: Other shapes, or entries that are not finite.
-    """
-    if not isinstance(walls, (tuple, list)) or len(walls) != 2 or not all(are_numbers(each) for each in walls):
-        raise TypeError(f"walls must be a pair of arrays, points [m] and contrasts, got {type(walls).__name__}")
-    points, contrast = (np.asarray(each, dtype=np.float64) for each in walls)
-    if contrast.ndim != 1 or points.shape != (len(contrast), 2):
-        raise ValueError(f"walls need points of shape (n, 2) and n contrasts, got {points.shape} and {contrast.shape}")
-    check_finite(points, "the points at walls")
-    check_finite(contrast, "the contrast at walls")
-    return points, contrast
 
 
 @dataclass(frozen=True)
@@ -97,7 +67,7 @@ class IndexField(Derived):
 
     def __post_init__(self):
         """Check the attributes that grids and meshes have in common."""
-        check_ambient(self.ambient_index)
+        check_positive(self.ambient_index, "ambient_index")
         object.__setattr__(self, "ambient_index", float(self.ambient_index))
         if self.wavelength is not None:
             object.__setattr__(self, "wavelength", check_wavelength(self.wavelength))
@@ -155,11 +125,11 @@ class IndexField(Derived):
         if array.ndim != (dimension := 3 if geometry == "volume" else 2):
             raise ValueError(f"a {geometry} field needs an array of {dimension} axes, got shape {array.shape}")
         axisymmetric = geometry == "axisymmetric"
-        check_ambient(ambient_index)
+        check_positive(ambient_index, "ambient_index")
         grid = UniformGrid(
             array, np.asarray(origin), np.asarray(spacing), interpolation, axisymmetric, float(ambient_index)
         )
-        _warn_of_index(*grid.extremes)
+        warn_of_index(*grid.extremes)
         if cell_averages:
             grid = replace(grid, samples=node_values(grid.samples, interpolation, axisymmetric))
         if axisymmetric:
@@ -218,8 +188,8 @@ class IndexField(Derived):
             raise TypeError(f"mesh must be a QuadMesh, got {type(mesh).__name__}: see QuadMesh.structured")
         values = np.array(plain_array(contrast), dtype=np.float64)
         check_finite(values, "the contrast")
-        _warn_of_index(values.min(initial=np.inf), values.max(initial=-np.inf))
-        walls = None if walls is None else _checked_walls(walls)
+        warn_of_index(values.min(initial=np.inf), values.max(initial=-np.inf))
+        walls = None if walls is None else checked_walls(walls)
         at_vertices, in_cells = mesh.array_shapes
         averages = None
         if interpolation == "conserving" and values.shape not in in_cells:

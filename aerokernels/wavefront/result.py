@@ -13,11 +13,11 @@ from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
 from ..pupils import Pupil
 from .data import WavefrontMap
-from .image_errors import encircled_errors, grid_errors, transfer_errors
+from .image_errors import encircled_errors, transfer_errors
+from .image_quantities import image_quantities
 from .modes import (
     StructureFunction,
     centroid,
-    centroid_weights,
     fit_zernike,
     structure_function,
     zernike_errors,
@@ -25,7 +25,7 @@ from .modes import (
 )
 from .pixel_errors import pixel_errors
 from .point_spread import PointSpread, point_spread_function
-from .spot_width import spot_width, spot_width_error
+from .spot_width import spot_width
 from .spread_errors import spread_errors
 from .strehl_errors import strehl_error
 from .terms import check_metres, fit_tilt, mean_phasor, remove_terms, weighted_mean
@@ -269,22 +269,7 @@ class Wavefront(WavefrontMap):
         of the FWHM is its greatest change under focus and astigmatism of amplitude e and either sign. `fried` is as in
         `pssn`. The error due to the pixels is added: see image_errors.py.
         """
-        phase, pssn = self.phase_error(), self.pssn(fried)
-        x, y = self.centroid
-        rims = self.opd_error * np.abs(centroid_weights(self)).sum(axis=(1, 2))
-        edges = pixel_errors(self)
-        pixels = grid_errors(self, lambda wave: (*wave.centroid, wave.fwhm))
-        sensitivity = transfer_errors(self, lambda otf: normalised_sensitivity(otf, self.wavelength, fried))
-
-        def number(value: float, *errors: float, unit: str = "") -> Quantity:
-            return Quantity(float(value), float(np.linalg.norm(errors)), unit)
-
-        return {
-            "centroid_x": number(x, rims[0], edges["tilt_x"], pixels[0], unit="rad"),
-            "centroid_y": number(y, rims[1], edges["tilt_y"], pixels[1], unit="rad"),
-            "fwhm": number(self.fwhm, spot_width_error(self), pixels[2], unit="rad"),
-            "pssn": number(pssn, 4.0 * phase + 4.0 * phase**2, float(sensitivity)),
-        }
+        return image_quantities(self, fried)
 
     def over_wavelengths(self, wavelengths, angle=None, weights=None):
         """Return image quantities at several wavelengths [m] as an xarray.Dataset with a wavelength axis.

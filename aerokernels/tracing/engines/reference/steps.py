@@ -4,12 +4,11 @@ Over sigma, d sigma = ds / n, in deviation from the undisturbed ray p + t d, wit
 
     q' = P,    P' = grad s(r),    W' = 2 s,    S' = n - a = 2 s / (n + a),    r = p + t d + q,    t' = a,    T = a d + P
 
-so that the optical path is a t + W and the arc length t + S, and an optical path difference in float64 has its own
-rounding error and not that of the path. Steps are of order 8 with error estimates of orders 5 and 3 (E. Hairer,
-S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 1993), each within one smooth piece of the field: a
-step is shortened to where the ray, as a parabola, first meets a face of its cell or its stop, and the rest is flown by
-Newton steps of second order. A step whose error exceeds its share of the tolerance, or that passes a face, is repeated
-with a shorter length.
+so that the optical path is a t + W and the arc length t + S, and an optical path difference has the rounding error of
+its own size. Steps are of order 8 with error estimates of orders 5 and 3 (E. Hairer, S. P. Norsett, G. Wanner, Solving
+Ordinary Differential Equations I, 1993), each within one smooth piece of the field: a step is shortened to where the
+ray, as a parabola, first meets a face of its cell or its stop, and the rest is flown by Newton steps of second order. A
+step whose error exceeds its share of the tolerance, or that passes a face, is repeated with a shorter length.
 
 "straight" samples the field on the undisturbed line and continues the potential linearly to the ray.
 """
@@ -26,8 +25,7 @@ STAGES = DOP853.n_stages
 CLOSE = 1e-6
 # Shortest step of error control [cells], and the shortest where slopes jump on the axis.
 LEAST, LEAST_AT_KINK = 1e-7, 1e-11
-# Rounding of an error estimate, in units of a step's rounding; length of steps [cells] below which an estimate may be
-# rounding.
+# Rounding of an error estimate, in units of a step's; length of steps [cells] below which an estimate may be rounding.
 NOISE, NOISE_STEP = 32.0, 1e-3
 # Distance from the axis [cells] within which a ray hops over a kink on the axis.
 HOP = 1e-7

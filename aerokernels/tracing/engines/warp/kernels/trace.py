@@ -134,8 +134,7 @@ def build_kernel(
             obliquity, lever_arm, reach = to_stop.obliquity, to_stop.lever_arm, to_stop.reach
             derating = real(to_stop.derating)
             if wp.static(at_faces):
-                # The table of step bounds weighs the kinks that a step may pass by their effect on the path, not by how
-                # they deflect the ray.
+                # The table of step bounds weighs the kinks that a step may pass by their effect on the path alone.
                 if obliquity * lever_arm * wp.max(control.cell_rate) > real(1.0):
                     derating = real(0.0)
             first_momentum = wp.length(momentum)
@@ -212,8 +211,7 @@ def build_kernel(
                         accept = bool(False)
                         h_cap = real(0.5) * h
 
-                # A step into the body is repeated up to the body's surface, until the rest is short enough for the
-                # tangent.
+                # A step into the body is repeated up to its surface, until the rest is short enough for the tangent.
                 behind = real(-1.0)
                 if wp.static(has_body):
                     if accept and not (wp.length(q + h * momentum + kick) < aside):
@@ -304,16 +302,9 @@ def build_kernel(
                             if wp.static(straight):
                                 ray_frac = frac + wp.cw_mul(q, rate)
                             velocity = wp.cw_mul(ambient * d + momentum, rate)
+                            slope = wp.cw_mul(force, rate)
                             back, done = surface_intersection(
-                                control,
-                                event,
-                                interval.side,
-                                cell,
-                                ray_frac,
-                                velocity,
-                                wp.cw_mul(force, rate),
-                                h,
-                                h_cell,
+                                control, event, interval.side, cell, ray_frac, velocity, slope, h, h_cell
                             )
                         if done:
                             running = bool(False)
