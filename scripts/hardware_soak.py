@@ -1,6 +1,6 @@
 """Stress-test recording: run each part, compare the outcome with what must come out, and report all in one table.
 
-Exit status 0 if every part succeeds. The numbers are those of this machine; docs/hardware.md shows some.
+Exit status 0 if every part succeeds. The numbers are those of this machine; docs/hardware-measured.md shows some.
 """
 
 import argparse

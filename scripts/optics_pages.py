@@ -1,4 +1,4 @@
-"""Make numbers and pictures of docs/bos.md and docs/fldi.md: a cone's displacement, traced and exact; FLDI transfer."""
+"""Make numbers and pictures of docs/optics-measured.md and docs/bos.md: a cone's displacement, traced and exact; FLDI transfer."""
 
 import argparse
 import math
