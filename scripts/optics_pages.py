@@ -1,4 +1,4 @@
-"""Make numbers and pictures of docs/optics-measured.md and docs/bos.md: a cone's displacement, traced and exact; FLDI transfer."""
+"""Make the numbers and pictures of docs/optics-measured.md: displacement behind a cone, traced and exact; FLDI."""
 
 import argparse
 import math
