@@ -81,8 +81,8 @@ def validity(
     """Judge whether rays through a field give the Strehl ratio of a pupil, and what they neglect.
 
     With a `wavefront` traced on a CPU it costs a few hundredths of the CPU time of that wavefront on a new field
-    (preparation, rays and map; docs/validity-measured.md has figures, also for GPUs), and is "not decided" if nothing so
-    cheap decides.
+    (preparation, rays and map; docs/validity-measured.md has figures, also for GPUs), and is "not decided" if nothing
+    so cheap decides.
 
     Args:
         field: The refractive index.
