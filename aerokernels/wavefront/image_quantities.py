@@ -1,6 +1,6 @@
 """Quantities of a wavefront's image with their errors; `Wavefront.image_quantities` describes them."""
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -11,12 +11,9 @@ from .pixel_errors import pixel_errors
 from .spot_width import spot_width_error
 from .transfer import normalised_sensitivity
 
-if TYPE_CHECKING:
-    from .result import Wavefront
 
-
-def image_quantities(wave: "Wavefront", fried: float) -> dict[str, Quantity]:
-    """Return "centroid_x", "centroid_y", "fwhm" [rad] and "pssn" of a wavefront's image with their errors."""
+def image_quantities(wave: Any, fried: float) -> dict[str, Quantity]:
+    """Return "centroid_x", "centroid_y", "fwhm" [rad] and "pssn" of the image of a `Wavefront` with their errors."""
     phase, pssn = wave.phase_error(), wave.pssn(fried)
     x, y = wave.centroid
     rims = wave.opd_error * np.abs(centroid_weights(wave)).sum(axis=(1, 2))
