@@ -1,5 +1,6 @@
 """Upload the arrays of fields and of bundles to an engine's device, and cache them with the field or the bundle."""
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from .field_data import FieldData, array_of, field_data, step_bound_tables, trac
 from .layout import Value, arrays_of
 
 
-class Uploads:
+class Uploads(ABC):
     """The uploads that the engines share. An engine provides `put`, `struct_array` and `computed_coefficients`.
 
     Attributes:
@@ -23,17 +24,17 @@ class Uploads:
 
     grid_key: tuple
 
+    @abstractmethod
     def put(self, array: np.ndarray) -> Any:
         """Return a buffer with a copy of the array."""
-        raise NotImplementedError
 
+    @abstractmethod
     def struct_array(self, member: Value, values: np.ndarray, precision: str) -> Any:
         """Upload an array of a struct to the device."""
-        raise NotImplementedError
 
+    @abstractmethod
     def computed_coefficients(self, field: IndexField, precision: str) -> Any:
         """Return a grid's coefficients if this device has computed them, else None."""
-        raise NotImplementedError
 
     def uploaded(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
