@@ -11,32 +11,8 @@
 #include "arguments.h"
 #include "bundle_family.h"
 #include "outputs.h"
+#include "patches.h"
 #include "ray_status.h"
-
-#if CHANNELS == 1
-typedef double channels;
-#define LOAD(at, patches) ((double)(patches)[at])
-#elif CHANNELS == 4
-typedef double4 channels;
-#define LOAD(at, patches) convert_double4(vload4(at, patches))
-#else
-typedef double8 channels;
-#define LOAD(at, patches) convert_double8(vload8(at, patches))
-#endif
-
-// Weights of the value and the slope at 0 and at 1.
-static inline double4 hermite_weights(double u)
-{
-    const double v = 1.0 - u;
-    return (double4)((1.0 + 2.0 * u) * v * v, u * v * v, u * u * (3.0 - 2.0 * u), -u * u * v);
-}
-
-// Contribution of the four numbers per channel of a node, which begin at entry `at`.
-static inline channels node_share(__global const real *patches, int at, double u, double du, double v, double dv)
-{
-    return u * v * LOAD(at, patches) + du * v * LOAD(at + 1, patches) + u * dv * LOAD(at + 2, patches)
-        + du * dv * LOAD(at + 3, patches);
-}
 
 __kernel void deliver_bundle(DELIVER_BUNDLE_ARGUMENTS)
 {
@@ -58,32 +34,30 @@ __kernel void deliver_bundle(DELIVER_BUNDLE_ARGUMENTS)
         length = undisturbed_length(frame, stop, shape, checks_faces, faces_that_matter, p, d, &face_pair);
         good = length > 0.0 && length < FAR && (!checks_faces || (double)face_pair == header[8 * block + 4]);
     }
-    if (block < 0 || !good) {
-        outputs.status[ray] = NOT_DELIVERED;
-        return;
-    }
-    __global const double *head = header + 8 * block;
+    // A ray without a patch looks one up all the same: threads of a GPU do so together.
+    good = good && block >= 0;
+    __global const double *head = header + 8 * (good ? block : 0);
     const double4 grid = vload4(0, head);
     const double u = (parameters.x - grid.s0) * grid.s2, v = (parameters.y - grid.s1) * grid.s3;
     const int i = clamp((int)u, 0, 3), j = clamp((int)v, 0, 3);
-    const double4 wu = hermite_weights(u - (double)i), wv = hermite_weights(v - (double)j);
-    const int at = 4 * ((block * 5 + i) * 5 + j);
-    const channels found = node_share(patches, at, wu.s0, wu.s1, wv.s0, wv.s1)
-        + node_share(patches, at + 4, wu.s0, wu.s1, wv.s2, wv.s3)
-        + node_share(patches, at + 20, wu.s2, wu.s3, wv.s0, wv.s1)
-        + node_share(patches, at + 24, wu.s2, wu.s3, wv.s2, wv.s3);
+    const int at = good ? 4 * ((block * 5 + i) * 5 + j) : 0;
+    const channels found = in_patch(patches, at, (real)(u - (double)i), (real)(v - (double)j));
+    if (!good) {
+        outputs.status[ray] = NOT_DELIVERED;
+        return;
+    }
 
     Arrival arrival = {0};
 #if CHANNELS == 1
-    arrival.opd = found;
+    arrival.opd = (double)found;
 #else
-    const double3 turned = d + found.s123;
-    arrival.opd = found.s0;
+    const double3 turned = d + convert_double3(found.s123);
+    arrival.opd = (double)found.s0;
     arrival.direction = turned / sqrt(dot(turned, turned));
 #endif
 #if CHANNELS == 8
-    arrival.position = p + length * d + found.s456;
-    arrival.arc_length = length + found.s7;
+    arrival.position = p + length * d + convert_double3(found.s456);
+    arrival.arc_length = length + (double)found.s7;
 #endif
     arrival.optical_path = FRAME_AMBIENT * length + arrival.opd;
     arrival.status = RAY_OK;

@@ -5,6 +5,7 @@
 
 #include "cell.h"
 #include "constants.h"
+#include "warp_threads.h"
 
 #if CUBES
 
@@ -75,25 +76,6 @@ static inline Local in_row(const CubeRow *row, reals u, reals v, reals w)
 // A GPU of NVIDIA fetches every cache line that a load of a warp touches. If each of 32 threads loaded its own row, in
 // four loads, that would be 128 lines. So four neighbouring threads load one row after the other together, sixteen
 // bytes each, which touches 32; each thread then reads its own row from the desk of its warp in local memory.
-static inline uint threads_here(void)
-{
-    uint found;
-    asm volatile("activemask.b32 %0;" : "=r"(found));
-    return found;
-}
-
-static inline int from_thread(int number, int thread)
-{
-    int found;
-    asm volatile("shfl.sync.idx.b32 %0, %1, %2, 0x1f, 0xffffffff;" : "=r"(found) : "r"(number), "r"(thread));
-    return found;
-}
-
-static inline void meet_in_warp(void)
-{
-    asm volatile("bar.warp.sync 0xffffffff;" : : : "memory");
-}
-
 static inline CubeRow row_together(__global const real *coefficients, int start, __local float4 *desk)
 {
     const int thread = get_local_id(0) % WARP, quarter = thread & 3, first = thread & ~3;
@@ -119,7 +101,7 @@ static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v,
 {
     CubeRow row;
 #if DESKS
-    if (threads_here() == 0xffffffffu) {
+    if (is_whole_warp()) {
         row = row_together(arrays->coefficients, start, arrays->desk);
         return in_row(&row, u, v, w);
     }

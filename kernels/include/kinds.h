@@ -14,11 +14,14 @@
 #define FACE_COUNT (GEOMETRY == VOLUME ? 6 : GEOMETRY == PLANAR ? 4 : 3)
 // How many axes, counted from z, have flat faces: these are the first surfaces, two per axis.
 #define FLAT_AXES (GEOMETRY == VOLUME ? 3 : GEOMETRY == PLANAR ? 2 : 1)
-// Threads of an NVIDIA GPU load cubes together through a desk in local memory for each warp of 32. A row of the desk
-// takes five float4, the last unused, to avoid bank conflicts.
-#if CUBES && LANES == 1 && defined(__NV_CL_C_VERSION)
+// Threads of an NVIDIA GPU run in warps, see warp_threads.h.
+#if LANES == 1 && defined(__NV_CL_C_VERSION)
+#define IN_WARPS 1
+#endif
+// They load cubes together through a desk in local memory for each warp. A row of the desk takes five float4, the last
+// unused, to avoid bank conflicts.
+#if CUBES && IN_WARPS
 #define DESKS 1
-#define WARP 32
 #define DESK_ROW 5
 #endif
 

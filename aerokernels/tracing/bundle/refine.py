@@ -42,8 +42,9 @@ CHECKED = np.array([(1, 3), (3, 7), (5, 1), (7, 5)])
 HOPELESS = 3.0
 # Rays may be displaced by this many times the greatest displacement of the first lines.
 MARGIN = 2.0
-# Upper bound of the sum of a patch's weights, and the fraction of its limits that rounding to float32 may take.
-HERMITE_WEIGHTS, ROUNDING_SHARE = 1.6, 0.02
+# Upper bound of the sum of a patch's weights; of the rounding of that sum in float32, relative to the greatest number
+# (two million random patches: 6.9 * 2^-24); and the fraction of its limits that single precision may take.
+HERMITE_WEIGHTS, SUM_ROUNDING, ROUNDING_SHARE = 1.6, 8.0 * 2.0**-24, 0.02
 # Lines traced for a quarter, check lines included, and the fraction of its rays up to which tracing so many lines pays.
 COST, WORTH = 18.0, 0.8
 
@@ -255,6 +256,7 @@ class Refinement:
         # Single precision halves the data loaded for each ray; it is used where no channel shows the difference.
         single = whole.astype(np.float32)
         rounding = HERMITE_WEIGHTS * np.abs(single - whole).max(axis=(0, 1, 2, 3))
+        rounding += SUM_ROUNDING * np.abs(whole).max(axis=(0, 1, 2, 3))
         if (rounding <= ROUNDING_SHARE * self.limits.scale[: self.channels]).all():
             whole = single
             header[:, 5] += rounding[0]

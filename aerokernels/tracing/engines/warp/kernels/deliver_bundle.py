@@ -13,49 +13,20 @@ from ..library import KernelLibrary, built_once
 from ..types import takes
 from .bundle_family import family_parameters, undisturbed_length
 from .outputs import build_write_outputs
+from .patches import build_in_patch
 
 # The outputs that a block's header has for all its rays.
 COSTS = output_mask(frozenset(("step_error", "step_count", "evaluation_count")))
-
-
-@wp.func
-def hermite_weights(u: wp.float64) -> wp.vec4d:
-    """Weights of the value and the slope at 0 and at 1."""
-    one = wp.float64(1.0)
-    two = wp.float64(2.0)
-    v = one - u
-    return wp.vec4d((one + two * u) * v * v, u * v * v, u * u * (wp.float64(3.0) - two * u), -u * u * v)
 
 
 @built_once
 def build_bundle_kernel(library: KernelLibrary, channel_count: int):
     """Build the kernel for patches with `channel_count` channels: 1, 4 or 8 (bundle/nodes.py)."""
     real = library.types.real
-    vector = wp.types.vector(channel_count, wp.float64)
+    in_patch = build_in_patch(library, channel_count)
     Arrival = library.types.Arrival
     write_outputs = build_write_outputs(library)
     ok = int(RayStatus.OK)
-
-    @wp.func
-    def node_share(
-        patches: wp.array(dtype=real),
-        at: int,
-        u: wp.float64,
-        du: wp.float64,
-        v: wp.float64,
-        dv: wp.float64,
-    ) -> vector:
-        """Contribution of the four numbers per channel of a node, which begin at entry `at`."""
-        found = vector()
-        first = at * channel_count
-        for k in range(channel_count):
-            found[k] = (
-                u * v * wp.float64(patches[first + k])
-                + du * v * wp.float64(patches[first + channel_count + k])
-                + u * dv * wp.float64(patches[first + 2 * channel_count + k])
-                + du * dv * wp.float64(patches[first + 3 * channel_count + k])
-            )
-        return found
 
     @wp.kernel(module="unique", enable_backward=False)
     @takes("deliver_bundle", library.precision)
@@ -95,30 +66,32 @@ def build_bundle_kernel(library: KernelLibrary, channel_count: int):
             length = line[0]
             good = length > zero and length < wp.float64(wp.static(FAR))
             good = good and (checks_faces == 0 or line[1] == header[8 * block + 4])
-        if block < 0 or not good:
-            outputs.status[ray] = wp.static(NOT_DELIVERED)
-            return
-        head = 8 * block
+        # A ray without a patch looks one up all the same: threads of a GPU do so together.
+        good = good and block >= 0
+        head = int(0)
+        if good:
+            head = 8 * block
         u = (parameters[0] - header[head]) * header[head + 2]
         v = (parameters[1] - header[head + 1]) * header[head + 3]
         i = wp.clamp(int(u), 0, 3)
         j = wp.clamp(int(v), 0, 3)
-        wu = hermite_weights(u - wp.float64(i))
-        wv = hermite_weights(v - wp.float64(j))
-        at = 4 * ((block * 5 + i) * 5 + j)
-        found = node_share(patches, at, wu[0], wu[1], wv[0], wv[1])
-        found += node_share(patches, at + 4, wu[0], wu[1], wv[2], wv[3])
-        found += node_share(patches, at + 20, wu[2], wu[3], wv[0], wv[1])
-        found += node_share(patches, at + 24, wu[2], wu[3], wv[2], wv[3])
+        at = int(0)
+        if good:
+            at = 4 * ((block * 5 + i) * 5 + j)
+        found = in_patch(patches, at, real(u - wp.float64(i)), real(v - wp.float64(j)))
+        if not good:
+            outputs.status[ray] = wp.static(NOT_DELIVERED)
+            return
 
         arrival = Arrival()
-        arrival.opd = found[0]
+        arrival.opd = wp.float64(found[0])
         if wp.static(channel_count > 1):
-            turned = d + wp.vec3d(found[1], found[2], found[3])
+            turned = d + wp.vec3d(wp.float64(found[1]), wp.float64(found[2]), wp.float64(found[3]))
             arrival.direction = turned / wp.sqrt(wp.dot(turned, turned))
         if wp.static(channel_count > 4):
-            arrival.position = p + length * d + wp.vec3d(found[4], found[5], found[6])
-            arrival.arc_length = length + found[7]
+            moved = wp.vec3d(wp.float64(found[4]), wp.float64(found[5]), wp.float64(found[6]))
+            arrival.position = p + length * d + moved
+            arrival.arc_length = length + wp.float64(found[7])
         arrival.optical_path = frame[39] * length + arrival.opd
         arrival.status = int(ok)
         step_error = zero
