@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .device_arrays import DeviceArray, device_array, plain_array, read_on_touch
+from .device_arrays import DeviceArray, device_array, is_one_row, plain_array, read_on_touch
 from .display.shown import shown
 from .inputs.arguments import GREAT, SMALL, Numbers, checked
 from .inputs.checks import check_count
@@ -54,6 +54,8 @@ def _rows_or_one(rows: np.ndarray) -> np.ndarray:
     return np.array(rows[:1] if alike and (rows == rows[0]).all() else rows, order="C")
 
 
+# Rays of a bundle from whose results the tracing of the others is planned.
+PILOT_RAYS = 512
 # The unit disc as a pupil.
 UNIT_DISC = SquareMap(RING, 0, 0, np.zeros(1))
 
@@ -187,8 +189,21 @@ class RayBundle(ReadOnly):
         return RayBundle(position, direction, np.atleast_1d(np.asarray(self.weight)[rows]))
 
     def rows(self, rows) -> "RayBundle":
-        """Return the rays of a slice or index array with equal weights; only these are copied from a device."""
-        return RayBundle(self.held("position")[rows], self.held("direction")[rows])
+        """Return the rays of a slice or index array with equal weights; only these are copied from a device.
+
+        They were checked with the bundle, and are not checked again.
+        """
+        position, direction = np.ascontiguousarray(self.held("position")[rows]), self.held("direction")
+        if not len(position):
+            raise ValueError("these rows hold no ray")
+        if is_one_row(direction):
+            return self.of_units(position, np.broadcast_to(direction[:1], position.shape))
+        return self.of_units(position, np.ascontiguousarray(direction[rows]))
+
+    @cached_property
+    def pilot(self) -> "RayBundle":
+        """Up to PILOT_RAYS of the rays, evenly spread over their order: their results show how to trace the others."""
+        return self.rows(np.linspace(0, self.ray_count - 1, min(PILOT_RAYS, self.ray_count)).round().astype(int))
 
     def part(self, rows: Any) -> "RayBundle":
         """Return the rays of an array of indices (NumPy's or Warp's) with equal weights, on the device they are on."""

@@ -35,7 +35,6 @@ from .unresolved import Sampling
 
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096
-PILOT_RAYS = 512
 # Greatest distance of samples in cells. Structure between the samples is bounded from the field as well.
 WIDEST = 6.0
 LEAST_SAMPLES = 36
@@ -70,12 +69,6 @@ def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
     if not (isinstance(field.samples, UniformGrid) and field.interpolation == "cubic"):
         return False
     return ray_count >= LEAST_RAYS and not isinstance(until, ArcLength)
-
-
-def pilot_of(rays: RayBundle) -> RayBundle:
-    """Some of the rays, evenly spread over the bundle's order."""
-    rows = np.linspace(0, rays.ray_count - 1, min(PILOT_RAYS, rays.ray_count)).round().astype(int)
-    return rays.rows(rows)
 
 
 def spread_of(geometry: str, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> RayBundle:

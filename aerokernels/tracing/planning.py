@@ -16,7 +16,7 @@ from ..rays import RayBundle
 from .allowance import step_allowance
 from .engines.choice import choose_backend
 from .error_limit import error_limit
-from .leapfrog import fit_leapfrog, may_be_leapfrog, pilot_of, spread_of
+from .leapfrog import fit_leapfrog, may_be_leapfrog, spread_of
 from .lever_arms import lever_arms_of
 from .lines import box_size
 from .plan import LEAPFROG, METHODS, PRECISIONS, TracePlan
@@ -106,12 +106,12 @@ def plan_bundle(field: IndexField, rays: RayBundle, until, *, method="auto", ste
     """Return the plan of a bundle whose rays are at hand; the other arguments are those of `make_plan`."""
     return plan_rays(
         field,
-        partial(pilot_of, rays),
+        lambda: rays.pilot,
         rays.ray_count,
         until,
         method=method,
         step=step,
-        directions=rays.direction if rays.device is None else pilot_of(rays).direction,
+        directions=rays.direction if rays.device is None else rays.pilot.direction,
         spread=partial(spread_of, field.geometry, rays, until),
         **choices,
     )

@@ -9,9 +9,8 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from ..rays import Pupil, RayBundle
+from ..rays import PILOT_RAYS, Pupil, RayBundle
 from .lattice_quadrature import ACCEPTED, ENOUGH, LATTICES, lattice_sizes, may_still_settle
-from .leapfrog import PILOT_RAYS
 from .lines import box_size
 from .plan import TracePlan
 from .planning import check_choices, plan_rays

@@ -24,6 +24,8 @@ from .status import RayStatus, reached
 # steps.
 RETRACE_SHARE = 0.5
 LEAST_SHARE = 1e-4
+# The results by which a ray is judged.
+JUDGED = ("status", "step_error")
 # From this many waves on, an error estimate means only that there is no bound.
 UNBOUNDED = 1e6
 
@@ -50,16 +52,30 @@ def retrace_rejected(
     rows = rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET, arrays["step_error"], limit)
     if not len(rows):
         return
-    part = {name: array[rows] for name, array in arrays.items()}
-    _retrace(field, rays.rows(rows), plan, until, wavelength, part, limit)
+    # From a device only the results by which rays are judged are read: new ones replace the others.
+    part = {name: array[rows] if name in JUDGED else _room(array[:0], len(rows)) for name, array in arrays.items()}
+    replaced = _retrace(field, rays.rows(rows), plan, until, wavelength, part, limit)
     for name, array in arrays.items():
-        array[rows] = part[name]
+        if name in JUDGED:
+            array[rows] = part[name]
+        else:
+            array[rows[replaced]] = part[name][replaced]
+
+
+def _room(none: np.ndarray, count: int) -> np.ndarray:
+    """Return an uninitialised array of `count` rows like those of an array without rows."""
+    return np.empty((count, *none.shape[1:]), none.dtype)
 
 
 def _retrace(
     field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, arrays: dict, limit: float
-) -> None:
-    """Trace again those of the given rays that are above the allowed error `limit` [m]; change `arrays` in place."""
+) -> np.ndarray:
+    """Trace again those of the given rays that are above the allowed error `limit` [m]; change `arrays` in place.
+
+    Returns:
+        Which rays have new results; for the others only the arrays JUDGED are read or changed.
+    """
+    replaced = np.zeros(rays.ray_count, bool)
     # A trace along undisturbed lines remains one; leapfrog is replaced by another method for bent rays.
     asked = "straight" if plan.method == "straight" and not plan.sample_count else "adaptive"
     controlled = replace(plan, method=asked, sample_count=0, sampling=None)
@@ -74,6 +90,7 @@ def _retrace(
         ended = reached(others["status"]) | (others["status"] == RayStatus.STOP_NOT_REACHED)
         better = ended & (others["step_error"] < arrays["step_error"][rows])
         taken = lost | better
+        replaced[rows[taken]] = True
         for name, array in arrays.items():
             array[rows[taken]] = others[name][taken]
 
@@ -98,6 +115,7 @@ def _retrace(
     status, holds = arrays["status"], arrays["step_error"] <= plan.tolerance * wavelength
     status[(status == RayStatus.OK) & ~holds] = RayStatus.TOLERANCE_NOT_MET
     status[(status == RayStatus.TOLERANCE_NOT_MET) & holds] = RayStatus.OK
+    return replaced
 
 
 def _powers(error: np.ndarray, limit: float) -> np.ndarray:

@@ -13,7 +13,7 @@ from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.error_limit import error_limit
 from aerokernels.tracing.launch import launch
-from aerokernels.tracing.leapfrog import LEAST_RAYS, pilot_of
+from aerokernels.tracing.leapfrog import LEAST_RAYS
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.straight_lines import lines_through
 from aerokernels.tracing.support import support_box
@@ -61,7 +61,7 @@ def bundle(slope: float) -> RayBundle:
     y[rows], x[rows] = NEEDLE + rng.uniform(-0.5, 0.5, len(rows)) * CELL, rng.uniform(-0.5, 0.5, len(rows)) * CELL
     # All through their place at z = 5 mm.
     rays = RayBundle(np.c_[x, y - slope * 6e-3, np.full(COUNT, -1e-3)], (0.0, slope, 1.0))
-    assert np.abs(pilot_of(rays).position[:, 1] + slope * 6e-3 - NEEDLE).min() > 5 * CELL
+    assert np.abs(rays.pilot.position[:, 1] + slope * 6e-3 - NEEDLE).min() > 5 * CELL
     return rays
 
 

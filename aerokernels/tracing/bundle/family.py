@@ -33,6 +33,7 @@ SAMPLE, COUNTED = 1 << 13, 1 << 16
 # Margin around the parameters of the sample, as a fraction of their range: the sample may lack the outermost rays.
 ROOM = 0.01
 GOLDEN = 0.6180339887498949
+NO_PENCIL = "their lines are neither parallel nor meet in one point"
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,11 +132,12 @@ def some_rows(ray_count: int, most: int) -> np.ndarray:
 
 def find_family(field: IndexField, rays: RayBundle, until) -> Family | str:
     """The family that the rays belong to, or a sentence that says why they form none."""
-    rows = some_rows(rays.ray_count, SAMPLE)
-    some = rays.rows(rows)
-    position, direction = some.position, some.direction
     close = CLOSE * float(np.min(field.spacing))
-    parallel = bool(np.abs(direction - direction[0]).max() <= EQUAL)
+    if not _is_pencil(rays.pilot.position, rays.pilot.direction, close):
+        return NO_PENCIL
+    some = rays.rows(some_rows(rays.ray_count, SAMPLE))
+    position, direction = some.position, some.direction
+    parallel = _are_parallel(direction)
     if parallel:
         axis, origin = direction[0], np.zeros(3)
     else:
@@ -143,9 +145,9 @@ def find_family(field: IndexField, rays: RayBundle, until) -> Family | str:
         if not np.linalg.norm(axis) > 0.1:
             return "their directions have no common axis"
         axis = axis / np.linalg.norm(axis)
-        apex = position[0] if np.abs(position - position[0]).max() == 0.0 else _apex(position, direction, close)
+        apex = _apex(position, direction, close)
         if apex is None:
-            return "their lines are neither parallel nor meet in one point"
+            return NO_PENCIL
         origin = _rounded_apex(apex, direction, axis, close)
     least = _least_of_box(field, axis)
     furthest = float((position @ axis).max())
@@ -173,6 +175,15 @@ def find_family(field: IndexField, rays: RayBundle, until) -> Family | str:
     return replace(family, low=first, high=last)
 
 
+def _is_pencil(position: np.ndarray, direction: np.ndarray, close: float) -> bool:
+    """Whether the lines are parallel or pass through one point; a few of a bundle's rays nearly always tell."""
+    return _are_parallel(direction) or _apex(position, direction, close) is not None
+
+
+def _are_parallel(direction: np.ndarray) -> bool:
+    return bool(np.abs(direction - direction[0]).max() <= EQUAL)
+
+
 def _extent(low: np.ndarray, high: np.ndarray) -> np.ndarray | None:
     """Range of parameters, shape (2,); None where all parameters are the same."""
     extent = high - low
@@ -186,7 +197,9 @@ def _rounded_range(low: np.ndarray, high: np.ndarray, extent: np.ndarray) -> tup
 
 
 def _apex(position: np.ndarray, direction: np.ndarray, close: float) -> np.ndarray | None:
-    """The point through which all lines pass [m], by least squares; None where there is none."""
+    """The point through which all lines pass [m], by least squares unless all start there; None where there is none."""
+    if np.abs(position - position[0]).max() == 0.0:
+        return np.asarray(position[0])
     middle = position.mean(axis=0)
     p = position - middle
     matrix = len(p) * np.eye(3) - direction.T @ direction

@@ -22,6 +22,9 @@ def known_family(field: IndexField, rays: RayBundle, until, known: list[Family])
     for family in known:
         if isinstance(until, ArcLength) and np.isfinite(family.ahead):
             continue  # the length of the rays matters, so they cannot be shifted along their lines
+        # An image has many bundles: testing a few rays rules out most families.
+        if not family.holds_for(rays.pilot.position, rays.pilot.direction).all():
+            continue
         ends = parameter_range(field, rays, family)
         if ends is not None and family.serves(*ends):
             return family
@@ -42,9 +45,6 @@ def parameter_range(field: IndexField, rays: RayBundle, family: Family) -> tuple
         key = ("rows of a family on a device", position.device, count)
         there = field.derive(key, lambda: rows_on_device(rows, position.device), CACHED)
         return range_on_device(family, there, position.buffer, direction.buffer)
-    # An image has many bundles: testing a single ray rules out most families.
-    if not family.holds_for(np.asarray(position[:1]), np.asarray(direction[:1])).all():
-        return None
     some, along = np.asarray(position[rows]), np.asarray(direction[rows])
     if not family.holds_for(some, along).all():
         return None

@@ -14,7 +14,7 @@ from ..engines import engine_of
 from ..error_limit import error_limit
 from ..known_air import face_strengths
 from ..launch import in_chunks, starts_of
-from ..leapfrog import LEAST_RAYS, pilot_of
+from ..leapfrog import LEAST_RAYS
 from ..lever_arms import lever_arms_of
 from ..lines import box_size
 from ..plan import BundleCounts, TracePlan
@@ -146,7 +146,7 @@ def _find_table(request: BundleRequest, family: Family, channels: int) -> Bundle
 def _limits(request: BundleRequest, limit: float) -> Limits:
     """The error limits of patches; a direction's is the slope that changes the path by its limit over one cell."""
     error = PATCH_SHARE * limit
-    lever_arms = lever_arms_of(request.field, pilot_of(request.rays), request.until)
+    lever_arms = lever_arms_of(request.field, request.rays.pilot, request.until)
     turn = limit / float(np.min(request.field.spacing))
     scale = np.full(CHANNELS, error)
     scale[1:4] = turn
@@ -173,7 +173,7 @@ class _Tracer:
 def _line_plan(request: BundleRequest, share: float) -> TracePlan:
     """The plan that traces rays with error control to a fraction `share` of the tolerance."""
     choices = {**request.choices, "tolerance": share * request.choices["tolerance"]}
-    directions = pilot_of(request.rays).direction
+    directions = request.rays.pilot.direction
     return make_plan(
         request.field, method="auto", step=None, wavelength=request.wavelength, directions=directions, **choices
     )
