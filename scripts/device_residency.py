@@ -19,7 +19,7 @@ import numpy as np
 import warp as wp
 
 from aerokernels import Disc, RayBundle, trace
-from aerokernels.benchmark.bundle_scenes import APERTURE, CONE_HALF, SLOPE, bundle_scene
+from aerokernels.benchmark.bundle_scenes import APERTURE, CONE_HALF, SLOPE, bundle_scene, rays_on
 from aerokernels.tracing.result import RAY_OUTPUTS
 from aerokernels.validation.report import markdown_table
 
@@ -53,13 +53,6 @@ def plain_copy(device: str, up: int, down: int, repeats: int) -> float:
     return median(copy, repeats)[0]
 
 
-def on(device: str, rays: RayBundle) -> RayBundle:
-    """Return the same rays on a device."""
-    position, direction = (wp.array(np.array(each), dtype=wp.vec3d, device=device) for each in
-                           (rays.position, rays.direction))  # fmt: skip
-    return RayBundle(position, direction)
-
-
 def made(count: int, seed: int, device: str) -> RayBundle:
     """Return slanted rays through a disc, made on the device."""
     pupil = Disc(APERTURE, -CONE_HALF[2] * SLOPE / SLOPE[2], SLOPE)
@@ -70,8 +63,10 @@ def rows(kind: str, count: int, repeats: int, device: str) -> list[list[str]]:
     """Return the table's rows of one bundle."""
     scene = bundle_scene(kind)
     field, host = scene.make_field(), scene.make_rays(count, 1)
-    there = on(device, host)
-    others = cycle([on(device, scene.make_rays(count, seed)) for seed in (2, 3)])  # a field caches only the last bundle
+    there = rays_on(device, host)
+    others = cycle(
+        [rays_on(device, scene.make_rays(count, seed)) for seed in (2, 3)]
+    )  # a field caches only the last bundle
     choices = {"until": scene.until, "backend": "warp", "device": device}
     seeds = count_from(1)
     found = []

@@ -65,6 +65,14 @@ def bundle_rays(kind: str, ray_count: int, seed: int) -> RayBundle:
     return RayBundle(middle - CONE_HALF[2] * way / way[:, 2:], way)
 
 
+def rays_on(device: str, rays: RayBundle) -> RayBundle:
+    """The same rays on a device of Warp."""
+    import warp as wp
+
+    arrays = (np.array(each) for each in (rays.position, rays.direction))
+    return RayBundle(*(wp.array(each, dtype=wp.vec3d, device=device) for each in arrays))
+
+
 def turbulent_field() -> IndexField:
     """Random phases with the amplitude spectrum |k|^(-11/6), faded out at the faces of the box."""
     count, spacing = TURBULENT_NODES, TURBULENT_SPACING

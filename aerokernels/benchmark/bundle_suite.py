@@ -1,7 +1,8 @@
 """The suite "bundles": rays of any kind, interpolated between traced rays, traced one by one, and traced by Dr.Jit.
 
 Three clocks for each: a new field (everything is computed anew, kernels are compiled), a new seed (other rays of the
-same bundle), and the same call again. Kernel and CPU times are those of the last.
+same bundle), and the same call again. Kernel and CPU times are those of the last; by Warp on a GPU the kernel's time is
+that of a call with rays on the device, since otherwise it includes copies of the rays.
 """
 
 import importlib.util
@@ -12,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.benchmark.bundle_scenes import KINDS, BundleScene, bundle_scene
+from aerokernels.benchmark.bundle_scenes import KINDS, BundleScene, bundle_scene, rays_on
 from aerokernels.benchmark.errors import chosen_rays, errors
 from aerokernels.benchmark.measuring import measure, plan_facts, spread, traced_clocks
 from aerokernels.benchmark.peers import drjit_schemes, measured_scheme
@@ -73,6 +74,10 @@ def _run(
     others = [scene.make_rays(settings.ray_count, seed) for seed in range(2, 2 + settings.repeats)]
     seeded = [measure(partial(call, field, some), 0).first_seconds for some in others]
     timing = measure(lambda: call(field, rays), settings.repeats)
+    on_cpu, kernels = on_processor(backend, device), None
+    if backend == "warp" and not on_cpu:
+        there = rays_on(device, rays)
+        kernels = measure(lambda: call(field, there), settings.repeats)
     result = timing.results[-1]
     assert result.direction is not None and result.opd is not None
     counts = result.plan.bundle
@@ -90,7 +95,7 @@ def _run(
         "plan": plan_facts(result.plan),
         "fresh_field_seconds": fresh.first_seconds,
         "new_seed_seconds": spread(seeded),
-        **traced_clocks(timing, rays.ray_count, on_processor(backend, device)),
+        **traced_clocks(timing, rays.ray_count, on_cpu, kernels),
         "first_call_seconds": compiled.first_seconds,
         "compile_seconds": compiled.first.seconds["compile"],
         "rays_traced": traced,

@@ -71,11 +71,14 @@ def clocks(count: int, kernel: Sequence[float], wall: Sequence[float], processor
     }
 
 
-def traced_clocks(timing: Timing, count: int, on_cpu: bool) -> dict:
-    """Times of the first call and `clocks` of the others, of a call whose results have `seconds`; per core on a CPU."""
+def traced_clocks(timing: Timing, count: int, on_cpu: bool, kernels: Timing | None = None) -> dict:
+    """Times of the first call and `clocks` of the others, of a call whose results have `seconds`; per core on a CPU.
+
+    `kernels` are calls from which the kernel's time is taken, if not from the same ones.
+    """
     from aerokernels.process.machine import core_count
 
-    kernel = [result.seconds["kernel"] for result in timing.results]
+    kernel = [result.seconds["kernel"] for result in (kernels or timing).results]
     return {
         "first_call_seconds": timing.first_seconds,
         "compile_seconds": timing.first.seconds["compile"],

@@ -72,12 +72,17 @@ def ray_ends(momentum_x: Any, momentum_y: Any, opd: Any, potential: Any, evaluat
 
 @dataclass(frozen=True, eq=False)
 class Scheme:
-    """One scheme of a peer: its description, precision and device, and a call that traces all rays."""
+    """One scheme of a peer: its description, precision and device, and a call that traces all rays.
+
+    `start` starts the kernels without waiting for them, and `wait` waits, where the peer can do so.
+    """
 
     text: str
     precision: str
     device: str
     run: Callable[[], RayEnds]
+    start: Callable[[], Any] | None = None
+    wait: Callable[[], None] | None = None
 
 
 def peer_runs(settings: Settings) -> Iterator[dict]:
@@ -282,18 +287,22 @@ def drjit_schemes(field: IndexField, rays: RayBundle, step_counts: Iterable[int]
             y += drift * momentum_y
             return i + 1, x, y, momentum_x, momentum_y, opd
 
-        def run() -> RayEnds:
-            begin = time.perf_counter()
+        def start() -> Any:
             opd = dr.zeros(kind.Float, rays.ray_count)
             state = (kind.UInt(0), *(kind.Float(one) for one in (x0, y0, momentum_x0, momentum_y0)), opd)
             _, x, y, momentum_x, momentum_y, opd = dr.while_loop(state, lambda i, *_: i < steps, body)
             value = lookup(x, y, kind.Float(CONE_HALF[2]))[0]
             dr.eval(momentum_x, momentum_y, opd, value)
+            return momentum_x, momentum_y, opd, value
+
+        def run() -> RayEnds:
+            begin = time.perf_counter()
+            momentum_x, momentum_y, opd, value = start()
             dr.sync_thread()
             spent = time.perf_counter() - begin
             return ray_ends(momentum_x.numpy(), momentum_y.numpy(), opd.numpy(), value.numpy(), float(steps), spent)
 
-        return Scheme(text, "float32", "cuda" if on_gpu else "cpu (LLVM)", run)
+        return Scheme(text, "float32", "cuda" if on_gpu else "cpu (LLVM)", run, start, dr.sync_thread)
 
     for steps in step_counts:
         yield scheme(f"{steps} fixed steps, cubic texture", cubic_lookup, steps)
