@@ -176,6 +176,15 @@ def rows_there(status: np.ndarray | DeviceArray, code: int) -> Any:
     return np.flatnonzero(np.asarray(status) == code)
 
 
+def rows_beside(array: np.ndarray | DeviceArray, rows: np.ndarray) -> Any:
+    """Return row numbers where `array` is, to be used several times: a warp.array or a NumPy array."""
+    if not isinstance(array, DeviceArray):
+        return rows
+    import warp
+
+    return warp.array(rows, dtype=warp.int32, device=array.device)
+
+
 def rows_where(
     status: np.ndarray | DeviceArray, code: int, error: np.ndarray | DeviceArray | None = None, limit: float = 0.0
 ) -> np.ndarray:

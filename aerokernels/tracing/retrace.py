@@ -6,11 +6,12 @@ the requested precision, if it was not traced so already, then in float64 with t
 RETRACE_SHARE. A ray that is above the tolerance even then gets the status TOLERANCE_NOT_MET.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from ..device_arrays import on_host, rows_where
+from ..device_arrays import rows_beside, rows_where
 from ..inputs.warned import warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
@@ -24,8 +25,6 @@ from .status import RayStatus, reached
 # steps.
 RETRACE_SHARE = 0.5
 LEAST_SHARE = 1e-4
-# The results by which a ray is judged.
-JUDGED = ("status", "step_error")
 # From this many waves on, an error estimate means only that there is no bound.
 UNBOUNDED = 1e6
 
@@ -52,70 +51,71 @@ def retrace_rejected(
     rows = rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET, arrays["step_error"], limit)
     if not len(rows):
         return
-    # From a device only the results by which rays are judged are read: new ones replace the others.
-    part = {name: array[rows] if name in JUDGED else _room(array[:0], len(rows)) for name, array in arrays.items()}
-    replaced = _retrace(field, rays.rows(rows), plan, until, wavelength, part, limit)
-    for name, array in arrays.items():
-        if name in JUDGED:
-            array[rows] = part[name]
-        else:
-            array[rows[replaced]] = part[name][replaced]
+    # From a device only the results by which rays are judged are read.
+    there = rows_beside(arrays["status"], rows)
+    part = rays.part(rows if rays.device is None else there)
+    status, error = arrays["status"][rows], arrays["step_error"][rows]
+
+    def trace_again(chosen: np.ndarray, attempt: TracePlan) -> None:
+        """Trace these rays of the part again; a ray that got worse, or was lost, keeps its previous results."""
+        some = part if len(chosen) == len(rows) else part.part(chosen)
+        found = launch(field, some, attempt, until, wavelength, frozenset(arrays) - {"status"}, are_read=True)
+        new_status, new_error = np.asarray(found["status"]), np.asarray(found["step_error"])
+        lost = ~reached(status[chosen]) | ~np.isfinite(error[chosen])
+        ended = reached(new_status) | (new_status == RayStatus.STOP_NOT_REACHED)
+        taken = np.flatnonzero(lost | (ended & (new_error < error[chosen])))
+        replaced = chosen[taken]
+        status[replaced], error[replaced] = new_status[taken], new_error[taken]
+        for name in arrays.keys() - {"status", "step_error"}:
+            if len(taken) == len(rows):
+                arrays[name][there] = found[name]
+            else:
+                arrays[name][rows[replaced]] = found[name][taken]
+
+    _trace_rejected(trace_again, plan, status, error, limit)
+    holds = error <= plan.tolerance * wavelength
+    status[(status == RayStatus.OK) & ~holds] = RayStatus.TOLERANCE_NOT_MET
+    status[(status == RayStatus.TOLERANCE_NOT_MET) & holds] = RayStatus.OK
+    arrays["status"][there], arrays["step_error"][there] = status, error
 
 
-def _room(none: np.ndarray, count: int) -> np.ndarray:
-    """Return an uninitialised array of `count` rows like those of an array without rows."""
-    return np.empty((count, *none.shape[1:]), none.dtype)
+def _trace_rejected(
+    trace_again: Callable[[np.ndarray, TracePlan], None],
+    plan: TracePlan,
+    status: np.ndarray,
+    error: np.ndarray,
+    limit: float,
+) -> None:
+    """Trace rays again that are above the allowed error `limit` [m], attempt by attempt.
 
-
-def _retrace(
-    field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, arrays: dict, limit: float
-) -> np.ndarray:
-    """Trace again those of the given rays that are above the allowed error `limit` [m]; change `arrays` in place.
-
-    Returns:
-        Which rays have new results; for the others only the arrays JUDGED are read or changed.
+    Args:
+        trace_again: Traces the rays of these numbers by this plan, and updates `status` and `error`.
+        plan: How the rays were traced.
+        status: Status of each ray.
+        error: Error of each ray [m].
+        limit: The allowed error [m].
     """
-    replaced = np.zeros(rays.ray_count, bool)
     # A trace along undisturbed lines remains one; leapfrog is replaced by another method for bent rays.
     asked = "straight" if plan.method == "straight" and not plan.sample_count else "adaptive"
     controlled = replace(plan, method=asked, sample_count=0, sampling=None)
-
-    def trace_again(rows: np.ndarray, attempt: TracePlan) -> None:
-        found = launch(
-            field, rays.rows(rows), attempt, until, wavelength, frozenset(arrays) - {"status"}, are_read=True
-        )
-        others = on_host(found)
-        # A ray that got worse, or was lost in this attempt, keeps its previous results.
-        lost = ~reached(arrays["status"][rows]) | ~np.isfinite(arrays["step_error"][rows])
-        ended = reached(others["status"]) | (others["status"] == RayStatus.STOP_NOT_REACHED)
-        better = ended & (others["step_error"] < arrays["step_error"][rows])
-        taken = lost | better
-        replaced[rows[taken]] = True
-        for name, array in arrays.items():
-            array[rows[taken]] = others[name][taken]
-
     if plan.looks_up_cubes:  # the spline may be accurate where the polynomials of cubes are not
-        rows = np.flatnonzero(_rejected(arrays, limit) & np.isfinite(arrays["step_error"]))
-        if len(rows):
-            trace_again(rows, replace(plan, cubes=False))
+        chosen = np.flatnonzero(_rejected(status, error, limit) & np.isfinite(error))
+        if len(chosen):
+            trace_again(chosen, replace(plan, cubes=False))
     if plan.sample_count:
-        rows = np.flatnonzero(_rejected(arrays, limit))
-        if len(rows):
-            trace_again(rows, controlled)
+        chosen = np.flatnonzero(_rejected(status, error, limit))
+        if len(chosen):
+            trace_again(chosen, controlled)
     # An estimate in single precision may be rounding alone: it does not show which steps float64 needs.
     is_known = plan.precision == "float64" and asked == plan.method
-    share = np.ones(rays.ray_count)  # of the tolerance, by which each ray was traced
+    share = np.ones(len(status))  # of the tolerance, by which each ray was traced
     for round_number in range(2 if is_known else 3):
-        rejected = _rejected(arrays, limit)
-        powers = _powers(arrays["step_error"], limit) if is_known or round_number else 1.0
+        rejected = _rejected(status, error, limit)
+        powers = _powers(error, limit) if is_known or round_number else 1.0
         share = np.where(rejected, np.maximum(share * RETRACE_SHARE**powers, LEAST_SHARE), share)
         for part in np.unique(share[rejected]):
-            rows = np.flatnonzero(rejected & (share == part))
-            trace_again(rows, replace(controlled, precision="float64", tolerance=part * plan.tolerance))
-    status, holds = arrays["status"], arrays["step_error"] <= plan.tolerance * wavelength
-    status[(status == RayStatus.OK) & ~holds] = RayStatus.TOLERANCE_NOT_MET
-    status[(status == RayStatus.TOLERANCE_NOT_MET) & holds] = RayStatus.OK
-    return replaced
+            chosen = np.flatnonzero(rejected & (share == part))
+            trace_again(chosen, replace(controlled, precision="float64", tolerance=part * plan.tolerance))
 
 
 def _powers(error: np.ndarray, limit: float) -> np.ndarray:
@@ -129,11 +129,10 @@ def _powers(error: np.ndarray, limit: float) -> np.ndarray:
     return np.maximum(np.ceil(np.log(np.maximum(excess, 1.0)) / -np.log(RETRACE_SHARE) + 0.4), 1.0)
 
 
-def _rejected(arrays: dict, budget: float) -> np.ndarray:
-    """Which rays must be traced again: above the budget [m], or outside what the method can estimate (infinite)."""
-    error, status = arrays["step_error"], arrays["status"]
-    # A ray that passes beside its stop by an error above the budget may meet it.
-    return ~(error <= budget) & (reached(status) | (status == RayStatus.STOP_NOT_REACHED) | np.isinf(error))
+def _rejected(status: np.ndarray, error: np.ndarray, limit: float) -> np.ndarray:
+    """Which rays must be traced again: above the limit [m], or outside what the method can estimate (infinite)."""
+    # A ray that passes beside its stop by an error above the limit may meet it.
+    return ~(error <= limit) & (reached(status) | (status == RayStatus.STOP_NOT_REACHED) | np.isinf(error))
 
 
 def report_rejected(plan: TracePlan, count: int, ray_count: int, greatest: float | None, wavelength: float):

@@ -16,6 +16,8 @@ from .outputs import build_write_outputs
 from .patches import build_in_patch
 
 # The outputs that a block's header has for all its rays.
+# Per thread of a GPU; more, as the compiler would take, or fewer make the kernel slower.
+MOST_REGISTERS = 128
 COSTS = output_mask(frozenset(("step_error", "step_count", "evaluation_count")))
 
 
@@ -28,7 +30,7 @@ def build_bundle_kernel(library: KernelLibrary, channel_count: int):
     write_outputs = build_write_outputs(library)
     ok = int(RayStatus.OK)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, cuda_max_registers=MOST_REGISTERS)
     @takes("deliver_bundle", library.precision)
     def deliver_bundle(
         block_map,
