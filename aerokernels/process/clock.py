@@ -6,16 +6,19 @@ at most its "total", the wall time of the whole call; the rest is Python between
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from typing import TypeVar
+
+T = TypeVar("T")
 
 # Meaning of the entries of a mapping `seconds`.
 STAGES = {
     "plan": "checks, and choosing how to trace, the tables for that included",
     "upload": "fields and rays to the device",
     "compile": "building kernels",
-    "kernel": "launches, from the first to the end of the last",
+    "kernel": "launches, from the first to the end of the last, without copies that the host makes between them",
     "download": "results to the host",
     "landing": "of a picture: where the rays of its pixels land, the field's edge included",
     "spread": "of a picture: the point spread functions of its nodes",
@@ -72,3 +75,15 @@ def stage(name: str) -> Iterator[None]:
             seconds[name] = seconds.get(name, 0.0) + max(spent - within[0], 0.0)
         if outer is not None:
             outer[0] += spent
+
+
+def staged(name: str, items: Iterable[T]) -> Iterator[T]:
+    """Yield the items; the time that it takes to find each counts as the named stage."""
+    rest = iter(items)
+    while True:
+        with stage(name):
+            try:
+                item = next(rest)
+            except StopIteration:
+                return
+        yield item

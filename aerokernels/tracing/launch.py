@@ -7,7 +7,7 @@ import numpy as np
 from ..device_arrays import DeviceArray, rows_where
 from ..medium import IndexField
 from ..medium.grid_places import known
-from ..process.clock import stage
+from ..process.clock import stage, staged
 from ..rays import RayBundle
 from .coherence import coherent_order
 from .engines import OUTPUT_TYPES, Prepared, engine_of
@@ -201,7 +201,7 @@ def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -
         given, chunks = engine.bring(starts)
         fetching = engine.fetching({name: results[name] for name in wanted}, starts)
     with stage("kernel"):
-        for rows in chunks:
+        for rows in staged("upload", chunks):
             if rows == slice(0, ray_count):
                 prepared.launch(given, results, ray_count)
             else:

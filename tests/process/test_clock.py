@@ -1,11 +1,12 @@
 """The one clock: stages interrupt each other, inner clocks run with outer ones, nothing is counted twice."""
 
 import time
+from collections.abc import Iterator
 
 import numpy as np
 
 from aerokernels import IndexField, RayBundle, trace
-from aerokernels.process.clock import STAGES, clocked, processor_clocked, stage
+from aerokernels.process.clock import STAGES, clocked, processor_clocked, stage, staged
 
 
 def test_a_stage_within_another_interrupts_it():
@@ -19,6 +20,17 @@ def test_a_stage_within_another_interrupts_it():
     assert seconds["plan"] >= 0.02 and seconds["compile"] >= 0.02
     assert seconds["plan"] + seconds["compile"] <= seconds["total"]
     assert seconds["kernel"] == seconds["upload"] == seconds["download"] == 0.0
+
+
+def test_finding_the_next_item_is_a_stage_within_the_one_that_uses_it():
+    def found() -> Iterator[int]:
+        for number in range(3):
+            time.sleep(0.005)
+            yield number
+
+    with clocked() as seconds, stage("kernel"):
+        assert list(staged("upload", found())) == [0, 1, 2]
+    assert seconds["upload"] >= 0.015 > seconds["kernel"]
 
 
 def test_an_outer_clock_has_what_inner_ones_have():
