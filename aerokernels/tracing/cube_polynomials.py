@@ -19,6 +19,7 @@ from numpy.polynomial import Legendre, Polynomial, legendre
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from ..medium.grid_places import known
 from ..medium.spline import SUPPORT, weights
 from .scheme import CUBE_ROW, CUBE_SIDE
 from .straight_lines import Lines
@@ -33,6 +34,8 @@ POWERS = sorted(
 WHOLE = sum(sum(powers) < DEGREE for powers in POWERS)
 # Points of a Gauss rule in each cell, for which the projection is exact.
 GAUSS = 4
+# Kinds of cubes, whole or cut off by the grid's end along each axis, whose operators are cached.
+CACHED = 8  # speed only
 # Windows of coefficients that are processed together.
 SLAB = 1 << 14  # speed only
 # The greatest deviation of the potential anywhere over the greatest at the tested points: nodes and the middles of
@@ -83,7 +86,7 @@ def _cube_polynomials(grid: UniformGrid) -> np.ndarray:
     steepest = DEGREE * 2.0 / (CUBE_SIDE * float(grid.spacing.min()))  # slope of a power over its size
     for parts in product(*(_parts(count) for count in cells)):
         place = tuple(part for part, _ in parts)
-        operators, points = _operators([inside for _, inside in parts], grid.spacing)
+        operators, points = _operators_on(grid, tuple(inside for _, inside in parts))
         for first in _slabs(place[0], table[place].size // CUBE_ROW):
             some = first, *place[1:]
             made = operators @ windows[some].reshape(-1, width**3).T
@@ -112,7 +115,7 @@ def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
     width = CUBE_SIDE + SUPPORT["cubic"] - 1
     node = [CUBE_SIDE * cube[:, axis, None] + np.arange(width) for axis in range(3)]
     windows = grid.coefficients[node[0][:, :, None, None], node[1][:, None, :, None], node[2][:, None, None, :]]
-    operators, points = _operators([CUBE_SIDE] * 3, grid.spacing)
+    operators, points = _operators_on(grid, (CUBE_SIDE,) * 3)
     # Without lines the arrays are empty: the rays meet no disturbed air.
     made = operators[: len(POWERS) + points] @ windows.reshape(len(cube), width**3).astype(np.float32).T
     value, _ = _value_bound(made[: len(POWERS)], np.abs(made[len(POWERS) :]))
@@ -142,7 +145,14 @@ def _slabs(cubes: slice, count: int) -> Iterator[slice]:
         yield slice(first, min(first + layers, cubes.stop))
 
 
-def _operators(inside: list[int], spacing: np.ndarray) -> tuple[np.ndarray, int]:
+def _operators_on(grid: UniformGrid, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
+    """The operators of `_operators`, cached with the grid's node positions."""
+    key = "operators of cubes", inside
+    found: tuple[np.ndarray, int] = known(grid, key, lambda: _operators(inside, grid.spacing), CACHED)
+    return found
+
+
+def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray, int]:
     """The operator from a window of coefficients to a cube's polynomial and its deviations from the spline.
 
     Args:
