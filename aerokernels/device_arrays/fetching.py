@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from .pinned import Lent, as_kind, layout_of, pinned_memory
+from .pinned import as_kind, layout_of, pinned_memory
+from .pinned_memory import Lent
 
 
 class Coming:
@@ -46,7 +47,7 @@ class Fetching:
             taken = pinned_memory().take(buffer.size * warp.types.type_size_in_bytes(buffer.dtype))
             if taken is None:
                 return None
-            memory[name] = Lent(taken, *layout_of(buffer))
+            memory[name] = Lent(pinned_memory(), taken, *layout_of(buffer))
         return cls(buffers, memory)
 
     def rows(self, rows: slice) -> None:

@@ -1,112 +1,30 @@
-"""Copies between host and GPU through pinned memory, which the GPU accesses directly at full speed.
-
-Pinning memory takes longer than copying through it: pinned memory is cached for the next copy, within limits, and so is
-the memory of a result's arrays once the result is deleted.
-"""
+"""Warp's copies between host and GPU through pinned memory, which the GPU accesses directly at full speed."""
 
 import os
-import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
-from ..process.machine import core_count, host_memory
+from ..process.machine import core_count
 from ..process.opened import OPENED
+from .pinned_memory import LEAST, Lent, PinnedMemory
 
-# Arrays of fewer bytes are copied without pinned memory.
-LEAST = 1 << 20
-# Share of the host's memory that may be pinned, and most unused pinned memory that is cached [bytes].
-PINNED_SHARE, KEPT = 0.25, 4 << 30
-# Cached memory is reused for an array that fills at least this share of it.
-FILLED = 0.75
 # Rays copied to a GPU together, threads that copy them, and chunks on their way at once.
 ROWS, THREADS, SLOTS = 1 << 19, 12, 16
 
 
-class PinnedMemory:
-    """Cache of this process's pinned memory; thread-safe."""
-
-    def __init__(self) -> None:
-        """Start empty."""
-        self._free: list[Any] = []
-        self._pinned = 0
-        self._lock = threading.RLock()  # reentrant: the garbage collector may delete an array during `take`
-
-    def take(self, size: int) -> Any:
-        """Return a pinned warp.array of at least so many bytes; None if no more may be pinned."""
-        import warp
-
-        with self._lock:
-            fitting = [each for each in self._free if FILLED * each.size <= size <= each.size]
-            if fitting:
-                best = min(fitting, key=lambda each: each.size)
-                self._free = [each for each in self._free if each is not best]
-                return best
-            size = -(-size // LEAST) * LEAST
-            if self._pinned + size > PINNED_SHARE * host_memory():
-                self._drop(size)
-                if self._pinned + size > PINNED_SHARE * host_memory():
-                    return None
-            try:
-                made = warp.empty(size, dtype=warp.uint8, device="cpu", pinned=True)
-            except RuntimeError:
-                return None
-            self._pinned += size
-            return made
-
-    def give_back(self, buffer: Any) -> None:
-        """Return memory that was taken and that no copy uses."""
-        with self._lock:
-            self._free.append(buffer)
-            while sum(each.size for each in self._free) > KEPT:
-                self._pinned -= self._free.pop(0).size
-
-    def _drop(self, size: int) -> None:
-        """Unpin so many bytes of unused memory, or all of it."""
-        while self._free and size > 0:
-            gone = self._free.pop(0)
-            self._pinned -= gone.size
-            size -= gone.size
-
-
-class Lent:
-    """Pinned memory as a NumPy array; returned to the cache when the last array on it is deleted.
-
-    Attributes:
-        buffer: The pinned warp.array.
-        event: Event recorded after the pending copies to this memory; None if there are none.
-        source: Array that they copy.
-    """
-
-    def __init__(self, buffer: Any, shape: tuple[int, ...], dtype: np.dtype):
-        """Wrap memory that was taken, for an array of this shape and type."""
-        self.buffer = buffer
-        self.event: Any = None
-        self.source: Any = None
-        self.__array_interface__ = {"data": (buffer.ptr, False), "shape": shape, "typestr": dtype.str, "version": 3}
-
-    def wait(self) -> None:
-        """Wait for the pending copies to this memory."""
-        if self.event is not None:
-            import warp
-
-            warp.synchronize_event(self.event)
-            self.event = self.source = None
-
-    def __del__(self) -> None:
-        """Return the memory to the cache."""
-        with suppress(Exception):  # the process may be ending
-            self.wait()
-            pinned_memory().give_back(self.buffer)
-
-
 def pinned_memory() -> PinnedMemory:
     """Return this process's cache of pinned memory."""
-    memory: PinnedMemory = OPENED.once(("pinned memory", os.getpid()), PinnedMemory)
+    memory: PinnedMemory = OPENED.once(("pinned memory", os.getpid()), lambda: PinnedMemory(_pinned))
     return memory
+
+
+def _pinned(size: int) -> Any:
+    import warp
+
+    return warp.empty(size, dtype=warp.uint8, device="cpu", pinned=True)
 
 
 def to_host(buffer: Any) -> np.ndarray:
@@ -122,7 +40,7 @@ def to_host(buffer: Any) -> np.ndarray:
     taken = pinned_memory().take(size)
     if taken is None:
         return np.asarray(buffer.numpy())
-    array = np.asarray(Lent(taken, *layout_of(buffer)))
+    array = np.asarray(Lent(pinned_memory(), taken, *layout_of(buffer)))
     warp.copy(as_kind(taken, buffer.dtype, len(buffer)), buffer)
     warp.synchronize_stream(buffer.device)
     return array

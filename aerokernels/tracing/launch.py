@@ -91,7 +91,7 @@ def in_chunks(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozense
     def fetch(name: str, rows: slice) -> None:
         width, kind = OUTPUT_TYPES[name]
         if name not in arrays:
-            arrays[name] = np.zeros((ray_count, width) if width > 1 else ray_count, dtype=kind)
+            arrays[name] = engine.room((ray_count, width) if width > 1 else (ray_count,), kind)
         engine.get(results[name], arrays[name][rows])
 
     for first in range(0, max(ray_count, 1), chunk):

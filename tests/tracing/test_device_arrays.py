@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from aerokernels import RayBundle
-from aerokernels.device_arrays import pinned
+from aerokernels.device_arrays import pinned, pinned_memory
 from aerokernels.device_arrays.array import DeviceArray, extremes_of, is_one_row, rows_there, rows_where
 from aerokernels.device_arrays.foreign import host_array
 from aerokernels.device_arrays.rays import checked_rays
+from aerokernels.tracing.engines import available_backends, engine_of
 
 wp = pytest.importorskip("warp")
 RANDOM = np.random.default_rng(5)
@@ -137,17 +138,16 @@ def test_pinned_memory_is_used_again_and_bounded(monkeypatch):
     """A quarter of 64 MB may be pinned, of which 8 MB is kept though nobody uses it. Memory is stood in for."""
     made = []
 
-    def empty(size, **_):
+    def empty(size):
         if len(made) > 20:
             raise RuntimeError("no more")
         made.append(size)
         return np.zeros(size, np.uint8)
 
-    size = pinned.LEAST
-    monkeypatch.setattr(wp, "empty", empty)
-    monkeypatch.setattr(pinned, "host_memory", lambda: 64.0 * size)
-    monkeypatch.setattr(pinned, "KEPT", 8 * size)
-    memory = pinned.PinnedMemory()
+    size = pinned_memory.LEAST
+    monkeypatch.setattr(pinned_memory, "host_memory", lambda: 64.0 * size)
+    monkeypatch.setattr(pinned_memory, "KEPT", 8 * size)
+    memory = pinned_memory.PinnedMemory(empty)
     first = memory.take(size - 5)
     assert first.size == size  # whole pages
     memory.give_back(first)
@@ -160,7 +160,27 @@ def test_pinned_memory_is_used_again_and_bounded(monkeypatch):
     # Of 16 MB one is still lent, and no two fit beside seven twos.
     assert len(made) == before + 7 and sum(each is not None for each in held) == 7
     made.extend([0] * 20)
-    assert pinned.PinnedMemory().take(size) is None  # the driver has none
+    assert pinned_memory.PinnedMemory(empty).take(size) is None  # the driver has none
+
+
+def test_opencl_lends_its_pinned_memory_again():
+    """Results are copied to it; it is free once the last array on it is gone. PoCL stands in for a GPU's driver."""
+    if not any(info.backend == "opencl" and info.available for info in available_backends()):
+        pytest.skip("no OpenCL here")
+    engine = engine_of("opencl", None)
+    engine.is_gpu = True  # of this object alone
+    memory = engine.session.pinned
+    values = RANDOM.normal(size=(1 << 17, 3))
+    lent = engine.room(values.shape, np.float64)
+    engine.get(engine.put(values), lent)
+    assert np.array_equal(lent, values)
+    part, address = lent[5:], lent.ctypes.data
+    del lent
+    other = engine.room(values.shape, np.float64)
+    assert other.ctypes.data != address and np.array_equal(part, values[5:])
+    del part
+    assert engine.room(values.shape, np.float64).ctypes.data == address
+    assert engine.room((7,), np.int32).base is None and memory.take(1 << 62) is None
 
 
 def test_what_is_no_array_of_numbers_is_refused():

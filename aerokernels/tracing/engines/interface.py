@@ -95,6 +95,9 @@ class Engine(Protocol):
     def empty(self, count: int, width: int = 1, kind: type = np.float64) -> Any:
         """Return an uninitialised buffer of `count` rows of `width` numbers."""
 
+    def room(self, shape: tuple[int, ...], kind: type) -> np.ndarray:
+        """Return an uninitialised array on the host for `get`: on a GPU of memory that it copies to at full speed."""
+
     def get(self, buffer: Any, array: np.ndarray) -> None:
         """Wait for the launched kernels, and copy the first rows of a buffer into the array."""
 

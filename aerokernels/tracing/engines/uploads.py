@@ -36,6 +36,10 @@ class Uploads(ABC):
     def computed_coefficients(self, field: IndexField, precision: str) -> Any:
         """Return a grid's coefficients if this device has computed them, else None."""
 
+    def room(self, shape: tuple[int, ...], kind: type) -> np.ndarray:
+        """See interface.py."""
+        return np.empty(shape, kind)
+
     def uploaded(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
     ) -> tuple[FieldData, dict[str, dict]]:

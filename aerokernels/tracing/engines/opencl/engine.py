@@ -8,6 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from ....device_arrays import is_one_row
+from ....device_arrays.pinned_memory import LEAST, Lent
 from ....medium import IndexField
 from ....process.clock import stage
 from ...bundle.table import BundleTable
@@ -204,6 +205,14 @@ class Engine(Uploads):
         if self.session.pool is not None and size <= POOLED:
             return self.session.pool.allocate(size)
         return cl.Buffer(self.session.context, cl.mem_flags.READ_WRITE, size)
+
+    def room(self, shape: tuple[int, ...], kind: type) -> np.ndarray:
+        """Return an uninitialised array for `get`; for a GPU a large one is in pinned memory, within limits."""
+        size = int(np.prod(shape)) * np.dtype(kind).itemsize
+        taken = self.session.pinned.take(size) if self.is_gpu and size >= LEAST else None
+        if taken is None:
+            return super().room(shape, kind)
+        return np.asarray(Lent(self.session.pinned, taken, shape, np.dtype(kind)))
 
     def get(self, buffer, array: np.ndarray) -> None:
         """Wait for the launched kernels, and copy the first rows of a buffer into the array."""

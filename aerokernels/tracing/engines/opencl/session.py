@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from ....device_arrays.pinned_memory import PinnedMemory
+
 
 @dataclass(frozen=True, eq=False)
 class Session:
@@ -51,6 +53,13 @@ class Session:
 
             self.own.queue = cl.CommandQueue(self.context, self.device)
         return self.own.queue
+
+    @cached_property
+    def pinned(self) -> PinnedMemory:
+        """Cache of host memory that a GPU's driver has pinned."""
+        from .transfers import Mapped
+
+        return PinnedMemory(lambda size: Mapped(self.context, self.first_queue, size))
 
     @cached_property
     def pool(self) -> Any:

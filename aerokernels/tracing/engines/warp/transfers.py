@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ....device_arrays.pinned import LEAST, as_kind, pinned_memory
+from ....device_arrays.pinned import as_kind, pinned_memory
+from ....device_arrays.pinned_memory import LEAST
 
 
 class Sent:
