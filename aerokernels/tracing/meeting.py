@@ -10,7 +10,7 @@ from ..medium.grid_places import known
 from ..rays import RayBundle
 from .lines import box_span
 
-FEW, CHUNK = 1 << 7, 1 << 14
+CHUNK = 1 << 14
 # Bundles whose test result is cached with a grid's node positions.
 CACHED = 4  # speed only
 
@@ -27,10 +27,9 @@ def greatest_contrast(field: IndexField) -> float:
 def is_any_meeting(field: IndexField, rays: RayBundle) -> bool:
     """Whether any ray of a bundle meets the field's box ahead of its start."""
     chunks = (slice(first, first + CHUNK) for first in range(0, rays.ray_count, CHUNK))
-    return any(  # the first few rays are nearly always enough
-        box_span(field, rays.held("position")[rows], rays.held("direction")[rows]).meets.any()
-        for rows in chain([slice(0, FEW)], chunks)
-    )
+    parts = ((rays.held("position")[rows], rays.held("direction")[rows]) for rows in chunks)
+    pilot = rays.pilot.position, rays.pilot.direction  # nearly always enough
+    return any(box_span(field, *part).meets.any() for part in chain([pilot], parts))
 
 
 def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:

@@ -26,17 +26,19 @@ class Engine(Protocol):
 
     Attributes:
         device: Name of the device.
-        memory: Total memory of the device, and the largest single allocation [bytes].
         is_gpu: Whether the device is a GPU.
         grid_tables: The GRID_TABLES that the device computes faster than NumPy, see tracing/grid_tables.py.
         grid_key: Key under which a grid caches the float64 spline coefficients computed on the device.
     """
 
     device: str
-    memory: tuple[float, float]
     is_gpu: bool
     grid_tables: tuple[str, ...]
     grid_key: tuple
+
+    @property
+    def memory(self) -> tuple[float, float]:
+        """Total memory of the device, and the largest single allocation [bytes]."""
 
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray

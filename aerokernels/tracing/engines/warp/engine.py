@@ -1,6 +1,7 @@
 """The Warp engine: uploads a field once, and launches kernels over all cores of a CPU or on a GPU."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 from operator import is_
 from typing import Any
 
@@ -36,9 +37,9 @@ from .types import types
 SHARED = (pupil.sum_moments, pupil.sum_phasors)
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the cost of the launch.
 CHUNK = 4096
-# The share of the device's memory that one result may occupy; the number of rays from which they are copied to a GPU
-# chunk by chunk.
-KEPT_SHARE, MANY = 0.25, 1 << 19
+# The bytes, and the share of the device's memory, that one result may occupy; the number of rays from which they are
+# copied to a GPU chunk by chunk.
+ALWAYS_KEPT, KEPT_SHARE, MANY = 1 << 24, 0.25, 1 << 19
 # The share of a GPU's memory that its pool may hold, used and unused memory together.
 POOL_SHARE = 0.5
 SCALARS: dict[Any, type] = {
@@ -58,14 +59,18 @@ class Engine(Uploads):
         start_warp()
         self.device = device
         found = wp.get_device(device)
-        memory = float(found.total_memory if found.is_cuda else host_memory())
-        self.memory = memory, memory
         self.is_gpu = bool(found.is_cuda)
         self.grid_key = "coefficients", "warp", device
         self.grid_tables: tuple[str, ...] = GRID_TABLES if found.is_cuda else ()
         self.outputs: tuple[list, Any] = [], None
         if found.is_cuda:
             OPENED.once(("memory kept", device), lambda: _keep_memory(found))
+
+    @cached_property
+    def memory(self) -> tuple[float, float]:
+        """See interface.py; of a CPU it takes half a millisecond to find."""
+        memory = float(wp.get_device(self.device).total_memory if self.is_gpu else host_memory())
+        return memory, memory
 
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
@@ -127,7 +132,7 @@ class Engine(Uploads):
 
     def keeps(self, size: float) -> bool:
         """Whether results of `size` bytes take at most KEPT_SHARE of the device's memory."""
-        return size <= KEPT_SHARE * self.memory[0]
+        return size <= ALWAYS_KEPT or size <= KEPT_SHARE * self.memory[0]
 
     def bring(self, starts: Sequence[Any]) -> tuple[list[wp.array], Iterable[slice]]:
         """Return buffers for the rays; many rays are copied from the host to a GPU chunk by chunk."""
