@@ -94,12 +94,18 @@ class PupilRun:
                 key = "headings", task.look.tobytes(), together
                 self.headings = self._constant(key, lambda: np.repeat(task.look[None], together, axis=0))
         self.no_surface = self._phasor_numbers(np.zeros(4))
-        self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined_counts(task.per_replicate)]
+        *joined, _ = joined_counts(task.per_replicate)
+        self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined]
         self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
-        buffers, arrays = [self.sums[-1]], [np.zeros(self.widest * SUM_COUNT)]
+        arrays = [np.zeros(self.widest * SUM_COUNT)]
         if self.prepared.rejected is not None:
-            buffers, arrays = [*buffers, self.prepared.rejected], [*arrays, np.zeros(1, np.int32)]
-        self.reading = engine.fetched(buffers, arrays)
+            arrays.append(np.zeros(1, np.int32))
+        self.reading = engine.fetched(arrays)
+        self.sums.append(self.reading.buffers[0])
+        if self.prepared.rejected is not None:
+            self.prepared.rejected = self.reading.buffers[1]
+            if engine.is_gpu:  # on a CPU the buffer is the array
+                engine.clear(self.prepared.rejected)
         # A single batch, whose rays are made on the device, repeats the same launches for each seed.
         self.repeat = engine.recorded() if len(self.batches) == 1 and not task.is_radial else None
 

@@ -99,10 +99,13 @@ class Engine(Protocol):
         """Wait for the launched kernels, and copy the first rows of a buffer into the array."""
 
     def sent(self, array: np.ndarray) -> "Sent":
-        """Return a buffer with a copy of an array of numbers, for an array that is uploaded repeatedly."""
+        """Return a buffer for an array of numbers that is uploaded repeatedly, the first time by `Sent.send`."""
 
-    def fetched(self, buffers: Sequence[Any], arrays: Sequence[np.ndarray]) -> "Fetched":
-        """Return an object that copies buffers together into arrays shaped like `arrays`, repeatedly."""
+    def fetched(self, arrays: Sequence[np.ndarray]) -> "Fetched":
+        """Return uninitialised buffers for the numbers of arrays, which are copied to the host together, repeatedly.
+
+        Rows of two or three float64 are vectors for the kernels. On a CPU the buffers may share the arrays' memory.
+        """
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
         """Return a callable that runs the same work repeatedly: launches, `Sent` and `Fetched` on the same buffers.
@@ -116,6 +119,9 @@ class Engine(Protocol):
         The kernel's arguments are `before`, the number of the first ray or group, and `after`; a dictionary of
         buffers stands for the struct of outputs.
         """
+
+    def clear(self, buffer: Any) -> None:
+        """Set the first number of a buffer of int32 to 0, without waiting on a GPU."""
 
     def wait(self) -> None:
         """Wait for the kernels that this thread launched."""
@@ -140,13 +146,22 @@ class Sent(Protocol):
 
 
 class Fetched(Protocol):
-    """Buffers and the host arrays that receive them; see `Engine.fetched`."""
+    """Buffers and the host arrays that receive them; see `Engine.fetched`.
+
+    Attributes:
+        buffers: One for each array; they are valid as long as this object.
+    """
+
+    buffers: Sequence[Any]
 
     def start(self) -> None:
         """Start to copy the buffers in the state that the kernels launched so far leave them in."""
 
     def wait(self) -> Sequence[np.ndarray]:
         """Wait for the copies and return the arrays, which are valid until the next `start`."""
+
+    def taken(self) -> Sequence[np.ndarray]:
+        """Wait for the last copies; return arrays that stay valid."""
 
 
 @dataclass(eq=False)

@@ -38,7 +38,12 @@ def by_value(value):
     return value
 
 
-@dataclass(frozen=True, eq=False)
+def lasting(given: list) -> list:
+    """Return the arguments that a kernel out of use may keep: numbers and structs, but no buffers."""
+    return [value if isinstance(value, (int, float, np.ndarray)) else None for value in given]
+
+
+@dataclass(eq=False)
 class Kernel:
     """A kernel object with one owner, whose arguments are set one by one.
 
@@ -46,13 +51,15 @@ class Kernel:
         kernel: PyOpenCL's kernel object.
         lanes: Rays that a work-item moves.
         items: Work-items per ray or group of the launch.
-        given: The arguments of the last launch, which are not set again if unchanged.
+        given: The arguments that are set, which are not set again if unchanged.
+        last: The list of arguments of the last launch.
     """
 
     kernel: Any
     lanes: int = 1
     items: int = 1
     given: list = field(default_factory=list)
+    last: list | None = None
 
     def set(self, arguments: list) -> None:
         """Set the arguments that have changed since the last launch.
@@ -60,11 +67,13 @@ class Kernel:
         They are set one by one, because calling the kernel would use PyOpenCL's launchers, which PyOpenCL caches on
         disk and which a damaged file would make unusable.
         """
+        if arguments is self.last:
+            return
         known = self.given if len(self.given) == len(arguments) else [None] * len(arguments)
         for number, (new, old) in enumerate(zip(arguments, known, strict=True)):
             if new is not old and not (type(new) is type(old) and isinstance(new, (int, float)) and new == old):
                 self.kernel.set_arg(number, by_value(new))
-        self.given[:] = arguments
+        self.given[:] = self.last = arguments
 
     def size(self, count: int) -> tuple[int]:
         """Number of work-items of a launch: whole work-groups, at least one; the kernel ignores the surplus."""

@@ -21,7 +21,7 @@ from .devices import session
 from .launchers import give_back, take_kernel
 from .program import WORK_GROUP, build, build_options, lane_count
 from .tables import cell_polynomials, may_be_packed
-from .transfers import Fetched, Sent
+from .transfers import Fetched, Recorded, Sent, Shared
 
 # On a GPU, numbers below 1e-38 are flushed to zero: roots and quotients then take fewer instructions.
 FLUSH = "-cl-denorms-are-zero"
@@ -92,7 +92,7 @@ class Engine(Uploads):
         with stage("compile"):
             program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
             kernel = self._kernel(program, "leapfrog" if leapfrog else "trace_kernel", packets * lanes)
-            rejected = self.put(np.zeros(1, np.int32)) if leapfrog else None
+            rejected = self._counter() if leapfrog else None
             # Without shared lookups, to order rays costs more than it saves.
             shares = lanes > 1 and not plan.looks_up_cubes
             prepared = Prepared(self, kernel, arguments, outputs, rejected, is_packed=shares)
@@ -139,9 +139,9 @@ class Engine(Uploads):
 
     def _kernel(self, program, name: str, lanes: int = 1, items: int = 1) -> Kernel:
         """Return a kernel of a program; its kernel object is reused after the kernel is garbage-collected."""
-        taken = take_kernel(self.session, program, name)
-        kernel = Kernel(taken, lanes, items)
-        weakref.finalize(kernel, give_back, self.session, program, name, taken).atexit = False
+        taken, given = take_kernel(self.session, program, name)
+        kernel = Kernel(taken, lanes, items, given)
+        weakref.finalize(kernel, give_back, self.session, program, name, taken, given).atexit = False
         return kernel
 
     def keeps(self, size: float) -> bool:
@@ -198,6 +198,18 @@ class Engine(Uploads):
         """Return an uninitialised buffer of `count` rows of `width` numbers."""
         return self._memory(max(1, count) * width * np.dtype(kind).itemsize)
 
+    def _counter(self):
+        """Return a buffer with one number, 0; on a GPU a waiting copy would take as long as tracing some rays."""
+        if not self.is_gpu:
+            return self.put(np.zeros(1, np.int32))
+        made = self.empty(1, kind=np.int32)
+        self.clear(made)
+        return made
+
+    def clear(self, buffer) -> None:
+        """Set the first number of a buffer of int32 to 0 without waiting."""
+        cl.enqueue_fill_buffer(self.session.queue, buffer, np.int32(0), 0, 4)
+
     def _memory(self, size: int):
         """Return a buffer of `size` bytes; on a GPU from the pool, which would waste memory for very large ones."""
         size = max(size, 1)
@@ -212,21 +224,28 @@ class Engine(Uploads):
 
     def sent(self, array: np.ndarray) -> "Sent":
         """See interface.py."""
-        return Sent(self.session.queue if self.is_gpu else None, array, self.share(array))
+        return Sent(self.session, array, self._memory(array.nbytes) if self.is_gpu else self.share(array))
 
-    def fetched(self, buffers: Sequence[Any], arrays: Sequence[np.ndarray]) -> "Fetched":
+    def fetched(self, arrays: Sequence[np.ndarray]) -> "Fetched | Shared":
         """See interface.py."""
-        return Fetched(self.session, buffers, arrays, self._memory)
+        if self.is_gpu:
+            return Fetched(self.session, arrays, self._memory)
+        return Shared(self.session, arrays, [self.share(array) for array in arrays])
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
-        """Return a callable that simply does the work: there are no graphs."""
-        return lambda work: work()
+        """Return a callable that starts the same launches and copies again, without setting arguments."""
+        return Recorded(self.session)
 
     def launch(self, kernel: Kernel, before: list, after: list, count: int):
         """Start a kernel over all rays, or groups of rays; return its event."""
         outputs = [buffer for value in after for buffer in (value.values() if isinstance(value, dict) else [value])]
-        kernel.set([*before, 0, count, *outputs])
-        return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, kernel.size(count), (WORK_GROUP,))
+        arguments, size = [*before, 0, count, *outputs], kernel.size(count)
+
+        def start() -> Any:
+            kernel.set(arguments)
+            return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, size, (WORK_GROUP,))
+
+        return self.session.do(start)
 
     def wait(self) -> None:
         """Wait for the kernels that this thread launched."""

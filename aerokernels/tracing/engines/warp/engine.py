@@ -29,7 +29,7 @@ from .kernels.team import WARP
 from .kernels.trace import build_kernel
 from .library import library_of
 from .loading import load_module
-from .transfers import Fetched, Recorded, Sent
+from .transfers import Fetched, Recorded, Sent, Shared
 from .types import types
 
 # Kernels in which a warp of a GPU shares one group of rays.
@@ -190,11 +190,15 @@ class Engine(Uploads):
 
     def sent(self, array: np.ndarray) -> Sent:
         """See interface.py."""
+        if self.is_gpu:
+            return Sent(array, wp.empty(array.shape, dtype=SCALARS[array.dtype], device=self.device))
         return Sent(array, self.share(array))
 
-    def fetched(self, buffers: Sequence[wp.array], arrays: Sequence[np.ndarray]) -> Fetched:
+    def fetched(self, arrays: Sequence[np.ndarray]) -> Fetched | Shared:
         """See interface.py."""
-        return Fetched(buffers, arrays)
+        if self.is_gpu:
+            return Fetched(self.device, arrays, [_kind_of(array) for array in arrays])
+        return Shared(arrays, [self.share(array) for array in arrays])
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
         """Return a callable that records the work as a CUDA graph; on the CPU one that simply does the work."""
@@ -215,6 +219,10 @@ class Engine(Uploads):
 
         chunk = max(1, min(CHUNK, -(-count // core_count())))
         in_threads(run, range(0, count, chunk))
+
+    def clear(self, buffer: wp.array) -> None:
+        """Set the numbers of a buffer to 0 without waiting."""
+        buffer.zero_()
 
     def wait(self) -> None:
         """Wait for the launched kernels; on the CPU a launch has ended when it returns."""
@@ -250,6 +258,12 @@ class Engine(Uploads):
         made = wp.empty(len(found), dtype=types(precision).real, device=self.device)
         self.launch(kernel, [found], [made], len(found))
         return made
+
+
+def _kind_of(array: np.ndarray) -> tuple[type, int]:
+    """Return Warp's type of an array's entries, and their number: rows of float64 become vectors."""
+    kind = SCALARS[array.dtype]
+    return (VECTORS[array.shape[1]], len(array)) if array.ndim == 2 and kind is wp.float64 else (kind, array.size)
 
 
 def _keep_memory(device: wp.Device) -> None:
