@@ -14,7 +14,7 @@ from ..rays import RayBundle
 from .engines import OUTPUT_TYPES, engine_of
 from .lattice_quadrature import smoothed_axes
 from .launch import RAY_BYTES
-from .pupil_fit import fit_surface, moments_in_metres
+from .pupil_fit import fit_surface, metres_of, moments_in_metres
 from .pupil_sums import (
     MOMENT_COUNT,
     PUPIL_OUTPUTS,
@@ -93,6 +93,7 @@ class PupilRun:
             if task.is_radial:
                 key = "headings", task.look.tobytes(), together
                 self.headings = self._constant(key, lambda: np.repeat(task.look[None], together, axis=0))
+        self.metres = metres_of(task)
         self.no_surface = self._phasor_numbers(np.zeros(4))
         *joined, _ = joined_counts(task.per_replicate)
         self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined]
@@ -156,7 +157,7 @@ class PupilRun:
             numbers = self._phasor_numbers(fit_surface(sums[:, :MOMENT_COUNT], task.terms))
             for batch in kept:
                 sums[batch.rows] = self._sums(batch, numbers)
-        moments = moments_in_metres(sums[:, :MOMENT_COUNT], task)
+        moments = moments_in_metres(sums[:, :MOMENT_COUNT], task, self.metres)
         phasors = sums[:, MOMENT_COUNT] + 1j * sums[:, MOMENT_COUNT + 1]
         return PupilSums(moments, phasors, task.replicates * task.per_replicate, rejected)
 
