@@ -35,25 +35,45 @@ def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
     Raises:
         ValueError: The grid does not fit the device.
     """
+    begun_grid(engine, grid)()
+
+
+def begun_grid(engine: Engine, grid: UniformGrid) -> Callable[[], None]:
+    """Start what `prepare_grid` computes; return a function that waits for it, which must be called.
+
+    Until then the device may write into memory of the grid's coefficients.
+
+    Raises:
+        ValueError: The grid does not fit the device.
+    """
     shape = grid.shape
     is_flat = len(shape) == 2
     if grid.interpolation != "cubic" or min(shape) < LEAST_COUNT or len(shape) < 2:
-        return
+        return _nothing
     if grid.samples.size < (LEAST_FLAT if is_flat else LEAST_NODES) or (is_flat and engine.is_gpu):
-        return
+        return _nothing
     is_known = "coefficients" in grid.__dict__ or grid.held(FETCH) is not None
     size = 8 * math.prod(count + 2 for count in shape)
     if is_known or not engine.grid_tables or size > engine.memory[1]:
-        return
+        return _nothing
     tables = _Tables(engine, grid, GRID_KERNELS[:1] if is_flat else GRID_KERNELS)
-    found = tables.found(() if is_flat else engine.grid_tables)
-    engine.settle()
-    grid.derive(engine.grid_key, lambda: tables.coefficients)
-    # Not a method of the tables, which have the grid: a cycle would keep its memory, on the device too.
-    fetch = partial(_fetched, engine, tables.coefficients, tables.on_host, grid.coefficient_shape)
-    grid.derive(FETCH, lambda: fetch)
-    for name, table in found.items():
-        grid.derive(name, partial(lambda table: table, table))
+    read = tables.started(() if is_flat else engine.grid_tables)
+
+    def finish() -> None:
+        found = read()
+        engine.settle()
+        grid.derive(engine.grid_key, lambda: tables.coefficients)
+        # Not a method of the tables, which have the grid: a cycle would keep its memory, on the device too.
+        fetch = partial(_fetched, engine, tables.coefficients, tables.on_host, grid.coefficient_shape)
+        grid.derive(FETCH, lambda: fetch)
+        for name, table in found.items():
+            grid.derive(name, partial(lambda table: table, table))
+
+    return finish
+
+
+def _nothing() -> None:
+    """Do nothing: the host computes the tables, or they are known."""
 
 
 class _Tables:
@@ -92,10 +112,10 @@ class _Tables:
     def _pivots(self, nodes: int, even: bool) -> Any:
         return self.engine.put(pivots(nodes, even))
 
-    def found(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """Tables by name; all launches are started before any result is awaited."""
+    def started(self, names: tuple[str, ...]) -> Callable[[], dict[str, Any]]:
+        """Start the launches of some tables; return a function that waits for the tables, by name."""
         if not names:
-            return {}
+            return dict
         first, second, third = (count + 2 for count in self.shape)
         blocks = tuple(_blocks(count, self.block) for count in self.shape)
         makers: dict[str, tuple[list[tuple[int, ...]], Callable[..., None], Callable[..., Any]]] = {
@@ -109,8 +129,12 @@ class _Tables:
             shapes, start, _ = makers[name]
             start(*(next(buffers) for _ in shapes))
         reading.start()
-        read = iter(reading.taken())
-        return {name: makers[name][2](*(next(read) for _ in makers[name][0])) for name in names}
+
+        def read() -> dict[str, Any]:
+            arrays = iter(reading.taken())
+            return {name: makers[name][2](*(next(arrays) for _ in makers[name][0])) for name in names}
+
+        return read
 
     def _roughness(self, *made: Any) -> None:
         """Launch the greatest fourth differences in blocks along each axis, into these buffers."""

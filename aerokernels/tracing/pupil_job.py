@@ -10,6 +10,8 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import Pupil, RayBundle
+from .engines import engine_of
+from .grid_tables import begun_grid
 from .lattice_quadrature import ACCEPTED, ENOUGH, LATTICES, lattice_sizes, may_still_settle
 from .leapfrog import PILOT_RAYS
 from .lines import box_size
@@ -166,12 +168,16 @@ def make_job(
     tolerance = choices["tolerance"]
     check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
     pilot, air_rays = (None, None) if like is None else like.samples
+    begun = _begun(field, like)  # the device computes tables while the host examines the air at the faces
     seen = (weakref.ref(pupil), tuple(look.tolist()), like is None)  # cache key for the same pupil with other seeds
-    air = field.derive(
-        ("air of a pupil", *seen, tolerance * wavelength),
-        lambda: pupil_air(field, pupil, look, tolerance * wavelength, air_rays),
-        CACHED,
-    )
+    try:
+        air = field.derive(
+            ("air of a pupil", *seen, tolerance * wavelength),
+            lambda: pupil_air(field, pupil, look, tolerance * wavelength, air_rays),
+            CACHED,
+        )
+    finally:
+        begun()
     pilot = field.derive(
         ("pilot of a pupil", *seen),
         lambda: pilot or RayBundle.collimated(pupil, PILOT_RAYS, direction=look),
@@ -236,6 +242,13 @@ def share_places(field: IndexField, other: IndexField) -> None:
     """Share results that depend only on the nodes' positions between two fields on the same uniform grid."""
     if isinstance(field.samples, UniformGrid) and isinstance(other.samples, UniformGrid):
         field.samples.share_places(other.samples)
+
+
+def _begun(field: IndexField, like: PupilJob | None) -> Callable[[], None]:
+    """Start the tables of a grid that a job like this one needs; return a function that waits for them."""
+    if like is None or not like.plan.sample_count or not isinstance(field.samples, UniformGrid):
+        return lambda: None
+    return begun_grid(engine_of(like.plan.backend, like.plan.device), field.samples)
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:

@@ -158,7 +158,7 @@ class PupilRun:
             for batch in kept:
                 sums[batch.rows] = self._sums(batch, numbers)
         moments = moments_in_metres(sums[:, :MOMENT_COUNT], task, self.metres)
-        phasors = sums[:, MOMENT_COUNT] + 1j * sums[:, MOMENT_COUNT + 1]
+        phasors = sums[:, MOMENT_COUNT:].copy().view(np.complex128)[:, 0]
         return PupilSums(moments, phasors, task.replicates * task.per_replicate, rejected)
 
     def _buffers(self, number: int) -> dict[str, Any]:

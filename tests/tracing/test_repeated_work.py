@@ -78,12 +78,12 @@ def test_buffers_are_sent_and_fetched_together(name: str):
     """Of three types and lengths, twice; what is sent is there, what is fetched is what the buffers hold then."""
     engine = engine_of(**on(name))
     arrays = [np.arange(5, dtype=np.int32), np.linspace(0.0, 1.0, 7), np.arange(3, dtype=np.uint32)]
-    buffers = [engine.put(array) for array in arrays]
-    read = engine.fetched(buffers, [np.zeros_like(array) for array in arrays])
+    arrays.append(np.arange(12.0).reshape(4, 3))
+    read = engine.fetched([np.zeros_like(array) for array in arrays])
     sent = engine.sent(np.zeros(4, np.uint32))
     for number in (1, 2):
         arrays = [array + array.dtype.type(number) for array in arrays]
-        for buffer, array in zip(buffers, arrays, strict=True):
+        for buffer, array in zip(read.buffers, arrays, strict=True):
             engine.put_into(buffer, array)
         sent.array[:] = number
         sent.send()
@@ -92,6 +92,9 @@ def test_buffers_are_sent_and_fetched_together(name: str):
         there = np.zeros(4, np.uint32)
         engine.get(sent.buffer, there)
         assert np.all(there == number)
+    engine.clear(read.buffers[0])
+    read.start()
+    assert read.taken()[0][0] == 0
 
 
 @pytest.mark.parametrize("name", ENGINES)

@@ -71,8 +71,13 @@ class Kernel:
             return
         known = self.given if len(self.given) == len(arguments) else [None] * len(arguments)
         for number, (new, old) in enumerate(zip(arguments, known, strict=True)):
-            if new is not old and not (type(new) is type(old) and isinstance(new, (int, float)) and new == old):
-                self.kernel.set_arg(number, by_value(new))
+            if new is old:
+                continue
+            kind = type(new)
+            if kind is int or kind is float:
+                if kind is type(old) and new == old:
+                    continue
+            self.kernel.set_arg(number, by_value(new))
         self.given[:] = self.last = arguments
 
     def size(self, count: int) -> tuple[int]:

@@ -72,7 +72,7 @@ class Engine(Uploads):
             arguments = self.arguments(field, plan, until, wavelength, outputs, directions)
             if packs:
                 arguments[FIRST_ARRAY] = self._packed_coefficients(field, plan.precision)
-        options = build_options(
+        options = self._options(
             precision=plan.precision,
             geometry=field.geometry,
             interpolation=field.interpolation,
@@ -121,7 +121,7 @@ class Engine(Uploads):
         """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
         arguments = self.bundle_arguments(table, outputs)
         with stage("compile"):
-            options = build_options(precision=table.precision, channels=table.channels)
+            options = self._options(precision=table.precision, channels=table.channels)
             kernel = self._kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle")
         return Prepared(self, kernel, arguments, outputs, None)
 
@@ -136,6 +136,14 @@ class Engine(Uploads):
         """Return the named kernels that prepare a grid."""
         with stage("compile"):
             return {name: self._kernel(build(self.session, f"{name}.cl"), name) for name in names}
+
+    def _options(self, **chosen: Any) -> tuple[str, ...]:
+        """Return `build_options` of these choices, made once."""
+        key = tuple(chosen.items())
+        found: tuple[str, ...] | None = self.session.options_of.get(key)
+        if found is None:
+            found = self.session.options_of[key] = build_options(**chosen)
+        return found
 
     def _kernel(self, program, name: str, lanes: int = 1, items: int = 1) -> Kernel:
         """Return a kernel of a program; its kernel object is reused after the kernel is garbage-collected."""
@@ -289,7 +297,7 @@ class Engine(Uploads):
             return found
         count = int(np.prod(field.samples.coefficient_shape))
         made = self.empty(count, kind=REAL_TYPES[precision])
-        program = build(self.session, "round_coefficients.cl", build_options(precision=precision))
+        program = build(self.session, "round_coefficients.cl", self._options(precision=precision))
         self.launch(self._kernel(program, "round_coefficients"), [found], [made], count)
         self.settle()
         return made

@@ -20,7 +20,8 @@ class Session:
         sources: Expanded sources, by file, folder and stamp.
         programs: Built programs, by source and options.
         launched: Programs that have been launched.
-        looked: When the package's sources were last checked, and their folder and stamp.
+        looked: When the package's sources were last checked, their folder and stamp, and programs built from them.
+        options_of: Compile options by the choices that they were made from.
         kernels: Kernels that are out of use, by program and name.
         lock: Held while a program is built.
         own: The queue of each thread, on a CPU, and the launches and copies that the thread records.
@@ -35,6 +36,7 @@ class Session:
     programs: dict = field(default_factory=dict, repr=False)
     launched: set = field(default_factory=set, repr=False)
     looked: dict = field(default_factory=dict, repr=False)
+    options_of: dict = field(default_factory=dict, repr=False)
     kernels: dict = field(default_factory=dict, repr=False)
     lock: Any = field(default_factory=threading.RLock, repr=False)
     own: threading.local = field(default_factory=threading.local, repr=False)
