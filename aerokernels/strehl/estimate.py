@@ -236,16 +236,16 @@ class PreparedStrehl:
     def for_fields(self, fields: Iterable[IndexField], seed: int = 0) -> Iterator[StrehlEstimate]:
         """Return the estimates for many other values of the field, in order: `with_field(field)(seed)`.
 
-        By OpenCL on a processor two fields are in work at a time: one is planned while the rays of the other are
-        traced. The wall times of their stages then include the time that they waited for each other. Fields are taken
-        when they are needed, at most two ahead.
+        On a processor two fields are in work at a time: one is planned while the rays of the other are traced. The wall
+        times of their stages then include the time that they waited for each other. Fields are taken when they are
+        needed, at most two ahead.
 
         Raises:
             TypeError: One of the fields is no IndexField.
             ValueError: As for `estimate_strehl`.
         """
         plan = self.job.planned  # prepares what all of them share
-        overlaps = plan.backend == "opencl" and not engine_of(plan.backend, plan.device).is_gpu
+        overlaps = plan.backend != "reference" and not engine_of(plan.backend, plan.device).is_gpu
         return in_turn(lambda field: self.with_field(field)(seed), fields, 2 if overlaps else 1)
 
     @checked

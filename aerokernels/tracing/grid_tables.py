@@ -123,7 +123,8 @@ class _Tables:
             "potential by blocks": ([blocks], self._potential, lambda found: found),
             "potential peaks": ([(second, third), (first, third)], self._peaks, _peaks_of),
         }
-        reading = self.engine.fetched([np.empty(shape) for name in names for shape in makers[name][0]])
+        sizes = [math.prod(shape) for name in names for shape in makers[name][0]]
+        reading = self.engine.fetched([np.empty(size) for size in sizes])
         buffers = iter(reading.buffers)
         for name in names:
             shapes, start, _ = makers[name]
@@ -132,7 +133,9 @@ class _Tables:
 
         def read() -> dict[str, Any]:
             arrays = iter(reading.taken())
-            return {name: makers[name][2](*(next(arrays) for _ in makers[name][0])) for name in names}
+            return {
+                name: makers[name][2](*(next(arrays).reshape(shape) for shape in makers[name][0])) for name in names
+            }
 
         return read
 

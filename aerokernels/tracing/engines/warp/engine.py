@@ -18,6 +18,7 @@ from ....process.quiet_warp import start_warp
 from ....process.threads import in_threads
 from ...bundle.table import BundleTable
 from ...plan import TracePlan
+from ...scheme import GROUP
 from ..field_data import stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import STRUCTS, Value
@@ -34,6 +35,8 @@ from .types import types
 
 # Kernels in which a warp of a GPU shares one group of rays.
 SHARED = (pupil.sum_moments, pupil.sum_phasors)
+# Kernels that take less time for each ray, or for each number, than tracing.
+SHORT = (pupil.launch_pupil, pupil.reduce_sums)
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the cost of the launch.
 CHUNK = 4096
 # The share of the device's memory that one result may occupy; the number of rays from which they are copied to a GPU
@@ -47,6 +50,11 @@ SCALARS: dict[Any, type] = {
     np.dtype(np.int32): wp.int32,
     np.dtype(np.uint32): wp.uint32,
 }
+# Names of the members of each struct that are vectors.
+VECTOR_MEMBERS = {
+    name: {each.name for each in members if each.parts[1] > 1 and not each.parts[2]}
+    for name, members in STRUCTS.items()
+}
 VECTORS = {2: wp.vec2d, 3: wp.vec3d}
 
 
@@ -58,7 +66,8 @@ class Engine(Uploads):
         start_warp()
         self.device = device
         found = wp.get_device(device)
-        memory = float(found.total_memory if found.is_cuda else host_memory())
+        # Read once: on a CPU from some twenty files of the system.
+        memory = OPENED.once(("memory", device), lambda: float(found.total_memory if found.is_cuda else host_memory()))
         self.memory = memory, memory
         self.is_gpu = bool(found.is_cuda)
         self.grid_key = "coefficients", "warp", device
@@ -218,6 +227,9 @@ class Engine(Uploads):
             wp.launch(kernel, dim=some, inputs=[*before, first, *after], device=self.device)
 
         chunk = max(1, min(CHUNK, -(-count // core_count())))
+        if kernel in SHARED or kernel in SHORT:
+            # Threads would take longer to start than few rays take.
+            chunk = max(chunk, CHUNK // GROUP if kernel in SHARED else CHUNK)
         in_threads(run, range(0, count, chunk))
 
     def clear(self, buffer: wp.array) -> None:
@@ -282,7 +294,5 @@ def _filled(name: str, members: dict, precision: str = "float64"):
     struct = getattr(t, name)()
     for member in STRUCTS[name]:
         value = members[member.name]
-        _, width, indices = member.parts
-        is_vector = width > 1 and not indices
-        setattr(struct, member.name, t.kinds[member.kind](*value) if is_vector else value)
+        setattr(struct, member.name, t.kinds[member.kind](*value) if member.name in VECTOR_MEMBERS[name] else value)
     return struct
