@@ -85,7 +85,7 @@ class _Tables:
         self.block = block_size(grid)
         self.samples = engine.share(grid.samples.reshape(-1))
         # On a CPU the coefficients share memory with the host: allocating memory takes as long as a spline.
-        self.on_host = None if engine.is_gpu else np.empty(int(np.prod(grid.coefficient_shape)))
+        self.on_host = None if engine.is_gpu else np.empty(math.prod(grid.coefficient_shape))
         *others, last = self.shape
         self.spare = engine.empty(math.prod(count + 2 for count in others) * last)
         self.coefficients = self._spline()

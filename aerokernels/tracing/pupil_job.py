@@ -125,8 +125,8 @@ class PupilJob:
     @cached_property
     def planned(self) -> TracePlan:
         """The plan of the first run, including the reasons for its choice of rays."""
-        plan = self.run.task.plan
-        return replace(plan, reasons=(*plan.reasons, *self._chosen))
+        plan, chosen = self.run.task.plan, self._chosen
+        return replace(plan, reasons=(*plan.reasons, *chosen)) if chosen else plan
 
     def planned_for(self, run: PupilRun, *more: str) -> TracePlan:
         """The plan of a run, including the reasons for its choice of rays and for taking more of them."""
@@ -192,26 +192,27 @@ def make_job(
     is_sparse = 0 < radial_rays < RADIAL_RAYS and like is not None
     known_plan = None if like is None else like.plan  # so that `like` itself need not stay alive
 
-    def plan_of(rays: int) -> TracePlan:
-        plan = field.derive(
-            # `seen` separates plans confirmed from another job from plans searched for this one, so that no answer
-            # depends on other calls.
-            ("plan of a pupil", *seen, count, rays, wavelength, tuple(choices.values())),
-            lambda: plan_rays(
-                field,
-                lambda: pilot,
-                REPLICATES * count,
-                until,
-                path_length=None,
-                wavelength=wavelength,
-                directions=look[None],
-                like=known_plan,
-                sure_count=rays,
-                **choices,
-            ),
-            CACHED,
+    def make_plan(rays: int) -> TracePlan:
+        plan = plan_rays(
+            field,
+            lambda: pilot,
+            REPLICATES * count,
+            until,
+            path_length=None,
+            wavelength=wavelength,
+            directions=look[None],
+            like=known_plan,
+            sure_count=rays,
+            **choices,
         )
         return replace(plan, reasons=(*plan.reasons, why), few_rays=is_sparse)
+
+    def plan_of(rays: int) -> TracePlan:
+        # `seen` separates plans confirmed from another job from plans searched for this one, so that no answer depends
+        # on other calls.
+        key = "plan of a pupil", *seen, count, rays, wavelength, tuple(choices.values()), why, is_sparse
+        plan: TracePlan = field.derive(key, lambda: make_plan(rays), CACHED)
+        return plan
 
     known = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
     is_known = known in sizes and not radial_rays

@@ -4,6 +4,7 @@ Names are the members of the kernels' structs Field, Bounds and Control, see lay
 backend rounds them once.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,12 +18,14 @@ from ..plan import TracePlan
 from ..result import output_mask
 from ..scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
 from ..step_bound import CONES, cones_of, step_bound
-from ..stop import ArcLength, Plane
+from ..stop import ArcLength, Plane, stop_key
 from ..support import left_out, support_box
 from ..unresolved import lookup_table
 
 # How many FieldData of recent bodies and precisions are cached for one set of grid nodes.
 KEPT = 16  # speed only
+# Supports of samples that are cached on a field.
+CACHED = 4  # speed only
 # A mesh whose coordinates exceed so many lengths of its box counts as far from 0.
 FAR_BOX = 2.0
 # Greatest count of steps: the kernels' counters have 32 bits.
@@ -148,8 +151,8 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
 
 def _grid_members(samples: UniformGrid) -> dict[str, object]:
     shape = samples.coefficient_shape
-    if np.prod(shape) >= 2**31:
-        raise ValueError(f"{np.prod(shape)} coefficients do not fit the kernel's 32-bit index: use a coarser grid")
+    if math.prod(shape) >= 2**31:
+        raise ValueError(f"{math.prod(shape)} coefficients do not fit the kernel's 32-bit index: use a coarser grid")
     pitch = [1] * 3
     for axis in range(len(shape) - 2, -1, -1):
         pitch[axis] = pitch[axis + 1] * shape[axis + 1]
@@ -207,7 +210,8 @@ def trace_members(
 ) -> tuple[dict, dict]:
     """Return the members of Bounds and of Control that depend on the plan, the stop and the requested outputs."""
     bounds: dict[str, object] = {"plane_point": np.zeros(3), "plane_normal": np.zeros(3), "length": 0.0}
-    bounds |= _support_members(field, plan, wavelength)
+    samples = _sample_members(field, plan, wavelength)
+    bounds |= samples["Bounds"]
     control: dict[str, object] = {
         "plane_normal": np.zeros(3),
         "plane_offset": 0.0,
@@ -220,12 +224,15 @@ def trace_members(
         "sample_count": plan.sample_count,
         "outputs": output_mask(outputs),
     }
-    control |= _left_members(field, plan, wavelength)
+    control |= samples["Control"]
     if isinstance(until, Plane):
         bounds |= {"plane_point": until.point, "plane_normal": until.normal}
         control["plane_normal"] = until.normal * data.spacing
         control["plane_offset"] = float(until.normal @ (until.point - data.origin))
-        control["plane_in_box"] = int(_comes_near(until, field.box, NEAR_BOX * float(np.max(data.spacing))))
+        place = "plane in box", field.geometry, stop_key(until)
+        margin = NEAR_BOX * float(np.max(data.spacing))
+        near = known(field.samples, place, lambda: _comes_near(until, field.box, margin), KEPT)
+        control["plane_in_box"] = int(near)
     elif isinstance(until, ArcLength):
         bounds["length"] = until.length
     return bounds, control
@@ -237,6 +244,19 @@ def _comes_near(plane: Plane, box: tuple[np.ndarray, np.ndarray], margin: float)
     ends = np.stack(box)[:, turned] * plane.normal[turned]
     offset = float(plane.normal @ plane.point)
     return bool(ends.min(axis=0).sum() - offset <= margin and ends.max(axis=0).sum() - offset >= -margin)
+
+
+def _sample_members(field: IndexField, plan: TracePlan, wavelength: float) -> dict[str, dict[str, object]]:
+    """Return the members of Bounds and Control that only leapfrog samples use, cached on the field."""
+
+    def find() -> dict[str, dict[str, object]]:
+        return {"Bounds": _support_members(field, plan, wavelength), "Control": _left_members(field, plan, wavelength)}
+
+    if not plan.sample_count:
+        return find()
+    key = "members of samples", error_limit(field, plan.tolerance * wavelength), plan.lever_arms
+    members: dict[str, dict[str, object]] = field.derive(key, find, CACHED)
+    return members
 
 
 def _support_members(field: IndexField, plan: TracePlan, wavelength: float) -> dict[str, object]:
@@ -276,7 +296,6 @@ def step_bound_tables(
     Returns:
         Arrays "step_bound" [m], flat, and "step_bound_start", -1 for a cone without a table; members of Control.
     """
-    budget = error_limit(field, min(plan.tolerance, LAXEST) * wavelength)
     start = np.full(len(CONES), -1, dtype=np.int32)
     lengths = [np.zeros(1)]
     members: dict[str, object] = {"block_count": np.ones(3, dtype=int), "block": 1}
@@ -285,6 +304,7 @@ def step_bound_tables(
         start[0], lengths = 0, [missed.ravel()]
         members = {"block_count": np.array([*missed.shape, *[1] * (3 - missed.ndim)]), "block": block}
     if isinstance(field.samples, UniformGrid) and plan.method in ("adaptive", "straight") and not plan.sample_count:
+        budget = error_limit(field, min(plan.tolerance, LAXEST) * wavelength)
         for cone in np.unique(cones_of(directions, field.geometry)):
             table = step_bound(field.samples, field.geometry, budget, CONES[cone])
             start[cone] = sum(part.size for part in lengths)

@@ -5,7 +5,7 @@ is written once for both: a bundle in chunks (launch.py), a pupil and its sums (
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -175,6 +175,7 @@ class Prepared:
         outputs: The outputs that it computes for each ray, besides the status.
         rejected: Buffer in which the kernel counts the rays it rejects; None for a kernel that accepts every ray.
         is_packed: Whether the kernel moves packets of rays, which share lookups if they are in one column of cells.
+        unused: Buffers of one row, by their type, in place of outputs that are not computed.
     """
 
     engine: Engine
@@ -183,6 +184,7 @@ class Prepared:
     outputs: frozenset
     rejected: Any
     is_packed: bool = False
+    unused: dict[tuple[int, type], Any] = field(default_factory=dict)
 
     def launch(self, starts: list, results: dict, count: int) -> Any:
         """Start the kernel on rays whose `starts` are on the device; see `Engine.launch`."""
@@ -200,15 +202,14 @@ class Prepared:
         So do the outputs in `without`, for which the caller has buffers.
         """
         computed = self.computed.difference(without)
-        rows: dict[tuple[int, type], Any] = {}
         buffers: dict[str, Any] = {}
         for name, alike in OUTPUT_TYPES.items():
             if name in computed:
                 buffers[name] = self.engine.empty(count, *alike)
             else:
-                if alike not in rows:
-                    rows[alike] = self.engine.empty(1, *alike)
-                buffers[name] = rows[alike]
+                if alike not in self.unused:
+                    self.unused[alike] = self.engine.empty(1, *alike)
+                buffers[name] = self.unused[alike]
         return buffers
 
     def tune(self, **numbers: Any) -> None:

@@ -1,5 +1,6 @@
 """The OpenCL engine: uploads a field once, builds kernels specialised for a plan, and launches them in order."""
 
+import math
 import weakref
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -295,7 +296,7 @@ class Engine(Uploads):
         found = field.samples.held(self.grid_key)
         if found is None or precision == "float64":
             return found
-        count = int(np.prod(field.samples.coefficient_shape))
+        count = math.prod(field.samples.coefficient_shape)
         made = self.empty(count, kind=REAL_TYPES[precision])
         program = build(self.session, "round_coefficients.cl", self._options(precision=precision))
         self.launch(self._kernel(program, "round_coefficients"), [found], [made], count)
