@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from typing import Any
 
@@ -34,6 +34,8 @@ from .status import RayStatus
 KEPT_BYTES = 16 + 8 + 4
 # Constants of pupils that are cached on a device with a grid's node positions.
 CACHED = 8  # speed only
+# Rays along a radius that stay on a device with a grid's node positions: so many, of so many seeds and pupils.
+FEW, FEW_CACHED = 1 << 14, 4  # speed only
 
 
 @dataclass(eq=False)
@@ -140,9 +142,9 @@ class PupilRun:
         task = self.task
         sums = np.empty((task.replicates, SUM_COUNT))
         kept, rejected = [], 0
-        points = task.points(seed)
+        points = cache(partial(task.points, seed))
         for number, rows in enumerate(self.batches):
-            batch = self._place(rows, points, self._buffers(number if task.terms else 0))
+            batch = self._place(rows, seed, points, self._buffers(number if task.terms else 0))
             if self.repeat is None:
                 self._trace(batch)
             else:
@@ -175,18 +177,31 @@ class PupilRun:
             self.buffers.append({**(self.buffers[0] if number else {}), **fresh})
         return self.buffers[number]
 
-    def _place(self, rows: slice, points: Any, buffers: dict[str, Any]) -> Batch:
+    def _place(self, rows: slice, seed: int | None, points: Callable[[], Any], buffers: dict[str, Any]) -> Batch:
         """Make a batch: upload the rays along a radius, or the seeds from which other rays are made on the device."""
-        task, engine = self.task, self.engine
+        task = self.task
         count = (rows.stop - rows.start) * task.per_replicate
         results = {name: buffers[name] for name in OUTPUT_TYPES}
         if self.seeds is None:
-            position, place, weight = (engine.put(array) for array in radial_rays(task, points, rows))
+            position, place, weight = self._along_radius(rows, seed, points)
             return Batch(rows, count, position, self.headings, place, weight, count, results)
-        self.seeds.array[: rows.stop - rows.start] = points[rows]
+        self.seeds.array[: rows.stop - rows.start] = points()[rows]
         position, direction, place = (buffers[name] for name in ("start", "heading", "place"))
         weight, weights = (buffers["weight"], count) if task.generator else (self.one, 1)
         return Batch(rows, count, position, direction, place, weight, weights, results)
+
+    def _along_radius(self, rows: slice, seed: int | None, points: Callable[[], Any]) -> list[Any]:
+        """Upload positions, pupil coordinates and weights of rays along a radius; few rays stay for other fields."""
+
+        def upload() -> list[Any]:
+            return [self.engine.put(array) for array in radial_rays(self.task, points(), rows)]
+
+        task = self.task
+        if seed is None or (rows.stop - rows.start) * task.per_replicate > FEW:
+            return upload()
+        key = "rays along a radius", *self.engine.grid_key, task.pupil, task.replicates, task.per_replicate, rows.start
+        found: list[Any] = known(task.field.samples, (*key, int(seed)), upload, FEW_CACHED)
+        return found
 
     def _trace(self, batch: Batch) -> None:
         """Start all launches of a batch, including the copy of its sums to the host."""

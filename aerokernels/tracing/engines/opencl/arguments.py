@@ -1,10 +1,10 @@
 """Set the arguments of kernels, and lay out numbers and structs passed by value as the kernels' compiler does."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from pyopencl.cltypes import make_double3
 
 from ..layout import REAL_TYPES, values_of
 from .program import WORK_GROUP
@@ -27,15 +27,21 @@ def pack(struct: str, precision: str, members: dict) -> np.ndarray:
     return packed
 
 
+def _vector_or_struct(array: np.ndarray) -> np.ndarray:
+    """Return three numbers in the layout of a double3, and a packed struct as it is."""
+    return np.array([*array, 0.0]) if array.shape == (3,) else array
+
+
+# By type, since a launch has some forty arguments, most of them buffers.
+CONVERSIONS: dict[type, Callable[[Any], Any]] = {int: np.int32, float: np.float64, np.ndarray: _vector_or_struct}
+
+
 def by_value(value):
     """Convert a kernel's argument for OpenCL: an int to int, a float to double, an array of three to double3."""
-    if isinstance(value, int):
-        return np.int32(value)
-    if isinstance(value, float):
-        return np.float64(value)
-    if isinstance(value, np.ndarray) and value.shape == (3,):
-        return make_double3(*value)
-    return value
+    convert = CONVERSIONS.get(type(value))
+    if convert is not None:
+        return convert(value)
+    return np.int32(value) if isinstance(value, int) else value
 
 
 def lasting(given: list) -> list:
