@@ -24,8 +24,6 @@ from ..unresolved import lookup_table
 
 # How many FieldData of recent bodies and precisions are cached for one set of grid nodes.
 KEPT = 16  # speed only
-# Supports of samples that are cached on a field.
-CACHED = 4  # speed only
 # A mesh whose coordinates exceed so many lengths of its box counts as far from 0.
 FAR_BOX = 2.0
 # Greatest count of steps: the kernels' counters have 32 bits.
@@ -205,13 +203,20 @@ def stop_kind(until) -> str:
     return {Plane: "plane", ArcLength: "arc"}.get(type(until), "none")
 
 
-def trace_members(
-    field: IndexField, data: FieldData, plan: TracePlan, until, wavelength: float, outputs: frozenset
-) -> tuple[dict, dict]:
-    """Return the members of Bounds and of Control that depend on the plan, the stop and the requested outputs."""
+def plan_members(plan: TracePlan, outputs: frozenset) -> dict[str, object]:
+    """Return the members of Control that depend on the plan and the requested outputs alone."""
+    return {
+        "quadrature_error_scale": plan.quadrature_error_scale,
+        "trajectory_error_scale": plan.trajectory_error_scale,
+        "sample_count": plan.sample_count,
+        "outputs": output_mask(outputs),
+    }
+
+
+def trace_members(field: IndexField, data: FieldData, plan: TracePlan, until, wavelength: float) -> tuple[dict, dict]:
+    """Return the members of Bounds and of Control that depend on the field, the plan and the stop."""
     bounds: dict[str, object] = {"plane_point": np.zeros(3), "plane_normal": np.zeros(3), "length": 0.0}
-    samples = _sample_members(field, plan, wavelength)
-    bounds |= samples["Bounds"]
+    bounds |= _support_members(field, plan, wavelength)
     control: dict[str, object] = {
         "plane_normal": np.zeros(3),
         "plane_offset": 0.0,
@@ -219,12 +224,8 @@ def trace_members(
         "step": plan.sampling.spacing if plan.sample_count and plan.sampling else plan.step or 0.0,
         "tolerance": error_limit(field, plan.tolerance * wavelength),
         "max_steps": min(plan.max_steps, MOST_STEPS),
-        "quadrature_error_scale": plan.quadrature_error_scale,
-        "trajectory_error_scale": plan.trajectory_error_scale,
-        "sample_count": plan.sample_count,
-        "outputs": output_mask(outputs),
     }
-    control |= samples["Control"]
+    control |= _left_members(field, plan, wavelength)
     if isinstance(until, Plane):
         bounds |= {"plane_point": until.point, "plane_normal": until.normal}
         control["plane_normal"] = until.normal * data.spacing
@@ -244,19 +245,6 @@ def _comes_near(plane: Plane, box: tuple[np.ndarray, np.ndarray], margin: float)
     ends = np.stack(box)[:, turned] * plane.normal[turned]
     offset = float(plane.normal @ plane.point)
     return bool(ends.min(axis=0).sum() - offset <= margin and ends.max(axis=0).sum() - offset >= -margin)
-
-
-def _sample_members(field: IndexField, plan: TracePlan, wavelength: float) -> dict[str, dict[str, object]]:
-    """Return the members of Bounds and Control that only leapfrog samples use, cached on the field."""
-
-    def find() -> dict[str, dict[str, object]]:
-        return {"Bounds": _support_members(field, plan, wavelength), "Control": _left_members(field, plan, wavelength)}
-
-    if not plan.sample_count:
-        return find()
-    key = "members of samples", error_limit(field, plan.tolerance * wavelength), plan.lever_arms
-    members: dict[str, dict[str, object]] = field.derive(key, find, CACHED)
-    return members
 
 
 def _support_members(field: IndexField, plan: TracePlan, wavelength: float) -> dict[str, object]:

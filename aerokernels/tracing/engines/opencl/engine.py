@@ -104,12 +104,18 @@ class Engine(Uploads):
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
     ) -> list:
         """Return the structs Field, Bounds and Control, and their arrays, for `prepare`."""
-        data, members = self.uploaded(field, plan, until, wavelength, outputs, directions)
+        (packed, arrays), control = self.uploaded(field, plan, until, wavelength, outputs, directions)
         return [
-            _packed_field(data, plan.precision),
-            *(pack(name, plan.precision, members[name]) for name in ("Bounds", "Control")),
-            *(members[name][member.name] for name in ("Field", "Control") for member in arrays_of(name)),
+            *packed,
+            pack("Control", plan.precision, control),
+            *arrays,
+            *(control[member.name] for member in arrays_of("Control")),
         ]
+
+    def place_structs(self, data: FieldData, precision: str, arrays: dict[str, Any], bounds: dict[str, Any]) -> Any:
+        """Return the packed structs Field and Bounds, and the arrays of Field, which are separate arguments."""
+        packed = _packed_field(data, precision), pack("Bounds", precision, bounds)
+        return packed, [arrays[member.name] for member in arrays_of("Field")]
 
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
         """Return the arguments with a new struct Control, which the kernel gets at its next launch."""

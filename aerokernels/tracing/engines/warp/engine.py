@@ -19,7 +19,7 @@ from ....process.threads import in_threads
 from ...bundle.table import BundleTable
 from ...plan import TracePlan
 from ...scheme import GROUP
-from ..field_data import stop_kind
+from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import STRUCTS, Value
 from ..uploads import Uploads
@@ -104,9 +104,12 @@ class Engine(Uploads):
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
     ) -> list:
         """Return the structs Field, Bounds and Control, with their arrays, for `prepare`."""
-        data, members = self.uploaded(field, plan, until, wavelength, outputs, directions)
-        members["Field"] = data.field | members["Field"]
-        return [_filled(name, members[name], plan.precision) for name in ("Field", "Bounds", "Control")]
+        structs, control = self.uploaded(field, plan, until, wavelength, outputs, directions)
+        return [*structs, _filled("Control", control, plan.precision)]
+
+    def place_structs(self, data: FieldData, precision: str, arrays: dict[str, Any], bounds: dict[str, Any]) -> Any:
+        """Return the structs Field and Bounds."""
+        return [_filled("Field", data.field | arrays, precision), _filled("Bounds", bounds, precision)]
 
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
         """Return the same structs with the last one, Control, changed in place."""
