@@ -41,7 +41,7 @@ class Fetched:
         self.bytes, self.whole = np.empty(end, np.uint8), empty(end)
         # A buffer from a pool cannot be divided itself.
         divided = cl.Buffer.from_int_ptr(self.whole.int_ptr, retain=True)
-        self.buffers = [
+        self.buffers: Sequence[Any] = [
             divided.get_sub_region(start, max(array.nbytes, 1)) for start, array in zip(starts, arrays, strict=True)
         ]
         self.arrays = [

@@ -46,7 +46,7 @@ class Fetched:
             end += -(-max(array.nbytes, 1) // PART) * PART
         self._whole = wp.empty(end // 8, dtype=wp.float64, device=device)
         self._there = _beside(self._whole, self)
-        self.buffers = []
+        parts: list[wp.array] = []
         bytes_there = self._there.numpy().view(np.uint8)
         self.arrays = []
         for array, start, (kind, count) in zip(arrays, starts, kinds, strict=True):
@@ -54,8 +54,9 @@ class Fetched:
                 ptr=self._whole.ptr + start, dtype=kind, shape=(count,), capacity=array.nbytes, device=device
             )
             part._ref = self._whole  # keeps the memory alive
-            self.buffers.append(part)
+            parts.append(part)
             self.arrays.append(bytes_there[start : start + array.nbytes].view(array.dtype).reshape(array.shape))
+        self.buffers: Sequence[Any] = parts
 
     def start(self) -> None:
         """Start the copy, on the stream of the launches."""
@@ -76,7 +77,7 @@ class Shared:
     """Host arrays, and buffers of a CPU in their memory; see interface.py."""
 
     arrays: Sequence[np.ndarray]
-    buffers: Sequence[wp.array]
+    buffers: Sequence[Any]
 
     def start(self) -> None:
         """Do nothing: kernels write into the arrays."""
