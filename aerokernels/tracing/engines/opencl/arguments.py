@@ -59,6 +59,7 @@ class Kernel:
         items: Work-items per ray or group of the launch.
         given: The arguments that are set, which are not set again if unchanged.
         last: The list of arguments of the last launch.
+        group: Work-items of a work-group.
     """
 
     kernel: Any
@@ -66,6 +67,7 @@ class Kernel:
     items: int = 1
     given: list = field(default_factory=list)
     last: list | None = None
+    group: int = WORK_GROUP
 
     def set(self, arguments: list) -> None:
         """Set the arguments that have changed since the last launch.
@@ -88,4 +90,4 @@ class Kernel:
 
     def size(self, count: int) -> tuple[int]:
         """Number of work-items of a launch: whole work-groups, at least one; the kernel ignores the surplus."""
-        return (max(1, -(-(-(-count // self.lanes) * self.items) // WORK_GROUP)) * WORK_GROUP,)
+        return (max(1, -(-(-(-count // self.lanes) * self.items) // self.group)) * self.group,)

@@ -30,6 +30,8 @@ FLUSH = "-cl-denorms-are-zero"
 POOLED = 1 << 28
 # Packets of rays that a CPU thread interleaves, because each sample waits for the previous one.
 PACKETS = 2
+# Work-items of a work-group that move packets: so few that a CPU's cores share the rays of a radius or of a lattice.
+PACKET_GROUP = 4  # speed only
 # Number of equal rows up to which they are copied from the host; more are doubled on the device.
 REPEATED = 1 << 12
 # Positions of Control and of the coefficients among the arguments: after the structs Field and Bounds.
@@ -93,6 +95,8 @@ class Engine(Uploads):
         with stage("compile"):
             program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
             kernel = self._kernel(program, "leapfrog" if leapfrog else "trace_kernel", packets * lanes)
+            if lanes > 1:
+                kernel.group = PACKET_GROUP
             rejected = self._counter() if leapfrog else None
             # Without shared lookups, to order rays costs more than it saves.
             shares = lanes > 1 and not plan.looks_up_cubes
@@ -258,7 +262,7 @@ class Engine(Uploads):
 
         def start() -> Any:
             kernel.set(arguments)
-            return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, size, (WORK_GROUP,))
+            return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, size, (kernel.group,))
 
         return self.session.do(start)
 
