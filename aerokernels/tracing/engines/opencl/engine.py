@@ -243,7 +243,8 @@ class Engine(Uploads):
 
     def sent(self, array: np.ndarray) -> "Sent":
         """See interface.py."""
-        return Sent(self.session, array, self._memory(array.nbytes) if self.is_gpu else self.share(array))
+        buffer = self._memory(array.nbytes) if self.is_gpu else self.share(array)
+        return Sent(self.session, array, buffer, is_copied=self.is_gpu)
 
     def fetched(self, arrays: Sequence[np.ndarray]) -> "Fetched | Shared":
         """See interface.py."""

@@ -12,16 +12,29 @@ from .session import Session
 
 @dataclass(eq=False)
 class Sent:
-    """An array and its buffer, which share memory on a processor; see interface.py."""
+    """An array and its buffer, which share memory on a processor; see interface.py.
+
+    Attributes:
+        session: The open device.
+        array: The array.
+        buffer: The buffer.
+        is_copied: Whether the buffer has memory of its own.
+        event: The event of the last upload: PyOpenCL would wait for the copy if the event were deleted.
+    """
 
     session: Session
     array: np.ndarray
     buffer: Any
+    is_copied: bool
+    event: Any = None
 
     def send(self) -> None:
         """Start the upload; the queue is in order, so later launches see it."""
-        if self.session.pool is not None:
-            self.session.do(lambda: cl.enqueue_copy(self.session.queue, self.buffer, self.array, is_blocking=False))
+        if self.is_copied:
+            self.session.do(self._start)
+
+    def _start(self) -> None:
+        self.event = cl.enqueue_copy(self.session.queue, self.buffer, self.array, is_blocking=False)
 
 
 class Fetched:
