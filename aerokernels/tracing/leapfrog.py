@@ -25,7 +25,7 @@ from .error_limit import error_limit
 from .grid_tables import prepare_grid
 from .launch import Trials
 from .lever_arms import lever_arms_of
-from .pilot_levels import error_scales, greatest_bend, level_pair, levels_of, started_pair
+from .pilot_levels import error_scales, greatest_bend, level_pair, levels_of
 from .plan import TracePlan
 from .prediction import predict_evaluations
 from .stop import ArcLength, stop_key
@@ -243,17 +243,10 @@ class _Fitting:
         prepare_grid(engine_of(self.plan.backend, self.plan.device), self.grid)
         if count < self._least_samples():
             return None
-        trials = self._trials(replace(self.plan, sample_count=count, few_rays=True))
-        # The device traces the pilot while the host bounds what these samples miss. They mostly suffice.
-        pair = started_pair(trials, count)
-        try:
-            sufficient = self.structure.sufficient(count)
-        finally:
-            found = pair()  # also before an error: the device writes into its memory until then
-        if not sufficient:
+        count = self.structure.sufficient(count)
+        if not count:
             return None
-        level, finest, bends = found if sufficient == count else level_pair(trials, sufficient)
-        count = sufficient
+        level, finest, bends = level_pair(self._trials(replace(self.plan, sample_count=count, few_rays=True)), count)
         worst = level.error(finest)
         if not (level.is_fit and finest.is_fit and worst <= self.limit / MARGIN):
             return None

@@ -1,7 +1,6 @@
 """Trace a pilot's rays with several numbers of leapfrog samples, and scale all rays' error estimates accordingly."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -38,18 +37,8 @@ def greatest_bend(trials: Trials, count: int) -> float:
 
 def level_pair(trials: Trials, count: int) -> tuple["Level", "Level", float]:
     """The pilot with `count` samples, with three times as many, and `greatest_bend`, all launched together."""
-    return started_pair(trials, count)()
-
-
-def started_pair(trials: Trials, count: int) -> Callable[[], tuple["Level", "Level", float]]:
-    """Start what `level_pair` returns; return a function that waits for it, to be called once."""
-    read = trials.started((count, 1.0, 0.0), (3 * count, 1.0, 0.0), (count, 0.0, 1.0))
-
-    def pair() -> tuple[Level, Level, float]:
-        level, finest, bending = read()
-        return Level(level, count), Level(finest, 3 * count), Level(bending, count).difference
-
-    return pair
+    level, finest, bending = trials((count, 1.0, 0.0), (3 * count, 1.0, 0.0), (count, 0.0, 1.0))
+    return Level(level, count), Level(finest, 3 * count), Level(bending, count).difference
 
 
 class Level:

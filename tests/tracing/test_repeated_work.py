@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, prepare_strehl
-from aerokernels.tracing import grid_tables, leapfrog
-from aerokernels.tracing.between_samples import MissedStructure
+from aerokernels.tracing import grid_tables
 from aerokernels.tracing.engines import engine_of
 from aerokernels.tracing.launch import Trials, launch
 from aerokernels.tracing.planning import plan_rays
@@ -159,24 +158,6 @@ def test_the_memory_of_a_known_grid_is_free_as_soon_as_its_field_is(name: str, m
         assert grid() is None
     finally:
         gc.enable()
-
-
-@pytest.mark.parametrize("name", ENGINES)
-def test_an_error_while_a_pilot_is_traced_waits_for_the_device(name: str, monkeypatch):
-    """The device writes into memory of the pilot until then."""
-    pupil = Disc(4e-4, (8.5 * H, 8.2 * H, -1e-3), (0.05, 0.02, 1.0))
-    prepared = prepare_strehl(blob(), pupil, wavelength=WAVE, ray_count=1 << 14, allow_truncation=True, **on(name))
-    read, started = [], leapfrog.started_pair
-
-    def starting(trials, count):
-        pair = started(trials, count)
-        return lambda: read.append(count) or pair()
-
-    monkeypatch.setattr(leapfrog, "started_pair", starting)
-    monkeypatch.setattr(MissedStructure, "sufficient", lambda self, count: 1 / 0)
-    with pytest.raises(ZeroDivisionError):
-        prepared.with_field(blob())
-    assert read == [prepared.plan.sample_count]
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2**31, np.int64(7), 123456789012345678901234567890])
