@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from ..display.shown import shown
-from ..inputs.arguments import Numbers, checked, refuse_masked
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_positive
+from ..inputs.doubtful import refuse_masked
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..medium import Body, IndexField, QuadMesh, SolidBody
 from ..read_only import ReadOnly

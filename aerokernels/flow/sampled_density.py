@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..display.shown import shown
-from ..inputs.arguments import Numbers, checked, refuse_masked
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_choice
+from ..inputs.doubtful import refuse_masked
 from ..medium import Body, IndexField, SolidBody
 from ..medium.grid import check_starts_on_axis, checked_axes
 from ..medium.mesh import GEOMETRIES

@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.arguments import Numbers, checked, refuse_masked
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
+from ..inputs.doubtful import refuse_masked
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..sensor import Sensor, write_grey

@@ -163,10 +163,12 @@ class UniformGrid(Derived):
         """Lowest corner [m], shape (d,)."""
         return self.origin
 
-    @property
+    @cached_property
     def high(self) -> np.ndarray:
         """Highest corner [m], shape (d,)."""
-        return self.origin + self.spacing * (np.array(self.shape) - 1)
+        high: np.ndarray = self.origin + self.spacing * (np.array(self.shape) - 1)
+        high.setflags(write=False)
+        return high
 
     @property
     def shared_places(self) -> GridPlaces | None:

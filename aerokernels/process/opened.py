@@ -27,6 +27,10 @@ class Opened:
                 self._held[key] = make()
             return self._held[key]
 
+    def get(self, key: Hashable) -> Any:
+        """Return the object under a key; None if there is none."""
+        return self._held.get(key)
+
     def held(self, kind: str) -> dict[tuple, Any]:
         """Return all objects whose keys are tuples that begin with `kind`, by key."""
         with self.lock:

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextvars import ContextVar
 from typing import TypeVar
 
 from .machine import core_count
@@ -10,10 +11,17 @@ from .machine import core_count
 T = TypeVar("T")
 R = TypeVar("R")
 
+# Cores that the current thread may use for a part of its work; None for all that this process may use.
+_share: ContextVar[int | None] = ContextVar("share", default=None)
+
 
 def in_threads(work: Callable[[T], None], pieces: Sequence[T]) -> None:
-    """Process each piece, on all cores that this process may use; no two pieces may write to the same memory."""
-    threads = min(core_count(), len(pieces))
+    """Process each piece, on the cores that the calling thread may use; no two pieces may write to the same memory.
+
+    These are all cores of this process, and in a thread of `in_turn` its share of them.
+    """
+    share = _share.get()
+    threads = min(core_count() if share is None else share, len(pieces))
     if threads < 2:
         for piece in pieces:
             work(piece)
@@ -32,7 +40,8 @@ def in_turn(work: Callable[[T], R], things: Iterable[T], threads: int) -> Iterat
         yield from map(work, things)
         return
     begun: deque[Future[R]] = deque()
-    with ThreadPoolExecutor(threads) as pool:
+    share = max(1, core_count() // threads)  # threads of threads would take each other's cores
+    with ThreadPoolExecutor(threads, initializer=lambda: _share.set(share)) as pool:
         try:
             for thing in things:
                 begun.append(pool.submit(work, thing))

@@ -236,16 +236,16 @@ class PreparedStrehl:
     def for_fields(self, fields: Iterable[IndexField], seed: int = 0) -> Iterator[StrehlEstimate]:
         """Return the estimates for many other values of the field, in order: `with_field(field)(seed)`.
 
-        By OpenCL on a processor two fields are in work at a time: one is planned while the rays of the other are
-        traced. The wall times of their stages then include the time that they waited for each other. Fields are taken
-        when they are needed, at most two ahead.
+        On a processor two fields are in work at a time: one is planned while the rays of the other are traced. The wall
+        times of their stages then include the time that they waited for each other. Fields are taken when they are
+        needed, at most two ahead.
 
         Raises:
             TypeError: One of the fields is no IndexField.
             ValueError: As for `estimate_strehl`.
         """
         plan = self.job.planned  # prepares what all of them share
-        overlaps = plan.backend == "opencl" and not engine_of(plan.backend, plan.device).is_gpu
+        overlaps = plan.backend != "reference" and not engine_of(plan.backend, plan.device).is_gpu
         return in_turn(lambda field: self.with_field(field)(seed), fields, 2 if overlaps else 1)
 
     @checked
@@ -276,10 +276,11 @@ class PreparedStrehl:
             why.append(f"standard error of the {points} above {settled:g}, as at an edge: {finer}")
         standard_error = sums.standard_error
         plan = job.planned_for(run, *why)
-        plan = report_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
-        total = sums.moments.sum(axis=0)
-        mean, tilt, rms, _ = fit_moments(total)
-        estimate = combined(total, sums.phasors, wavelength, self.remove)
+        if sums.rejected_count:
+            plan = report_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
+        fit = fit_moments(sums.total)
+        mean, tilt, rms, _ = fit
+        estimate = combined(sums.total, sums.phasors, wavelength, self.remove, fit)
         if met_nothing(self.field, max(abs(mean), rms), wavelength, self.tolerance):
             warn_caller(
                 "all rays of the pupil pass through undisturbed air only, although the field is disturbed elsewhere: "
@@ -296,7 +297,7 @@ class PreparedStrehl:
         return StrehlEstimate(
             ray_count=job.per_replicate * REPLICATES,
             traced_ray_count=traced,
-            blocked=float(1.0 - sums.moments[:, 0].sum() / (sums.ray_count)),
+            blocked=float(1.0 - np.add.reduce(sums.moments[:, 0]) / sums.ray_count),
             plan=plan,
             budget=StrehlBudget(self.field, self.pupil, self.look, seed, job.until, wavelength, job.air),
             spread=spread,

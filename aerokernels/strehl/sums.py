@@ -1,5 +1,7 @@
 """Compute the Strehl ratio from the sums over a pupil's rays, and detect rays that met no disturbed air."""
 
+from typing import Any
+
 import numpy as np
 
 from ..medium import IndexField
@@ -11,8 +13,12 @@ from ..tracing.pupil_fit import fit_terms
 UNSEEN = 1e-3
 
 
-def combined(total: np.ndarray, phasor: np.ndarray, wavelength: float, remove: tuple[str, ...]) -> dict[str, float]:
+def combined(
+    total: np.ndarray, phasor: np.ndarray, wavelength: float, remove: tuple[str, ...], fit: Any = None
+) -> dict[str, float]:
     """Return ratio, Marechal's approximation and rms OPD from the sum of all replicates' moments and their phasors.
+
+    `fit` is the result of `fit_moments` for these moments, if it is known.
 
     Raises:
         ValueError: No ray arrived beyond the field.
@@ -22,8 +28,8 @@ def combined(total: np.ndarray, phasor: np.ndarray, wavelength: float, remove: t
             "no ray of the pupil arrived beyond the field: all met the body or left their path; "
             "move the pupil, or turn its normal toward the flow"
         )
-    _, rms = fit_terms(total, remove)
-    value = float(np.abs(phasor.sum() / total[0]) ** 2)
+    _, rms = fit_terms(total, remove, fit)
+    value = float(np.abs(np.add.reduce(phasor) / total[0]) ** 2)
     return {
         "value": value,
         "marechal": float(np.exp(-((2.0 * np.pi * rms / wavelength) ** 2))),

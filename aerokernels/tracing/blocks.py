@@ -49,30 +49,43 @@ def block_means(values: np.ndarray, block: int, axis: int) -> np.ndarray:
     return total
 
 
+def axis_first(values: np.ndarray, axis: int) -> np.ndarray:
+    """A view with an axis in front of the others, as by np.moveaxis, whose checks take longer than small tables."""
+    return values.transpose(axis, *(other for other in range(values.ndim) if other != axis))
+
+
+def axis_back(values: np.ndarray, axis: int) -> np.ndarray:
+    """A view with the first axis in place of `axis`."""
+    return values.transpose(*range(1, axis + 1), 0, *range(axis + 1, values.ndim))
+
+
 def greatest_of_neighbors(values: np.ndarray, count: int, axis: int) -> np.ndarray:
     """The greatest of each run of `count` entries along an axis; of all entries where there are fewer."""
-    from numpy.lib.stride_tricks import sliding_window_view
-
-    return np.asarray(sliding_window_view(values, min(count, values.shape[axis]), axis=axis).max(axis=-1))
+    return axis_back(_greatest_of_runs(axis_first(values, axis), min(count, values.shape[axis])), axis)
 
 
-def greatest_around(values: np.ndarray, low: int, high: int, axis: int) -> np.ndarray:
-    """For each entry the greatest at offsets from `low` to `high` along an axis; beyond the ends there are zeros.
+def _greatest_of_runs(values: np.ndarray, width: int) -> np.ndarray:
+    """The greatest of each run of `width` entries along the first axis, by runs of 2, 4, 8 ... entries.
 
-    Runs of 2, 4, 8 ... entries are reduced first; two overlapping runs make up any other width.
+    Two overlapping runs make up any other width.
     """
-    count = values.shape[axis]
-    low, high = max(-count, min(low, count)), max(-count, min(high, count))
-    before, behind, width = max(-low, 0), max(high, 0), high - low + 1
-    moved = np.moveaxis(values, axis, 0)
-    found = np.zeros((before + count + behind, *moved.shape[1:]), values.dtype)
-    found[before : before + count] = moved
     wide = 1
     while wide < width:
         further = min(wide, width - wide)
-        found = np.maximum(found[:-further], found[further:])
+        values = np.maximum(values[:-further], values[further:])
         wide += further
-    return np.moveaxis(found[before + low :][:count], 0, axis)
+    return values
+
+
+def greatest_around(values: np.ndarray, low: int, high: int, axis: int) -> np.ndarray:
+    """For each entry the greatest at offsets from `low` to `high` along an axis; beyond the ends there are zeros."""
+    count = values.shape[axis]
+    low, high = max(-count, min(low, count)), max(-count, min(high, count))
+    before, behind, width = max(-low, 0), max(high, 0), high - low + 1
+    moved = axis_first(values, axis)
+    found = np.zeros((before + count + behind, *moved.shape[1:]), values.dtype)
+    found[before : before + count] = moved
+    return axis_back(_greatest_of_runs(found, width)[before + low :][:count], axis)
 
 
 def over_lines(values: np.ndarray, reduce: np.ufunc) -> list[np.ndarray]:

@@ -6,6 +6,7 @@ of preparing a known pupil for new values. The results are cached on the grid un
 have, and are the same except for rounding.
 """
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -34,24 +35,45 @@ def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
     Raises:
         ValueError: The grid does not fit the device.
     """
+    begun_grid(engine, grid)()
+
+
+def begun_grid(engine: Engine, grid: UniformGrid) -> Callable[[], None]:
+    """Start what `prepare_grid` computes; return a function that waits for it, which must be called.
+
+    Until then the device may write into memory of the grid's coefficients.
+
+    Raises:
+        ValueError: The grid does not fit the device.
+    """
     shape = grid.shape
     is_flat = len(shape) == 2
     if grid.interpolation != "cubic" or min(shape) < LEAST_COUNT or len(shape) < 2:
-        return
+        return _nothing
     if grid.samples.size < (LEAST_FLAT if is_flat else LEAST_NODES) or (is_flat and engine.is_gpu):
-        return
+        return _nothing
     is_known = "coefficients" in grid.__dict__ or grid.held(FETCH) is not None
-    size = 8 * np.prod(np.array(shape) + 2)
+    size = 8 * math.prod(count + 2 for count in shape)
     if is_known or not engine.grid_tables or size > engine.memory[1]:
-        return
+        return _nothing
     tables = _Tables(engine, grid, GRID_KERNELS[:1] if is_flat else GRID_KERNELS)
-    found = tables.found(() if is_flat else engine.grid_tables)
-    engine.settle()
-    grid.derive(engine.grid_key, lambda: tables.coefficients)
-    grid.derive(FETCH, lambda: tables.fetched)
-    for name, table in found.items():
-        grid.derive(name, partial(lambda table: table, table))
-    tables.samples = tables.spare = None
+    read = tables.started(() if is_flat else engine.grid_tables)
+
+    def finish() -> None:
+        found = read()
+        engine.settle()
+        grid.derive(engine.grid_key, lambda: tables.coefficients)
+        # Not a method of the tables, which have the grid: a cycle would keep its memory, on the device too.
+        fetch = partial(_fetched, engine, tables.coefficients, tables.on_host, grid.coefficient_shape)
+        grid.derive(FETCH, lambda: fetch)
+        for name, table in found.items():
+            grid.derive(name, partial(lambda table: table, table))
+
+    return finish
+
+
+def _nothing() -> None:
+    """Do nothing: the host computes the tables, or they are known."""
 
 
 class _Tables:
@@ -63,23 +85,23 @@ class _Tables:
         self.block = block_size(grid)
         self.samples = engine.share(grid.samples.reshape(-1))
         # On a CPU the coefficients share memory with the host: allocating memory takes as long as a spline.
-        self.on_host = None if engine.is_gpu else np.empty(int(np.prod(grid.coefficient_shape)))
+        self.on_host = None if engine.is_gpu else np.empty(math.prod(grid.coefficient_shape))
         *others, last = self.shape
-        self.spare = engine.empty(int(np.prod(np.array(others) + 2)) * last)
+        self.spare = engine.empty(math.prod(count + 2 for count in others) * last)
         self.coefficients = self._spline()
 
     def _spline(self) -> Any:
         """Coefficients of the potential's spline, axis by axis."""
         values, shape, engine = self.samples, list(self.shape), self.engine
-        count = int(np.prod(self.grid.coefficient_shape))
+        count = math.prod(self.grid.coefficient_shape)
         whole = engine.empty(count) if self.on_host is None else engine.share(self.on_host)
         for axis, made in enumerate((whole, self.spare, whole)[-len(shape) :]):
-            nodes, pitch = shape[axis], int(np.prod(shape[axis + 1 :]))
+            nodes, pitch = shape[axis], math.prod(shape[axis + 1 :])
             even = self.grid.even_first_axis and axis == 0
             inverse = known(
                 self.grid, ("pivots", *engine.grid_key, nodes, even), partial(self._pivots, nodes, even), CACHED
             )
-            lines = int(np.prod(shape)) // nodes
+            lines = math.prod(shape) // nodes
             shape[axis] += 2
             ambient = self.grid.ambient_index if axis == 0 else 0.0
             before = [values, inverse, nodes, pitch, int(even), ambient]
@@ -90,42 +112,41 @@ class _Tables:
     def _pivots(self, nodes: int, even: bool) -> Any:
         return self.engine.put(pivots(nodes, even))
 
-    def fetched(self) -> np.ndarray:
-        """The coefficients on the host."""
-        if self.on_host is not None:
-            self.engine.wait()
-            self.on_host.setflags(write=False)
-            return self.on_host.reshape(self.grid.coefficient_shape)
-        found = np.empty(self.grid.coefficient_shape)
-        self.engine.get(self.coefficients, found.reshape(-1))
-        return found
-
-    def found(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """Tables by name; all launches are started before any result is awaited."""
-        makers: dict[str, tuple[Callable[[], list], Callable[..., Any]]] = {
-            "roughness": (self._roughness, self._by_axis),
-            "potential by blocks": (self._potential, lambda found: found),
-            "potential peaks": (self._peaks, _peaks_of),
+    def started(self, names: tuple[str, ...]) -> Callable[[], dict[str, Any]]:
+        """Start the launches of some tables; return a function that waits for the tables, by name."""
+        if not names:
+            return dict
+        first, second, third = (count + 2 for count in self.shape)
+        blocks = tuple(_blocks(count, self.block) for count in self.shape)
+        makers: dict[str, tuple[list[tuple[int, ...]], Callable[..., None], Callable[..., Any]]] = {
+            "roughness": ([blocks] * 3, self._roughness, self._by_axis),
+            "potential by blocks": ([blocks], self._potential, lambda found: found),
+            "potential peaks": ([(second, third), (first, third)], self._peaks, _peaks_of),
         }
-        parts = {name: makers[name][0]() for name in names}
-        several = [part for each in parts.values() for part in each]
-        if not several:
-            return {}
-        reading = self.engine.fetched([buffer for buffer, _ in several], [array for _, array in several])
+        sizes = [math.prod(shape) for name in names for shape in makers[name][0]]
+        reading = self.engine.fetched([np.empty(size) for size in sizes])
+        buffers = iter(reading.buffers)
+        for name in names:
+            shapes, start, _ = makers[name]
+            start(*(next(buffers) for _ in shapes))
         reading.start()
-        read = iter([array.copy() for array in reading.wait()])
-        return {name: makers[name][1](*(next(read) for _ in each)) for name, each in parts.items()}
 
-    def _roughness(self) -> list[tuple[Any, np.ndarray]]:
-        """Launch the greatest fourth differences in blocks along each axis; return buffers and host arrays for them."""
+        def read() -> dict[str, Any]:
+            arrays = iter(reading.taken())
+            return {
+                name: makers[name][2](*(next(arrays).reshape(shape) for shape in makers[name][0])) for name in names
+            }
+
+        return read
+
+    def _roughness(self, *made: Any) -> None:
+        """Launch the greatest fourth differences in blocks along each axis, into these buffers."""
         first, second, third = self.shape
-        fourth = []
-        for axis in range(3):
+        for axis, buffer in enumerate(made):
             shape = [_blocks(first, self.block), second, third]
             before = [self.coefficients, *self.shape, axis, self.block]
-            self.engine.launch(self.kernels["fourth_differences"], before, [self.spare], int(np.prod(shape)))
-            fourth.append(self._by_blocks(self.spare, shape, (1, 2)))
-        return fourth
+            self.engine.launch(self.kernels["fourth_differences"], before, [self.spare], math.prod(shape))
+            self._by_blocks(self.spare, shape, (1, 2), buffer)
 
     def _by_axis(self, *fourth: np.ndarray) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
         """Convert to the form of step_bound.roughness_of_blocks."""
@@ -133,35 +154,42 @@ class _Tables:
         derivatives = [part / scale for part, scale in zip(fourth, scales, strict=True)]
         return self.block, derivatives, [np.zeros_like(part) for part in fourth]
 
-    def _potential(self) -> list[tuple[Any, np.ndarray]]:
-        """Launch the greatest absolute potential over the ambient index in each block."""
-        return [self._by_blocks(self.samples, list(self.shape), (0, 1, 2), self.grid.ambient_index)]
+    def _potential(self, made: Any) -> None:
+        """Launch the greatest absolute potential over the ambient index in each block, into this buffer."""
+        self._by_blocks(self.samples, list(self.shape), (0, 1, 2), made, self.grid.ambient_index)
 
-    def _peaks(self) -> list[tuple[Any, np.ndarray]]:
-        """Launch the greatest absolute coefficients along the first axis, and along the second.
+    def _peaks(self, planes: Any, rows: Any) -> None:
+        """Launch the greatest absolute coefficients along the first axis, and along the second, into these buffers.
 
         Lines of the last axis are contiguous in memory, which would be slower.
         """
         first, second, third = (count + 2 for count in self.shape)
-        planes = self._maxima(self.coefficients, second * third, 1, first, first, 0.0)
-        rows = self._maxima(self.coefficients, third, first, second, second, 0.0)
-        return [(planes, np.empty((second, third))), (rows, np.empty((first, third)))]
+        self._maxima(self.coefficients, second * third, 1, first, first, 0.0, planes)
+        self._maxima(self.coefficients, third, first, second, second, 0.0, rows)
 
-    def _by_blocks(
-        self, values: Any, shape: list[int], axes: tuple[int, ...], ambient: float = 0.0
-    ) -> tuple[Any, np.ndarray]:
-        """Launch the greatest absolute values over the nodes of blocks along axes; return buffer and host array."""
+    def _by_blocks(self, values: Any, shape: list[int], axes: tuple[int, ...], made: Any, ambient: float = 0.0) -> None:
+        """Launch the greatest absolute values over the nodes of blocks along axes, into the buffer `made`."""
         for axis in axes:
-            pitch, outer = int(np.prod(shape[axis + 1 :])), int(np.prod(shape[:axis]))
-            values = self._maxima(values, pitch, outer, shape[axis], self.block, ambient)
-            shape[axis], ambient = _blocks(shape[axis], self.block), 0.0
-        return values, np.empty(shape)
+            pitch, outer = math.prod(shape[axis + 1 :]), math.prod(shape[:axis])
+            blocks = _blocks(shape[axis], self.block)
+            reduced = made if axis == axes[-1] else self.engine.empty(outer * blocks * pitch)
+            self._maxima(values, pitch, outer, shape[axis], self.block, ambient, reduced)
+            values, shape[axis], ambient = reduced, blocks, 0.0
 
-    def _maxima(self, values: Any, pitch: int, outer: int, count: int, block: int, ambient: float) -> Any:
+    def _maxima(self, values: Any, pitch: int, outer: int, count: int, block: int, ambient: float, made: Any) -> None:
         places = outer * _blocks(count, block) * pitch
-        made = self.engine.empty(places)
         self.engine.launch(self.kernels["block_maxima"], [values, count, pitch, block, ambient], [made], places)
-        return made
+
+
+def _fetched(engine: Engine, coefficients: Any, on_host: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
+    """The coefficients on the host."""
+    if on_host is not None:
+        engine.wait()
+        on_host.setflags(write=False)
+        return on_host.reshape(shape)
+    found = np.empty(shape)
+    engine.get(coefficients, found.reshape(-1))
+    return found
 
 
 def _peaks_of(over_first: np.ndarray, over_second: np.ndarray) -> list[np.ndarray]:

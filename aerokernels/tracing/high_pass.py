@@ -89,17 +89,18 @@ def _along(
     values: np.ndarray, axis: int, passes: list[PassAlong], wanted: np.ndarray | None, block: int
 ) -> list[np.ndarray]:
     """Pass values along an axis: all nodes for the first edge, the wanted ones for the others."""
-    moved = np.ascontiguousarray(np.moveaxis(values, axis, -1))
+    others = [other for other in range(values.ndim) if other != axis]
+    moved = np.ascontiguousarray(values.transpose(*others, axis))
     found = [passes[0].of_all(moved)]
     for each in passes[1:]:
         if wanted is None:
             found.append(each.of_all(moved))
         else:
-            others = tuple(other for other in range(values.ndim) if other != axis)
-            count, blocks = moved.shape[-1], np.flatnonzero(wanted.any(axis=others))
+            count, blocks = moved.shape[-1], np.flatnonzero(wanted.any(axis=tuple(others)))
             nodes = np.unique(np.minimum(blocks[:, None] * block + np.arange(block + 1), count - 1))
             found.append(each.of_some(moved, nodes))
-    return [np.moveaxis(each, -1, axis) for each in found]
+    order = [*range(axis), values.ndim - 1, *range(axis, values.ndim - 1)]
+    return [each.transpose(order) for each in found]
 
 
 def _shares(

@@ -1,5 +1,6 @@
 """Launch a bundle on the engine of its plan, in chunks that fit the device's memory: upload, trace and download."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -131,44 +132,33 @@ class Trials:
             )
 
     def __call__(self, *asked: tuple[int, float, float]) -> list[dict[str, np.ndarray]]:
-        """Return the outputs for each (number of samples, quadrature scale, trajectory scale), see TracePlan.
+        """Return the outputs for each (number of samples, quadrature scale, trajectory scale), see TracePlan."""
+        return self.started(*asked)()
 
-        All are started at once. On a GPU they are fetched together.
+    def started(self, *asked: tuple[int, float, float]) -> Callable[[], list[dict[str, np.ndarray]]]:
+        """Start to trace the rays for each of these numbers; return a function that waits for the outputs.
+
+        All outputs are read together. The function is called once, by the thread that started them.
         """
-        prepared, engine = self.prepared, self.prepared.engine
-        found = [self._arrays() for _ in asked]
+        prepared, engine, names = self.prepared, self.prepared.engine, self.names
         with stage("upload"):
-            results = [self._buffers(arrays) for arrays in found]
-            reading = None
-            if engine.is_gpu:
-                several = [
-                    (buffers[name], arrays[name])
-                    for buffers, arrays in zip(results, found, strict=True)
-                    for name in self.names
-                ]
-                reading = engine.fetched(*zip(*several, strict=True))
+            reading = engine.fetched([_empty(name, self.count) for _ in asked for name in names])
+            buffers = iter(reading.buffers)
+            results = [
+                prepared.allocate(self.count, without=names) | {name: next(buffers) for name in names} for _ in asked
+            ]
         with stage("kernel"):
-            for (count, quadrature, trajectory), buffers in zip(asked, results, strict=True):
+            for (count, quadrature, trajectory), made in zip(asked, results, strict=True):
                 prepared.tune(sample_count=count, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
-                prepared.launch(self.starts, buffers, self.count)
-            if reading is None:
-                engine.wait()
-                return found
+                prepared.launch(self.starts, made, self.count)
             reading.start()
-            read = iter(reading.wait())
-        return [{name: next(read).copy() for name in self.names} for _ in asked]
 
-    def _arrays(self) -> dict[str, np.ndarray]:
-        """Make host arrays for the outputs, by name."""
-        return {name: _empty(name, self.count) for name in self.names}
+        def read() -> list[dict[str, np.ndarray]]:
+            with stage("kernel"):
+                arrays = iter(reading.taken())
+            return [{name: next(arrays) for name in names} for _ in results]
 
-    def _buffers(self, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
-        """Make buffers for the outputs, by name; on a CPU they share the memory of the arrays."""
-        prepared, engine = self.prepared, self.prepared.engine
-        if engine.is_gpu:
-            return prepared.allocate(self.count)
-        shared = {name: engine.share(arrays[name]) for name in self.names}
-        return {**prepared.allocate(self.count, without=self.names), **shared}
+        return read
 
 
 def _together(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
@@ -177,13 +167,12 @@ def _together(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozense
     wanted = [name for name in OUTPUT_TYPES if name in outputs | prepared.computed]
     with stage("upload"):
         given = [engine.put(np.asarray(each)) for each in starts]
-        results = prepared.allocate(ray_count)
-        arrays = {name: _empty(name, ray_count) for name in wanted}
-        reading = engine.fetched([results[name] for name in wanted], list(arrays.values()))
+        reading = engine.fetched([_empty(name, ray_count) for name in wanted])
+        results = prepared.allocate(ray_count, without=wanted) | dict(zip(wanted, reading.buffers, strict=True))
     with stage("kernel"):
         prepared.launch(given, results, ray_count)
         reading.start()
-        return {name: array.copy() for name, array in zip(wanted, reading.wait(), strict=True)}
+        return dict(zip(wanted, reading.taken(), strict=True))
 
 
 def _empty(name: str, ray_count: int) -> np.ndarray:

@@ -42,6 +42,11 @@ class BoxSpan:
 
 def box_size(field: IndexField) -> float:
     """Diagonal of the field's box [m]; an axis without ends is ignored."""
+    size: float = field.derive("box size", lambda: _find_box_size(field))
+    return size
+
+
+def _find_box_size(field: IndexField) -> float:
     low, high = field.box
     return float(np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0)))
 

@@ -26,12 +26,19 @@ def fit_surface(moments: np.ndarray, terms: tuple[str, ...]) -> np.ndarray:
     return np.array([height, *slopes])
 
 
-def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
+def metres_of(task: PupilTask) -> np.ndarray:
+    """Factors that convert moments, whose x and y are in units of the pupil's reach, to metres, (MOMENT_COUNT,)."""
+    factors: np.ndarray = task.pupil.reach**LENGTHS
+    return factors
+
+
+def moments_in_metres(moments: np.ndarray, task: PupilTask, factors: np.ndarray | None = None) -> np.ndarray:
     """Convert moments (replicates, MOMENT_COUNT), whose x and y are in units of the pupil's reach, to metres.
 
-    Moments of radial quadrature, whose points all lie along x, are converted to those of the whole disc.
+    Moments of radial quadrature, whose points all lie along x, are converted to those of the whole disc. `factors` are
+    those of `metres_of`, if they are known.
     """
-    moments = moments * task.pupil.reach**LENGTHS
+    moments = moments * (metres_of(task) if factors is None else factors)
     if task.is_radial:
         moments[:, ODD] = 0.0
         moments[:, 4] *= 0.5
@@ -58,14 +65,17 @@ def fit_moments(total: np.ndarray) -> tuple[float, np.ndarray, float, float]:
     return w, tilt, math.sqrt(variance), math.sqrt(max(about_plane, 0.0))
 
 
-def fit_terms(total: np.ndarray, terms: tuple[str, ...]) -> tuple[np.ndarray, float]:
+def fit_terms(
+    total: np.ndarray, terms: tuple[str, ...], fit: tuple[float, np.ndarray, float, float] | None = None
+) -> tuple[np.ndarray, float]:
     """Fit a surface of these terms: slopes along x, y and x^2 + y^2, shape (3,), and the rms about the surface.
 
     Slopes of terms that are not named are 0. The mean is always fitted; whether "piston" is named changes nothing.
+    `fit` is the result of `fit_moments`, if it is known.
     """
     slopes = np.zeros(3)
     if "focus" not in terms:
-        _, tilt, about_piston, about_plane = fit_moments(total)
+        _, tilt, about_piston, about_plane = fit_moments(total) if fit is None else fit
         if "tilt" not in terms:
             return slopes, about_piston
         slopes[:2] = tilt

@@ -10,6 +10,8 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import PILOT_RAYS, Pupil, RayBundle
+from .engines import engine_of
+from .grid_tables import begun_grid
 from .lattice_quadrature import ACCEPTED, ENOUGH, LATTICES, lattice_sizes, may_still_settle
 from .lines import box_size
 from .plan import TracePlan
@@ -122,8 +124,8 @@ class PupilJob:
     @cached_property
     def planned(self) -> TracePlan:
         """The plan of the first run, including the reasons for its choice of rays."""
-        plan = self.run.task.plan
-        return replace(plan, reasons=(*plan.reasons, *self._chosen))
+        plan, chosen = self.run.task.plan, self._chosen
+        return replace(plan, reasons=(*plan.reasons, *chosen)) if chosen else plan
 
     def planned_for(self, run: PupilRun, *more: str) -> TracePlan:
         """The plan of a run, including the reasons for its choice of rays and for taking more of them."""
@@ -165,12 +167,16 @@ def make_job(
     tolerance = choices["tolerance"]
     check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
     pilot, air_rays = (None, None) if like is None else like.samples
+    begun = _begun(field, like)  # the device computes tables while the host examines the air at the faces
     seen = (weakref.ref(pupil), tuple(look.tolist()), like is None)  # cache key for the same pupil with other seeds
-    air = field.derive(
-        ("air of a pupil", *seen, tolerance * wavelength),
-        lambda: pupil_air(field, pupil, look, tolerance * wavelength, air_rays),
-        CACHED,
-    )
+    try:
+        air = field.derive(
+            ("air of a pupil", *seen, tolerance * wavelength),
+            lambda: pupil_air(field, pupil, look, tolerance * wavelength, air_rays),
+            CACHED,
+        )
+    finally:
+        begun()
     pilot = field.derive(
         ("pilot of a pupil", *seen),
         lambda: pilot or RayBundle.collimated(pupil, PILOT_RAYS, direction=look),
@@ -185,26 +191,27 @@ def make_job(
     is_sparse = 0 < radial_rays < RADIAL_RAYS and like is not None
     known_plan = None if like is None else like.plan  # so that `like` itself need not stay alive
 
-    def plan_of(rays: int) -> TracePlan:
-        plan = field.derive(
-            # `seen` separates plans confirmed from another job from plans searched for this one, so that no answer
-            # depends on other calls.
-            ("plan of a pupil", *seen, count, rays, wavelength, tuple(choices.values())),
-            lambda: plan_rays(
-                field,
-                lambda: pilot,
-                REPLICATES * count,
-                until,
-                path_length=None,
-                wavelength=wavelength,
-                directions=look[None],
-                like=known_plan,
-                sure_count=rays,
-                **choices,
-            ),
-            CACHED,
+    def make_plan(rays: int) -> TracePlan:
+        plan = plan_rays(
+            field,
+            lambda: pilot,
+            REPLICATES * count,
+            until,
+            path_length=None,
+            wavelength=wavelength,
+            directions=look[None],
+            like=known_plan,
+            sure_count=rays,
+            **choices,
         )
         return replace(plan, reasons=(*plan.reasons, why), few_rays=is_sparse)
+
+    def plan_of(rays: int) -> TracePlan:
+        # `seen` separates plans confirmed from another job from plans searched for this one, so that no answer depends
+        # on other calls.
+        key = "plan of a pupil", *seen, count, rays, wavelength, tuple(choices.values()), why, is_sparse
+        plan: TracePlan = field.derive(key, lambda: make_plan(rays), CACHED)
+        return plan
 
     known = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
     is_known = known in sizes and not radial_rays
@@ -235,6 +242,13 @@ def share_places(field: IndexField, other: IndexField) -> None:
     """Share results that depend only on the nodes' positions between two fields on the same uniform grid."""
     if isinstance(field.samples, UniformGrid) and isinstance(other.samples, UniformGrid):
         field.samples.share_places(other.samples)
+
+
+def _begun(field: IndexField, like: PupilJob | None) -> Callable[[], None]:
+    """Start the tables of a grid that a job like this one needs; return a function that waits for them."""
+    if like is None or not like.plan.sample_count or not isinstance(field.samples, UniformGrid):
+        return lambda: None
+    return begun_grid(engine_of(like.plan.backend, like.plan.device), field.samples)
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from typing import Any
 
@@ -14,7 +14,7 @@ from ..rays import RayBundle
 from .engines import OUTPUT_TYPES, engine_of
 from .lattice_quadrature import smoothed_axes
 from .launch import RAY_BYTES
-from .pupil_fit import fit_surface, moments_in_metres
+from .pupil_fit import fit_surface, metres_of, moments_in_metres
 from .pupil_sums import (
     MOMENT_COUNT,
     PUPIL_OUTPUTS,
@@ -34,6 +34,8 @@ from .status import RayStatus
 KEPT_BYTES = 16 + 8 + 4
 # Constants of pupils that are cached on a device with a grid's node positions.
 CACHED = 8  # speed only
+# Rays along a radius that stay on a device with a grid's node positions: so many, of so many seeds and pupils.
+FEW, FEW_CACHED = 1 << 14, 4  # speed only
 
 
 @dataclass(eq=False)
@@ -93,13 +95,20 @@ class PupilRun:
             if task.is_radial:
                 key = "headings", task.look.tobytes(), together
                 self.headings = self._constant(key, lambda: np.repeat(task.look[None], together, axis=0))
+        self.metres = metres_of(task)
         self.no_surface = self._phasor_numbers(np.zeros(4))
-        self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined_counts(task.per_replicate)]
+        *joined, _ = joined_counts(task.per_replicate)
+        self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined]
         self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
-        buffers, arrays = [self.sums[-1]], [np.zeros(self.widest * SUM_COUNT)]
+        arrays = [np.zeros(self.widest * SUM_COUNT)]
         if self.prepared.rejected is not None:
-            buffers, arrays = [*buffers, self.prepared.rejected], [*arrays, np.zeros(1, np.int32)]
-        self.reading = engine.fetched(buffers, arrays)
+            arrays.append(np.zeros(1, np.int32))
+        self.reading = engine.fetched(arrays)
+        self.sums.append(self.reading.buffers[0])
+        if self.prepared.rejected is not None:
+            self.prepared.rejected = self.reading.buffers[1]
+            if engine.is_gpu:  # on a CPU the buffer is the array
+                engine.clear(self.prepared.rejected)
         # A single batch, whose rays are made on the device, repeats the same launches for each seed.
         self.repeat = engine.recorded() if len(self.batches) == 1 and not task.is_radial else None
 
@@ -133,9 +142,9 @@ class PupilRun:
         task = self.task
         sums = np.empty((task.replicates, SUM_COUNT))
         kept, rejected = [], 0
-        points = task.points(seed)
+        points = cache(partial(task.points, seed))
         for number, rows in enumerate(self.batches):
-            batch = self._place(rows, points, self._buffers(number if task.terms else 0))
+            batch = self._place(rows, seed, points, self._buffers(number if task.terms else 0))
             if self.repeat is None:
                 self._trace(batch)
             else:
@@ -150,8 +159,8 @@ class PupilRun:
             numbers = self._phasor_numbers(fit_surface(sums[:, :MOMENT_COUNT], task.terms))
             for batch in kept:
                 sums[batch.rows] = self._sums(batch, numbers)
-        moments = moments_in_metres(sums[:, :MOMENT_COUNT], task)
-        phasors = sums[:, MOMENT_COUNT] + 1j * sums[:, MOMENT_COUNT + 1]
+        moments = moments_in_metres(sums[:, :MOMENT_COUNT], task, self.metres)
+        phasors = sums[:, MOMENT_COUNT:].copy().view(np.complex128)[:, 0]
         return PupilSums(moments, phasors, task.replicates * task.per_replicate, rejected)
 
     def _buffers(self, number: int) -> dict[str, Any]:
@@ -168,18 +177,31 @@ class PupilRun:
             self.buffers.append({**(self.buffers[0] if number else {}), **fresh})
         return self.buffers[number]
 
-    def _place(self, rows: slice, points: Any, buffers: dict[str, Any]) -> Batch:
+    def _place(self, rows: slice, seed: int | None, points: Callable[[], Any], buffers: dict[str, Any]) -> Batch:
         """Make a batch: upload the rays along a radius, or the seeds from which other rays are made on the device."""
-        task, engine = self.task, self.engine
+        task = self.task
         count = (rows.stop - rows.start) * task.per_replicate
         results = {name: buffers[name] for name in OUTPUT_TYPES}
         if self.seeds is None:
-            position, place, weight = (engine.put(array) for array in radial_rays(task, points, rows))
+            position, place, weight = self._along_radius(rows, seed, points)
             return Batch(rows, count, position, self.headings, place, weight, count, results)
-        self.seeds.array[: rows.stop - rows.start] = points[rows]
+        self.seeds.array[: rows.stop - rows.start] = points()[rows]
         position, direction, place = (buffers[name] for name in ("start", "heading", "place"))
         weight, weights = (buffers["weight"], count) if task.generator else (self.one, 1)
         return Batch(rows, count, position, direction, place, weight, weights, results)
+
+    def _along_radius(self, rows: slice, seed: int | None, points: Callable[[], Any]) -> list[Any]:
+        """Upload positions, pupil coordinates and weights of rays along a radius; few rays stay for other fields."""
+
+        def upload() -> list[Any]:
+            return [self.engine.put(array) for array in radial_rays(self.task, points(), rows)]
+
+        task = self.task
+        if seed is None or (rows.stop - rows.start) * task.per_replicate > FEW:
+            return upload()
+        key = "rays along a radius", *self.engine.grid_key, task.pupil, task.replicates, task.per_replicate, rows.start
+        found: list[Any] = known(task.field.samples, (*key, int(seed)), upload, FEW_CACHED)
+        return found
 
     def _trace(self, batch: Batch) -> None:
         """Start all launches of a batch, including the copy of its sums to the host."""

@@ -29,7 +29,9 @@ PUPIL_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
 
 def replicate_seeds(seed: int | None, replicates: int) -> np.ndarray:
     """Seeds of the scramble, uint32, shape (replicates, 2): one for each axis of each replicate."""
-    return np.random.default_rng(seed).integers(0, 2**32, size=(replicates, 2), dtype=np.uint32)
+    # Both halves of each number of the generator, the lower first: what `Generator.integers` returns, in half the time.
+    numbers = np.asarray(np.random.PCG64(seed).random_raw(replicates), "<u8")
+    return numbers.view("<u4").astype(np.uint32, copy=False).reshape(replicates, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +96,16 @@ class PupilSums:
     ray_count: int
     rejected_count: int = 0
 
+    @cached_property
+    def total(self) -> np.ndarray:
+        """Moments of all replicates together, shape (MOMENT_COUNT,)."""
+        total: np.ndarray = np.add.reduce(self.moments, axis=0)
+        return total
+
     @property
     def evaluation_count(self) -> int:
         """Field evaluations of all rays."""
-        return int(self.moments[:, 11].sum())
+        return int(self.total[11])
 
     @property
     def greatest_error(self) -> float:
@@ -113,13 +121,13 @@ class PupilSums:
         pairs = zip(self.phasors.tolist(), counts, strict=True)
         ratios = [abs(sum_ / count) ** 2 if count else 0.0 for sum_, count in pairs]
         mean = sum(ratios) / len(ratios)
-        return math.sqrt(sum((ratio - mean) ** 2 for ratio in ratios) / (len(ratios) - 1) / len(ratios))
+        return math.sqrt(sum([(ratio - mean) ** 2 for ratio in ratios]) / (len(ratios) - 1) / len(ratios))
 
 
 def holds_tolerance(sums: np.ndarray, task: PupilTask) -> bool:
     """Whether all rays that arrived are within the tolerance, by rows of sums; true without error control."""
     budget = task.plan.tolerance * task.wavelength
-    return not task.plan.controls_error or bool(sums[:, GREATEST_ERROR].max() <= budget)
+    return not task.plan.controls_error or bool(np.maximum.reduce(sums[:, GREATEST_ERROR]) <= budget)
 
 
 def point_order(count: int, by_radius: bool) -> np.ndarray:

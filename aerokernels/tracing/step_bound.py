@@ -15,12 +15,13 @@ four samples a step are then never further apart than a sample's support.
 With k_i = G_i^(1/4) along axis i, G along a direction u of a structure with one normal is (sum |u_i| k_i)^4.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..medium.grid import UniformGrid
-from .blocks import block_maxima, greatest_around
+from .blocks import axis_back, axis_first, block_maxima, greatest_around
 
 BLOCK = 4
 BLOCK_COUNT_LIMIT = 300_000
@@ -183,7 +184,7 @@ def _window(near: float, far: float, size: np.ndarray, way: np.ndarray, cone: Co
 def block_size(grid: UniformGrid) -> int:
     """Cells in a block along each axis."""
     block = BLOCK
-    while np.prod(-(-(np.array(grid.shape) - 1) // block)) > BLOCK_COUNT_LIMIT:
+    while math.prod(-(-(count - 1) // block) for count in grid.shape) > BLOCK_COUNT_LIMIT:
         block *= 2
     return block
 
@@ -194,11 +195,11 @@ def _roughness_of_blocks(grid: UniformGrid) -> tuple[int, list[np.ndarray], list
     for axis in range(grid.samples.ndim):
         nodes = _stretched(grid, axis)  # in the grid's own memory order, with that axis first
         nodes /= grid.ambient_index
-        change = np.moveaxis(np.abs(_differences(nodes, 4)), 0, axis)
+        change = axis_back(np.abs(_differences(nodes, 4)), axis)
         fourth.append(block_maxima(change, block) / grid.spacing[axis] ** 4)
         second.append(np.zeros_like(fourth[-1]))
         if grid.interpolation != "cubic":
-            change = np.moveaxis(np.abs(np.diff(nodes[1:-1], 2, axis=0)), 0, axis)
+            change = axis_back(np.abs(np.diff(nodes[1:-1], 2, axis=0)), axis)
             second[-1] = block_maxima(change, block)
     return block, fourth, second
 
@@ -220,19 +221,21 @@ def _stretched(grid: UniformGrid, axis: int) -> np.ndarray:
     if grid.interpolation == "cubic":
         # The coefficients already have one entry beyond each end.
         others = tuple(slice(None) if a == axis else slice(1, -1) for a in range(grid.samples.ndim))
-        moved = np.moveaxis(grid.coefficients[others], axis, 0)
+        moved = axis_first(grid.coefficients[others], axis)
         inner, missing = moved, 1
     else:
-        moved = np.moveaxis(grid.samples * (grid.ambient_index + 0.5 * grid.samples), axis, 0)
+        moved = axis_first(grid.samples * (grid.ambient_index + 0.5 * grid.samples), axis)
         inner, missing = moved, 2
-    low, high = _continued(inner, missing), _continued(inner[::-1], missing)[::-1]
+    high = _continued(inner[::-1], missing)[::-1]
     if grid.even_first_axis and axis == 0:
         centre = 2 - missing
         mirrored = [inner[min(centre + k, len(inner) - 1)] for k in range(2, centre, -1)]
         low = np.stack(mirrored)
+    else:
+        low = _continued(inner, missing)
     shape = list(inner.shape)
     shape[0] += len(low) + len(high)
-    stretched = np.moveaxis(np.empty((*shape[1 : axis + 1], shape[0], *shape[axis + 1 :])), axis, 0)
+    stretched = axis_first(np.empty((*shape[1 : axis + 1], shape[0], *shape[axis + 1 :])), axis)
     stretched[: len(low)], stretched[len(low) : shape[0] - len(high)] = low, inner
     stretched[shape[0] - len(high) :] = high
     return stretched
@@ -241,10 +244,12 @@ def _stretched(grid: UniformGrid, axis: int) -> np.ndarray:
 def _continued(values: np.ndarray, count: int) -> np.ndarray:
     """`count` entries ahead of the first, on the cubic through the first four (lower degree if there are fewer)."""
     rule = {1: [1.0], 2: [2.0, -1.0], 3: [3.0, -3.0, 1.0]}.get(len(values), [4.0, -6.0, 4.0, -1.0])
-    ahead = values[: len(rule)]
+    ahead, made = values[: len(rule)], values[:0]
     for _ in range(count):
-        ahead = np.concatenate([np.tensordot(rule, ahead[: len(rule)], 1)[None], ahead])
-    return ahead[:count]
+        before = np.tensordot(rule, ahead[: len(rule)], 1)[None]
+        made = np.concatenate([before, made])
+        ahead = np.concatenate([before, ahead]) if len(made) < count else ahead
+    return made
 
 
 def _greatest(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

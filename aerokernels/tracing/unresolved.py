@@ -28,6 +28,7 @@ part.
 """
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -220,10 +221,8 @@ def _with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
 
 
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
-    obliquity = along_axes(sampling.steepness, geometry)
-    block, fourth, _ = roughness_of_blocks(grid)
-    strides = [PEANO * (u * sampling.spacing) ** 4 for u in obliquity]
-    missed = _joined([stride * change for stride, change in zip(strides, fourth, strict=True)])
+    block = block_size(grid)
+    missed = grid.derive(("missed by rule itself", geometry, sampling), lambda: _by_rule(grid, geometry, sampling), 2)
     factor = 1.0 + MISSED_SLOPE * sampling.lever_arm / float(grid.spacing.min())
     if by_rule:
         return block, factor * missed * (RULE_AT_ENDS if sampling.ends else 1.0)
@@ -237,6 +236,14 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool)
         missed = missed * np.where(is_end, RULE_AT_ENDS, 1.0)
     missed = np.minimum(missed, BOTH * share * _with_lobes(rest, main))
     return block, factor * missed
+
+
+def _by_rule(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
+    """The rule's own bound in each block, per metre of path [1]."""
+    obliquity = along_axes(sampling.steepness, geometry)
+    _, fourth, _ = roughness_of_blocks(grid)
+    strides = [PEANO * (u * sampling.spacing) ** 4 for u in obliquity]
+    return _joined([stride * change for stride, change in zip(strides, fourth, strict=True)])
 
 
 def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
@@ -309,7 +316,7 @@ def _with_lobes(rest: np.ndarray, main: int | None) -> np.ndarray:
 def _joined(parts: list[np.ndarray]) -> np.ndarray:
     """Combine the axes' fourth derivatives to that of a structure with one normal: see step_bound.py."""
     some = [part for part in parts if part.any()] or parts[:1]  # powers of zeros are slow too
-    return np.sum([part**0.25 for part in some], axis=0) ** 4
+    return reduce(np.add, [part**0.25 for part in some]) ** 4
 
 
 def _main_axis(steepness, geometry: str) -> int | None:

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.arguments import checked, refuse_masked
+from ..inputs.arguments import checked
 from ..inputs.checks import check_positive, check_share
+from ..inputs.doubtful import refuse_masked
 from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Pupil

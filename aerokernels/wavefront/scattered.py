@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.arguments import refuse_masked
+from ..inputs.doubtful import refuse_masked
 from ..pupils import Pupil
 from ..zernike import zernike_modes
 from .grid import pupil_grid

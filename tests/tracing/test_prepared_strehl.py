@@ -130,9 +130,10 @@ def test_bundles_are_cut_to_the_memory_of_any_engine():
     assert launch.chunk_size((1.0, 1.0), 5000) == launch.LEAST_CHUNK
 
 
-def test_many_fields_are_estimated_in_their_order_and_taken_as_they_are_needed():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_many_fields_are_estimated_in_their_order_and_taken_as_they_are_needed(engine):
     """The same bits as one by one, two ahead at most; an error stands where its field stands."""
-    options = {"ray_count": 16 * 300, "allow_truncation": True}
+    options = {"ray_count": 16 * 300, "allow_truncation": True, **on(engine)}
     seen = prepare_strehl(lens(), PUPIL, **options)
     fields, taken = [lens(peak) for peak in (0.7e-6, 0.9e-6, 1.1e-6, 1.2e-6, 1.3e-6)], []
 

@@ -1,14 +1,18 @@
 """What a device does again and again: pilots by one preparation, pupils without waiting between, rows of cubes."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, prepare_strehl
+from aerokernels.tracing import grid_tables
 from aerokernels.tracing.engines import engine_of
 from aerokernels.tracing.launch import Trials, launch
 from aerokernels.tracing.planning import plan_rays
+from aerokernels.tracing.pupil_sums import replicate_seeds
 
 from .backends import ENGINES, WAVE, on
 
@@ -78,12 +82,12 @@ def test_buffers_are_sent_and_fetched_together(name: str):
     """Of three types and lengths, twice; what is sent is there, what is fetched is what the buffers hold then."""
     engine = engine_of(**on(name))
     arrays = [np.arange(5, dtype=np.int32), np.linspace(0.0, 1.0, 7), np.arange(3, dtype=np.uint32)]
-    buffers = [engine.put(array) for array in arrays]
-    read = engine.fetched(buffers, [np.zeros_like(array) for array in arrays])
+    arrays.append(np.arange(12.0).reshape(4, 3))
+    read = engine.fetched([np.zeros_like(array) for array in arrays])
     sent = engine.sent(np.zeros(4, np.uint32))
     for number in (1, 2):
         arrays = [array + array.dtype.type(number) for array in arrays]
-        for buffer, array in zip(buffers, arrays, strict=True):
+        for buffer, array in zip(read.buffers, arrays, strict=True):
             engine.put_into(buffer, array)
         sent.array[:] = number
         sent.send()
@@ -92,6 +96,74 @@ def test_buffers_are_sent_and_fetched_together(name: str):
         there = np.zeros(4, np.uint32)
         engine.get(sent.buffer, there)
         assert np.all(there == number)
+    engine.clear(read.buffers[0])
+    read.start()
+    assert read.taken()[0][0] == 0
+
+
+def test_a_repeated_seed_sets_no_argument_of_a_kernel(monkeypatch):
+    """From the second call on OpenCL starts the same launches; a surface fitted to the wavefront is set each time."""
+    from aerokernels.tracing.engines.opencl import arguments
+
+    pupil, asked = Disc(4e-4, (8.5 * H, 8.2 * H, -1e-3), (0.05, 0.02, 1.0)), []
+    options = {"wavelength": WAVE, "ray_count": 1 << 14, "allow_truncation": True, **on("opencl-cpu")}
+    by_value = arguments.by_value
+    monkeypatch.setattr(arguments, "by_value", lambda value: asked.append(value) or by_value(value))
+    for remove, most in ((("piston",), 0), (("tilt",), 6)):
+        prepared = prepare_strehl(blob(), pupil, remove=remove, **options)
+        prepared(1), prepared(2)
+        asked.clear()
+        prepared(3)
+        assert len(asked) <= most
+
+
+def test_a_kernel_out_of_use_keeps_numbers_but_no_memory():
+    """Its next owner need not set the numbers again, and the buffers of the last one are free."""
+    from aerokernels.tracing.engines.opencl.arguments import Kernel, lasting
+    from aerokernels.tracing.engines.opencl.launchers import give_back, take_kernel
+
+    engine = engine_of(**on("opencl-cpu"))
+    kernel = engine.grid_kernels(["block_maxima"])["block_maxima"]
+    values, made = engine.put(np.array([1.0, -5.0, 2.0, 3.0, 4.0])), engine.empty(2)
+    engine.launch(kernel, [values, 5, 1, 2, 0.0], [made], 2)
+    engine.wait()
+    kept = lasting(kernel.given)
+    assert kept == [None, 5, 1, 2, 0.0, 0, 2, None]
+    program, taken = object(), object()
+    engine.session.kernels[program, "none"] = []
+    give_back(engine.session, program, "none", taken, kernel.given)
+    assert take_kernel(engine.session, program, "none") == (taken, kept)
+    again = Kernel(kernel.kernel, given=kept)
+    other = engine.empty(2)
+    engine.launch(again, [values, 5, 1, 2, 0.0], [other], 2)
+    found = np.zeros(2)
+    engine.get(other, found)
+    assert found.tolist() == [5.0, 4.0]
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_the_memory_of_a_known_grid_is_free_as_soon_as_its_field_is(name: str, monkeypatch):
+    """Without the collector of cycles, which would leave coefficients of many fields on a device."""
+    monkeypatch.setattr(grid_tables, "LEAST_NODES", 0)
+    pupil = Disc(4e-4, (8.5 * H, 8.2 * H, -1e-3), (0.05, 0.02, 1.0))
+    prepared = prepare_strehl(blob(), pupil, wavelength=WAVE, ray_count=1 << 14, allow_truncation=True, **on(name))
+    prepared(0)
+    gc.collect()
+    gc.disable()
+    try:
+        field = blob()
+        prepared.with_field(field)(0)
+        grid = weakref.ref(field.samples)
+        del field
+        assert grid() is None
+    finally:
+        gc.enable()
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2**31, np.int64(7), 123456789012345678901234567890])
+def test_seeds_of_replicates_are_whole_numbers_of_numpys_generator(seed: int):
+    expected = np.random.default_rng(seed).integers(0, 2**32, size=(16, 2), dtype=np.uint32)
+    assert np.array_equal(replicate_seeds(seed, 16), expected)
 
 
 @pytest.mark.parametrize("name", ENGINES)

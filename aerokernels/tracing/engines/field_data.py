@@ -4,6 +4,7 @@ Names are the members of the kernels' structs Field, Bounds and Control, see lay
 backend rounds them once.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from ..plan import TracePlan
 from ..result import output_mask
 from ..scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
 from ..step_bound import CONES, cones_of, step_bound
-from ..stop import ArcLength, Plane
+from ..stop import ArcLength, Plane, stop_key
 from ..support import left_out, support_box
 from ..unresolved import lookup_table
 
@@ -148,8 +149,8 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
 
 def _grid_members(samples: UniformGrid) -> dict[str, object]:
     shape = samples.coefficient_shape
-    if np.prod(shape) >= 2**31:
-        raise ValueError(f"{np.prod(shape)} coefficients do not fit the kernel's 32-bit index: use a coarser grid")
+    if math.prod(shape) >= 2**31:
+        raise ValueError(f"{math.prod(shape)} coefficients do not fit the kernel's 32-bit index: use a coarser grid")
     pitch = [1] * 3
     for axis in range(len(shape) - 2, -1, -1):
         pitch[axis] = pitch[axis + 1] * shape[axis + 1]
@@ -202,10 +203,18 @@ def stop_kind(until) -> str:
     return {Plane: "plane", ArcLength: "arc"}.get(type(until), "none")
 
 
-def trace_members(
-    field: IndexField, data: FieldData, plan: TracePlan, until, wavelength: float, outputs: frozenset
-) -> tuple[dict, dict]:
-    """Return the members of Bounds and of Control that depend on the plan, the stop and the requested outputs."""
+def plan_members(plan: TracePlan, outputs: frozenset) -> dict[str, object]:
+    """Return the members of Control that depend on the plan and the requested outputs alone."""
+    return {
+        "quadrature_error_scale": plan.quadrature_error_scale,
+        "trajectory_error_scale": plan.trajectory_error_scale,
+        "sample_count": plan.sample_count,
+        "outputs": output_mask(outputs),
+    }
+
+
+def trace_members(field: IndexField, data: FieldData, plan: TracePlan, until, wavelength: float) -> tuple[dict, dict]:
+    """Return the members of Bounds and of Control that depend on the field, the plan and the stop."""
     bounds: dict[str, object] = {"plane_point": np.zeros(3), "plane_normal": np.zeros(3), "length": 0.0}
     bounds |= _support_members(field, plan, wavelength)
     control: dict[str, object] = {
@@ -215,17 +224,16 @@ def trace_members(
         "step": plan.sampling.spacing if plan.sample_count and plan.sampling else plan.step or 0.0,
         "tolerance": error_limit(field, plan.tolerance * wavelength),
         "max_steps": min(plan.max_steps, MOST_STEPS),
-        "quadrature_error_scale": plan.quadrature_error_scale,
-        "trajectory_error_scale": plan.trajectory_error_scale,
-        "sample_count": plan.sample_count,
-        "outputs": output_mask(outputs),
     }
     control |= _left_members(field, plan, wavelength)
     if isinstance(until, Plane):
         bounds |= {"plane_point": until.point, "plane_normal": until.normal}
         control["plane_normal"] = until.normal * data.spacing
         control["plane_offset"] = float(until.normal @ (until.point - data.origin))
-        control["plane_in_box"] = int(_comes_near(until, field.box, NEAR_BOX * float(np.max(data.spacing))))
+        place = "plane in box", field.geometry, stop_key(until)
+        margin = NEAR_BOX * float(np.max(data.spacing))
+        near = known(field.samples, place, lambda: _comes_near(until, field.box, margin), KEPT)
+        control["plane_in_box"] = int(near)
     elif isinstance(until, ArcLength):
         bounds["length"] = until.length
     return bounds, control
@@ -276,7 +284,6 @@ def step_bound_tables(
     Returns:
         Arrays "step_bound" [m], flat, and "step_bound_start", -1 for a cone without a table; members of Control.
     """
-    budget = error_limit(field, min(plan.tolerance, LAXEST) * wavelength)
     start = np.full(len(CONES), -1, dtype=np.int32)
     lengths = [np.zeros(1)]
     members: dict[str, object] = {"block_count": np.ones(3, dtype=int), "block": 1}
@@ -285,6 +292,7 @@ def step_bound_tables(
         start[0], lengths = 0, [missed.ravel()]
         members = {"block_count": np.array([*missed.shape, *[1] * (3 - missed.ndim)]), "block": block}
     if isinstance(field.samples, UniformGrid) and plan.method in ("adaptive", "straight") and not plan.sample_count:
+        budget = error_limit(field, min(plan.tolerance, LAXEST) * wavelength)
         for cone in np.unique(cones_of(directions, field.geometry)):
             table = step_bound(field.samples, field.geometry, budget, CONES[cone])
             start[cone] = sum(part.size for part in lengths)

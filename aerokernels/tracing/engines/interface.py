@@ -5,7 +5,7 @@ is written once for both: a bundle in chunks (launch.py), a pupil and its sums (
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -26,19 +26,17 @@ class Engine(Protocol):
 
     Attributes:
         device: Name of the device.
+        memory: Total memory of the device, and the largest single allocation [bytes].
         is_gpu: Whether the device is a GPU.
         grid_tables: The GRID_TABLES that the device computes faster than NumPy, see tracing/grid_tables.py.
         grid_key: Key under which a grid caches the float64 spline coefficients computed on the device.
     """
 
     device: str
+    memory: tuple[float, float]
     is_gpu: bool
     grid_tables: tuple[str, ...]
     grid_key: tuple
-
-    @property
-    def memory(self) -> tuple[float, float]:
-        """Total memory of the device, and the largest single allocation [bytes]."""
 
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
@@ -104,10 +102,13 @@ class Engine(Protocol):
         """Wait for the launched kernels, and copy the first rows of a buffer into the array."""
 
     def sent(self, array: np.ndarray) -> "Sent":
-        """Return a buffer with a copy of an array of numbers, for an array that is uploaded repeatedly."""
+        """Return a buffer for an array of numbers that is uploaded repeatedly, the first time by `Sent.send`."""
 
-    def fetched(self, buffers: Sequence[Any], arrays: Sequence[np.ndarray]) -> "Fetched":
-        """Return an object that copies buffers together into arrays shaped like `arrays`, repeatedly."""
+    def fetched(self, arrays: Sequence[np.ndarray]) -> "Fetched":
+        """Return uninitialised buffers for the numbers of arrays, which are copied to the host together, repeatedly.
+
+        Rows of two or three float64 are vectors for the kernels. On a CPU the buffers may share the arrays' memory.
+        """
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
         """Return a callable that runs the same work repeatedly: launches, `Sent` and `Fetched` on the same buffers.
@@ -121,6 +122,9 @@ class Engine(Protocol):
         The kernel's arguments are `before`, the number of the first ray or group, and `after`; a dictionary of
         buffers stands for the struct of outputs.
         """
+
+    def clear(self, buffer: Any) -> None:
+        """Set the first number of a buffer of int32 to 0, without waiting on a GPU."""
 
     def wait(self) -> None:
         """Wait for the kernels that this thread launched."""
@@ -145,13 +149,22 @@ class Sent(Protocol):
 
 
 class Fetched(Protocol):
-    """Buffers and the host arrays that receive them; see `Engine.fetched`."""
+    """Buffers and the host arrays that receive them; see `Engine.fetched`.
+
+    Attributes:
+        buffers: One for each array; they are valid as long as this object.
+    """
+
+    buffers: Sequence[Any]
 
     def start(self) -> None:
         """Start to copy the buffers in the state that the kernels launched so far leave them in."""
 
     def wait(self) -> Sequence[np.ndarray]:
         """Wait for the copies and return the arrays, which are valid until the next `start`."""
+
+    def taken(self) -> Sequence[np.ndarray]:
+        """Wait for the last copies; return arrays that stay valid."""
 
 
 @dataclass(eq=False)
@@ -165,6 +178,7 @@ class Prepared:
         outputs: The outputs that it computes for each ray, besides the status.
         rejected: Buffer in which the kernel counts the rays it rejects; None for a kernel that accepts every ray.
         is_packed: Whether the kernel moves packets of rays, which share lookups if they are in one column of cells.
+        unused: Buffers of one row, by their type, in place of outputs that are not computed.
     """
 
     engine: Engine
@@ -173,6 +187,7 @@ class Prepared:
     outputs: frozenset
     rejected: Any
     is_packed: bool = False
+    unused: dict[tuple[int, type], Any] = field(default_factory=dict)
 
     def launch(self, starts: list, results: dict, count: int) -> Any:
         """Start the kernel on rays whose `starts` are on the device; see `Engine.launch`."""
@@ -190,15 +205,14 @@ class Prepared:
         So do the outputs in `without`, for which the caller has buffers.
         """
         computed = self.computed.difference(without)
-        rows: dict[tuple[int, type], Any] = {}
         buffers: dict[str, Any] = {}
         for name, alike in OUTPUT_TYPES.items():
             if name in computed:
                 buffers[name] = self.engine.empty(count, *alike)
             else:
-                if alike not in rows:
-                    rows[alike] = self.engine.empty(1, *alike)
-                buffers[name] = rows[alike]
+                if alike not in self.unused:
+                    self.unused[alike] = self.engine.empty(1, *alike)
+                buffers[name] = self.unused[alike]
         return buffers
 
     def tune(self, **numbers: Any) -> None:

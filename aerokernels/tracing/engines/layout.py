@@ -212,9 +212,12 @@ OPTIONS: dict[str, Option] = {
 }
 
 
+ARRAYS = {name: tuple(each for each in members if each.kind.endswith("*")) for name, members in STRUCTS.items()}
+
+
 def arrays_of(struct: str) -> tuple[Value, ...]:
     """Return the members of a struct that are arrays."""
-    return tuple(member for member in STRUCTS[struct] if member.kind.endswith("*"))
+    return ARRAYS[struct]
 
 
 def values_of(struct: str) -> tuple[Value, ...]:

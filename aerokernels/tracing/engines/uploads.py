@@ -11,12 +11,16 @@ from ..bundle.frame import kernel_arrays, kernel_numbers
 from ..bundle.table import BundleTable
 from ..cube_polynomials import cubes_of
 from ..plan import TracePlan
-from .field_data import FieldData, array_of, field_data, step_bound_tables, trace_members
+from ..stop import stop_key
+from .field_data import FieldData, array_of, field_data, plan_members, step_bound_tables, trace_members
 from .layout import Value, arrays_of
+
+# Structs of a field that are cached for the last plans.
+STRUCTS_CACHED = 4  # speed only
 
 
 class Uploads(ABC):
-    """The uploads that the engines share. An engine provides `put`, `struct_array` and `computed_coefficients`.
+    """The uploads that the engines share. An engine provides the abstract methods.
 
     Attributes:
         grid_key: See interface.py; without its first entry, it tells the uploads of engines and devices apart.
@@ -36,29 +40,40 @@ class Uploads(ABC):
     def computed_coefficients(self, field: IndexField, precision: str) -> Any:
         """Return a grid's coefficients if this device has computed them, else None."""
 
+    @abstractmethod
+    def place_structs(self, data: FieldData, precision: str, arrays: dict[str, Any], bounds: dict[str, Any]) -> Any:
+        """Return the structs Field and Bounds as kernels take them; `arrays` are those of Field on the device."""
+
     def room(self, shape: tuple[int, ...], kind: type) -> np.ndarray:
         """See interface.py."""
         return np.empty(shape, kind)
 
     def uploaded(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
-    ) -> tuple[FieldData, dict[str, dict]]:
-        """Return the data of a field, and the members of the structs Field, Bounds and Control by name.
+    ) -> tuple[Any, dict[str, Any]]:
+        """Return the structs of `place_structs`, and the members of struct Control, whose arrays are on the device.
 
-        Arrays are on the device. Numbers of struct Field are in the data.
+        For leapfrog samples both are cached on the field: a pilot and the rays that follow its plan share them.
         """
-        with_paper_step = plan.method == "paper"
-        data = field_data(field, plan.precision, with_paper_step)
-        bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
-        tables, blocks = step_bound_tables(field, plan, wavelength, directions)
-        arrays = self._field_arrays(field, data, plan.precision, with_paper_step)
-        if plan.looks_up_cubes:
-            arrays = {**arrays, "coefficients": self._cubes(field)}
-        return data, {
-            "Field": arrays,
-            "Bounds": data.bounds | bounds,
-            "Control": data.control | control | blocks | self._control_arrays(field, plan.precision, tables),
-        }
+
+        def make() -> tuple[Any, dict[str, Any]]:
+            with_paper_step = plan.method == "paper"
+            data = field_data(field, plan.precision, with_paper_step)
+            bounds, control = trace_members(field, data, plan, until, wavelength)
+            tables, blocks = step_bound_tables(field, plan, wavelength, directions)
+            arrays = self._field_arrays(field, data, plan.precision, with_paper_step)
+            if plan.looks_up_cubes:
+                arrays = {**arrays, "coefficients": self._cubes(field)}
+            structs = self.place_structs(data, plan.precision, arrays, data.bounds | bounds)
+            return structs, data.control | control | blocks | self._control_arrays(field, plan.precision, tables)
+
+        if plan.sample_count:
+            key = plan.precision, plan.looks_up_cubes, plan.sampling, plan.step, plan.max_steps, plan.lever_arms
+            place = "structs", *self.grid_key[1:], *key, plan.tolerance * wavelength, stop_key(until)
+            structs, control = field.derive(place, make, STRUCTS_CACHED)
+        else:
+            structs, control = make()
+        return structs, control | plan_members(plan, outputs)
 
     def bundle_arguments(self, table: BundleTable, outputs: frozenset) -> list:
         """Return the arguments of the kernel deliver_bundle before the rays, with arrays on the device."""

@@ -144,6 +144,9 @@ def session(name: str | None = None) -> Session:
         OpenCLUnavailable: There is no OpenCL here, or the device cannot be opened.
         ValueError: No device, or more than one, has that name.
     """
+    here: Session | None = OPENED.get((SESSION, os.getpid(), name))  # for the whole name of a device that is open
+    if here is not None:
+        return here
     found = find_device(name)
     opened: Session = OPENED.once((SESSION, os.getpid(), found.info.device), lambda: _open(found))
     return opened

@@ -1,5 +1,6 @@
 """The OpenCL engine: uploads a field once, builds kernels specialised for a plan, and launches them in order."""
 
+import math
 import weakref
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -22,7 +23,7 @@ from .devices import session
 from .launchers import give_back, take_kernel
 from .program import WORK_GROUP, build, build_options, lane_count
 from .tables import cell_polynomials, may_be_packed
-from .transfers import Fetched, Sent
+from .transfers import Fetched, Recorded, Sent, Shared
 
 # On a GPU, numbers below 1e-38 are flushed to zero: roots and quotients then take fewer instructions.
 FLUSH = "-cl-denorms-are-zero"
@@ -30,6 +31,8 @@ FLUSH = "-cl-denorms-are-zero"
 POOLED = 1 << 28
 # Packets of rays that a CPU thread interleaves, because each sample waits for the previous one.
 PACKETS = 2
+# Work-items of a work-group that move packets: so few that a CPU's cores share the rays of a radius or of a lattice.
+PACKET_GROUP = 4  # speed only
 # Number of equal rows up to which they are copied from the host; more are doubled on the device.
 REPEATED = 1 << 12
 # Positions of Control and of the coefficients among the arguments: after the structs Field and Bounds.
@@ -73,7 +76,7 @@ class Engine(Uploads):
             arguments = self.arguments(field, plan, until, wavelength, outputs, directions)
             if packs:
                 arguments[FIRST_ARRAY] = self._packed_coefficients(field, plan.precision)
-        options = build_options(
+        options = self._options(
             precision=plan.precision,
             geometry=field.geometry,
             interpolation=field.interpolation,
@@ -93,7 +96,9 @@ class Engine(Uploads):
         with stage("compile"):
             program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
             kernel = self._kernel(program, "leapfrog" if leapfrog else "trace_kernel", packets * lanes)
-            rejected = self.put(np.zeros(1, np.int32)) if leapfrog else None
+            if lanes > 1:
+                kernel.group = PACKET_GROUP
+            rejected = self._counter() if leapfrog else None
             # Without shared lookups, to order rays costs more than it saves.
             shares = lanes > 1 and not plan.looks_up_cubes
             prepared = Prepared(self, kernel, arguments, outputs, rejected, is_packed=shares)
@@ -104,12 +109,18 @@ class Engine(Uploads):
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
     ) -> list:
         """Return the structs Field, Bounds and Control, and their arrays, for `prepare`."""
-        data, members = self.uploaded(field, plan, until, wavelength, outputs, directions)
+        (packed, arrays), control = self.uploaded(field, plan, until, wavelength, outputs, directions)
         return [
-            _packed_field(data, plan.precision),
-            *(pack(name, plan.precision, members[name]) for name in ("Bounds", "Control")),
-            *(members[name][member.name] for name in ("Field", "Control") for member in arrays_of(name)),
+            *packed,
+            pack("Control", plan.precision, control),
+            *arrays,
+            *(control[member.name] for member in arrays_of("Control")),
         ]
+
+    def place_structs(self, data: FieldData, precision: str, arrays: dict[str, Any], bounds: dict[str, Any]) -> Any:
+        """Return the packed structs Field and Bounds, and the arrays of Field, which are separate arguments."""
+        packed = _packed_field(data, precision), pack("Bounds", precision, bounds)
+        return packed, [arrays[member.name] for member in arrays_of("Field")]
 
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
         """Return the arguments with a new struct Control, which the kernel gets at its next launch."""
@@ -122,7 +133,7 @@ class Engine(Uploads):
         """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
         arguments = self.bundle_arguments(table, outputs)
         with stage("compile"):
-            options = build_options(precision=table.precision, channels=table.channels)
+            options = self._options(precision=table.precision, channels=table.channels)
             kernel = self._kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle")
         return Prepared(self, kernel, arguments, outputs, None)
 
@@ -138,11 +149,19 @@ class Engine(Uploads):
         with stage("compile"):
             return {name: self._kernel(build(self.session, f"{name}.cl"), name) for name in names}
 
+    def _options(self, **chosen: Any) -> tuple[str, ...]:
+        """Return `build_options` of these choices, made once."""
+        key = tuple(chosen.items())
+        found: tuple[str, ...] | None = self.session.options_of.get(key)
+        if found is None:
+            found = self.session.options_of[key] = build_options(**chosen)
+        return found
+
     def _kernel(self, program, name: str, lanes: int = 1, items: int = 1) -> Kernel:
         """Return a kernel of a program; its kernel object is reused after the kernel is garbage-collected."""
-        taken = take_kernel(self.session, program, name)
-        kernel = Kernel(taken, lanes, items)
-        weakref.finalize(kernel, give_back, self.session, program, name, taken).atexit = False
+        taken, given = take_kernel(self.session, program, name)
+        kernel = Kernel(taken, lanes, items, given)
+        weakref.finalize(kernel, give_back, self.session, program, name, taken, given).atexit = False
         return kernel
 
     def keeps(self, size: float) -> bool:
@@ -199,6 +218,18 @@ class Engine(Uploads):
         """Return an uninitialised buffer of `count` rows of `width` numbers."""
         return self._memory(max(1, count) * width * np.dtype(kind).itemsize)
 
+    def _counter(self):
+        """Return a buffer with one number, 0; on a GPU a waiting copy would take as long as tracing some rays."""
+        if not self.is_gpu:
+            return self.put(np.zeros(1, np.int32))
+        made = self.empty(1, kind=np.int32)
+        self.clear(made)
+        return made
+
+    def clear(self, buffer) -> None:
+        """Set the first number of a buffer of int32 to 0 without waiting."""
+        cl.enqueue_fill_buffer(self.session.queue, buffer, np.int32(0), 0, 4)
+
     def _memory(self, size: int):
         """Return a buffer of `size` bytes; on a GPU from the pool, which would waste memory for very large ones."""
         size = max(size, 1)
@@ -221,21 +252,29 @@ class Engine(Uploads):
 
     def sent(self, array: np.ndarray) -> "Sent":
         """See interface.py."""
-        return Sent(self.session.queue if self.is_gpu else None, array, self.share(array))
+        buffer = self._memory(array.nbytes) if self.is_gpu else self.share(array)
+        return Sent(self.session, array, buffer, is_copied=self.is_gpu)
 
-    def fetched(self, buffers: Sequence[Any], arrays: Sequence[np.ndarray]) -> "Fetched":
+    def fetched(self, arrays: Sequence[np.ndarray]) -> "Fetched | Shared":
         """See interface.py."""
-        return Fetched(self.session, buffers, arrays, self._memory)
+        if self.is_gpu:
+            return Fetched(self.session, arrays, self._memory)
+        return Shared(self.session, arrays, [self.share(array) for array in arrays])
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
-        """Return a callable that simply does the work: there are no graphs."""
-        return lambda work: work()
+        """Return a callable that starts the same launches and copies again, without setting arguments."""
+        return Recorded(self.session)
 
     def launch(self, kernel: Kernel, before: list, after: list, count: int):
         """Start a kernel over all rays, or groups of rays; return its event."""
         outputs = [buffer for value in after for buffer in (value.values() if isinstance(value, dict) else [value])]
-        kernel.set([*before, 0, count, *outputs])
-        return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, kernel.size(count), (WORK_GROUP,))
+        arguments, size = [*before, 0, count, *outputs], kernel.size(count)
+
+        def start() -> Any:
+            kernel.set(arguments)
+            return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, size, (kernel.group,))
+
+        return self.session.do(start)
 
     def wait(self) -> None:
         """Wait for the kernels that this thread launched."""
@@ -277,9 +316,9 @@ class Engine(Uploads):
         found = field.samples.held(self.grid_key)
         if found is None or precision == "float64":
             return found
-        count = int(np.prod(field.samples.coefficient_shape))
+        count = math.prod(field.samples.coefficient_shape)
         made = self.empty(count, kind=REAL_TYPES[precision])
-        program = build(self.session, "round_coefficients.cl", build_options(precision=precision))
+        program = build(self.session, "round_coefficients.cl", self._options(precision=precision))
         self.launch(self._kernel(program, "round_coefficients"), [found], [made], count)
         self.settle()
         return made

@@ -8,22 +8,28 @@ would end in an error of SQLite or of Python's unmarshalling ("co_varnames is to
 import warnings
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
+from .arguments import lasting
 from .devices import import_pyopencl
 from .session import Session
 
 
-def take_kernel(session: Session, program, name: str):
-    """Return a kernel of a session's program for the sole use of the caller; see `give_back`."""
+def take_kernel(session: Session, program, name: str) -> tuple[Any, list]:
+    """Return a kernel of a session's program for the sole use of the caller, and its arguments; see `give_back`."""
     free = session.kernels.setdefault((program, name), [])
     with suppress(IndexError):
-        return free.pop()
-    return make_kernel(program, name)
+        kernel, given = free.pop()
+        return kernel, given
+    return make_kernel(program, name), []
 
 
-def give_back(session: Session, program, name: str, kernel) -> None:
-    """Return a kernel that is out of use to the session's free list: to make one takes PyOpenCL half a millisecond."""
-    session.kernels[program, name].append(kernel)
+def give_back(session: Session, program, name: str, kernel, given: list) -> None:
+    """Return a kernel that is out of use to the session's free list: to make one takes PyOpenCL half a millisecond.
+
+    Of the arguments `given` to it, those that hold no memory of a device are kept and need not be set again.
+    """
+    session.kernels[program, name].append((kernel, lasting(given)))
 
 
 def make_kernel(program, name: str):

@@ -148,11 +148,14 @@ def build(session: Session, kernel_file: str, options: Iterable[str] = (), folde
     Raises:
         RuntimeError: The source does not exist or does not build; with the compiler's messages and the options.
     """
-    options = (*BASE_OPTIONS, *options, *session.options)
+    asked = kernel_file, tuple(options)
+    if folder is None and (found := _own_sources(session)[2].get(asked)) is not None:
+        return found
+    options = (*BASE_OPTIONS, *asked[1], *session.options)
     if is_processor(session):
         options = (*options, "-DON_PROCESSOR=1")
     with session.lock:
-        place, stamp = _own_sources(session) if folder is None else (folder, _stamp(folder))
+        place, stamp, built = _own_sources(session) if folder is None else (folder, _stamp(folder), {})
         written = kernel_file, place, stamp
         if written not in session.sources:
             session.sources[written] = expand(kernel_file, place)
@@ -160,17 +163,24 @@ def build(session: Session, kernel_file: str, options: Iterable[str] = (), folde
         key = (source, options)
         if key not in session.programs:
             session.programs[key] = _build(session, kernel_file, source, list(options))
+        built[asked] = session.programs[key]
         return session.programs[key]
 
 
-def _own_sources(session: Session) -> tuple[Path, tuple]:
-    """Return the package's folder and its stamp, at most LOOKED seconds old: to read it may take as long as a trace."""
+def _own_sources(session: Session) -> tuple[Path, tuple, dict]:
+    """Return the package's folder, its stamp and the programs built from it, by file and options.
+
+    The stamp is at most LOOKED seconds old: to read it may take as long as a trace.
+    """
     now = time.monotonic()
     if not session.looked or now - session.looked["when"] > LOOKED:
         folder = kernel_folder()
-        session.looked.update(when=now, sources=(folder, _stamp(folder)))
-    found: tuple[Path, tuple] = session.looked["sources"]
-    return found
+        found = folder, _stamp(folder)
+        before = session.looked.get("sources", (None, None, {}))
+        built = before[2] if before[:2] == found else {}
+        session.looked.update(when=now, sources=(*found, built))
+    sources: tuple[Path, tuple, dict] = session.looked["sources"]
+    return sources
 
 
 def _stamp(folder: Path) -> tuple:

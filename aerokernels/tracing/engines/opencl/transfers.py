@@ -1,4 +1,4 @@
-"""Repeated copies to and from an OpenCL device, which wait only if necessary."""
+"""Repeated copies to and from an OpenCL device, which wait only if necessary, and work that is started repeatedly."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pyopencl as cl
+
+from .session import Session
 
 
 class Mapped:
@@ -34,43 +36,102 @@ class Mapped:
 
 @dataclass(eq=False)
 class Sent:
-    """An array and its buffer, which share memory if there is no queue; see interface.py."""
+    """An array and its buffer, which share memory on a processor; see interface.py.
 
-    queue: Any
+    Attributes:
+        session: The open device.
+        array: The array.
+        buffer: The buffer.
+        is_copied: Whether the buffer has memory of its own.
+        event: The event of the last upload: PyOpenCL would wait for the copy if the event were deleted.
+    """
+
+    session: Session
     array: np.ndarray
     buffer: Any
+    is_copied: bool
+    event: Any = None
 
     def send(self) -> None:
         """Start the upload; the queue is in order, so later launches see it."""
-        if self.queue is not None:
-            cl.enqueue_copy(self.queue, self.buffer, self.array, is_blocking=False)
+        if self.is_copied:
+            self.session.do(self._start)
+
+    def _start(self) -> None:
+        self.event = cl.enqueue_copy(self.session.queue, self.buffer, self.array, is_blocking=False)
 
 
 class Fetched:
-    """Buffers and the host arrays that receive them, read in a single copy; see interface.py."""
+    """Parts of one buffer of a GPU, and the host arrays that receive them in a single copy; see interface.py.
 
-    def __init__(self, session: Any, buffers: Sequence[Any], arrays: Sequence[np.ndarray], empty: Callable[[int], Any]):
-        """Take the buffers; `empty` allocates a buffer of so many bytes, in which they are joined."""
-        self.session, self.buffers = session, buffers
-        sizes = [array.nbytes for array in arrays]
-        self.starts = [-(-sum(sizes[:number]) // 8) * 8 for number in range(len(sizes))]
-        self.bytes = np.zeros(self.starts[-1] + sizes[-1], np.uint8)
-        self.joined = buffers[0] if len(buffers) == 1 else empty(len(self.bytes))
+    In separate reads, the driver would wait for the device each time.
+    """
+
+    def __init__(self, session: Session, arrays: Sequence[np.ndarray], empty: Callable[[int], Any]):
+        """Make a buffer for arrays like these; `empty` allocates a buffer of so many bytes."""
+        self.session = session
+        unit = max(session.device.mem_base_addr_align // 8, 1)  # bytes; a part of a buffer begins at a multiple
+        starts, end = [], 0
+        for array in arrays:
+            starts.append(end)
+            end += -(-max(array.nbytes, 1) // unit) * unit
+        self.bytes, self.whole = np.empty(end, np.uint8), empty(end)
+        # A buffer from a pool cannot be divided itself.
+        divided = cl.Buffer.from_int_ptr(self.whole.int_ptr, retain=True)
+        self.buffers: Sequence[Any] = [
+            divided.get_sub_region(start, max(array.nbytes, 1)) for start, array in zip(starts, arrays, strict=True)
+        ]
         self.arrays = [
             self.bytes[start : start + array.nbytes].view(array.dtype).reshape(array.shape)
-            for start, array in zip(self.starts, arrays, strict=True)
+            for start, array in zip(starts, arrays, strict=True)
         ]
 
     def start(self) -> None:
-        """Join the buffers on the device: in separate reads, the driver would wait for the device each time."""
-        if self.joined is self.buffers[0]:
-            return
-        for buffer, start, array in zip(self.buffers, self.starts, self.arrays, strict=True):
-            cl.enqueue_copy(
-                self.session.queue, self.joined, buffer, byte_count=array.nbytes, src_offset=0, dst_offset=start
-            )
+        """Do nothing: `wait` reads in the order of the queue."""
 
     def wait(self) -> Sequence[np.ndarray]:
-        """Read the joined buffer, and return the arrays."""
-        cl.enqueue_copy(self.session.queue, self.bytes, self.joined, is_blocking=True)
+        """Read the buffers, and return the arrays."""
+        cl.enqueue_copy(self.session.queue, self.bytes, self.whole, is_blocking=True)
         return self.arrays
+
+    def taken(self) -> Sequence[np.ndarray]:
+        """Read the buffers for the last time, and return the arrays."""
+        return self.wait()
+
+
+@dataclass(eq=False)
+class Shared:
+    """Host arrays, and a processor's buffers in their memory; see interface.py."""
+
+    session: Session
+    arrays: Sequence[np.ndarray]
+    buffers: Sequence[Any]
+
+    def start(self) -> None:
+        """Do nothing: kernels write into the arrays."""
+
+    def wait(self) -> Sequence[np.ndarray]:
+        """Wait for the kernels that this thread launched, and return the arrays."""
+        self.session.queue.finish()
+        return self.arrays
+
+    def taken(self) -> Sequence[np.ndarray]:
+        """Wait, and return the arrays."""
+        return self.wait()
+
+
+class Recorded:
+    """Repeated work: its launches and uploads are recorded the first time, and started again afterwards."""
+
+    def __init__(self, session: Session):
+        """Start without a record."""
+        self.session = session
+        self._steps: list[Callable[[], Any]] | None = None
+
+    def __call__(self, work: Callable[[], None]) -> None:
+        """Start the work."""
+        if self._steps is None:
+            self._steps = self.session.recorded(work)
+            return
+        for step in self._steps:
+            step()

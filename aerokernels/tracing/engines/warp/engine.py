@@ -1,7 +1,6 @@
 """The Warp engine: uploads a field once, and launches kernels over all cores of a CPU or on a GPU."""
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import cached_property
 from operator import is_
 from typing import Any
 
@@ -19,7 +18,8 @@ from ....process.quiet_warp import start_warp
 from ....process.threads import in_threads
 from ...bundle.table import BundleTable
 from ...plan import TracePlan
-from ..field_data import stop_kind
+from ...scheme import GROUP
+from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import STRUCTS, Value
 from ..uploads import Uploads
@@ -30,16 +30,18 @@ from .kernels.team import WARP
 from .kernels.trace import build_kernel
 from .library import library_of
 from .loading import load_module
-from .transfers import Fetched, Recorded, Sent
+from .transfers import Fetched, Recorded, Sent, Shared
 from .types import types
 
 # Kernels in which a warp of a GPU shares one group of rays.
 SHARED = (pupil.sum_moments, pupil.sum_phasors)
+# Kernels that take less time for each ray, or for each number, than tracing.
+SHORT = (pupil.launch_pupil, pupil.reduce_sums)
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the cost of the launch.
 CHUNK = 4096
-# The bytes, and the share of the device's memory, that one result may occupy; the number of rays from which they are
-# copied to a GPU chunk by chunk.
-ALWAYS_KEPT, KEPT_SHARE, MANY = 1 << 24, 0.25, 1 << 19
+# The share of the device's memory that one result may occupy; the number of rays from which they are copied to a GPU
+# chunk by chunk.
+KEPT_SHARE, MANY = 0.25, 1 << 19
 # The share of a GPU's memory that its pool may hold, used and unused memory together.
 POOL_SHARE = 0.5
 SCALARS: dict[Any, type] = {
@@ -47,6 +49,11 @@ SCALARS: dict[Any, type] = {
     np.dtype(np.float32): wp.float32,
     np.dtype(np.int32): wp.int32,
     np.dtype(np.uint32): wp.uint32,
+}
+# Names of the members of each struct that are vectors.
+VECTOR_MEMBERS = {
+    name: {each.name for each in members if each.parts[1] > 1 and not each.parts[2]}
+    for name, members in STRUCTS.items()
 }
 VECTORS = {2: wp.vec2d, 3: wp.vec3d}
 
@@ -59,18 +66,15 @@ class Engine(Uploads):
         start_warp()
         self.device = device
         found = wp.get_device(device)
+        # Read once: on a CPU from some twenty files of the system.
+        memory = OPENED.once(("memory", device), lambda: float(found.total_memory if found.is_cuda else host_memory()))
+        self.memory = memory, memory
         self.is_gpu = bool(found.is_cuda)
         self.grid_key = "coefficients", "warp", device
         self.grid_tables: tuple[str, ...] = GRID_TABLES if found.is_cuda else ()
         self.outputs: tuple[list, Any] = [], None
         if found.is_cuda:
             OPENED.once(("memory kept", device), lambda: _keep_memory(found))
-
-    @cached_property
-    def memory(self) -> tuple[float, float]:
-        """See interface.py; of a CPU it takes half a millisecond to find."""
-        memory = float(wp.get_device(self.device).total_memory if self.is_gpu else host_memory())
-        return memory, memory
 
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
@@ -100,9 +104,12 @@ class Engine(Uploads):
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
     ) -> list:
         """Return the structs Field, Bounds and Control, with their arrays, for `prepare`."""
-        data, members = self.uploaded(field, plan, until, wavelength, outputs, directions)
-        members["Field"] = data.field | members["Field"]
-        return [_filled(name, members[name], plan.precision) for name in ("Field", "Bounds", "Control")]
+        structs, control = self.uploaded(field, plan, until, wavelength, outputs, directions)
+        return [*structs, _filled("Control", control, plan.precision)]
+
+    def place_structs(self, data: FieldData, precision: str, arrays: dict[str, Any], bounds: dict[str, Any]) -> Any:
+        """Return the structs Field and Bounds."""
+        return [_filled("Field", data.field | arrays, precision), _filled("Bounds", bounds, precision)]
 
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
         """Return the same structs with the last one, Control, changed in place."""
@@ -132,7 +139,7 @@ class Engine(Uploads):
 
     def keeps(self, size: float) -> bool:
         """Whether results of `size` bytes take at most KEPT_SHARE of the device's memory."""
-        return size <= ALWAYS_KEPT or size <= KEPT_SHARE * self.memory[0]
+        return size <= KEPT_SHARE * self.memory[0]
 
     def bring(self, starts: Sequence[Any]) -> tuple[list[wp.array], Iterable[slice]]:
         """Return buffers for the rays; many rays are copied from the host to a GPU chunk by chunk."""
@@ -195,11 +202,15 @@ class Engine(Uploads):
 
     def sent(self, array: np.ndarray) -> Sent:
         """See interface.py."""
+        if self.is_gpu:
+            return Sent(array, wp.empty(array.shape, dtype=SCALARS[array.dtype], device=self.device))
         return Sent(array, self.share(array))
 
-    def fetched(self, buffers: Sequence[wp.array], arrays: Sequence[np.ndarray]) -> Fetched:
+    def fetched(self, arrays: Sequence[np.ndarray]) -> Fetched | Shared:
         """See interface.py."""
-        return Fetched(buffers, arrays)
+        if self.is_gpu:
+            return Fetched(self.device, arrays, [_kind_of(array) for array in arrays])
+        return Shared(arrays, [self.share(array) for array in arrays])
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
         """Return a callable that records the work as a CUDA graph; on the CPU one that simply does the work."""
@@ -219,7 +230,14 @@ class Engine(Uploads):
             wp.launch(kernel, dim=some, inputs=[*before, first, *after], device=self.device)
 
         chunk = max(1, min(CHUNK, -(-count // core_count())))
+        if kernel in SHARED or kernel in SHORT:
+            # Threads would take longer to start than few rays take.
+            chunk = max(chunk, CHUNK // GROUP if kernel in SHARED else CHUNK)
         in_threads(run, range(0, count, chunk))
+
+    def clear(self, buffer: wp.array) -> None:
+        """Set the numbers of a buffer to 0 without waiting."""
+        buffer.zero_()
 
     def wait(self) -> None:
         """Wait for the launched kernels; on the CPU a launch has ended when it returns."""
@@ -257,6 +275,12 @@ class Engine(Uploads):
         return made
 
 
+def _kind_of(array: np.ndarray) -> tuple[type, int]:
+    """Return Warp's type of an array's entries, and their number: rows of float64 become vectors."""
+    kind = SCALARS[array.dtype]
+    return (VECTORS[array.shape[1]], len(array)) if array.ndim == 2 and kind is wp.float64 else (kind, array.size)
+
+
 def _keep_memory(device: wp.Device) -> None:
     """Let a GPU's pool keep unused memory: to allocate a result from the driver takes longer than to trace its rays.
 
@@ -273,7 +297,5 @@ def _filled(name: str, members: dict, precision: str = "float64"):
     struct = getattr(t, name)()
     for member in STRUCTS[name]:
         value = members[member.name]
-        _, width, indices = member.parts
-        is_vector = width > 1 and not indices
-        setattr(struct, member.name, t.kinds[member.kind](*value) if is_vector else value)
+        setattr(struct, member.name, t.kinds[member.kind](*value) if member.name in VECTOR_MEMBERS[name] else value)
     return struct

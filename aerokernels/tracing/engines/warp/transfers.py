@@ -6,6 +6,7 @@ For a GPU the host memory of a copy is pinned, so that the copy can be part of a
 import threading
 import weakref
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,18 +15,20 @@ import warp as wp
 from ....device_arrays.pinned import as_kind, pinned_memory
 from ....device_arrays.pinned_memory import LEAST
 
+# A part of a piece of a GPU's memory begins at a multiple of this number of bytes.
+PART = 256
+
 
 class Sent:
     """An array and its buffer; see interface.py."""
 
     def __init__(self, array: np.ndarray, buffer: wp.array):
-        """Take an array and the buffer that has a copy of it or shares its memory."""
+        """Take an array and the buffer to which it is copied, or which shares its memory."""
         self.array, self.buffer = array, buffer
         self._there: wp.array | None = None
         if buffer.device.is_cuda:
             self._there = _beside(buffer, self)
             self.array = self._there.numpy().reshape(array.shape)
-            self.array[...] = array
 
     def send(self) -> None:
         """Start the upload; a stream is in order, so later launches see it."""
@@ -34,26 +37,58 @@ class Sent:
 
 
 class Fetched:
-    """Buffers and the host arrays that receive them; see interface.py."""
+    """Parts of one piece of a GPU's memory, and the host arrays that receive them in one copy; see interface.py."""
 
-    def __init__(self, buffers: Sequence[wp.array], arrays: Sequence[np.ndarray]):
-        """Take buffers with at least as many numbers as their arrays."""
-        self.buffers = list(buffers)
-        self._there = [_beside(buffer, self) for buffer in buffers]
-        self.arrays = [
-            there.numpy()[: array.size].reshape(array.shape) for there, array in zip(self._there, arrays, strict=True)
-        ]
+    def __init__(self, device: str, arrays: Sequence[np.ndarray], kinds: Sequence[tuple[type, int]]):
+        """Allocate memory for arrays like these; `kinds` are Warp's type of an array's entries, and their number."""
+        self._device, starts, end = device, [], 0
+        for array in arrays:
+            starts.append(end)
+            end += -(-max(array.nbytes, 1) // PART) * PART
+        self._whole = wp.empty(end // 8, dtype=wp.float64, device=device)
+        self._there = _beside(self._whole, self)
+        parts: list[wp.array] = []
+        bytes_there = self._there.numpy().view(np.uint8)
+        self.arrays = []
+        for array, start, (kind, count) in zip(arrays, starts, kinds, strict=True):
+            part = wp.array(
+                ptr=self._whole.ptr + start, dtype=kind, shape=(count,), capacity=array.nbytes, device=device
+            )
+            part._ref = self._whole  # keeps the memory alive
+            parts.append(part)
+            self.arrays.append(bytes_there[start : start + array.nbytes].view(array.dtype).reshape(array.shape))
+        self.buffers: Sequence[Any] = parts
 
     def start(self) -> None:
-        """Start the copies, on the stream of the launches."""
-        for there, buffer in zip(self._there, self.buffers, strict=True):
-            wp.copy(there, buffer)
+        """Start the copy, on the stream of the launches."""
+        wp.copy(self._there, self._whole)
 
     def wait(self) -> Sequence[np.ndarray]:
         """Wait for the stream, and return the arrays."""
-        device = self.buffers[0].device
-        if device.is_cuda:
-            wp.synchronize_stream(device)
+        wp.synchronize_stream(self._device)
+        return self.arrays
+
+    def taken(self) -> Sequence[np.ndarray]:
+        """Wait, and return copies: pinned memory is used again."""
+        return [array.copy() for array in self.wait()]
+
+
+@dataclass(eq=False)
+class Shared:
+    """Host arrays, and buffers of a CPU in their memory; see interface.py."""
+
+    arrays: Sequence[np.ndarray]
+    buffers: Sequence[Any]
+
+    def start(self) -> None:
+        """Do nothing: kernels write into the arrays."""
+
+    def wait(self) -> Sequence[np.ndarray]:
+        """Return the arrays: a launch on the CPU has ended when it returns."""
+        return self.arrays
+
+    def taken(self) -> Sequence[np.ndarray]:
+        """Return the arrays."""
         return self.arrays
 
 
