@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .device_arrays import DeviceArray, device_array, is_one_row, plain_array, read_on_touch
+from .device_arrays import DeviceArray, device_array, is_one_row, plain_array, read_on_touch, rows_beside
 from .display.shown import shown
 from .inputs.arguments import GREAT, SMALL, Numbers, checked
 from .inputs.checks import check_count
@@ -193,9 +193,14 @@ class RayBundle(ReadOnly):
 
         They were checked with the bundle, and are not checked again.
         """
-        position, direction = np.ascontiguousarray(self.held("position")[rows]), self.held("direction")
-        if not len(position):
+        position, direction = self.held("position"), self.held("direction")
+        if not isinstance(rows, slice) and not len(rows):
             raise ValueError("these rows hold no ray")
+        if isinstance(position, DeviceArray) and not isinstance(rows, slice):
+            there = rows_beside(position, rows)  # uploaded once for both
+            found = [each.part(there) for each in (position, direction)]
+            return self.of_units(*(each.host for each in found))
+        position = np.ascontiguousarray(position[rows])
         if is_one_row(direction):
             return self.of_units(position, np.broadcast_to(direction[:1], position.shape))
         return self.of_units(position, np.ascontiguousarray(direction[rows]))
