@@ -61,17 +61,23 @@ def window_of(pupil: Pupil, half: float, pixel_count: int, one_column: bool = Fa
     """Return the window of half width `half` [m] about a pupil."""
     pixel = 2.0 * half / pixel_count
     edges = pixel * (np.arange(pixel_count + 1) - pixel_count // 2 - 0.5)
-    columns = np.array([edges[0], edges[-1]]) if one_column else edges
+    columns = edges[[0, -1]] if one_column else edges
     amplitude = np.zeros((pixel_count, len(columns) - 1), dtype=np.float32)
     # Only pixels within the pupil's extent have light.
-    across, up = (
-        slice(max(int(np.searchsorted(each, -extent, "right")) - 1, 0), int(np.searchsorted(each, extent)) + 1)
-        for each, extent in zip((columns, edges), pupil.half_extent, strict=True)
-    )
-    amplitude[up.start : up.stop - 1, across.start : across.stop - 1] = pupil.coverage(columns[across], edges[up])
-    amplitude[amplitude < LEAST_COVER * amplitude.max()] = 0.0
+    across, up = (_within(extent, float(edges[0]), pixel, pixel_count) for extent in pupil.half_extent)
+    if one_column:
+        across = 0, 1
+    lit = pupil.coverage(columns[across[0] : across[1] + 1], edges[up[0] : up[1] + 1])
+    lit[lit < LEAST_COVER * lit.max()] = 0.0
+    amplitude[slice(*up), slice(*across)] = lit
     middle = 0.5 * (edges[1:] + edges[:-1])
-    return Window(amplitude, np.zeros(1) if one_column else middle, middle, pixel, float(columns[1] - columns[0]))
+    return Window(amplitude, np.zeros(1) if one_column else middle, middle, pixel, float(columns[-1] - columns[-2]))
+
+
+def _within(extent: float, start: float, pixel: float, count: int) -> tuple[int, int]:
+    """Return the range of the pixels from `start` [m] on that are within an extent on either side of zero [m]."""
+    first, last = (math.floor((end - start) / pixel) for end in (-extent, extent))
+    return max(first, 0), min(last + 1, count)
 
 
 @dataclass(frozen=True)
@@ -171,12 +177,12 @@ class WaveAndRays:
         """Return the sum of the wave behind all screens, some of which may be partly opaque."""
         forward, inverse = self._transforms
         step = (self.slabs.last - self.slabs.first) / len(paths)
-        wave, free = self._spectrum * self._free(self.before + 0.5 * step), None
+        first, between = self._free([self.before + 0.5 * step, step])
+        wave = self._spectrum * first
         for number, factor in enumerate(_one_by_one(paths, self.wavelength)):
             if number > 0:
-                free = self._free(step) if free is None else free
                 wave = forward(wave, overwrite_x=True)
-                wave *= free
+                wave *= between
             wave = inverse(wave, overwrite_x=True)
             wave *= factor
             if opaque is not None:
@@ -195,20 +201,23 @@ class WaveAndRays:
     @cached_property
     def _spectrum(self) -> np.ndarray:
         """Fourier transform of the pupil's light."""
-        return self._transforms[0](self.window.amplitude.astype(np.complex64), overwrite_x=True)
+        return self._transforms[0](self.window.amplitude)  # of real numbers: half the time of complex ones
 
-    def _free(self, distance: float) -> np.ndarray:
-        """Return the factors of the Fourier components over a distance [m] of free space."""
-        turn = -0.5 * distance * self.wavelength / (2.0 * np.pi * self.ambient_index)
-        rows, *columns = (np.exp(1j * turn * square).astype(np.complex64) for square in self._frequencies)
-        return rows[:, None] * columns[0] if columns else rows[:, None]
+    def _free(self, distances: list[float]) -> np.ndarray:
+        """Return the factors of the Fourier components over distances [m] of free space, shape (distances, ...)."""
+        turn = -0.5 * self.wavelength / (2.0 * np.pi * self.ambient_index) * np.array(distances)
+        square, rows = self._frequencies, self.window.amplitude.shape[0]
+        phase = turn[:, None] * square  # thousands of radians: in double precision
+        factors = np.empty(phase.shape, dtype=np.complex64)
+        factors.real, factors.imag = np.cos(phase), np.sin(phase)
+        along_y, along_x = factors[:, :rows, None], factors[:, None, rows:]
+        return along_y * along_x if along_x.size else along_y
 
     @cached_property
-    def _frequencies(self) -> list[np.ndarray]:
-        """Squared wave numbers of the components along y and, for more than one column, along x [1/m2]."""
-        shape = self.window.amplitude.shape
-        counts = shape if shape[1] > 1 else shape[:1]
-        return [(2.0 * np.pi * np.fft.fftfreq(count, self.window.pixel)) ** 2 for count in counts]
+    def _frequencies(self) -> np.ndarray:
+        """Squared wave numbers of the components along y, then of those along x for more than one column [1/m2]."""
+        counts = [count for count in self.window.amplitude.shape if count > 1]
+        return np.concatenate([(2.0 * np.pi * np.fft.fftfreq(count, self.window.pixel)) ** 2 for count in counts])
 
     def _rays(self, paths: np.ndarray) -> complex:
         """Return the sum of the rays' amplitudes, with their phases at their starts."""
@@ -227,9 +236,13 @@ class WaveAndRays:
 
 def beside(passes: np.ndarray) -> tuple[slice, slice]:
     """Return the part of a window that has rays, with a margin of pixels for second derivatives."""
-    there = [np.flatnonzero(passes.any(axis=1 - axis)) for axis in (0, 1)]
-    rows, columns = (slice(max(int(one[0]) - BESIDE, 0), int(one[-1]) + 1 + BESIDE) for one in there)
-    return rows, columns
+    rows, columns = (np.logical_or.reduce(passes, axis=1 - axis) for axis in (0, 1))
+    return _around(rows), _around(columns)
+
+
+def _around(there: np.ndarray) -> slice:
+    """Return the range from the first to the last true entry with a margin of BESIDE."""
+    return slice(max(int(there.argmax()) - BESIDE, 0), len(there) - int(there[::-1].argmax()) + BESIDE)
 
 
 def _one_by_one(paths: np.ndarray, wavelength: float) -> Iterator[np.ndarray]:
@@ -256,37 +269,66 @@ def bending(paths: np.ndarray, pixel: float, step: float, after: float) -> np.nd
         after: Free distance behind the last slab [m].
 
     Returns:
-        Excess path [m], shape (rows, columns).
+        Excess path [m], shape (rows, columns); zero in a margin of BESIDE pixels, which derivatives do not reach.
     """
     kind, shape = paths.dtype.type, paths.shape[1:]
     axes = [axis for axis in (0, 1) if shape[axis] > 1]
     reach = kind(max(shape) * pixel)
-    gained = np.zeros(shape, dtype=kind)
-    turn, aside = np.zeros((2, len(axes), *shape), dtype=kind)
+    excess = np.zeros(shape, dtype=kind)
+    gained = _inner(excess, axes, BESIDE)
+    turn, aside = np.zeros((2, len(axes), *gained.shape), dtype=kind)
     some = max(1, TOGETHER // paths[0].size)
     for first in range(0, len(paths), some):
-        slopes = [slope(paths[first : first + some], pixel, axis + 1) for axis in axes]
-        curvatures = _curvatures(slopes, pixel, axes) if len(paths) > 1 else []
-        for number in range(len(slopes[0])):
+        part = paths[first : first + some]
+        wide = [_slope(part, pixel, axis, axes) for axis in axes]
+        slopes = [_inner(each, axes, 1) for each in wide]
+        # The first slab meets rays that are not yet displaced.
+        bent = slice(1 if first == 0 else 0, None)
+        curvatures = _curvatures([each[bent] for each in wide], pixel, axes) if len(paths) > 1 else []
+        for number in range(len(part)):
             if first + number > 0:
-                more = _times_curvature([each[number] for each in curvatures], aside)
+                more = _times_curvature([each[number - bent.start] for each in curvatures], aside)
                 for own, moved, change in zip(slopes, aside, more, strict=True):
                     gained += moved * (own[number] + kind(0.5) * change)
                     own[number] += change
-            distance = kind(step if first + number < len(paths) - 1 else 0.5 * step + after)
+            is_last = first + number == len(paths) - 1
+            distance = kind(0.5 * step + after if is_last else step)
             for turned, moved, own in zip(turn, aside, slopes, strict=True):
                 turned += own[number]
-                moved += distance * turned
-                # Slopes of the jump at the box's side, where there is no light, must not overflow.
-                np.minimum(np.maximum(moved, -reach, out=moved), reach, out=moved)
                 gained += kind(0.5) * distance * turned**2
-    return gained
+                if not is_last:
+                    moved += distance * turned
+                    # Slopes of the jump at the box's side, where there is no light, must not overflow.
+                    np.minimum(np.maximum(moved, -reach, out=moved), reach, out=moved)
+    return excess
+
+
+def _inner(values: np.ndarray, axes: list[int], margin: int) -> np.ndarray:
+    """Return maps (..., rows, columns) without a margin of pixels along the axes."""
+    rows, columns = (slice(margin, -margin) if axis in axes else slice(None) for axis in (0, 1))
+    return values[..., rows, columns]
+
+
+def _slope(paths: np.ndarray, pixel: float, axis: int, axes: list[int]) -> np.ndarray:
+    """Return central differences over the pixel along one axis of maps (count, rows, columns), without a margin of one.
+
+    The margin is left out along all `axes`.
+    """
+    ahead, behind = (
+        paths[
+            (slice(None), *(where if own == axis else slice(1, -1) if own in axes else slice(None) for own in (0, 1)))
+        ]
+        for where in (slice(2, None), slice(None, -2))
+    )
+    made = ahead - behind
+    made *= made.dtype.type(0.5 / pixel)
+    return made
 
 
 def _curvatures(slopes: list[np.ndarray], pixel: float, axes: list[int]) -> list[np.ndarray]:
     """Return second derivatives of the screens' paths: along each axis, then mixed."""
-    own = [slope(each, pixel, axis + 1) for each, axis in zip(slopes, axes, strict=True)]
-    return [*own, slope(slopes[0], pixel, 2)] if len(axes) > 1 else own
+    own = [_slope(each, pixel, axis, axes) for each, axis in zip(slopes, axes, strict=True)]
+    return [*own, _slope(slopes[0], pixel, 1, axes)] if len(axes) > 1 else own
 
 
 def _times_curvature(curvatures: list[np.ndarray], aside: np.ndarray) -> list[np.ndarray]:
@@ -295,16 +337,6 @@ def _times_curvature(curvatures: list[np.ndarray], aside: np.ndarray) -> list[np
         return [curvatures[0] * aside[0]]
     along_y, along_x, mixed = curvatures
     return [along_y * aside[0] + mixed * aside[1], along_x * aside[1] + mixed * aside[0]]
-
-
-def slope(values: np.ndarray, pixel: float, axis: int) -> np.ndarray:
-    """Return central differences along one axis, one-sided at its ends, over the pixel, as `numpy.gradient` does."""
-    values = np.swapaxes(values, 0, axis)
-    made = np.empty_like(values)
-    made[1:-1] = values[2:] - values[:-2]
-    made[0], made[-1] = 2.0 * (values[1] - values[0]), 2.0 * (values[-1] - values[-2])
-    made *= values.dtype.type(0.5 / pixel)
-    return np.swapaxes(made, 0, axis)
 
 
 def phase_factor(path: np.ndarray, wavelength: float) -> np.ndarray:
