@@ -38,11 +38,12 @@ def by_waves(
     limit: float,
     traced: MapPaths | None = None,
     resolved: bool = True,
+    most_samples: float = math.inf,
 ) -> Validity:
     """Return the verdict of a wave through slabs of the field (diffraction.py); a `feature` of None is searched for.
 
     `traced` is the map of traced rays, if there is one: near foci it replaces the slabs' rays. A `feature` that the map
-    did not resolve is measured again on the window.
+    did not resolve is measured again on the window. `most_samples` limits the cost: pixels of all slabs together.
     """
     reach = max(pupil.half_extent)
     flat = is_one_column(field, pupil.normal)
@@ -84,6 +85,7 @@ def by_waves(
         straight=crossings.near > MANY,
         traced=None if traced is None else traced.strehl,
         by_traced=traced is not None and _by_traced(crossings, feature, traced.pixel),
+        most_samples=most_samples,
     )
     change, error = comparison.change(limit)
     return Validity(

@@ -120,6 +120,7 @@ class WaveAndRays:
         straight: Whether the slabs' rays are straight.
         traced: Strehl ratio of traced rays; None if there are none.
         by_traced: Whether the wave is compared with the traced rays.
+        most_samples: Most pixels of all slabs together, beyond which slabs are not doubled.
     """
 
     window: Window
@@ -133,6 +134,7 @@ class WaveAndRays:
     straight: bool
     traced: float | None = None
     by_traced: bool = False
+    most_samples: float = math.inf
 
     def change(self, limit: float) -> tuple[float, float]:
         """Return the Strehl ratio of the wave minus the one of the rays, and its error, well enough for a limit.
@@ -145,7 +147,7 @@ class WaveAndRays:
         if opaque is not None and opaque.any():
             return self._result(FINEST).change, float("nan")
         count, found, doubt = FEWEST, self._result(FEWEST), math.inf
-        while count < FINEST:
+        while count < FINEST and 2 * count * self.window.amplitude.size <= self.most_samples:
             count, last, found = 2 * count, found, self._result(2 * count)
             by_slabs = found.doubt(last, self.by_traced)
             doubt = max(by_slabs, found.apart)

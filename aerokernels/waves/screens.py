@@ -23,7 +23,7 @@ from .diffraction import phase_factor
 # Margin of the window on each side of the pupil: in widths sqrt(wavelength length); fewest pixels; most for both sides
 # together, over the pupil's width. Pixels across the pupil: most, and fewest while the half period of the finest phase
 # has PER_FEATURE pixels or more.
-BESIDE, FEWEST_BESIDE, MOST_BESIDE, MOST_PIXELS, FEWEST_PIXELS, PER_FEATURE = 3.0, 4, 0.5, 64, 32, 6.0
+BESIDE, FEWEST_BESIDE, MOST_BESIDE, MOST_PIXELS, FEWEST_PIXELS, PER_FEATURE = 2.0, 4, 0.5, 64, 32, 4.0
 # Rays are near a focus where curvature times distance exceeds this: there the second order in their deflection does not
 # give their paths.
 NEAR_FOCUS = 0.5
