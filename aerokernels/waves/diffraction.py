@@ -28,7 +28,7 @@ from .slabs import FINEST, Slabs
 FEWEST, SAME, DECIDED = 1, 0.05, 0.5
 # Fewer slabs than FEW are accepted only if the change is below a share CLEAR of the limit: results of one and two slabs
 # may agree by chance. MANY slabs are enough if nothing changes any more.
-FEW, CLEAR, MANY = 4, 0.5, 4
+FEW, CLEAR, MANY = 4, 0.25, 4
 # Margin of pixels around the rays for second derivatives; array elements of screens processed together.
 BESIDE, TOGETHER = 2, 1 << 14
 

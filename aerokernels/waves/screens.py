@@ -30,7 +30,7 @@ NEAR_FOCUS = 0.5
 # Two screens are used up to this curvature times distance.
 FLAT = 0.3
 # Lines of sight across the pupil and layers along them that give the disturbed length; lengths cached on a field.
-LINES, LINE_LAYERS, NODE_LAYERS, KEPT = 4, 32, 64, 8
+LINES, LINE_LAYERS, KEPT = 4, 32, 8
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
@@ -183,13 +183,13 @@ def _by_nodes(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, x
     inside = [node for node in nodes if all(0 <= one < most for one, (*_, most) in zip(node, axes, strict=True))]
     ends = (far - origin) / spacing
     begin, end = (max(0, math.ceil(ends)), count) if sign > 0.0 else (0, min(count, math.floor(ends) + 1))
-    step = max(1, (end - begin) // NODE_LAYERS)
     if end - begin < 2 or not inside:
         return Disturbance(0.0, 0.0)
-    lines = grid.samples[..., begin:end:step][tuple(np.array(inside).T)]
+    # All nodes: a thin shock may be between any two.
+    lines = grid.samples[..., begin:end][tuple(np.array(inside).T)]
     if len(inside) < len(nodes):  # outside the box the contrast is zero
         lines = np.concatenate([lines, np.zeros((len(nodes) - len(inside), lines.shape[1]))])
-    distance = (sign * spacing * (node - ends) for node in (begin, begin + step * lines.shape[1]))
+    distance = (sign * spacing * (node - ends) for node in (begin, end))
     return spread_along(lines.T, *distance)
 
 

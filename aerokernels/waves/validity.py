@@ -122,8 +122,12 @@ def validity(
             map_key = (len(paths.path), squares, wavefront.wavelength, wavefront.blocked, wavefront.removed)
     # A verdict is cached on the field by the light and the map. The map's pixels and squares distinguish it from one
     # traced with another tolerance.
-    key = ("verdict", weakref.ref(pupil), look.tobytes(), wavelength, limit, waves is True, map_key)
+    key = ("verdict", weakref.ref(pupil), look.tobytes(), wavelength, limit, map_key)
+    # A wave that the caller did not request has a key of its own: it may have been limited.
+    limited = ("verdict of a limited wave", *key[1:])
     cached: Validity | None = field.held(key)
+    if cached is None and waves is not True:
+        cached = field.held(limited)
     if cached is not None:
         return cached
     seen, most_samples = None, math.inf
@@ -145,7 +149,8 @@ def validity(
                 return answer
         if paths is not None and _is_whole(wavefront, wavelength):
             seen = paths
-    through = pupil if look is pupil.normal else replace(pupil, normal=look)  # type: ignore[type-var]
+    through = pupil if np.array_equal(look, pupil.normal) else replace(pupil, normal=look)  # type: ignore[type-var]
+    key = limited if most_samples < math.inf else key
     return _cache(field, key, by_waves(field, through, wavelength, feature, limit, seen, resolved, most_samples))
 
 

@@ -143,6 +143,19 @@ def test_slabs_are_not_doubled_for_what_is_none_of_theirs(monkeypatch):
     assert max(asked) == FINEST and finer.strehl_change == pytest.approx(told.strehl_change, abs=1e-4)
 
 
+def test_a_wave_that_nobody_requested_is_limited():
+    """Strong turbulence near the limit: 8 of the largest window's slabs; 32 if requested, and kept for either."""
+    view = draw_view(13033)
+    light = {"wavelength": view.wavelength}
+    seen = wavefront(view.field, view.pupil, pixel_count=64, **light)
+    quick = validity(view.field, view.pupil, wavefront=seen, **light)
+    assert quick.answered_by == "waves" and validity(view.field, view.pupil, wavefront=seen, **light) is quick
+    requested = validity(view.field, view.pupil, wavefront=seen, waves=True, **light)
+    assert requested.error < 0.5 * quick.error
+    assert abs(requested.strehl_change - quick.strehl_change) < quick.error + requested.error
+    assert validity(view.field, view.pupil, wavefront=seen, **light) is requested
+
+
 def test_bent_rays_through_layers_are_traced_ones():
     """A lens all along half of a box, then air at rest: OPD to second order in the turn, against the traced wavefront.
 
@@ -168,6 +181,18 @@ def test_bent_rays_through_layers_are_traced_ones():
     expected = traced.opd[:, 32] - np.interp(traced.coordinate, x, straight[:, 48])
     assert np.ptp(expected) > 0.015 * WAVELENGTH
     assert np.abs(second - expected).max() < 0.06 * np.ptp(expected)
+
+
+@pytest.mark.parametrize("half", [0.5e-3, 2e-3])
+def test_slabs_are_single_precision_beside_the_box_too(half: float):
+    """Phases in double precision take the wave ten times as long: windows within the box and wider than it."""
+    field = phase_plate(lambda x, y: 2e-7 * (x * x + y * y) / 1e-6, 1e-3)
+    look = LookingAlong(
+        np.zeros(3), np.array([0.0, 0.0, 1.0]), (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])), half
+    )
+    place = np.linspace(-half, half, 32)
+    slabs = slabs_of(field, look, 0.0, 2e-3, WAVELENGTH)
+    assert [slabs.paths(place, place, count).dtype for count in (1, 2, 4)] == 3 * [np.float32]
 
 
 @pytest.mark.parametrize("geometry", ["volume", "planar", "axisymmetric"])
