@@ -27,6 +27,8 @@ from typing import TYPE_CHECKING, Any, SupportsFloat, TypeVar, Union
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .binding import Binding
+
 if TYPE_CHECKING:
     Numbers = ArrayLike
 else:
@@ -62,19 +64,19 @@ def _readable(function: Any) -> str:
 def _looking(function: Callable, name: str, described: Callable, documented: Any) -> Callable:
     takes: dict[str, _Kinds] = {}  # parameters that are numbers, texts or booleans
     objects: dict[str, _Kinds] = {}  # parameters that are objects of classes
-    signature: inspect.Signature | None = None
+    binding: Binding | None = None
 
     @functools.wraps(function)
     def call(*given: Any, **named: Any) -> Any:
-        nonlocal signature
-        if signature is None:
+        nonlocal binding
+        if binding is None:
             for parameter, kinds in _taken(function, documented).items():
                 (objects if kinds.has_classes else takes)[parameter] = kinds
-            signature = inspect.signature(described())
+            binding = Binding(inspect.signature(described()))
         try:
-            arguments = signature.bind(*given, **named).arguments
+            arguments = binding.bind(given, named)
         except TypeError:
-            if wrong := _unknown_name(signature, named):
+            if wrong := _unknown_name(binding.signature, named):
                 raise TypeError(f"{name} has no argument {wrong}") from None
             return function(*given, **named)  # raises Python's own message for missing or extra arguments
         _refuse_shuffled(arguments)

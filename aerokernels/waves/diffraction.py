@@ -316,13 +316,9 @@ def _slope(paths: np.ndarray, pixel: float, axis: int, axes: list[int]) -> np.nd
 
     The margin is left out along all `axes`.
     """
-    ahead, behind = (
-        paths[
-            (slice(None), *(where if own == axis else slice(1, -1) if own in axes else slice(None) for own in (0, 1)))
-        ]
-        for where in (slice(2, None), slice(None, -2))
-    )
-    made = ahead - behind
+    ahead, behind = ([slice(1, -1) if own in axes else slice(None) for own in (0, 1)] for _ in range(2))
+    ahead[axis], behind[axis] = slice(2, None), slice(None, -2)
+    made = paths[:, *ahead] - paths[:, *behind]
     made *= made.dtype.type(0.5 / pixel)
     return made
 

@@ -81,13 +81,25 @@ class MapPaths:
     wavelength: float
 
     @cached_property
+    def whole_light(self) -> float:
+        """Sum of the weights."""
+        return float(np.add.reduce(self.light, axis=None))
+
+    @cached_property
+    def lit_path(self) -> np.ndarray:
+        """Optical path [m], zero outside the pupil."""
+        return np.where(self.light > 0.0, self.path, np.float32(0.0))
+
+    @cached_property
     def strehl(self) -> float:
         """Strehl ratio, several times faster than `Wavefront.strehl`."""
-        path = np.where(self.light > 0.0, self.path, np.float32(0.0))
-        return float(abs((self.light * phase_factor(path, self.wavelength)).sum()) ** 2 / self.light.sum() ** 2)
+        total = np.einsum("ij,ij->", self.light, phase_factor(self.lit_path, self.wavelength))
+        return (abs(complex(total)) / self.whole_light) ** 2
 
     def every(self, stride: int) -> "MapPaths":
         """Return the map of every `stride`-th row and column."""
+        if stride == 1:
+            return self
         part = slice(stride // 2, None, stride)
         return MapPaths(self.path[part, part], self.light[part, part], stride * self.pixel, self.wavelength)
 
@@ -220,12 +232,11 @@ def _two_screens(paths: MapPaths, ambient_index: float, length: float) -> float:
     """
     from scipy.fft import fft, ifft, next_fast_len
 
-    path, light, pixel, wavelength, count = paths.path, paths.light, paths.pixel, paths.wavelength, len(paths.path)
+    path, light, pixel, wavelength, count = paths.lit_path, paths.light, paths.pixel, paths.wavelength, len(paths.path)
     # A margin for the light that diffracts out of the pupil.
     beside = max(FEWEST_BESIDE, math.ceil(BESIDE * math.sqrt(wavelength * length) / pixel))
     size = next_fast_len(count + min(2 * beside, math.ceil(MOST_BESIDE * count)))
-    whole_light = float(light.sum())
-    path = np.where(light > 0.0, path, np.float32(0.0))
+    whole_light = paths.whole_light
     mean = float(np.einsum("ij,ij->", path, light)) / whole_light
     half = phase_factor(np.where(light > 0.0, np.float32(0.5) * (path - np.float32(mean)), np.float32(0.0)), wavelength)
     wave = light * half

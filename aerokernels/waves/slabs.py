@@ -205,7 +205,7 @@ class SlabsAlongZ(Slabs):
         elif geometry == "planar":
             rows, inside = self._matrix(up, len(values), 0)
             part = np.ascontiguousarray(product_on_one_core(rows, values).T)
-            potential, inside = part[:, :, None] * np.ones(len(x), dtype=np.float32), inside[:, None]
+            potential, inside = part[:, :, None] + np.zeros(len(x), dtype=np.float32), inside[:, None]
         else:
             # In a window about the axis each distance from it occurs four times or more: it is evaluated once.
             (up, row), (across, column) = (np.unique(np.abs(place), return_inverse=True) for place in (up, across))

@@ -93,7 +93,8 @@ def split_step(
             check_memory(count, wave.amplitude.size)
             sampled = mean_layers(field, wave, begin, end, count)
         with stage("upload"):
-            layers, opaque = (None if one is None else library.array(one) for one in sampled)
+            layers = library.array(sampled[0])
+            opaque = None if sampled[1] is None else library.array(sampled[1])
         with stage("kernel"):
             start = wave.propagate(begin, paraxial=paraxial)
             propagate = partial(
