@@ -10,7 +10,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..pupils import Pupil
-from .diffraction import WaveAndRays, beside, window_of
+from .diffraction import WaveAndRays, window_of
 from .layers import span_of
 from .screens import Crossings, MapPaths, crossings_of, disturbance, places_across, spread_along
 from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
@@ -64,20 +64,18 @@ def by_waves(
     window = window_of(pupil, half, pixels, flat)
     path = slabs.paths(window.x, window.y, 1)[0]
     if not resolved:
-        seen = np.where(window.lit, path, np.float32(np.nan))
+        seen = np.where(window.amplitude > 0.0, path, np.float32(np.nan))
         feature = finest_and_squares(seen, window.pixel, wavelength)[0]
         if feature <= window.pixel and pixels < most:
             window = window_of(pupil, half, _fast(most), flat)
             path = slabs.paths(window.x, window.y, 1)[0]
     distance = disturbance(field, pupil, pupil.normal).length if clear else _slabs_length(slabs, pupil, flat)
-    shadow, passes = shadow_of(slabs, window, wavelength, end)
-    near = beside(passes)
-    crossings = crossings_of(path[near], window.pixel, (window.amplitude * passes)[near], distance)
+    shadow, light = shadow_of(slabs, window, wavelength, end)
+    crossings = crossings_of(path[window.near], window.pixel, light[window.near], distance)
     comparison = WaveAndRays(
         window=window,
         slabs=slabs,
-        passes=passes,
-        near=near,
+        light=light,
         before=slabs.first,
         after=end - slabs.last,
         wavelength=wavelength,

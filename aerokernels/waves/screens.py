@@ -93,8 +93,8 @@ class MapPaths:
     @cached_property
     def strehl(self) -> float:
         """Strehl ratio, several times faster than `Wavefront.strehl`."""
-        total = np.einsum("ij,ij->", self.light, phase_factor(self.lit_path, self.wavelength))
-        return (abs(complex(total)) / self.whole_light) ** 2
+        total = complex((self.light * phase_factor(self.lit_path, self.wavelength)).sum())
+        return (abs(total) / self.whole_light) ** 2
 
     def every(self, stride: int) -> "MapPaths":
         """Return the map of every `stride`-th row and column."""

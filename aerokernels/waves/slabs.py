@@ -194,8 +194,8 @@ class SlabsAlongZ(Slabs):
 
     def _integrals(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
         look, geometry, (values, line) = self._look, self._field.geometry, self._means(count)
-        across = look.center[0] + np.asarray(x) * look.axes[0][0]
-        up = look.center[1] + np.asarray(y) * look.axes[1][1]
+        up = look.center[1] + y * look.axes[1][1]
+        across = look.center[0] + x * look.axes[0][0]
         if geometry == "volume":
             (columns, inside_x), (rows, inside_y) = (
                 self._matrix(points, values.shape[axis], axis) for axis, points in enumerate((across, up))

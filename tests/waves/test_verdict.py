@@ -10,7 +10,8 @@ import pytest
 from aerokernels import Annulus, Body, Disc, IndexField, Rectangle, Wave, split_step, validity, wavefront
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.validation.random_fields import uniform_field
-from aerokernels.waves.diffraction import WaveAndRays, bending
+from aerokernels.waves.bending import bending
+from aerokernels.waves.diffraction import WaveAndRays
 from aerokernels.waves.layers import sample_layers
 from aerokernels.waves.screens import paths_of
 from aerokernels.waves.slabs import FINEST, LookingAlong, slabs_of
