@@ -1,6 +1,7 @@
 """Verdict by a wave through as few slabs of a field, on as coarse a window, as the required error allows.
 
-The finest relevant phase sets the pixels, and diffraction.py doubles the slabs until the change is known.
+The finest relevant phase sets the pixels, and diffraction.py doubles the slabs until the change is known. A finest
+phase that a traced map shows, but does not resolve, sizes a window on which it is measured again.
 """
 
 import math
@@ -10,7 +11,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..pupils import Pupil
-from .diffraction import WaveAndRays, window_of
+from .diffraction import WaveAndRays, Window, window_of
 from .layers import span_of
 from .screens import Crossings, MapPaths, crossings_of, disturbance, places_across, spread_along
 from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
@@ -25,6 +26,9 @@ LEAST_WINDOW, MOST_WINDOW, BESIDE = 1.15, 4.0, 2.0
 # Pixels per finest half period; fewest in all, and per half width of the pupil; fewest and most of one column, where
 # nothing varies along x; lines across that show where along the path light is disturbed.
 PER_FEATURE, LEAST_PIXELS, PER_REACH, COLUMN_PIXELS, SLAB_LINES = 3.0, 48, 32.0, (256, 512), 16
+# Most slabs, and most pixels of all slabs together, of a wave that nobody requested: 8 slabs of the largest window take
+# 10 ms. Strong turbulence near the limit would take 32 or 64 slabs.
+MOST_SLABS, MOST_SAMPLES = 16, 3e5
 # Share of the pupil near a focus (screens.py) above which traced rays replace the slabs' rays, and above which straight
 # rays do. Traced rays need a map of RESOLVED pixels per finest half period.
 SOME, MANY, RESOLVED = 0.01, 0.1, 4.0
@@ -38,12 +42,12 @@ def by_waves(
     limit: float,
     traced: MapPaths | None = None,
     resolved: bool = True,
-    most_samples: float = math.inf,
+    limited: bool = False,
 ) -> Validity:
     """Return the verdict of a wave through slabs of the field (diffraction.py); a `feature` of None is searched for.
 
     `traced` is the map of traced rays, if there is one: near foci it replaces the slabs' rays. A `feature` that the map
-    did not resolve is measured again on the window. `most_samples` limits the cost: pixels of all slabs together.
+    did not resolve is measured again on the window. `limited` keeps the number of slabs cheap beside a wavefront.
     """
     reach = max(pupil.half_extent)
     flat = is_one_column(field, pupil.normal)
@@ -83,7 +87,7 @@ def by_waves(
         straight=crossings.near > MANY,
         traced=None if traced is None else traced.strehl,
         by_traced=traced is not None and _by_traced(crossings, feature, traced.pixel),
-        most_samples=most_samples,
+        most_slabs=_most_slabs(window) if limited else FINEST,
     )
     change, error = comparison.change(limit)
     return Validity(
@@ -98,6 +102,14 @@ def by_waves(
         rim_fresnel_number=shadow.fresnel_number,
         error=error,
     )
+
+
+def _most_slabs(window: Window) -> int:
+    """Return the number of slabs that a wave which nobody requested has at most."""
+    count = MOST_SLABS
+    while count * window.amplitude.size > MOST_SAMPLES:
+        count //= 2
+    return count
 
 
 def _fast(pixels: float) -> int:

@@ -119,7 +119,7 @@ class WaveAndRays:
         straight: Whether the slabs' rays are straight.
         traced: Strehl ratio of traced rays; None if there are none.
         by_traced: Whether the wave is compared with the traced rays.
-        most_samples: Most pixels of all slabs together, beyond which slabs are not doubled.
+        most_slabs: Number of slabs that is not doubled.
     """
 
     window: Window
@@ -132,7 +132,7 @@ class WaveAndRays:
     straight: bool
     traced: float | None = None
     by_traced: bool = False
-    most_samples: float = math.inf
+    most_slabs: int = FINEST
 
     def change(self, limit: float) -> tuple[float, float]:
         """Return the Strehl ratio of the wave minus the one of the rays, and its error, well enough for a limit.
@@ -154,7 +154,7 @@ class WaveAndRays:
                 # If the slabs' rays have converged to a result other than the traced rays', more slabs do not help.
                 if count >= MANY and max(by_slabs, abs(found.apart - last.apart)) <= SAME * limit:
                     break
-            if count >= FINEST or 2 * count * self.window.amplitude.size > self.most_samples:
+            if count >= self.most_slabs:
                 break
             count, last, found = 2 * count, found, self._result(2 * count)
         return found.change, math.inf if self.straight and not self.by_traced else doubt

@@ -30,7 +30,6 @@ time as a few hundred calls of NumPy, and no wave can be propagated through a fi
 wavefront only a wave is evaluated.
 """
 
-import math
 import weakref
 from dataclasses import replace
 from typing import Any
@@ -63,9 +62,6 @@ FEWEST_FRESNEL = 4.0
 LAYERS_WORTH = 8e5
 # Pixels across a map whose rays take twenty times as long as a wave of one column, 1.5 to 2.5 ms.
 COLUMN_WORTH = 128
-# Most pixels of all slabs of a wave that is not requested: 8 slabs of the largest window, 10 ms. Strong turbulence near
-# the limit would take 32 or 64 slabs.
-MOST_SAMPLES = 3e5
 # Terms that may be removed from a wavefront whose rays decide: others change where rays cross and focus.
 FLAT_TERMS = {"piston", "tilt", "Z1", "Z2", "Z3"}
 # Pixels across the grid on which pupils are compared; verdicts cached on a field.
@@ -124,16 +120,14 @@ def validity(
     # traced with another tolerance.
     key = ("verdict", weakref.ref(pupil), look.tobytes(), wavelength, limit, map_key)
     # A wave that the caller did not request has a key of its own: it may have been limited.
-    limited = ("verdict of a limited wave", *key[1:])
+    key_of_limited = ("verdict of a limited wave", *key[1:])
     cached: Validity | None = field.held(key)
     if cached is None and waves is not True:
-        cached = field.held(limited)
+        cached = field.held(key_of_limited)
     if cached is not None:
         return cached
-    seen, most_samples = None, math.inf
+    seen, limited = None, wavefront is not None and waves is None
     if wavefront is not None:
-        if waves is None:
-            most_samples = MOST_SAMPLES
         if paths is not None and feature is not None and resolved:
             # A wave is more reliable than two screens, and is evaluated at once where it costs next to nothing.
             cheap = is_one_column(field, look) and len(wavefront.opd) >= COLUMN_WORTH
@@ -150,8 +144,8 @@ def validity(
         if paths is not None and _is_whole(wavefront, wavelength):
             seen = paths
     through = pupil if np.array_equal(look, pupil.normal) else replace(pupil, normal=look)  # type: ignore[type-var]
-    key = limited if most_samples < math.inf else key
-    return _cache(field, key, by_waves(field, through, wavelength, feature, limit, seen, resolved, most_samples))
+    key = key_of_limited if limited else key
+    return _cache(field, key, by_waves(field, through, wavelength, feature, limit, seen, resolved, limited))
 
 
 def _cache(field: IndexField, key: tuple[Any, ...], answer: Validity) -> Validity:
