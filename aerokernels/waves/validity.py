@@ -92,7 +92,7 @@ def validity(
             part of its own cost. None takes the phase of straight rays and evaluates a wave.
         limit: Greatest change of the Strehl ratio for which rays are good.
         waves: Whether to evaluate a wave if nothing cheaper decides: True always, False never; None if it is cheap
-            compared with the wavefront, or if there is no wavefront.
+            compared with the wavefront (then with at most 16 slabs, see `Validity.error`), or if there is no wavefront.
 
     Raises:
         TypeError: `field` or `pupil` is of the wrong type.
