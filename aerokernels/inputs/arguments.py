@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any, SupportsFloat, TypeVar, Union
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .binding import Binding
 from .doubtful import refuse_masked, refuse_shuffled
 
 if TYPE_CHECKING:
@@ -64,27 +65,21 @@ def _readable(function: Any) -> str:
 def _looking(function: Callable, name: str, described: Callable, documented: Any) -> Callable:
     takes: dict[str, _Kinds] = {}  # parameters that are numbers, texts or booleans
     objects: dict[str, _Kinds] = {}  # parameters that are objects of classes
-    signature: inspect.Signature | None = None
-    positional: tuple[str, ...] = ()
-    needed = 0
+    binding: Binding | None = None
 
     @functools.wraps(function)
     def call(*given: Any, **named: Any) -> Any:
-        nonlocal signature, positional, needed
-        if signature is None:
+        nonlocal binding
+        if binding is None:
             for parameter, kinds in _taken(function, documented).items():
                 (objects if kinds.has_classes else takes)[parameter] = kinds
-            signature = inspect.signature(described())
-            positional, needed = _positional(signature)
-        if not named and needed <= len(given) <= len(positional):
-            arguments = dict(zip(positional, given, strict=False))  # as `bind`, which takes longer than a new seed
-        else:
-            try:
-                arguments = signature.bind(*given, **named).arguments
-            except TypeError:
-                if wrong := _unknown_name(signature, named):
-                    raise TypeError(f"{name} has no argument {wrong}") from None
-                return function(*given, **named)  # raises Python's own message for missing or extra arguments
+            binding = Binding(inspect.signature(described()))
+        try:
+            arguments = binding.bind(given, named)
+        except TypeError:
+            if wrong := _unknown_name(binding.signature, named):
+                raise TypeError(f"{name} has no argument {wrong}") from None
+            return function(*given, **named)  # raises Python's own message for missing or extra arguments
         refuse_shuffled(arguments)
         for parameter, value in arguments.items():
             refuse_masked(value, parameter)
@@ -109,14 +104,6 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
             raise
 
     return call
-
-
-def _positional(signature: inspect.Signature) -> tuple[tuple[str, ...], int]:
-    """Return the names of the parameters and how many have no default, if all may be given without their names."""
-    each = signature.parameters.values()
-    if any(one.kind is not one.POSITIONAL_OR_KEYWORD for one in each):
-        return (), 1
-    return tuple(signature.parameters), sum(one.default is one.empty for one in each)
 
 
 def _unknown_name(signature: inspect.Signature, named: Iterable[str]) -> str:

@@ -38,10 +38,10 @@ def values(interpolation: str, u: np.ndarray) -> np.ndarray:
     """Return the weights, shape (support, *u.shape)."""
     v = 1.0 - u
     if interpolation == "linear":
-        return np.stack([v, u])
+        return np.array([v, u])
     if interpolation == "cubic":
-        return np.stack([v**3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (3 * v**3 - 6 * v**2 + 4) / 6, u**3 / 6])
-    return np.stack([(1 + 2 * u) * v**2, u * v**2, u**2 * (3 - 2 * u), -(u**2) * v])
+        return np.array([v**3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (3 * v**3 - 6 * v**2 + 4) / 6, u**3 / 6])
+    return np.array([(1 + 2 * u) * v**2, u * v**2, u**2 * (3 - 2 * u), -(u**2) * v])
 
 
 def coefficients(samples: np.ndarray, interpolation: str, even_first_axis: bool) -> np.ndarray:

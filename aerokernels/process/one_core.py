@@ -13,7 +13,7 @@ SHARED_OUT = 1 << 18  # speed only
 def product_on_one_core(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Multiply stacks of matrices (..., rows, n) and (..., n, columns) in pieces that BLAS does not divide."""
     rows, inner, columns = left.shape[-2], left.shape[-1], right.shape[-1]
-    most = SHARED_OUT // 8 if np.iscomplexobj(left) or np.iscomplexobj(right) else SHARED_OUT
+    most = SHARED_OUT // 8 if "c" in (left.dtype.kind, right.dtype.kind) else SHARED_OUT
     step = max(1, most // max(inner * columns, 1))  # speed only
     if rows <= step:
         return np.asarray(left @ right)

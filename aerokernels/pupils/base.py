@@ -24,8 +24,9 @@ def cell_shares(area: np.ndarray, x_edges: np.ndarray, y_edges: np.ndarray, size
         y_edges: Edges of the cells along the second axis [m].
         size: Size of the pupil [m].
     """
-    cells = np.diff(y_edges)[:, None] * np.diff(x_edges)[None, :]
-    return np.clip(np.where(area > AREA_NOISE * size**2, area, 0.0) / cells, 0.0, 1.0)
+    width, height = (np.asarray(edges)[1:] - np.asarray(edges)[:-1] for edges in (x_edges, y_edges))
+    shares = np.where(area > AREA_NOISE * size**2, area, 0.0) / (height[:, None] * width)
+    return np.minimum(np.maximum(shares, 0.0, out=shares), 1.0, out=shares)
 
 
 class Pupil(ABC):

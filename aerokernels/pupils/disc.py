@@ -177,9 +177,10 @@ class Annulus(_Round):
 
 def _circle_areas(x_edges: np.ndarray, y_edges: np.ndarray, radius: float) -> np.ndarray:
     """Return the area of each grid cell that is in the circle about the origin, shape (y count, x count)."""
-    x, y = (np.clip(np.asarray(edges) / radius, -1.0, 1.0) for edges in (x_edges, y_edges))
+    x, y = (np.minimum(np.maximum(np.asarray(edges) / radius, -1.0), 1.0) for edges in (x_edges, y_edges))
     below = area_below(x[None, :], y[:, None])
-    return np.diff(np.diff(below, axis=0), axis=1) * radius**2
+    rows = below[1:] - below[:-1]
+    return np.asarray((rows[:, 1:] - rows[:, :-1]) * radius**2)
 
 
 def area_below(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -189,8 +190,9 @@ def area_below(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return 0.5 * (t * np.sqrt(1.0 - t * t) + np.arcsin(t))
 
     turn = np.sqrt(1.0 - y * y)  # |t| at which the line y meets the circle
-    inside = np.clip(x, -turn, turn)
-    at_turn = primitive(turn)
-    middle = y * (inside + turn) + primitive(inside) + at_turn
-    ends = primitive(np.minimum(x, -turn)) + 0.25 * np.pi + primitive(np.maximum(x, turn)) - at_turn
+    # The primitive increases, so that it is clipped instead of its argument: it is evaluated once for each edge.
+    at_x, at_turn = primitive(x), primitive(turn)
+    inside, at_inside = np.minimum(np.maximum(x, -turn), turn), np.minimum(np.maximum(at_x, -at_turn), at_turn)
+    middle = y * (inside + turn) + at_inside + at_turn
+    ends = np.minimum(at_x, -at_turn) + 0.25 * np.pi + np.maximum(at_x, at_turn) - at_turn
     return middle + np.where(y > 0.0, 2.0 * ends, 0.0)

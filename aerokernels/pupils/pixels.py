@@ -105,7 +105,7 @@ def _overlap(edges: np.ndarray, extent: float, size: float, count: int) -> np.nd
     low = np.maximum(edges[:-1, None], pixel[None, :-1])
     both = high - low
     # Edges that coincide overlap by rounding errors, which are not counted.
-    return np.where(both > 1e-14 * extent, both, 0.0) / np.diff(edges)[:, None]
+    return np.where(both > 1e-14 * extent, both, 0.0) / (edges[1:] - edges[:-1])[:, None]
 
 
 @checked
@@ -142,8 +142,13 @@ class Rectangle(_Pixels):
         self._check_place()
 
     @property
+    def half_extent(self) -> tuple[float, float]:
+        """Half the width and half the height [m]."""
+        return 0.5 * float(self.width), 0.5 * float(self.height)
+
+    @property
     def _weights(self) -> np.ndarray:
-        return np.ones((1, 1))
+        return np.array([[1.0]])
 
     @property
     def _size(self) -> tuple[float, float]:

@@ -1,17 +1,17 @@
 """Verdict by a wave through as few slabs of a field, on as coarse a window, as the required error allows.
 
-The finest relevant phase sets the pixels, and diffraction.py doubles the slabs until the change is known.
+The finest relevant phase sets the pixels, and diffraction.py doubles the slabs until the change is known. A finest
+phase that a traced map shows, but does not resolve, sizes a window on which it is measured again.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from ..medium import IndexField
 from ..pupils import Pupil
-from .diffraction import WaveAndRays, beside, window_of
+from .diffraction import WaveAndRays, Window, window_of
 from .layers import span_of
 from .screens import Crossings, MapPaths, crossings_of, disturbance, places_across, spread_along
 from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
@@ -25,7 +25,10 @@ UNSEEN, FEATURE_LINES = 0.03, 16
 LEAST_WINDOW, MOST_WINDOW, BESIDE = 1.15, 4.0, 2.0
 # Pixels per finest half period; fewest in all, and per half width of the pupil; fewest and most of one column, where
 # nothing varies along x; lines across that show where along the path light is disturbed.
-PER_FEATURE, LEAST_PIXELS, PER_REACH, COLUMN_PIXELS, SLAB_LINES = 4.0, 48, 32.0, (256, 512), 16
+PER_FEATURE, LEAST_PIXELS, PER_REACH, COLUMN_PIXELS, SLAB_LINES = 3.0, 48, 32.0, (256, 512), 16
+# Most slabs, and most pixels of all slabs together, of a wave that nobody requested: 8 slabs of the largest window take
+# 10 ms. Strong turbulence near the limit would take 32 or 64 slabs.
+MOST_SLABS, MOST_SAMPLES = 16, 3e5
 # Share of the pupil near a focus (screens.py) above which traced rays replace the slabs' rays, and above which straight
 # rays do. Traced rays need a map of RESOLVED pixels per finest half period.
 SOME, MANY, RESOLVED = 0.01, 0.1, 4.0
@@ -38,41 +41,45 @@ def by_waves(
     feature: float | None,
     limit: float,
     traced: MapPaths | None = None,
+    resolved: bool = True,
+    limited: bool = False,
 ) -> Validity:
     """Return the verdict of a wave through slabs of the field (diffraction.py); a `feature` of None is searched for.
 
-    `traced` is the map of traced rays, if there is one: near foci it replaces the slabs' rays.
+    `traced` is the map of traced rays, if there is one: near foci it replaces the slabs' rays. A `feature` that the map
+    did not resolve is measured again on the window. `limited` keeps the number of slabs cheap beside a wavefront.
     """
-    from scipy.fft import next_fast_len
-
     reach = max(pupil.half_extent)
     flat = is_one_column(field, pupil.normal)
     clear = is_clear(field, pupil, pupil.normal, wavelength)
     margin = 0.0 if clear else fringes(field, wavelength)
     if not clear:
         traced = None
-    look = LookingAlong(pupil.center, pupil.normal, pupil.axes, reach)
-    begin, end = span_of(field, look.center, look.normal, look.axes, *(2 * [(-look.half, look.half)]))
-    look = replace(look, half=_half_window(reach, wavelength, end, margin))
+    begin, end = span_of(field, pupil.center, pupil.normal, pupil.axes, (-reach, reach), (-reach, reach))
+    look = LookingAlong(pupil.center, pupil.normal, pupil.axes, _half_window(reach, wavelength, end, margin))
     make: Callable[..., Slabs] = slabs_of if clear else SlabsPastBody
     slabs = make(field, look, begin, end, wavelength)
     half = _half_window(reach, wavelength, slabs.last, margin)
+    least, most = COLUMN_PIXELS if flat else (max(LEAST_PIXELS, PER_REACH * half / reach), slabs.most_pixels)
     if feature is None:
         feature = _finest_of(slabs, pupil, flat, wavelength)
-    least, most = COLUMN_PIXELS if flat else (max(LEAST_PIXELS, PER_REACH * half / reach), slabs.most_pixels)
-    # A rim makes fringes as fine as the pixels allow: the most pixels are used.
-    pixels = next_fast_len(math.ceil(np.clip(2.0 * half * PER_FEATURE / feature, least, most))) if clear else most
+    # A rim makes fringes as fine as the pixels allow: then the most pixels are used.
+    pixels = _fast(max(min(2.0 * half * PER_FEATURE / feature, most), least)) if clear else most
     window = window_of(pupil, half, pixels, flat)
-    distance = disturbance(field, pupil, pupil.normal).length if clear else _slabs_length(slabs, pupil, flat)
-    shadow, passes = shadow_of(slabs, window, wavelength, end)
-    near = beside(passes)
     path = slabs.paths(window.x, window.y, 1)[0]
-    crossings = crossings_of(path[near], window.pixel, (window.amplitude * passes)[near], distance)
+    if not resolved:
+        seen = np.where(window.amplitude > 0.0, path, np.float32(np.nan))
+        feature = finest_and_squares(seen, window.pixel, wavelength)[0]
+        if feature <= window.pixel and pixels < most:
+            window = window_of(pupil, half, _fast(most), flat)
+            path = slabs.paths(window.x, window.y, 1)[0]
+    distance = disturbance(field, pupil, pupil.normal).length if clear else _slabs_length(slabs, pupil, flat)
+    shadow, light = shadow_of(slabs, window, wavelength, end)
+    crossings = crossings_of(path[window.near], window.pixel, light[window.near], distance)
     comparison = WaveAndRays(
         window=window,
         slabs=slabs,
-        passes=passes,
-        near=near,
+        light=light,
         before=slabs.first,
         after=end - slabs.last,
         wavelength=wavelength,
@@ -80,6 +87,7 @@ def by_waves(
         straight=crossings.near > MANY,
         traced=None if traced is None else traced.strehl,
         by_traced=traced is not None and _by_traced(crossings, feature, traced.pixel),
+        most_slabs=_most_slabs(window) if limited else FINEST,
     )
     change, error = comparison.change(limit)
     return Validity(
@@ -94,6 +102,21 @@ def by_waves(
         rim_fresnel_number=shadow.fresnel_number,
         error=error,
     )
+
+
+def _most_slabs(window: Window) -> int:
+    """Return the number of slabs that a wave which nobody requested has at most."""
+    count = MOST_SLABS
+    while count * window.amplitude.size > MOST_SAMPLES:
+        count //= 2
+    return count
+
+
+def _fast(pixels: float) -> int:
+    """Return the next number of pixels for which Fourier transforms are fast."""
+    from scipy.fft import next_fast_len
+
+    return int(next_fast_len(math.ceil(pixels)))
 
 
 def _half_window(reach: float, wavelength: float, last: float, beside: float) -> float:
@@ -156,7 +179,7 @@ def finest_and_squares(path: np.ndarray, pixel: float, wavelength: float) -> tup
     # A sample of lines is enough: columns and, for a map of more than one column, rows.
     part = _some_of(len(path))
     lines = [path.T[part], path[part]] if path.shape[0] == path.shape[1] else [path.T[part]]
-    return _finest_on(np.stack(lines), pixel, wavelength)
+    return _finest_on(np.array(lines), pixel, wavelength)
 
 
 def _some_of(count: int) -> slice:
@@ -180,12 +203,10 @@ def _mean_squares(lines: np.ndarray, stride: int) -> float:
     """Return the sum over directions of mean squared second differences of lines (directions, lines, n) at `stride`."""
     second = lines[..., 2 * stride :] + lines[..., : -2 * stride]
     second -= 2.0 * lines[..., stride:-stride]
-    total = 0.0
-    for own in second:
-        known = own[np.isfinite(own)]
-        if len(known):
-            total += float(np.einsum("i,i->", known, known)) / len(known)  # no BLAS: waking its threads takes longer
-    return total
+    counts = np.add.reduce(second == second, axis=(1, 2))
+    second *= second
+    totals = np.add.reduce(np.fmax(second, np.float32(0.0), out=second), axis=(1, 2))  # fmax drops NaN
+    return sum(total / max(count, 1) for total, count in zip(totals.tolist(), counts.tolist(), strict=True))
 
 
 def fresnel_number(feature: float, wavelength: float, distance: float) -> float:

@@ -21,16 +21,17 @@ import numpy as np
 
 from ..pupils import Pupil
 from ..wavefront.grid import LEAST_COVER
+from .bending import MARGIN, bending
 from .slabs import FINEST, Slabs
 
-# First number of slabs. The change is accepted if doubling the slabs moves it by less than a share SAME of the limit,
-# or by less than a share DECIDED of its distance from the limit.
-FEWEST, SAME, DECIDED = 1, 0.05, 0.5
+# One slab and two come first. The change is accepted if doubling the slabs moves it by less than a share SAME of the
+# limit, or by less than a share DECIDED of its distance from the limit.
+SAME, DECIDED = 0.05, 0.5
 # Fewer slabs than FEW are accepted only if the change is below a share CLEAR of the limit: results of one and two slabs
 # may agree by chance. MANY slabs are enough if nothing changes any more.
-FEW, CLEAR, MANY = 4, 0.5, 4
-# Margin of pixels around the rays for second derivatives; array elements of screens processed together.
-BESIDE, TOGETHER = 2, 1 << 14
+FEW, CLEAR, MANY = 4, 0.25, 4
+# Array elements of screens processed together.
+TOGETHER = 1 << 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,7 @@ class Window:
         y: Coordinates of the rows [m].
         pixel: Side of a pixel [m]; the height of a pixel if there is one column.
         width: Width of a column [m].
+        near: The part that may have light, with a margin of MARGIN pixels for second derivatives.
     """
 
     amplitude: np.ndarray
@@ -50,28 +52,32 @@ class Window:
     y: np.ndarray
     pixel: float
     width: float
-
-    @property
-    def lit(self) -> np.ndarray:
-        """Mask of the pixels with light."""
-        return self.amplitude > 0.0
+    near: tuple[slice, slice]
 
 
 def window_of(pupil: Pupil, half: float, pixel_count: int, one_column: bool = False) -> Window:
     """Return the window of half width `half` [m] about a pupil."""
     pixel = 2.0 * half / pixel_count
     edges = pixel * (np.arange(pixel_count + 1) - pixel_count // 2 - 0.5)
-    columns = np.array([edges[0], edges[-1]]) if one_column else edges
+    columns = edges[[0, -1]] if one_column else edges
     amplitude = np.zeros((pixel_count, len(columns) - 1), dtype=np.float32)
     # Only pixels within the pupil's extent have light.
-    across, up = (
-        slice(max(int(np.searchsorted(each, -extent, "right")) - 1, 0), int(np.searchsorted(each, extent)) + 1)
-        for each, extent in zip((columns, edges), pupil.half_extent, strict=True)
-    )
-    amplitude[up.start : up.stop - 1, across.start : across.stop - 1] = pupil.coverage(columns[across], edges[up])
-    amplitude[amplitude < LEAST_COVER * amplitude.max()] = 0.0
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    return Window(amplitude, np.zeros(1) if one_column else middle, middle, pixel, float(columns[1] - columns[0]))
+    across, up = (_within(extent, float(edges[0]), pixel, pixel_count) for extent in pupil.half_extent)
+    if one_column:
+        across = 0, 1
+    lit = pupil.coverage(columns[across[0] : across[1] + 1], edges[up[0] : up[1] + 1])
+    lit[lit < LEAST_COVER * lit.max()] = 0.0
+    amplitude[slice(*up), slice(*across)] = lit
+    rows, right = (slice(max(first - MARGIN, 0), last + MARGIN) for first, last in (up, across))
+    middle = edges[:-1] + 0.5 * pixel
+    width = float(columns[-1] - columns[-2])
+    return Window(amplitude, np.zeros(1) if one_column else middle, middle, pixel, width, (rows, right))
+
+
+def _within(extent: float, start: float, pixel: float, count: int) -> tuple[int, int]:
+    """Return the range of the pixels from `start` [m] on that are within an extent on either side of zero [m]."""
+    first, last = (math.floor((end - start) / pixel) for end in (-extent, extent))
+    return max(first, 0), min(last + 1, count)
 
 
 @dataclass(frozen=True)
@@ -105,8 +111,7 @@ class WaveAndRays:
     Attributes:
         window: The pupil's light.
         slabs: The disturbed air.
-        passes: Mask of the window's lit pixels whose rays pass the body.
-        near: The part of the window that has rays, see `beside`.
+        light: Amplitude of the light whose rays pass the body, float32, shape (rows, columns).
         before: Free distance from the pupil to the slabs [m].
         after: Free distance from the slabs to the end of the rays' paths [m].
         wavelength: Vacuum wavelength [m].
@@ -114,12 +119,12 @@ class WaveAndRays:
         straight: Whether the slabs' rays are straight.
         traced: Strehl ratio of traced rays; None if there are none.
         by_traced: Whether the wave is compared with the traced rays.
+        most_slabs: Number of slabs that is not doubled.
     """
 
     window: Window
     slabs: Slabs
-    passes: np.ndarray
-    near: tuple[slice, slice]
+    light: np.ndarray
     before: float
     after: float
     wavelength: float
@@ -127,6 +132,7 @@ class WaveAndRays:
     straight: bool
     traced: float | None = None
     by_traced: bool = False
+    most_slabs: int = FINEST
 
     def change(self, limit: float) -> tuple[float, float]:
         """Return the Strehl ratio of the wave minus the one of the rays, and its error, well enough for a limit.
@@ -138,45 +144,69 @@ class WaveAndRays:
         opaque = self.slabs.opaque(self.window.x, self.window.y, 1)
         if opaque is not None and opaque.any():
             return self._result(FINEST).change, float("nan")
-        count, found, doubt = FEWEST, self._result(FEWEST), math.inf
-        while count < FINEST:
-            count, last, found = 2 * count, found, self._result(2 * count)
+        count, (last, found) = 2, self._first_two()
+        while True:
             by_slabs = found.doubt(last, self.by_traced)
             doubt = max(by_slabs, found.apart)
-            if count < FEW and abs(found.change) > CLEAR * limit:
-                continue
-            if doubt <= max(SAME * limit, DECIDED * abs(abs(found.change) - limit)):
+            if count >= FEW or abs(found.change) <= CLEAR * limit:
+                if doubt <= max(SAME * limit, DECIDED * abs(abs(found.change) - limit)):
+                    break
+                # If the slabs' rays have converged to a result other than the traced rays', more slabs do not help.
+                if count >= MANY and max(by_slabs, abs(found.apart - last.apart)) <= SAME * limit:
+                    break
+            if count >= self.most_slabs:
                 break
-            # If the slabs' rays have converged to a result other than the traced rays', more slabs do not help.
-            if count >= MANY and max(by_slabs, abs(found.apart - last.apart)) <= SAME * limit:
-                break
+            count, last, found = 2 * count, found, self._result(2 * count)
         return found.change, math.inf if self.straight and not self.by_traced else doubt
 
     def _result(self, count: int) -> "SlabResult":
         """Return the result of so many slabs."""
         window = self.window
         paths = self.slabs.paths(window.x, window.y, count)
-        wave = self._wave(paths, self.slabs.opaque(window.x, window.y, count)) / self._light
+        wave = self._wave(paths, self.slabs.opaque(window.x, window.y, count))
+        return self._compared([wave], [paths])[0]
+
+    def _first_two(self) -> list[SlabResult]:
+        """Return the results of one slab and of two, at once: their cost is that of the calls."""
+        window, (forward, inverse) = self.window, self._transforms
+        paths = [self.slabs.paths(window.x, window.y, count) for count in (1, 2)]
+        length = self.slabs.last - self.slabs.first
+        free = self._free([self.before + 0.5 * length, self.before + 0.25 * length, 0.5 * length])
+        factors = phase_factor(np.concatenate(paths), self.wavelength)
+        waves = inverse(self._spectrum * free[:2], overwrite_x=True)
+        waves *= factors[:2]
+        between = forward(waves[1])
+        between *= free[2]
+        last = inverse(between, overwrite_x=True)
+        last *= factors[2]
+        return self._compared([complex(waves[0].sum()), complex(last.sum())], paths)
+
+    def _compared(self, waves: list[complex], paths: list[np.ndarray]) -> list[SlabResult]:
+        """Return the results for sums of waves behind some screens and for the paths of the screens."""
+        waves = [wave / self._light for wave in waves]
         if self.by_traced and self.traced is not None:
-            return SlabResult(wave, abs(wave) ** 2 - self.traced, 0.0)
-        by_rays = (abs(self._rays(paths)) / self._light) ** 2
-        return SlabResult(wave, abs(wave) ** 2 - by_rays, 0.0 if self.traced is None else abs(by_rays - self.traced))
+            return [SlabResult(wave, abs(wave) ** 2 - self.traced, 0.0) for wave in waves]
+        by_rays = [(abs(one) / self._light) ** 2 for one in self._rays(paths)]
+        apart = [0.0 if self.traced is None else abs(one - self.traced) for one in by_rays]
+        return [
+            SlabResult(wave, abs(wave) ** 2 - one, more) for wave, one, more in zip(waves, by_rays, apart, strict=True)
+        ]
 
     @cached_property
     def _light(self) -> float:
         """Sum of the initial amplitudes of the rays."""
-        return float(self.window.amplitude[self.passes].sum())
+        return float(np.add.reduce(self.light, axis=None))
 
     def _wave(self, paths: np.ndarray, opaque: np.ndarray | None) -> complex:
         """Return the sum of the wave behind all screens, some of which may be partly opaque."""
         forward, inverse = self._transforms
         step = (self.slabs.last - self.slabs.first) / len(paths)
-        wave, free = self._spectrum * self._free(self.before + 0.5 * step), None
+        first, between = self._free([self.before + 0.5 * step, step])
+        wave = self._spectrum * first
         for number, factor in enumerate(_one_by_one(paths, self.wavelength)):
             if number > 0:
-                free = self._free(step) if free is None else free
                 wave = forward(wave, overwrite_x=True)
-                wave *= free
+                wave *= between
             wave = inverse(wave, overwrite_x=True)
             wave *= factor
             if opaque is not None:
@@ -189,47 +219,42 @@ class WaveAndRays:
         from scipy import fft
 
         if self.window.amplitude.shape[1] == 1:
-            return partial(fft.fft, axis=0), partial(fft.ifft, axis=0)
+            return partial(fft.fft, axis=-2), partial(fft.ifft, axis=-2)
         return fft.fft2, fft.ifft2
 
     @cached_property
     def _spectrum(self) -> np.ndarray:
         """Fourier transform of the pupil's light."""
-        return self._transforms[0](self.window.amplitude.astype(np.complex64), overwrite_x=True)
+        return self._transforms[0](self.window.amplitude)  # of real numbers: half the time of complex ones
 
-    def _free(self, distance: float) -> np.ndarray:
-        """Return the factors of the Fourier components over a distance [m] of free space."""
-        turn = -0.5 * distance * self.wavelength / (2.0 * np.pi * self.ambient_index)
-        rows, *columns = (np.exp(1j * turn * square).astype(np.complex64) for square in self._frequencies)
-        return rows[:, None] * columns[0] if columns else rows[:, None]
-
-    @cached_property
-    def _frequencies(self) -> list[np.ndarray]:
-        """Squared wave numbers of the components along y and, for more than one column, along x [1/m2]."""
-        shape = self.window.amplitude.shape
-        counts = shape if shape[1] > 1 else shape[:1]
-        return [(2.0 * np.pi * np.fft.fftfreq(count, self.window.pixel)) ** 2 for count in counts]
-
-    def _rays(self, paths: np.ndarray) -> complex:
-        """Return the sum of the rays' amplitudes, with their phases at their starts."""
-        paths = paths[:, *self.near]
-        path = paths.sum(axis=0)
-        if not self.straight:
-            step = (self.slabs.last - self.slabs.first) / len(paths)
-            path += bending(paths, self.window.pixel, step, self.after)
-        return complex((self._rays_light * phase_factor(path, self.wavelength)).sum())
+    def _free(self, distances: list[float]) -> np.ndarray:
+        """Return the factors of the Fourier components over distances [m] of free space, shape (distances, ...)."""
+        turn = -0.5 * self.wavelength / (2.0 * np.pi * self.ambient_index) * np.array(distances)
+        square, rows = self._frequencies, self.window.amplitude.shape[0]
+        phase = turn[:, None] * square  # thousands of radians: in double precision
+        factors = np.empty(phase.shape, dtype=np.complex64)
+        factors.real, factors.imag = np.cos(phase), np.sin(phase)
+        along_y, along_x = factors[:, :rows, None], factors[:, None, rows:]
+        return along_y * along_x if along_x.size else along_y
 
     @cached_property
-    def _rays_light(self) -> np.ndarray:
-        """Amplitudes of the rays, in the part of the window that has rays."""
-        return np.where(self.passes, self.window.amplitude, np.float32(0.0))[self.near]
+    def _frequencies(self) -> np.ndarray:
+        """Squared wave numbers of the components along y, then of those along x for more than one column [1/m2]."""
+        counts = [count for count in self.window.amplitude.shape if count > 1]
+        return np.concatenate([(2.0 * np.pi * np.fft.fftfreq(count, self.window.pixel)) ** 2 for count in counts])
 
-
-def beside(passes: np.ndarray) -> tuple[slice, slice]:
-    """Return the part of a window that has rays, with a margin of pixels for second derivatives."""
-    there = [np.flatnonzero(passes.any(axis=1 - axis)) for axis in (0, 1)]
-    rows, columns = (slice(max(int(one[0]) - BESIDE, 0), int(one[-1]) + 1 + BESIDE) for one in there)
-    return rows, columns
+    def _rays(self, screens: list[np.ndarray]) -> list[complex]:
+        """Return the sums of the rays' amplitudes through some screens, with their phases at their starts."""
+        near, sums = self.window.near, []
+        for paths in screens:
+            paths = paths[:, *near]
+            sums.append(paths.sum(axis=0))
+            if not self.straight:
+                step = (self.slabs.last - self.slabs.first) / len(paths)
+                sums[-1] += bending(paths, self.window.pixel, step, self.after)
+        factors = phase_factor(np.array(sums), self.wavelength)
+        factors *= self.light[near]
+        return [complex(one.sum()) for one in factors]  # pairwise, which einsum's sum is not
 
 
 def _one_by_one(paths: np.ndarray, wavelength: float) -> Iterator[np.ndarray]:
@@ -237,74 +262,6 @@ def _one_by_one(paths: np.ndarray, wavelength: float) -> Iterator[np.ndarray]:
     some = max(1, TOGETHER // paths[0].size)
     for first in range(0, len(paths), some):
         yield from phase_factor(paths[first : first + some], wavelength)
-
-
-def bending(paths: np.ndarray, pixel: float, step: float, after: float) -> np.ndarray:
-    r"""Return the excess optical path of bent rays over straight ones through screens [m], at the start of each ray.
-
-    To second order in d, rays with deflection t and displacement d get from a screen of path p
-
-        p + d grad p + d H d / 2,       t += grad p + H d,       d += t z,
-
-    and t^2 z / 2 from their slanted path through free space of a length z. Neglected terms are of third order in d over
-    the size of a feature.
-
-    Args:
-        paths: Optical path of each slab [m], shape (count, rows, columns).
-        pixel: Side of a pixel [m].
-        step: Thickness of a slab [m].
-        after: Free distance behind the last slab [m].
-
-    Returns:
-        Excess path [m], shape (rows, columns).
-    """
-    kind, shape = paths.dtype.type, paths.shape[1:]
-    axes = [axis for axis in (0, 1) if shape[axis] > 1]
-    reach = kind(max(shape) * pixel)
-    gained = np.zeros(shape, dtype=kind)
-    turn, aside = np.zeros((2, len(axes), *shape), dtype=kind)
-    some = max(1, TOGETHER // paths[0].size)
-    for first in range(0, len(paths), some):
-        slopes = [slope(paths[first : first + some], pixel, axis + 1) for axis in axes]
-        curvatures = _curvatures(slopes, pixel, axes) if len(paths) > 1 else []
-        for number in range(len(slopes[0])):
-            if first + number > 0:
-                more = _times_curvature([each[number] for each in curvatures], aside)
-                for own, moved, change in zip(slopes, aside, more, strict=True):
-                    gained += moved * (own[number] + kind(0.5) * change)
-                    own[number] += change
-            distance = kind(step if first + number < len(paths) - 1 else 0.5 * step + after)
-            for turned, moved, own in zip(turn, aside, slopes, strict=True):
-                turned += own[number]
-                moved += distance * turned
-                # Slopes of the jump at the box's side, where there is no light, must not overflow.
-                np.minimum(np.maximum(moved, -reach, out=moved), reach, out=moved)
-                gained += kind(0.5) * distance * turned**2
-    return gained
-
-
-def _curvatures(slopes: list[np.ndarray], pixel: float, axes: list[int]) -> list[np.ndarray]:
-    """Return second derivatives of the screens' paths: along each axis, then mixed."""
-    own = [slope(each, pixel, axis + 1) for each, axis in zip(slopes, axes, strict=True)]
-    return [*own, slope(slopes[0], pixel, 2)] if len(axes) > 1 else own
-
-
-def _times_curvature(curvatures: list[np.ndarray], aside: np.ndarray) -> list[np.ndarray]:
-    """Return the second derivatives of a screen's path times displacements."""
-    if len(aside) == 1:
-        return [curvatures[0] * aside[0]]
-    along_y, along_x, mixed = curvatures
-    return [along_y * aside[0] + mixed * aside[1], along_x * aside[1] + mixed * aside[0]]
-
-
-def slope(values: np.ndarray, pixel: float, axis: int) -> np.ndarray:
-    """Return central differences along one axis, one-sided at its ends, over the pixel, as `numpy.gradient` does."""
-    values = np.swapaxes(values, 0, axis)
-    made = np.empty_like(values)
-    made[1:-1] = values[2:] - values[:-2]
-    made[0], made[-1] = 2.0 * (values[1] - values[0]), 2.0 * (values[-1] - values[-2])
-    made *= values.dtype.type(0.5 / pixel)
-    return np.swapaxes(made, 0, axis)
 
 
 def phase_factor(path: np.ndarray, wavelength: float) -> np.ndarray:

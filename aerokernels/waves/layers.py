@@ -47,17 +47,17 @@ def span_of(
     """
     if abs(abs(float(normal[2])) - 1.0) <= 1e-15:
         middle = center + 0.5 * (across[0] + across[1]) * axes[0] + 0.5 * (up[0] + up[1]) * axes[1]
-        low, high = field.box
+        (x, y, _), (low, high) = middle.tolist(), (corner.tolist() for corner in field.box)
         inside = (
-            math.hypot(middle[0], middle[1]) < high[0]
+            math.hypot(x, y) < high[0]
             if field.geometry == "axisymmetric"
-            else bool(((middle > low) & (middle < high))[:2].all())
+            else low[0] < x < high[0] and low[1] < y < high[1]
         )
-        ends = sorted(float(normal[2]) * (float(end) - float(center[2])) for end in (low[2], high[2]))
+        ends = sorted(float(normal[2]) * (end - float(center[2])) for end in (low[2], high[2]))
         if inside and ends[1] > 0.0:
             return max(ends[0], 0.0), ends[1]
-    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(*across, LINES), np.linspace(*up, LINES)))
-    start = center + x[:, None] * axes[0] + y[:, None] * axes[1]
+    right, above = (axis.ravel() for axis in np.meshgrid(np.linspace(*across, LINES), np.linspace(*up, LINES)))
+    start = center + right[:, None] * axes[0] + above[:, None] * axes[1]
     span = box_span(field, start, np.broadcast_to(normal, start.shape).copy())
     meets = span.meets & (span.leave > 0.0) & (span.leave < 1e30)
     if not meets.any():

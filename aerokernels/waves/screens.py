@@ -23,14 +23,14 @@ from .diffraction import phase_factor
 # Margin of the window on each side of the pupil: in widths sqrt(wavelength length); fewest pixels; most for both sides
 # together, over the pupil's width. Pixels across the pupil: most, and fewest while the half period of the finest phase
 # has PER_FEATURE pixels or more.
-BESIDE, FEWEST_BESIDE, MOST_BESIDE, MOST_PIXELS, FEWEST_PIXELS, PER_FEATURE = 3.0, 4, 0.5, 64, 32, 6.0
+BESIDE, FEWEST_BESIDE, MOST_BESIDE, MOST_PIXELS, FEWEST_PIXELS, PER_FEATURE = 2.0, 4, 0.5, 64, 32, 4.0
 # Rays are near a focus where curvature times distance exceeds this: there the second order in their deflection does not
 # give their paths.
 NEAR_FOCUS = 0.5
 # Two screens are used up to this curvature times distance.
 FLAT = 0.3
 # Lines of sight across the pupil and layers along them that give the disturbed length; lengths cached on a field.
-LINES, LINE_LAYERS, NODE_LAYERS, KEPT = 4, 32, 64, 8
+LINES, LINE_LAYERS, KEPT = 4, 32, 8
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
@@ -81,13 +81,25 @@ class MapPaths:
     wavelength: float
 
     @cached_property
+    def whole_light(self) -> float:
+        """Sum of the weights."""
+        return float(np.add.reduce(self.light, axis=None))
+
+    @cached_property
+    def lit_path(self) -> np.ndarray:
+        """Optical path [m], zero outside the pupil."""
+        return np.where(self.light > 0.0, self.path, np.float32(0.0))
+
+    @cached_property
     def strehl(self) -> float:
         """Strehl ratio, several times faster than `Wavefront.strehl`."""
-        path = np.where(self.light > 0.0, self.path, np.float32(0.0))
-        return float(abs((self.light * phase_factor(path, self.wavelength)).sum()) ** 2 / self.light.sum() ** 2)
+        total = complex((self.light * phase_factor(self.lit_path, self.wavelength)).sum())
+        return (abs(total) / self.whole_light) ** 2
 
     def every(self, stride: int) -> "MapPaths":
         """Return the map of every `stride`-th row and column."""
+        if stride == 1:
+            return self
         part = slice(stride // 2, None, stride)
         return MapPaths(self.path[part, part], self.light[part, part], stride * self.pixel, self.wavelength)
 
@@ -140,13 +152,14 @@ def stride_of(count: int, pixel: float, feature: float) -> int:
 
 def places_across(pupil: Pupil, count: int) -> np.ndarray:
     """Return coordinates across a pupil [m] that are not commensurate with any grating."""
-    return max(pupil.half_extent) * (2.0 * ((np.arange(count) + 0.5) * GOLDEN % 1.0) - 1.0)
+    reach = max(pupil.half_extent)
+    return np.array([reach * (2.0 * ((number + 0.5) * GOLDEN % 1.0) - 1.0) for number in range(count)])
 
 
 def _on_lines(field: IndexField, pupil: Pupil, look: np.ndarray) -> Disturbance:
     """Return the range over which light is disturbed, from a few lines through the pupil."""
-    place = places_across(pupil, LINES)
-    x, y = np.tile(place, LINES), np.repeat(place, LINES)
+    place = places_across(pupil, LINES).tolist()
+    x, y = np.array(LINES * place), np.array([one for one in place for _ in range(LINES)])
     lit = pupil.transmission(x, y) > 0.0
     if lit.any():
         x, y = x[lit], y[lit]
@@ -167,23 +180,29 @@ def _on_lines(field: IndexField, pupil: Pupil, look: np.ndarray) -> Disturbance:
 
 def _by_nodes(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, x, y) -> Disturbance:
     """Return the range for lines along z of a grid, from the nearest nodes: a width needs no interpolant."""
-    center, (first, second) = pupil.center, pupil.axes
-    points = center + x[:, None] * first + y[:, None] * second
-    place = field.local_coordinates(points)[:, :-1]
-    node = np.rint((place - grid.origin[:-1]) / grid.spacing[:-1]).astype(int)
-    inside = ((node >= 0) & (node < grid.shape[:-1])).all(axis=1)
-    ends = (float(center[2]) - grid.origin[-1]) / grid.spacing[-1]
-    count = grid.shape[-1]
+    # A few lines: plain numbers take a fraction of the time of arrays.
+    (right, above, far), (across, up) = pupil.center.tolist(), (axis.tolist() for axis in pupil.axes)
+    points: list[tuple[float, ...]] = [
+        (right + one * across[0] + other * up[0], above + one * across[1] + other * up[1])
+        for one, other in zip(x.tolist(), y.tolist(), strict=True)
+    ]
+    if field.geometry != "volume":
+        points = [(math.hypot(*point) if field.geometry == "axisymmetric" else point[1],) for point in points]
+    *axes, (origin, spacing, count) = zip(grid.origin.tolist(), grid.spacing.tolist(), grid.shape, strict=True)
+    nodes = [
+        [round((one - start) / cell) for one, (start, cell, _) in zip(point, axes, strict=True)] for point in points
+    ]
+    inside = [node for node in nodes if all(0 <= one < most for one, (*_, most) in zip(node, axes, strict=True))]
+    ends = (far - origin) / spacing
     begin, end = (max(0, math.ceil(ends)), count) if sign > 0.0 else (0, min(count, math.floor(ends) + 1))
-    step = max(1, (end - begin) // NODE_LAYERS)
-    if end - begin < 2 or not inside.any():
+    if end - begin < 2 or not inside:
         return Disturbance(0.0, 0.0)
-    # Outside the box the contrast is zero.
-    lines = grid.samples[(*(node * inside[:, None]).T, slice(begin, end, step))] * inside[:, None]
-    distance = sign * (
-        float(grid.spacing[-1]) * np.array([begin, begin + step * lines.shape[1]]) - ends * grid.spacing[-1]
-    )
-    return spread_along(lines.T, *distance.tolist())
+    # All nodes: a thin shock may be between any two.
+    lines = grid.samples[..., begin:end][tuple(np.array(inside).T)]
+    if len(inside) < len(nodes):  # outside the box the contrast is zero
+        lines = np.concatenate([lines, np.zeros((len(nodes) - len(inside), lines.shape[1]))])
+    distance = (sign * spacing * (node - ends) for node in (begin, end))
+    return spread_along(lines.T, *distance)
 
 
 def spread_along(layers: np.ndarray, begin: float, end: float) -> Disturbance:
@@ -191,17 +210,17 @@ def spread_along(layers: np.ndarray, begin: float, end: float) -> Disturbance:
 
     `begin` and `end` are distances from the pupil [m] of the first and the last layer's outer faces, in either order.
     """
-    layers = layers - (np.einsum("ij->i", layers) / layers.shape[1])[:, None]
+    layers = layers - np.add.reduce(layers, axis=1, keepdims=True) / layers.shape[1]
     weight = np.einsum("ij,ij->i", layers, layers)
-    total = float(np.einsum("i->", weight))
+    total = float(np.add.reduce(weight))
     if not total > 0.0:
         return Disturbance(0.0, 0.0)
-    step = (end - begin) / len(layers)
-    place = begin + (np.arange(len(layers)) + 0.5) * step
+    place, step = np.arange(0.5, len(layers)), (end - begin) / len(layers)
     middle = float(np.einsum("i,i->", place, weight)) / total
     place -= middle
-    length = math.sqrt(12.0 * float(np.einsum("i,i,i->", place, place, weight)) / total + step**2)
-    return Disturbance(length, middle + 0.5 * length)
+    square = float(np.einsum("i,i,i->", place, place, weight)) / total
+    length = abs(step) * math.sqrt(12.0 * square + 1.0)
+    return Disturbance(length, begin + middle * step + 0.5 * length)
 
 
 def _two_screens(paths: MapPaths, ambient_index: float, length: float) -> float:
@@ -211,14 +230,13 @@ def _two_screens(paths: MapPaths, ambient_index: float, length: float) -> float:
     leaves the pupil sideways meets no phase there, so the mean phase is removed: a common delay does not matter, and
     would be a step around the pupil.
     """
-    from scipy.fft import fft2, ifft2, next_fast_len
+    from scipy.fft import fft, ifft, next_fast_len
 
-    path, light, pixel, wavelength, count = paths.path, paths.light, paths.pixel, paths.wavelength, len(paths.path)
+    path, light, pixel, wavelength, count = paths.lit_path, paths.light, paths.pixel, paths.wavelength, len(paths.path)
     # A margin for the light that diffracts out of the pupil.
     beside = max(FEWEST_BESIDE, math.ceil(BESIDE * math.sqrt(wavelength * length) / pixel))
     size = next_fast_len(count + min(2 * beside, math.ceil(MOST_BESIDE * count)))
-    whole_light = float(light.sum())
-    path = np.where(light > 0.0, path, np.float32(0.0))
+    whole_light = paths.whole_light
     mean = float(np.einsum("ij,ij->", path, light)) / whole_light
     half = phase_factor(np.where(light > 0.0, np.float32(0.5) * (path - np.float32(mean)), np.float32(0.0)), wavelength)
     wave = light * half
@@ -226,11 +244,12 @@ def _two_screens(paths: MapPaths, ambient_index: float, length: float) -> float:
     across = 2.0 * np.pi * np.fft.fftfreq(size, pixel)
     distance = 0.5 * length / math.sqrt(3.0) * wavelength / (2.0 * np.pi * ambient_index)
     free = np.exp(-1j * distance * across**2).astype(np.complex64)
-    # No matrix products: BLAS would wake its threads, which takes longer than these few operations.
-    spectrum = fft2(wave, s=(size, size))
+    # No matrix products: BLAS would wake its threads, which takes longer than these few operations. Only lines with
+    # light are transformed first, and only lines within the map last.
+    spectrum = fft(fft(wave, size, axis=1), size, axis=0, overwrite_x=True)
     spectrum *= free[:, None]
     spectrum *= free
-    between = ifft2(spectrum, overwrite_x=True)[:count, :count]
+    between = ifft(ifft(spectrum, axis=0, overwrite_x=True)[:count], axis=1, overwrite_x=True)[:, :count]
     # Outside the pupil the second screen has no phase, and free space conserves the total sum.
     half -= np.float32(1.0)
     total = wave.sum() + np.einsum("ij,ij->", half, between)
@@ -241,27 +260,31 @@ def crossings_of(path: np.ndarray, pixel: float, light: np.ndarray, distance: fl
     """Return crossing and focusing over a distance [m], from paths [m] and light, without two pixels at the rim."""
     row, mixed, column = _curvatures(path, distance / (4.0 * pixel**2))
     light = light[2:-2, 2:-2] if path.shape[1] > 1 else light[2:-2]
-    middle, spread = 0.5 * (row + column), np.sqrt((0.5 * (row - column)) ** 2 + mixed**2)
-    light = np.where(np.isfinite(middle + spread), light, 0.0)
+    if column is None or mixed is None:
+        middle, spread = 0.5 * row, np.abs(0.5 * row)
+    else:
+        middle, spread = 0.5 * (row + column), np.sqrt((0.5 * (row - column)) ** 2 + mixed**2)
+    focusing = spread - middle  # light turns toward the delayed side: a negative curvature focuses
+    known = (light > 0.0) & np.isfinite(focusing)
+    light, focusing = light[known], focusing[known]
     whole = float(light.sum())
     if not whole > 0.0:
         return Crossings(0.0, 0.0, 0.0)
-    focusing = spread - middle  # light turns toward the delayed side: a negative curvature focuses
-    crossed, near = (
-        float((light * there).sum()) / whole
-        for there in ((1.0 - focusing) * (1.0 + middle + spread) < 0.0, focusing > NEAR_FOCUS)
-    )
-    return Crossings(crossed, float(focusing.max(initial=0.0, where=light > 0.0)), near)
+    greatest = max(float(focusing.max()), 0.0)
+    if greatest <= NEAR_FOCUS:  # then no rays cross
+        return Crossings(0.0, greatest, 0.0)
+    crossed = (1.0 - focusing) * (1.0 + focusing + 2.0 * middle[known]) < 0.0
+    return Crossings(float(light[crossed].sum()) / whole, greatest, float(light[focusing > NEAR_FOCUS].sum()) / whole)
 
 
-def _curvatures(path: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _curvatures(path: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
     """Return second derivatives of a map along y, mixed, and along x, by differences over four pixels, times a factor.
 
-    The results exclude two pixels on each side; for one column only the derivative along y is not zero.
+    The results exclude two pixels on each side; for one column there is only the derivative along y.
     """
     if path.shape[1] == 1:
         row = scale * (path[4:] + path[:-4] - 2.0 * path[2:-2])
-        return row, np.zeros_like(row), np.zeros_like(row)
+        return row, None, None
     twice = 2.0 * path[2:-2, 2:-2]
     row, column = path[4:, 2:-2] + path[:-4, 2:-2] - twice, path[2:-2, 4:] + path[2:-2, :-4] - twice
     mixed = path[3:-1, 3:-1] + path[1:-3, 1:-3] - path[3:-1, 1:-3] - path[1:-3, 3:-1]

@@ -79,25 +79,26 @@ class Shadow:
 
 
 def shadow_of(slabs: Slabs, window: Window, wavelength: float, end: float) -> tuple[Shadow, np.ndarray]:
-    """Return the shadow on a window's light that leaves the box at a distance `end` [m], and which pixels pass.
+    """Return the shadow on a window's light that leaves the box at a distance `end` [m], and the light that passes.
+
+    The latter is the amplitude of the light whose rays pass the body, float32, of the window's shape.
 
     Raises:
         ValueError: No light passes the body.
     """
     opaque = slabs.opaque(window.x, window.y, FINEST)
     if opaque is None:
-        return Shadow(), window.lit
-    passes = window.lit & ~opaque.any(axis=0)
-    if not passes.any():
+        return Shadow(), window.amplitude
+    light = np.where(opaque.any(axis=0), np.float32(0.0), window.amplitude)
+    if not light.any():
         raise ValueError("the body blocks all of the pupil's light: move the pupil, or turn its normal")
     if not opaque.any():
-        return Shadow(), passes
-    light = window.amplitude**2
+        return Shadow(), light
     first = int(np.argmax(opaque.any(axis=(1, 2))))
     distance = end - (slabs.first + first * (slabs.last - slabs.first) / len(opaque))
-    area = float(window.amplitude[passes].sum()) * window.pixel * window.width
-    blocked = max(1.0 - float(light[passes].sum() / light.sum()), 0.0)
-    return Shadow(blocked, area / (math.pi * wavelength * distance)), passes
+    area = float(light.sum()) * window.pixel * window.width
+    blocked = max(1.0 - float((light**2).sum() / (window.amplitude**2).sum()), 0.0)
+    return Shadow(blocked, area / (math.pi * wavelength * distance)), light
 
 
 def is_clear(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: float) -> bool:

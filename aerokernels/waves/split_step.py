@@ -12,6 +12,7 @@ steps costs only its transforms, and its difference gives the error.
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -90,7 +91,10 @@ def split_step(
             begin, end = path_range(field, wave)
             count = layer_count(field, end - begin, step_count)
             check_memory(count, wave.amplitude.size)
-            layers, opaque = mean_layers(field, wave, begin, end, count)
+            sampled = mean_layers(field, wave, begin, end, count)
+        with stage("upload"):
+            layers = library.array(sampled[0])
+            opaque = None if sampled[1] is None else library.array(sampled[1])
         with stage("kernel"):
             start = wave.propagate(begin, paraxial=paraxial)
             propagate = partial(
@@ -183,8 +187,8 @@ def _refined(
 
 def through_layers(
     wave: Wave,
-    layers: np.ndarray,
-    opaque: np.ndarray | None,
+    layers: Any,
+    opaque: Any,
     steps: int,
     *,
     length: float,
@@ -194,19 +198,21 @@ def through_layers(
 ) -> np.ndarray:
     """Return the amplitude after all layers in so many steps; adjacent half steps of free space are merged.
 
-    Light ends where `opaque`, of the shape of the layers, is true.
+    Light ends where `opaque`, of the shape of the layers, is true. Both are the library's arrays.
     """
-    kind = PRECISIONS[precision]
+    kind, wave_number = PRECISIONS[precision], 2.0 * np.pi / wave.wavelength
     step = length / steps
     each = len(layers) // steps
     exponent = transfer_exponent(wave.amplitude.shape, wave.pixel, wave.wavelength, wave.ambient_index, paraxial)
     half, whole = (library.array(np.exp(part * step * exponent).astype(kind)) for part in (0.5, 1.0))
-    spectrum = library.forward(library.array(wave.amplitude.astype(kind))) * half
+    spectrum = library.forward(library.array(wave.amplitude.astype(kind)))
+    spectrum *= half
     for number in range(steps):
         part = slice(number * each, (number + 1) * each)
-        factor = np.exp(2j * np.pi / wave.wavelength * layers[part].sum(axis=0, dtype=np.float64)).astype(kind)
+        amplitude = library.inverse(spectrum)
+        amplitude *= library.phase_factor(layers[part], wave_number, precision)
         if opaque is not None:
-            factor[opaque[part].any(axis=0)] = 0.0
-        spectrum = library.forward(library.inverse(spectrum) * library.array(factor))
-        spectrum = spectrum * (half if number == steps - 1 else whole)
+            library.darken(amplitude, opaque[part])
+        spectrum = library.forward(amplitude)
+        spectrum *= half if number == steps - 1 else whole
     return library.numpy(library.inverse(spectrum)).astype(np.complex128)

@@ -92,7 +92,7 @@ def validity(
             part of its own cost. None takes the phase of straight rays and evaluates a wave.
         limit: Greatest change of the Strehl ratio for which rays are good.
         waves: Whether to evaluate a wave if nothing cheaper decides: True always, False never; None if it is cheap
-            compared with the wavefront, or if there is no wavefront.
+            compared with the wavefront (then with at most 16 slabs, see `Validity.error`), or if there is no wavefront.
 
     Raises:
         TypeError: `field` or `pupil` is of the wrong type.
@@ -104,7 +104,7 @@ def validity(
         raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
     check_positive(limit, "limit")
     wavelength = field.wavelength_for(wavelength)
-    feature, look, paths, map_key = None, pupil.normal, None, None
+    feature, look, paths, map_key, resolved = None, pupil.normal, None, None, True
     if wavefront is not None:
         if wavefront.pupil is not None and not _same_light(wavefront.pupil, pupil):
             raise ValueError(f"wavefront was traced for another pupil, {wavefront.pupil!r}: give that one")
@@ -112,19 +112,23 @@ def validity(
             look = np.asarray(wavefront.direction)
         if len(wavefront.opd) >= FEWEST_MAPPED:
             paths = paths_of(wavefront)
-            found, squares = finest_and_squares(paths.path, paths.pixel, wavelength)
-            # A phase as fine as the map's pixels may be finer in the field: then the wave searches for it again.
-            feature = found if found >= RESOLVED * paths.pixel else None
+            feature, squares = finest_and_squares(paths.path, paths.pixel, wavelength)
+            # A phase as fine as the map's pixels may be finer in the field: then the wave measures it again.
+            resolved = feature >= RESOLVED * paths.pixel
             map_key = (len(paths.path), squares, wavefront.wavelength, wavefront.blocked, wavefront.removed)
     # A verdict is cached on the field by the light and the map. The map's pixels and squares distinguish it from one
     # traced with another tolerance.
     key = ("verdict", weakref.ref(pupil), look.tobytes(), wavelength, limit, map_key)
+    # A wave that the caller did not request has a key of its own: it may have been limited.
+    key_of_limited = ("verdict of a limited wave", *key[1:])
     cached: Validity | None = field.held(key)
+    if cached is None and waves is not True:
+        cached = field.held(key_of_limited)
     if cached is not None:
         return cached
-    seen = None
+    seen, limited = None, wavefront is not None and waves is None
     if wavefront is not None:
-        if paths is not None and feature is not None:
+        if paths is not None and feature is not None and resolved:
             # A wave is more reliable than two screens, and is evaluated at once where it costs next to nothing.
             cheap = is_one_column(field, look) and len(wavefront.opd) >= COLUMN_WORTH
             if waves is False or not cheap or not affordable(field, look, wavefront):
@@ -139,8 +143,9 @@ def validity(
                 return answer
         if paths is not None and _is_whole(wavefront, wavelength):
             seen = paths
-    through = pupil if look is pupil.normal else replace(pupil, normal=look)  # type: ignore[type-var]
-    return _cache(field, key, by_waves(field, through, wavelength, feature, limit, seen))
+    through = pupil if np.array_equal(look, pupil.normal) else replace(pupil, normal=look)  # type: ignore[type-var]
+    key = key_of_limited if limited else key
+    return _cache(field, key, by_waves(field, through, wavelength, feature, limit, seen, resolved, limited))
 
 
 def _cache(field: IndexField, key: tuple[Any, ...], answer: Validity) -> Validity:

@@ -7,6 +7,7 @@ import pytest
 
 from aerokernels import Disc, IndexField, Rectangle
 from aerokernels.waves.coarse_wave import _mean_squares, finest_and_squares, fresnel_number
+from aerokernels.waves.screens import disturbance
 from aerokernels.waves.slabs import FINEST, LEFT_OUT, LookingAlong, slabs_of
 from aerokernels.waves.validity import Validity, _same_light
 
@@ -83,3 +84,20 @@ def test_slabs_begin_and_end_where_the_air_left_out_holds_a_hundredth_radian(sig
     assert slabs.paths(x, y, FINEST).sum() == pytest.approx(whole, rel=1e-3)
     held = (phase[9] + phase[12] + phase[30]) * wavelength / (2.0 * np.pi)
     assert whole == pytest.approx(held, rel=2e-3)
+
+
+@pytest.mark.parametrize("middle", [100, 101, 103, 250])
+def test_the_disturbed_length_of_thin_sheets(middle: int):
+    """Two sheets of a node's thickness, which a part of the lines meets, 200 nodes apart, whichever nodes they are at.
+
+    Equal disturbances at both: the even distribution of their standard deviation, half the distance, is root 3 as long.
+    """
+    contrast = np.zeros((9, 501))
+    contrast[4:, [middle, middle + 200]] = 1e-5
+    field = IndexField.from_samples(
+        contrast, origin=(-4e-3, 0.0), spacing=(1e-3, 1e-3), geometry="planar", interpolation="linear"
+    )
+    pupil = Rectangle(6e-3, 6e-3, (0.0, 0.0, -0.01))
+    found = disturbance(field, pupil, pupil.normal)
+    assert found.length == pytest.approx(np.sqrt(3.0) * 0.2, rel=1e-2)
+    assert found.until == pytest.approx(0.01 + (middle + 100) * 1e-3 + 0.5 * found.length, rel=1e-2)

@@ -10,7 +10,8 @@ import pytest
 from aerokernels import Annulus, Body, Disc, IndexField, Rectangle, Wave, split_step, validity, wavefront
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.validation.random_fields import uniform_field
-from aerokernels.waves.diffraction import WaveAndRays, bending
+from aerokernels.waves.bending import bending
+from aerokernels.waves.diffraction import WaveAndRays
 from aerokernels.waves.layers import sample_layers
 from aerokernels.waves.screens import paths_of
 from aerokernels.waves.slabs import FINEST, LookingAlong, slabs_of
@@ -128,19 +129,32 @@ def test_slabs_are_not_doubled_for_what_is_none_of_theirs(monkeypatch):
     """A grazing shock whose rays through any slabs are 0.006 from the traced map's: four slabs say what 64 do."""
     view = draw_view(3021)
     seen = wavefront(view.field, view.pupil, wavelength=view.wavelength, pixel_count=64)
-    through, asked = WaveAndRays._result, []
+    through, asked, options = WaveAndRays._result, [], {"limit": 0.015, "waves": True}
 
     def counting(comparison: WaveAndRays, count: int):
         asked.append(count)
         return through(comparison, count)
 
     monkeypatch.setattr(WaveAndRays, "_result", counting)
-    told = validity(view.field, view.pupil, wavelength=view.wavelength, wavefront=seen)
+    told = validity(view.field, view.pupil, wavelength=view.wavelength, wavefront=seen, **options)
     assert told.answered_by == "waves" and max(asked) == 4 and told.error > 5e-3
     monkeypatch.setattr("aerokernels.waves.diffraction.MANY", FINEST)
     view.field.__dict__.pop("_derived")
-    finer = validity(view.field, view.pupil, wavelength=view.wavelength, wavefront=seen)
+    finer = validity(view.field, view.pupil, wavelength=view.wavelength, wavefront=seen, **options)
     assert max(asked) == FINEST and finer.strehl_change == pytest.approx(told.strehl_change, abs=1e-4)
+
+
+def test_a_wave_that_nobody_requested_is_limited():
+    """Strong turbulence near the limit: 8 of the largest window's slabs; 32 if requested, and kept for either."""
+    view = draw_view(13033)
+    light = {"wavelength": view.wavelength}
+    seen = wavefront(view.field, view.pupil, pixel_count=64, **light)
+    quick = validity(view.field, view.pupil, wavefront=seen, **light)
+    assert quick.answered_by == "waves" and validity(view.field, view.pupil, wavefront=seen, **light) is quick
+    requested = validity(view.field, view.pupil, wavefront=seen, waves=True, **light)
+    assert requested.error < 0.5 * quick.error
+    assert abs(requested.strehl_change - quick.strehl_change) < quick.error + requested.error
+    assert validity(view.field, view.pupil, wavefront=seen, **light) is requested
 
 
 def test_bent_rays_through_layers_are_traced_ones():
@@ -168,6 +182,18 @@ def test_bent_rays_through_layers_are_traced_ones():
     expected = traced.opd[:, 32] - np.interp(traced.coordinate, x, straight[:, 48])
     assert np.ptp(expected) > 0.015 * WAVELENGTH
     assert np.abs(second - expected).max() < 0.06 * np.ptp(expected)
+
+
+@pytest.mark.parametrize("half", [0.5e-3, 2e-3])
+def test_slabs_are_single_precision_beside_the_box_too(half: float):
+    """Phases in double precision take the wave ten times as long: windows within the box and wider than it."""
+    field = phase_plate(lambda x, y: 2e-7 * (x * x + y * y) / 1e-6, 1e-3)
+    look = LookingAlong(
+        np.zeros(3), np.array([0.0, 0.0, 1.0]), (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])), half
+    )
+    place = np.linspace(-half, half, 32)
+    slabs = slabs_of(field, look, 0.0, 2e-3, WAVELENGTH)
+    assert [slabs.paths(place, place, count).dtype for count in (1, 2, 4)] == 3 * [np.float32]
 
 
 @pytest.mark.parametrize("geometry", ["volume", "planar", "axisymmetric"])

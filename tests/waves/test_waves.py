@@ -15,6 +15,7 @@ from aerokernels.medium import Body
 from aerokernels.validation.random_fields import uniform_field
 from aerokernels.waves import angular_spectrum
 from aerokernels.waves.layers import mean_layers, sample_layers
+from aerokernels.waves.library import torch_library
 from tests.phase_plates import DEPTH, WAVELENGTH, phase_plate
 
 K = 2.0 * np.pi / WAVELENGTH
@@ -150,11 +151,44 @@ def test_a_gpu_library_goes_through_the_same_steps(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(ValueError, match="CuPy"):
         split_step(field, pupil, device="gpu", **options)
+    copied: list[tuple[int, ...]] = []
+
+    def asarray(array: np.ndarray) -> np.ndarray:
+        copied.append(array.shape)
+        return np.array(array)
+
     runtime = SimpleNamespace(getDeviceCount=lambda: 1)
-    cupy = SimpleNamespace(cuda=SimpleNamespace(runtime=runtime), fft=np.fft, asarray=np.asarray, asnumpy=np.asarray)
+    cupy = SimpleNamespace(
+        cuda=SimpleNamespace(runtime=runtime), fft=np.fft, asarray=asarray, asnumpy=np.asarray, exp=np.exp
+    )
     monkeypatch.setitem(sys.modules, "cupy", cupy)
     found = split_step(field, pupil, device="gpu", **options)
     assert np.abs(found.amplitude - expected.amplitude).max() < 1e-12
+    # Layers are copied once, and no step copies: whatever the number of steps, runs copy two factors and a wave each.
+    few = copied.copy()
+    copied.clear()
+    split_step(field, pupil, device="gpu", step_count=16, **options)
+    assert sum(len(shape) == 3 for shape in copied) == 1 and len(copied) == 1 + 3 * 3 <= len(few)
+
+
+def test_pytorch_goes_through_the_same_steps(monkeypatch):
+    """PyTorch on its CPU device: the same wave to rounding, past a body too, in either precision."""
+    torch = pytest.importorskip("torch")
+    wall = Body([[0.5e-3, 0.4e-3], [3e-3, 0.4e-3], [3e-3, 1.6e-3], [0.5e-3, 1.6e-3]], "planar")
+    past_wall = IndexField.from_samples(
+        1e-4 * np.ones((21, 21)), origin=(-4e-3, 0.0), spacing=(4e-4, 1e-4), geometry="planar", body=wall
+    )
+    pupil = Disc(2e-3, (0.0, 0.0, -1e-3))
+    for field in (phase_plate(lambda x, y: 2e-7 * (x * x + y * y) / 4e-6, 4.4e-3), past_wall):
+        for precision, error in (("float64", 1e-12), ("float32", 1e-5)):
+            options = {"wavelength": WAVELENGTH, "pixel_count": 64, "precision": precision}
+            expected = split_step(field, pupil, **options)
+            with monkeypatch.context() as patched:
+                module = sys.modules["aerokernels.waves.split_step"]
+                patched.setattr(module, "fourier_library", lambda _: torch_library(torch, "cpu"))
+                found = split_step(field, pupil, **options)
+            assert np.abs(found.amplitude - expected.amplitude).max() < error
+            assert (expected.strehl() < 0.6) == (field is past_wall)
 
 
 def test_what_is_refused():
