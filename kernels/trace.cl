@@ -134,6 +134,10 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                         runs_on = in_face(&control, interval.side, cell, there, end_velocity, allowance);
                     }
                 }
+                if (STOP == ARC && event == ARC_SURFACE) {
+                    const real rest = arc_left - (ambient * sums.x + sums.z);
+                    missed |= passes_arc(rest, ambient, pot, s2, s3, s4, h);
+                }
                 if (missed) {
                     accept = 0;
                     h_cap = R(0.5) * h;
@@ -224,7 +228,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     int done = 0;
                     if (STOP == ARC && event == ARC_SURFACE) {
                         const real rest = arc_left - (ambient * sums.x + sums.z);
-                        back = arc_surface_intersection(rest, ambient + contrast(ambient, pot), arc_left, h, &done);
+                        back = arc_surface_intersection(
+                            rest, ambient + contrast(ambient, pot), ambient * d + momentum, force, arc_left, h, &done);
                     } else {
                         const real3 now = IS_STRAIGHT ? frac + q * rate : frac;
                         const real3 velocity = (ambient * d + momentum) * rate;

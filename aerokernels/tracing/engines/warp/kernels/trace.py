@@ -82,10 +82,9 @@ def build_kernel(
         library, geometry, stop
     )
     face_margin, in_face, surface_intersection = others
-    arc_event_location, arc_surface_intersection = build_arc_event_location(library)
+    arc_event_location, passes_arc, arc_surface_intersection = build_arc_event_location(library)
     place_of = build_place(library)
-    behind_wall = build_behind_wall(library, geometry)
-    has_clearance = build_has_clearance(library, geometry)
+    behind_wall, has_clearance = build_behind_wall(library, geometry), build_has_clearance(library, geometry)
     write_outputs = build_write_outputs(library)
     arc_surface = wp.constant(ARC_SURFACE)
     straight, consistent_gradient = method == "straight", has_consistent_gradient(interpolation)
@@ -207,6 +206,8 @@ def build_kernel(
                         allowance = face_margin(control, displacement)
                         if wp.static(controlled) and nearest <= allowance:
                             runs_on = in_face(control, interval.side, cell, there, end_velocity, allowance)
+                    if wp.static(stop == "arc"):
+                        missed = missed or (event == arc_surface and passes_arc(rest, ambient, pot, s2, s3, s4, h))
                     if missed:
                         accept = bool(False)
                         h_cap = real(0.5) * h
@@ -240,8 +241,7 @@ def build_kernel(
                     added = step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4)
                     sums, sums_carry = advance(sums, sums_carry, added)
                     q, q_carry = advance(q, q_carry, h * momentum + kick)
-                    impulse = impulse_of(h, force, s2, s3, s4)
-                    momentum, momentum_carry = advance(momentum, momentum_carry, impulse)
+                    momentum, momentum_carry = advance(momentum, momentum_carry, impulse_of(h, force, s2, s3, s4))
                     flown = h * total
                     if wp.static(not straight):
                         flown += kick
@@ -295,14 +295,14 @@ def build_kernel(
                     if running and event >= 0:
                         done = bool(False)
                         if event == arc_surface:
-                            rest = arc_left - (ambient * sums[0] + sums[2])
-                            back, done = arc_surface_intersection(rest, ambient + contrast(ambient, pot), arc_left, h)
+                            rest, index = arc_left - (ambient * sums[0] + sums[2]), ambient + contrast(ambient, pot)
+                            total = ambient * d + momentum
+                            back, done = arc_surface_intersection(rest, index, total, force, arc_left, h)
                         else:
                             ray_frac = frac
                             if wp.static(straight):
                                 ray_frac = frac + wp.cw_mul(q, rate)
-                            velocity = wp.cw_mul(ambient * d + momentum, rate)
-                            slope = wp.cw_mul(force, rate)
+                            velocity, slope = wp.cw_mul(ambient * d + momentum, rate), wp.cw_mul(force, rate)
                             back, done = surface_intersection(
                                 control, event, interval.side, cell, ray_frac, velocity, slope, h, h_cell
                             )
