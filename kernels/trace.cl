@@ -35,7 +35,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
     int steps = 0, evaluations = 0, ends_on = -1;
     real obliquity_first = R(0.0), opd_rate = R(0.0);
     real displacement = R(0.0);  // how far sideways the ray may be displaced
-    real gain = R(0.0);  // optical path that it may gain behind a face
+    real gain = R(0.0), turned = R(0.0);  // path it may gain behind a face or beside its line; momentum beside it
     int undecided = 0;  // whether it has run in a face, where it may have left the box
 
     if (interval.meets && status == RAY_OK) {
@@ -218,6 +218,13 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     }
                 }
 
+                if (CONTROLLED && IS_STRAIGHT) {
+                    real turn;
+                    gain += neglected(&field, &arrays, current_cell, cell, frac, rate, q, pot, force, h, &turn);
+                    turned += turn;
+                    evaluations++;
+                }
+
                 real back = R(0.0);  // sigma still to go along the tangent, negative to go back
                 if (behind >= R(0.0)) {
                     back = -behind;
@@ -260,6 +267,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             }
         }
         if (CONTROLLED) {
+            gain += turned * (obliquity + STRAIGHT_LEVER * max_deflection) * lever_arm;
             used = stop_error(
                 used + gain, &bounds, &control, d0, ambient, momentum, first_momentum, max_deflection, &to_stop,
                 displacement);

@@ -67,6 +67,9 @@ CUBE_ROW = 16
 # a smaller effect is already allowed for by the choice of the support (support.py).
 LEFT_SHARE = 0.5
 
+# Weight of the momentum that the method "straight" neglects at the ray's deflection, as at the obliquity of its stop.
+STRAIGHT_LEVER = 3.0
+
 # Where a ray ends.
 # Cosines of the angle with a surface's normal: above the first, the point where a ray meets the surface is solved for
 # along the ray's first direction; above the second, the ray's obliquity counts in full.

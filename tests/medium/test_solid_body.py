@@ -145,7 +145,10 @@ def test_distances_by_the_tree_are_those_of_all_triangles(seed):
     rng = np.random.default_rng(seed + 10)
     low, high = body.box
     corners = body.surface
-    around, at = rng.uniform(low - 0.5, high + 0.5, (2000, 3)), body.vertices[rng.integers(len(body.vertices), size=300)]
+    around, at = (
+        rng.uniform(low - 0.5, high + 0.5, (2000, 3)),
+        body.vertices[rng.integers(len(body.vertices), size=300)],
+    )
     beside = corners.mean(axis=1)[rng.integers(len(corners), size=700)] + 1e-5 * rng.normal(size=(700, 3))
     points = np.concatenate([around, at, beside])
     a, p, q = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
