@@ -220,7 +220,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
 
                 if (CONTROLLED && IS_STRAIGHT) {
                     real turn;
-                    gain += neglected(&field, &arrays, current_cell, cell, frac, rate, q, pot, force, h, &turn);
+                    gain += sample_neglected(&field, &arrays, current_cell, cell, frac, rate, q, pot, force, h, &turn);
                     turned += turn;
                     evaluations++;
                 }

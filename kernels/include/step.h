@@ -95,7 +95,7 @@ static inline real4 sample_at_stage(
 // momentum that the field at the ray's own place would change. The ray is q beside the line, where `pot` is continued.
 // Where slopes jump at faces, the ray crosses a face before the line or behind it: the other side of the line counts
 // too.
-APART real neglected(
+APART real sample_neglected(
     const Field *field, const Arrays *arrays, int current_cell, int3 cell, real3 frac, real3 rate, real3 q, real pot,
     real3 force, real h, real *turn)
 {

@@ -80,7 +80,7 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
     return stride, rest_to_face, push_off_faces
 
 
-def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, kinked: bool):
+def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, interpolation: str):
     """Build functions that evaluate the field at a stage of a step, and what a straight line neglects."""
     t = library.types
     real, vec3, Field = t.real, t.vec3, t.Field
@@ -107,7 +107,7 @@ def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, kinked
             return sample(field, cell, frac + wp.cw_mul(h * total + kick, rate), current_cell)
 
     @wp.func
-    def neglected(
+    def sample_neglected(
         field: Field,
         current_cell: int,
         cell: wp.vec3i,
@@ -124,12 +124,12 @@ def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, kinked
         """
         there = sample(field, cell, frac + wp.cw_mul(q, rate), current_cell)
         turn = h * wp.length(vec3(there[1], there[2], there[3]) - force)
-        if wp.static(kinked):
+        if wp.static(interpolation != "cubic"):
             opposite = sample(field, cell, frac - wp.cw_mul(q, rate), current_cell)
             turn = wp.max(turn, h * wp.length(vec3(opposite[1], opposite[2], opposite[3]) - force))
         return real(2.0) * h * wp.abs(there[0] - pot), turn
 
-    return sample_at_stage, neglected
+    return sample_at_stage, sample_neglected
 
 
 @built_once

@@ -69,7 +69,7 @@ def build_kernel(
     in_cells, carry_over = build_cells(library, kind)
     stride, rest_to_face, push_off_faces = build_stride(library, geometry, interpolation, on_mesh, method)
     kick_of, impulse_of = build_kick(library)
-    sample_at_stage, neglected = build_sample_at_stage(library, sample, method == "straight", interpolation != "cubic")
+    sample_at_stage, sample_neglected = build_sample_at_stage(library, sample, method == "straight", interpolation)
     step_error, step_rounding, possible_gain, stop_error, event_location_error = build_step_error(
         library, geometry, interpolation, stop
     )
@@ -284,7 +284,7 @@ def build_kernel(
                         if wp.static(straight):
                             q += (real(0.5) * h) * projecting  # the error grew linearly over the step
                     if wp.static(controlled and straight):
-                        path, turn = neglected(field, current_cell, cell, frac, rate, q, pot, force, h)
+                        path, turn = sample_neglected(field, current_cell, cell, frac, rate, q, pot, force, h)
                         gain, turned, evaluations = gain + path, turned + turn, evaluations + 1
 
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
