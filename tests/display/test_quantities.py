@@ -64,7 +64,7 @@ def test_value_and_error_end_at_the_same_place_and_lose_little(value, error):
     ],
 )
 def test_a_ratio_has_no_greater_error_than_its_bounds_allow(value, error, limited, text):
-    """A Strehl ratio of a bad field was told as 0 +- 43000. Its error is at most max(S, 1 - S)."""
+    """A Strehl ratio of a bad field was reported as 0 +- 43000. Its error is at most max(S, 1 - S)."""
     ratio = Quantity(value, error, is_ratio=True)
     assert ratio.error == pytest.approx(limited, nan_ok=True) and str(ratio) == text
     assert str(ratio.scaled(1.0, "")) == text
