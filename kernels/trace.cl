@@ -35,7 +35,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
     int steps = 0, evaluations = 0, ends_on = -1;
     real obliquity_first = R(0.0), opd_rate = R(0.0);
     real displacement = R(0.0);  // how far sideways the ray may be displaced
-    real gain = R(0.0);  // optical path that it may gain behind a face
+    real gain = R(0.0), turned = R(0.0);  // path it may gain behind a face or beside its line; momentum beside it
     int undecided = 0;  // whether it has run in a face, where it may have left the box
 
     if (interval.meets && status == RAY_OK) {
@@ -134,6 +134,10 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                         runs_on = in_face(&control, interval.side, cell, there, end_velocity, allowance);
                     }
                 }
+                if (STOP == ARC && event == ARC_SURFACE) {
+                    const real rest = arc_left - (ambient * sums.x + sums.z);
+                    missed |= passes_arc(rest, ambient, pot, s2, s3, s4, h);
+                }
                 if (missed) {
                     accept = 0;
                     h_cap = R(0.5) * h;
@@ -214,6 +218,13 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     }
                 }
 
+                if (CONTROLLED && IS_STRAIGHT) {
+                    real turn;
+                    gain += sample_neglected(&field, &arrays, current_cell, cell, frac, rate, q, pot, force, h, &turn);
+                    turned += turn;
+                    evaluations++;
+                }
+
                 real back = R(0.0);  // sigma still to go along the tangent, negative to go back
                 if (behind >= R(0.0)) {
                     back = -behind;
@@ -224,7 +235,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     int done = 0;
                     if (STOP == ARC && event == ARC_SURFACE) {
                         const real rest = arc_left - (ambient * sums.x + sums.z);
-                        back = arc_surface_intersection(rest, ambient + contrast(ambient, pot), arc_left, h, &done);
+                        back = arc_surface_intersection(
+                            rest, ambient + contrast(ambient, pot), ambient * d + momentum, force, arc_left, h, &done);
                     } else {
                         const real3 now = IS_STRAIGHT ? frac + q * rate : frac;
                         const real3 velocity = (ambient * d + momentum) * rate;
@@ -255,6 +267,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             }
         }
         if (CONTROLLED) {
+            gain += turned * (obliquity + STRAIGHT_LEVER * max_deflection) * lever_arm;
             used = stop_error(
                 used + gain, &bounds, &control, d0, ambient, momentum, first_momentum, max_deflection, &to_stop,
                 displacement);

@@ -84,13 +84,12 @@ def _rows(found: "Contents") -> list[tuple[str, str]]:
     if len(found.zones) > 20:
         rows.append(("zone", f"and {len(found.zones) - 20} more"))
     rows += [
-        (f"extent in {axis}", f"{low:.6g} to {high:.6g}")
-        for axis, low, high in zip("xyz", found.low, found.high, strict=True)
+        (f"extent in {axis}", _span(low, high)) for axis, low, high in zip("xyz", found.low, found.high, strict=True)
     ]
     for array in found.arrays:
         kind = "" if array.components == 1 else f", {array.components} components"
         bad = f", {array.bad} not finite" if array.bad else ""
-        rows.append((f"array {array.name}", f"{array.low:.6g} to {array.high:.6g} ({array.where}{kind}{bad})"))
+        rows.append((f"array {array.name}", f"{_span(array.low, array.high)} ({array.where}{kind}{bad})"))
     if found.times:
         listed = ", ".join(f"{value:g}" for value in found.times[:12]) + (", ..." if len(found.times) > 12 else "")
         rows.append(
@@ -101,12 +100,17 @@ def _rows(found: "Contents") -> list[tuple[str, str]]:
     return rows
 
 
+def _span(low: float, high: float) -> str:
+    """Return "low to high"; a negative zero is written as zero."""
+    return f"{low + 0.0:.6g} to {high + 0.0:.6g}"
+
+
 def _field_rows(flow: "DensityField") -> list[tuple[str, str]]:
     low, high = flow.box
     axes = {"volume": "xyz", "planar": "yz", "axisymmetric": "rz"}[flow.geometry]
     rows = [("as a density field", flow.provenance)]
     rows += [
-        (f"{axis} in the optical frame", f"{1e3 * a:.6g} to {1e3 * b:.6g} mm")
+        (f"{axis} in the optical frame", f"{_span(1e3 * a, 1e3 * b)} mm")
         for axis, a, b in zip(axes, low, high, strict=True)
     ]
     rows.append(("ambient density", f"{flow.ambient_density:.6g} kg/m3"))

@@ -4,6 +4,7 @@
     (2.15 +- 0.12)e-08    one power of ten for both, if plain digits would need many zeros
     0.978, error not known
     1, error below rounding
+    0, not meaningful: its error allows any ratio from 0 to 1
 
 An error is the greatest deviation from the exact answer that the measured causes can make: the root sum of squares of
 all of them. It is not a standard deviation unless its source says so.
@@ -32,25 +33,35 @@ class Quantity:
         error: Its error, in the same unit; NaN: not known; infinite: without bound; 0: below rounding; None: the
             number is no estimate (a count, a setting) and has no error.
         unit: Unit of both, as it is written.
+        is_ratio: The number is between 0 and 1: a greater error than these bounds allow is reduced to
+            max(value, 1 - value), and the number is not meaningful.
     """
 
     value: float
     error: float | None = math.nan
     unit: str = ""
+    is_ratio: bool = False
 
     def __post_init__(self) -> None:
-        """Check the error.
+        """Check the error, and limit that of a ratio.
 
         Raises:
             ValueError: A negative error.
         """
         if self.error is not None and self.error < 0.0:
             raise ValueError(f"an error is not negative, got {self.error!r} for the value {self.value!r}")
+        if self.allows_any_ratio:
+            object.__setattr__(self, "error", greatest_ratio_error(self.value))
+
+    @property
+    def allows_any_ratio(self) -> bool:
+        """Whether the number is a ratio whose error is as great as the bounds 0 and 1 allow."""
+        return self.is_ratio and self.error is not None and self.error >= greatest_ratio_error(self.value)
 
     def scaled(self, factor: float, unit: str) -> "Quantity":
         """Return the quantity in another unit: value and error times `factor`."""
         error = None if self.error is None else abs(factor) * self.error
-        return Quantity(factor * self.value, error, unit)
+        return Quantity(factor * self.value, error, unit, self.is_ratio and factor == 1.0)
 
     def text(self, signed: bool = False) -> str:
         """Return the quantity as text; `signed` writes the plus of a positive value too."""
@@ -65,6 +76,8 @@ class Quantity:
             return f"{text}, error not known"
         if math.isinf(self.error) or math.isinf(self.value):
             return f"{text}, error without bound"
+        if self.allows_any_ratio:
+            return f"{self.value:{sign}.2g}{unit}, not meaningful: its error allows any ratio from 0 to 1"
         if self.error == 0.0:
             return f"{text}, error below rounding"
         return _joined(self.value, self.error, sign, self.unit)
@@ -72,6 +85,11 @@ class Quantity:
     def __str__(self) -> str:
         """Return the quantity as text."""
         return self.text()
+
+
+def greatest_ratio_error(value: float) -> float:
+    """Return the greatest error of a number between 0 and 1 that is `value`."""
+    return max(value, 1.0 - value)
 
 
 def listed(quantities: Sequence[Quantity], signed: bool = False) -> str:
@@ -147,7 +165,7 @@ class Verdict:
 def judge_strehl(ratio: Quantity, main_cause: str = "") -> Verdict:
     """Return the verdict on a Strehl ratio; no other code makes one.
 
-    Worthless: an error that is not known, above 1 (every ratio is between 0 and 1), or above the ratio itself.
+    Worthless: an error that is not known, that allows any ratio from 0 to 1, or that is above the ratio itself.
     A warning: an error above a tenth of 1, or above the effect 1 - ratio, so that the flow may have no effect.
     An effect below 1e-6 counts as none, and an error of that size gives no warning.
 
@@ -159,9 +177,10 @@ def judge_strehl(ratio: Quantity, main_cause: str = "") -> Verdict:
     effect, cause = 1.0 - value, f"; {main_cause}" if main_cause else ""
     if error is None or math.isnan(value) or not math.isfinite(error):
         return Verdict(WORTHLESS, f"the Strehl ratio's error is not known, so the number is not meaningful{cause}")
-    if error > 1.0:
-        level, bound = WORTHLESS, "1, and every Strehl ratio is between 0 and 1: the number is not meaningful"
-    elif error > value:
+    if error >= greatest_ratio_error(value):
+        reason = "the Strehl ratio's error allows any ratio from 0 to 1: the number is not meaningful"
+        return Verdict(WORTHLESS, f"{reason}{cause}")
+    if error > value:
         level, bound = WORTHLESS, f"the ratio itself, {value:.2g}: the number is not meaningful"
     elif error > max(effect, NO_EFFECT):
         level, bound = WARNING, f"the effect of the flow, which reduces the ratio by {effect:.2g}"

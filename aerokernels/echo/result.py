@@ -92,7 +92,7 @@ class EchoResult:
         errors = self.errors
         within = errors.of_range(self.ranging)
         return {
-            "strehl": Quantity(self.mean_strehl, errors.strehl),
+            "strehl": Quantity(self.mean_strehl, errors.strehl, is_ratio=True),
             "peak_power": Quantity(self.peak_power, errors.peak_power, "W"),
             "peak_voltage": Quantity(self.peak_voltage, errors.peak_voltage, "V"),
             "range": Quantity(self.range, within, "m"),

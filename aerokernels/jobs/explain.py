@@ -113,12 +113,12 @@ def _predicted_ratio(plan: TracePlan, left_by_grid: float, wavelength: float) ->
     if plan.predicted_error is None:
         return []
     phase = 2.0 * math.pi * root_sum_square([plan.predicted_error, left_by_grid / wavelength])
-    error = greatest_strehl_error(phase)
+    error = min(greatest_strehl_error(phase), 1.0)  # every ratio is between 0 and 1
     left_out = ", not counting the error of the flow's own mesh"
     rows = [("predicted, Strehl ratio", f"error at most {error:.2g}{left_out}")]
     if error > GREAT_ERROR:
         shares = {"step": plan.predicted_error, "resampling": left_by_grid / wavelength}  # [waves]
-        size = "makes the ratio meaningless" if error > 1.0 else "is large"
+        size = "makes the ratio meaningless" if error == 1.0 else "is large"
         rows.append(("warning", f"an error of {error:.2g} {size}: {main_cause(shares)}"))
     return rows
 

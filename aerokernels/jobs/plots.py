@@ -187,7 +187,7 @@ def point_spread_figure(dataset: "xarray.Dataset") -> "Figure":
     ratio = dataset.attrs.get("strehl")
     title = "Cuts through the axis"
     if ratio is not None:
-        title = f"Cuts, Strehl ratio {Quantity(ratio, dataset.attrs.get('strehl_error', float('nan')))}"
+        title = f"Cuts, Strehl ratio {Quantity(ratio, dataset.attrs.get('strehl_error', float('nan')), is_ratio=True)}"
     cut.set(xlabel="angle [µrad]", ylabel="intensity / undisturbed peak", yscale="log", ylim=(1e-5, 2.0))
     _title(cut, title)
     _powers_of_ten(cut.yaxis)

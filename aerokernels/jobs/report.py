@@ -14,7 +14,7 @@ from aerokernels.display.quantities import WORTHLESS, Quantity, listed
 from aerokernels.jobs import plots
 from aerokernels.jobs.figure_layout import png_or_fault
 from aerokernels.jobs.page import cards, named_values, page, paragraph, picture, remarks, section, text_block
-from aerokernels.jobs.store import number_or_nan, to_json
+from aerokernels.jobs.store import RATIO_KEYS, number_or_nan, to_json
 
 if TYPE_CHECKING:
     import xarray
@@ -66,7 +66,7 @@ GROUPS = {
 def quantity_of(summary: Mapping[str, Any], key: str) -> Quantity:
     """Return a number of a summary with its error; NaN for null, and for an error that the summary does not have."""
     value, error = to_json(summary.get(key)), to_json((summary.get("errors") or {}).get(key))
-    return Quantity(number_or_nan(value), number_or_nan(error))
+    return Quantity(number_or_nan(value), number_or_nan(error), is_ratio=key in RATIO_KEYS)
 
 
 def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -139,7 +139,7 @@ def _numbers(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     for name, value in _flat({key: value for key, value in summary.items() if key not in apart}):
         number, error = to_json(value), to_json(errors.get(name))
         if name in errors and isinstance(number, (int, float)):
-            rows.append((_label(name), Quantity(number, number_or_nan(error)).text()))
+            rows.append((_label(name), Quantity(number, number_or_nan(error), is_ratio=name in RATIO_KEYS).text()))
         elif name.startswith("range_uncertainty_m.") and number is not None:  # these numbers are errors
             rows.append((_label(name), f"{number:.2g}"))
         else:

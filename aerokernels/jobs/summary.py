@@ -2,11 +2,12 @@
 
 strehl, range_m, ...   the numbers, SI; null if there is no result
 errors                 the errors of the numbers by the same keys, in the same units; null if not known; no entry for
-numbers that are not estimates (counts, settings, times)
+numbers that are not estimates (counts, settings, times). The error of a ratio between 0 and 1 is at most what these
+bounds allow, max(ratio, 1 - ratio): the number is then not meaningful, as the verdict on the Strehl ratio says
 range_uncertainty_m    the systematic and the random part of the range's error, by ranging method
 verdict, warnings      whether the Strehl ratio is meaningful given its error ("fine", "warning", "worthless"), and why
 failures               why a stage has no result, by stage ("wavefront", "rays", "echo", "range", "picture echo", ...)
-error                  the error budget of the Strehl ratio by cause
+error                  the error budget of the Strehl ratio by cause, each at most what the bounds 0 and 1 allow
 averages_lacking       deficit of the interpolant against the averages over rows and columns of the flow's cells and
 over single cells, as shares of the range of densities, and over a row as optical path [m]; empty if the flow has no
 averages over the cells of a mesh
@@ -22,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels import __version__
+from aerokernels.display.quantities import greatest_ratio_error
 from aerokernels.echo import EchoResult
 from aerokernels.jobs.run_parts import RunParts
 from aerokernels.medium import AveragesLacking
@@ -73,7 +75,9 @@ def summarise(result: RunParts) -> dict[str, Any]:
         "device": plan["device"],
         "precision": plan["precision"],
         "plan": plan,
-        "error": dict(strehl.error),
+        "error": {
+            cause: float(np.minimum(one, greatest_ratio_error(strehl.value))) for cause, one in strehl.error.items()
+        },
         "seconds": {**result.seconds, "prepare": dict(result.prepared.seconds)},
         "stage_seconds": dict(result.stages),
         "provenance": result.prepared.provenance,

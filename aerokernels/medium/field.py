@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 
 from ..derived import Derived
-from ..device_arrays import plain_array
 from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_choice, check_positive
 from ..inputs.wavelength import check_wavelength, field_wavelength
 from .body import Body
 from .cell_averages import node_values
-from .given_contrast import checked_walls, warn_of_index
+from .given_contrast import checked_walls, contrast_array, warn_of_index
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite, check_starts_on_axis
 from .kept_averages import conserving_values, cut_and_kept
 from .mesh import GEOMETRIES, QuadMesh
@@ -117,9 +116,7 @@ class IndexField(Derived):
             ValueError: Numbers that are not finite, shapes that disagree, a spacing that is not positive, an unknown
                 geometry or interpolation, an axisymmetric grid that does not start at r = 0.
         """
-        array = plain_array(contrast)
-        if not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
-            raise TypeError(f"contrast must be an array of real numbers, got dtype {array.dtype}")
+        array = contrast_array(contrast)
         check_choice(geometry, "geometry", GEOMETRIES)
         geometry, interpolation = str(geometry), str(interpolation)  # NumPy strings would be other keys of kernels
         if array.ndim != (dimension := 3 if geometry == "volume" else 2):
@@ -186,7 +183,7 @@ class IndexField(Derived):
         """
         if not isinstance(mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(mesh).__name__}: see QuadMesh.structured")
-        values = np.array(plain_array(contrast), dtype=np.float64)
+        values = np.array(contrast_array(contrast), dtype=np.float64)
         check_finite(values, "the contrast")
         warn_of_index(values.min(initial=np.inf), values.max(initial=-np.inf))
         walls = None if walls is None else checked_walls(walls)

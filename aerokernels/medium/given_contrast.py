@@ -4,9 +4,25 @@ from typing import Any
 
 import numpy as np
 
+from ..device_arrays import plain_array
 from ..inputs.arguments import are_numbers
 from ..inputs.warned import warn_caller
 from .grid import check_finite
+
+
+def contrast_array(contrast: Any) -> np.ndarray:
+    """Return a contrast as a NumPy array of real numbers.
+
+    Raises:
+        TypeError: Other entries.
+        ValueError: float16, whose least digit is 6e-8: a contrast of air would have three or four digits.
+    """
+    array = plain_array(contrast)
+    if not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
+        raise TypeError(f"contrast must be an array of real numbers, got dtype {array.dtype}")
+    if array.dtype == np.float16:
+        raise ValueError("contrast is float16, whose least digit is 6e-8: compute n - ambient_index in float32 or more")
+    return array
 
 
 def warn_of_index(least: float, greatest: float) -> None:

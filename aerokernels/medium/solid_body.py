@@ -10,16 +10,13 @@ from typing import ClassVar
 import numpy as np
 
 from ..derived import Derived
+from .askew_lines import AskewLines
 from .body import Body
 from .grid import as_points, check_finite
 from .section import outlines
 from .triangle_crossings import triangle_crossings
+from .triangle_distances import NearestTriangles
 from .wall_tree import WallTree, wall_tree
-
-# Direction of the lines by which `contains` decides; edges of bodies are unlikely to be parallel to it.
-ASKEW = np.array([0.312_8, 0.541_7, 0.780_2]) / np.linalg.norm([0.312_8, 0.541_7, 0.780_2])
-NEAREST = 3  # triangles with the nearest centroids, with which the search for the nearest one begins
-PAIRS = 1 << 16  # pairs of a point and a triangle that are computed together; speed only
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,63 +119,17 @@ class SolidBody(Derived):
         low, high = self.box
         inside = np.all((points >= low) & (points <= high), axis=1)
         rows = np.flatnonzero(inside)
-        met = self.crossings(points[rows], np.broadcast_to(ASKEW, (len(rows), 3)))
-        inside[rows] = np.count_nonzero(np.isfinite(met) & (met > 0.0), axis=1) % 2 == 1
+        inside[rows] = self._askew_lines.count_ahead(points[rows]) % 2 == 1
         return np.asarray(inside)
 
     def nearest_wall(self, points) -> np.ndarray:
         """Return the exact point of the surface nearest to each point (n, 3) [m], shape (n, 3).
 
-        The triangles with the nearest centroids give an upper bound of the distance. Of the others only those whose
-        bounding boxes are nearer are evaluated.
+        See triangle_distances.py.
         """
         points = as_points(points, 3)
         check_finite(points, "the points")
-        if not len(points):
-            return np.empty((0, 3))
-        count = min(NEAREST, len(self.triangles))
-        near = self._middles.query(points, count)[1].reshape(len(points), count)
-        foot, least = np.empty_like(points), np.full(len(points), np.inf)
-        self._replace_farther(points, foot, least, np.repeat(np.arange(len(points)), count), self.surface[near.ravel()])
-        tree = self.tree
-        pairs: list[tuple[np.ndarray, np.ndarray]] = []
-        low, high = tree.corners.min(axis=1), tree.corners.max(axis=1)
-        waiting = [(0, np.arange(len(points)))]
-        while waiting:
-            node, rows = waiting.pop()
-            rows = rows[_squared_distances(points[rows], *tree.boxes[node]) < least[rows]]
-            first, last = tree.links[node][1:]
-            if len(rows) and last == first:
-                waiting += tree.children(node, rows)
-            elif len(rows):
-                distance = _squared_distances(points[rows, None], low[first:last], high[first:last])
-                row, piece = np.nonzero(distance < least[rows, None])
-                pairs.append((rows[row], first + piece))
-            if pairs and (not waiting or sum(len(row) for row, _ in pairs) > PAIRS):
-                row, piece = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
-                self._replace_farther(points, foot, least, row, tree.corners[piece])
-                pairs.clear()
-        return foot
-
-    def _replace_farther(self, points, foot, least, rows, corners) -> None:
-        """Replace surface points `foot` and squared distances `least`, in place, by nearer ones on triangles.
-
-        Args:
-            points: The points [m], shape (n, 3).
-            foot: A point of the surface for each [m], shape (n, 3).
-            least: Its squared distance [m2], shape (n,).
-            rows: Number of a point for each triangle, shape (m,).
-            corners: Triangles [m], shape (m, 3, 3).
-        """
-        for first in range(0, len(rows), PAIRS):
-            part = slice(first, first + PAIRS)
-            row = rows[part]
-            found = _nearest_in(points[row], corners[part])
-            distance = np.sum((found - points[row]) ** 2, axis=1)
-            order = np.lexsort((distance, row))
-            best = order[np.diff(row[order], prepend=-1) > 0]
-            best = best[distance[best] < least[row[best]] * (1.0 - 1e-12)]  # feet that are equally near stay
-            foot[row[best]], least[row[best]] = found[best], distance[best]
+        return self._nearest(points)
 
     def signed_distance(self, points) -> np.ndarray:
         """Return the distance to the surface [m], negative inside the body, at points (n, 3)."""
@@ -195,10 +146,12 @@ class SolidBody(Derived):
         return outlines(self.vertices, self.triangles)
 
     @cached_property
-    def _middles(self):
-        from scipy.spatial import cKDTree
+    def _askew_lines(self) -> AskewLines:
+        return AskewLines(self.surface)
 
-        return cKDTree(self.surface.mean(axis=1))
+    @cached_property
+    def _nearest(self) -> NearestTriangles:
+        return NearestTriangles(self.tree)
 
 
 def _outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -229,36 +182,3 @@ def _outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     )
     inward = volume[part[triangles[:, 0]]] < 0.0
     return np.where(inward[:, None], triangles[:, ::-1], triangles)
-
-
-def _squared_distances(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return the squared distance [m2] of points (..., 3) to boxes between two corners (..., 3); 0 inside."""
-    outside = points - np.clip(points, low, high)
-    return np.einsum("...k,...k->...", outside, outside)
-
-
-def _nearest_in(point: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Return the point of each triangle (..., 3, 3) nearest to a point (..., 3).
-
-    Source: C. Ericson, Real-Time Collision Detection.
-    """
-    a, ab, ac = corners[..., 0, :], corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
-
-    def dot(one, other):
-        return np.sum(one * other, axis=-1)
-
-    offset = point - a
-    d00, d01, d11, d20, d21 = dot(ab, ab), dot(ab, ac), dot(ac, ac), dot(offset, ab), dot(offset, ac)
-    determinant = np.maximum(d00 * d11 - d01 * d01, 1e-300)
-    v, w = (d11 * d20 - d01 * d21) / determinant, (d00 * d21 - d01 * d20) / determinant
-    best = a + v[..., None] * ab + w[..., None] * ac
-    within = (v >= 0.0) & (w >= 0.0) & (v + w <= 1.0)
-    least = np.where(within, dot(best - point, best - point), np.inf)
-    for k in range(3):
-        one, step = corners[..., k, :], corners[..., (k + 1) % 3, :] - corners[..., k, :]
-        share = np.clip(dot(point - one, step) / np.maximum(dot(step, step), 1e-300), 0.0, 1.0)
-        foot = one + share[..., None] * step
-        distance = np.where(within, np.inf, dot(foot - point, foot - point))
-        nearer = distance < least
-        best, least = np.where(nearer[..., None], foot, best), np.where(nearer, distance, least)
-    return best

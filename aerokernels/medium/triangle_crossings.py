@@ -77,7 +77,7 @@ def _through(tree: WallTree, position: np.ndarray, direction: np.ndarray) -> tup
             continue
         offset = tree.corners[first:last][None] - position[rows][:, None, None]
         x, y, w = (np.einsum("ntkc,nc->ntk", offset, axis[rows]) for axis in (right, up, direction))
-        side = np.stack([_side(x, y, 1, 2), _side(x, y, 2, 0), _side(x, y, 0, 1)], axis=-1)
+        side = np.stack([edge_side(x, y, 1, 2), edge_side(x, y, 2, 0), edge_side(x, y, 0, 1)], axis=-1)
         positive = side > 0.0
         line, triangle = np.nonzero((positive[..., 0] == positive[..., 1]) & (positive[..., 1] == positive[..., 2]))
         weight, along = side[line, triangle], w[line, triangle]
@@ -88,7 +88,7 @@ def _through(tree: WallTree, position: np.ndarray, direction: np.ndarray) -> tup
     return np.concatenate(found_line), np.concatenate(found_distance)
 
 
-def _side(x: np.ndarray, y: np.ndarray, a: int, b: int) -> np.ndarray:
+def edge_side(x: np.ndarray, y: np.ndarray, a: int, b: int) -> np.ndarray:
     """Return e of the edge from corner a to corner b for each line: positive if the line is on the left, never zero."""
     swap = (x[..., a] > x[..., b]) | ((x[..., a] == x[..., b]) & (y[..., a] > y[..., b]))
     x1, x2 = np.where(swap, x[..., b], x[..., a]), np.where(swap, x[..., a], x[..., b])

@@ -12,6 +12,7 @@ from ..rays import Pupil, RayBundle
 from ..tracing import Plane
 from ..tracing.budget import CAUSES, SAFETY, column_error, combine, faintly_lost, float64_rounding, opd_errors
 from ..tracing.budget_rays import SUBSET
+from ..tracing.grid_error import spread as grid_spread
 from ..tracing.pupil_air import PupilAir
 from ..tracing.trace import retracer
 from ..wavefront.strehl_errors import STANDARD_ERRORS, strehl_error
@@ -48,9 +49,11 @@ class StrehlBudget:
         seed = 0 if self.seed is None else self.seed
         probe = RayBundle.collimated(self.pupil, SUBSET, direction=self.look, seed=seed)
         errors = opd_errors(self.field, probe, found.plan, retracer(self.until, self.wavelength))
+        omitted = SAFETY * grid_spread(errors.pop("omitted"))
         spread = {
             cause: SAFETY * float(np.std(error)) if len(error) else float("nan") for cause, error in errors.items()
         }
+        spread["interpolation"] = float(np.maximum(spread["interpolation"], omitted))
         # The column's and the refractivity model's errors are root mean squares, not samples of a few rays.
         spread["resampling"] = float(np.hypot(spread["resampling"], SAFETY * column_error(self.field)))
         spread["refractivity"] /= SAFETY

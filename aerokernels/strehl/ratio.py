@@ -147,7 +147,7 @@ class StrehlEstimate:
             return self.spread(self)
         x, y = (float(angle) for angle in self.boresight)
         bare = {"value": self.value, "marechal": self.marechal}
-        return {name: Quantity(number) for name, number in bare.items()} | {
+        return {name: Quantity(number, is_ratio=True) for name, number in bare.items()} | {
             "opd_rms": Quantity(self.opd_rms, unit="m"),
             "boresight_x": Quantity(x, unit="rad"),
             "boresight_y": Quantity(y, unit="rad"),

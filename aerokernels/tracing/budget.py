@@ -3,7 +3,8 @@ r"""The error budget of a trace's optical path difference, by cause, measured on
     precision       the run's own steps in the run's precision against the same steps in float64
     step            float64 steps against float64 steps with a far smaller tolerance (of the curved ray, also if the run
                     was along straight lines)
-    interpolation   through every second and every fourth node of the field, extrapolated (medium/levels.py)
+    interpolation   through every second and every fourth node of the field, extrapolated (medium/levels.py); on a
+                    uniform grid at least the terms that the interpolant omits (grid_error.py)
     resampling      for a resampled field, its difference from the original field, to the same stop; for an interpolant
                     of cell averages, the deficit of the averages along the ray (average_deficit.py); for a volume, the
                     change by resampling the flow's cells, on lines through it (`IndexField.upstream`)
@@ -34,6 +35,7 @@ from ..rays import RayBundle
 from .allowance import step_allowance
 from .average_deficit import deficit_integrals
 from .budget_rays import subset
+from .grid_error import greatest, grid_error
 from .known_air import may_be_lost
 from .lines import SIDE, box_span
 from .plan import TracePlan
@@ -72,7 +74,8 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
     """Estimated OPD errors [m] of the rays: "step", "precision", "interpolation", "resampling", "refractivity".
 
     Rays that do not arrive in every trace are left out, so the arrays may differ in length. An empty array means that
-    the error is not known.
+    the error is not known. "omitted" has the terms that an interpolant on a uniform grid omits, and bounds of the rest,
+    shape (2, n): the interpolation error is at least that.
     """
     tight = _tight(field, plan)
     truth = retrace(field, rays, tight)
@@ -88,7 +91,7 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
     found["refractivity"] = np.zeros(1) if made is None else made.refractivity * run[0][reached(run[1])]
     if field.resampling is None:
         lacks = deficit_integrals(field, rays, retrace.until)[reached(truth[1])]
-        return {**found, "interpolation": _interpolation(field, rays, plan, retrace, truth), "resampling": lacks}
+        return {**found, **_interpolation(field, rays, plan, retrace, truth), "resampling": lacks}
     return {**found, **_against_source(field, rays, plan, retrace, truth)}
 
 
@@ -106,40 +109,43 @@ def _tight(field: IndexField, plan: TracePlan) -> TracePlan:
     )
 
 
-def _interpolation(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace, truth) -> np.ndarray:
-    """Estimate the field's interpolation error from its coarser versions; `truth` is the trace through the field."""
+def _interpolation(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace, truth) -> dict:
+    """Estimate the field's interpolation error from its coarser versions; `truth` is the trace through the field.
+
+    Differences between the versions may vanish by chance. The terms that the interpolant omits do not depend on them,
+    but do not show what is finer than a cell.
+    """
     levels = field.refinement
     if levels is None:
-        return np.zeros(0)
+        return {"interpolation": np.zeros(0), "omitted": np.zeros((2, 0))}
     traces = [truth if levels.fine is field else retrace(levels.fine, rays, _tight(levels.fine, plan))]
     traces += [
         retrace(level, rays, _tight(level, plan)) for level in (levels.coarse, levels.coarser) if level is not None
     ]
     good = np.logical_and.reduce([reached(status) for _, status, _ in traces])
     opd = [path[good] for path, _, _ in traces]
+    omitted = grid_error(field, rays.rows(np.flatnonzero(reached(truth[1]))), retrace.until)
     if not good.any():
-        return np.asarray(opd[0])
-    return np.asarray(levels.richardson_error(opd[0], opd[1], opd[2] if len(opd) > 2 else None))
+        return {"interpolation": np.asarray(opd[0]), "omitted": omitted}
+    by_levels = levels.richardson_error(opd[0], opd[1], opd[2] if len(opd) > 2 else None)
+    return {"interpolation": np.asarray(by_levels), "omitted": omitted}
 
 
 def _against_source(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace, truth) -> dict:
     """Return the change against the field that was resampled, and that field's own interpolation error."""
     source = field.source
+    parts = [{"interpolation": np.zeros(0), "omitted": np.zeros((2, 0)), "resampling": np.zeros(0)}]
     if source is None:
-        return {"interpolation": np.zeros(0), "resampling": np.zeros(0)}
-    changes, left = [], []
+        return parts[0]
     for rows, until in _common_stops(field, rays, retrace.until):
         again = retrace if until is retrace.until else replace(retrace, until=until)
         some = rays[rows]
         here = tuple(array[rows] for array in truth) if again is retrace else again(field, some, _tight(field, plan))
         there = again(source, some, _tight(source, plan))
         arrived = reached(here[1]) & reached(there[1])
-        changes.append((here[0] - there[0] - deficit_integrals(source, some, again.until))[arrived])
-        left.append(_interpolation(source, some, plan, again, there))
-    return {
-        "interpolation": np.concatenate([np.zeros(0), *left]),
-        "resampling": np.concatenate([np.zeros(0), *changes]),
-    }
+        change = (here[0] - there[0] - deficit_integrals(source, some, again.until))[arrived]
+        parts.append({**_interpolation(source, some, plan, again, there), "resampling": change})
+    return {name: np.concatenate([part[name] for part in parts], axis=-1) for name in parts[0]}
 
 
 def _common_stops(field: IndexField, rays: RayBundle, until) -> list[tuple[np.ndarray, object]]:
@@ -188,8 +194,9 @@ def error_budget(
     if chosen is None:
         return dict.fromkeys((*CAUSES, "total"), float("nan"))
     found = opd_errors(field, chosen, plan, retrace)
-    refractivity = _greatest(found.pop("refractivity"))
+    refractivity, omitted = _greatest(found.pop("refractivity")), greatest(found.pop("omitted"))
     causes = {cause: SAFETY * _greatest(array) for cause, array in found.items()}
+    causes["interpolation"] = float(np.maximum(causes["interpolation"], SAFETY * omitted))
     causes["resampling"] = float(np.hypot(causes["resampling"], SAFETY * column_error(field)))
     causes["refractivity"] = refractivity
     causes["precision"] += float64_rounding(field, chosen)

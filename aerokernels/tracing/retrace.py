@@ -25,6 +25,8 @@ from .status import RayStatus, reached
 # steps.
 RETRACE_SHARE = 0.5
 LEAST_SHARE = 1e-4
+# A ray along a straight line whose error falls by less than this with shorter steps is not traced again.
+STEPS_FALL = 0.7
 # From this many waves on, an error estimate means only that there is no bound.
 UNBOUNDED = 1e6
 
@@ -109,13 +111,17 @@ def _trace_rejected(
     # An estimate in single precision may be rounding alone: it does not show which steps float64 needs.
     is_known = plan.precision == "float64" and asked == plan.method
     share = np.ones(len(status))  # of the tolerance, by which each ray was traced
+    fell = np.ones(len(status), dtype=bool)
     for round_number in range(2 if is_known else 3):
-        rejected = _rejected(status, error, limit)
-        powers = _powers(error, limit) if is_known or round_number else 1.0
+        rejected, before = _rejected(status, error, limit) & fell, error.copy()
+        by_steps = asked == "adaptive" and (is_known or round_number)
+        powers = _powers(error, limit) if by_steps else 1.0
         share = np.where(rejected, np.maximum(share * RETRACE_SHARE**powers, LEAST_SHARE), share)
         for part in np.unique(share[rejected]):
             chosen = np.flatnonzero(rejected & (share == part))
             trace_again(chosen, replace(controlled, precision="float64", tolerance=part * plan.tolerance))
+        if asked == "straight":  # shorter steps do not lower what a straight line neglects
+            fell = error <= STEPS_FALL * before
 
 
 def _powers(error: np.ndarray, limit: float) -> np.ndarray:

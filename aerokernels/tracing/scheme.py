@@ -67,6 +67,9 @@ CUBE_ROW = 16
 # a smaller effect is already allowed for by the choice of the support (support.py).
 LEFT_SHARE = 0.5
 
+# Weight of the momentum that the method "straight" neglects at the ray's deflection, as at the obliquity of its stop.
+STRAIGHT_LEVER = 3.0
+
 # Where a ray ends.
 # Cosines of the angle with a surface's normal: above the first, the point where a ray meets the surface is solved for
 # along the ray's first direction; above the second, the ray's obliquity counts in full.
@@ -74,7 +77,8 @@ LEAST_COSINE, STEEPEST_COSINE = 0.05, 0.002
 # A ray that meets a surface at a smaller angle is moved on to it by no more than this, in cells: the residue of
 # rounding.
 GRAZING_TOLERANCE = 1e-2
-# A ray that flies on to a plane must approach it by more than this per metre: the rounding of a parallel ray.
+# A ray that flies on to a plane must approach it by more than this per metre, and so must its undisturbed ray: the
+# rounding of a parallel ray.
 LEAST_SLOPE = 1e-15
 # Event location: the remaining distance to a surface is flown by the last step's parabola if it is below this share of
 # that step, or below rounding of the ray's position, in cells (for the plane and the cylinder: times their distance

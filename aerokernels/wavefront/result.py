@@ -251,7 +251,7 @@ class Wavefront(WavefrontMap):
         slopes = [error / float(one) if one > 0.0 else float("nan") for one in extent]
 
         def number(name: str, value: float, error: float, unit: str = "") -> Quantity:
-            return Quantity(float(value), float(np.hypot(error, pixels[name])), unit)
+            return Quantity(float(value), float(np.hypot(error, pixels[name])), unit, is_ratio=name == "strehl")
 
         return {
             "strehl": number("strehl", value, strehl_error(value, self.phase_error())),

@@ -134,8 +134,8 @@ def estimate_quantities(
             for axis, extent in enumerate(_extents(moments.sum(axis=0)))
         ]
     return {
-        "value": Quantity(estimate.value, budget.get("total", math.nan)),
-        "marechal": Quantity(estimate.marechal, math.nan if math.isnan(rms_error) else marechal_error),
+        "value": Quantity(estimate.value, budget.get("total", math.nan), is_ratio=True),
+        "marechal": Quantity(estimate.marechal, math.nan if math.isnan(rms_error) else marechal_error, is_ratio=True),
         "opd_rms": Quantity(rms, rms_error, "m"),
         "boresight_x": Quantity(float(estimate.boresight[0]), slopes[0], "rad"),
         "boresight_y": Quantity(float(estimate.boresight[1]), slopes[1], "rad"),

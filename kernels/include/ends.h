@@ -187,7 +187,9 @@ APART Arrival end_of(
             const double slope = dot(VECTOR64(bounds->plane_normal), heading);
             // If the plane is on a face of the box, rounding may put the ray behind the plane.
             const double face_tolerance = 1.0e-3 / (double)greatest(VECTOR(control->cell_rate));
-            const int toward = height * slope < 0.0 && fabs(slope) > LEAST_SLOPE;
+            // The undisturbed ray of a parallel ray never meets the plane: there is no path to compare with.
+            const double descent = dot(VECTOR64(bounds->plane_normal), d);
+            const int toward = height * slope < 0.0 && lesser64(fabs(slope), fabs(descent)) > LEAST_SLOPE;
             if (toward || (interval->meets && fabs(height) < face_tolerance * fabs(slope))) {
                 flight = -height / slope;
             } else if (height != 0.0) {

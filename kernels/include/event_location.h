@@ -276,11 +276,23 @@ static inline real arc_event_location(real rest, real index, real3 total, real3 
     return bounded(rest / (index + R(0.5) * bend * h_arc), R(0.0), h);
 }
 
-// After a step to the arc length: sigma still to go, negative to go back; whether the ray ends.
-static inline real arc_surface_intersection(real rest, real index, real arc_left, real h, int *done)
+// Whether a step of length h with `rest` of arc before it ends further behind the arc length than a share of the step.
+// The potentials are those of the four stages.
+static inline int passes_arc(real rest, real ambient, real pot, real4 s2, real4 s3, real4 s4, real h)
 {
-    *done = fabs(rest) <= R(1.0e-4) * h * index + R(1.0e-6) * arc_left;
-    return *done ? rest / index : R(0.0);
+    const real4 m = contrasts(ambient, (real4)(pot, s2.x, s3.x, s4.x));
+    const real arc = h * (ambient + dot((real4)(RKN_V1, RKN_V2, RKN_V3, RKN_V4), m));
+    return arc - rest > R(2.5) * EVENT_LOCATION_SHARE * ambient * h;
+}
+
+// After a step to the arc length: sigma still to go, negative to go back; whether the ray ends. A ray behind the arc
+// length goes back along the parabola; `total` is n times its direction.
+static inline real arc_surface_intersection(
+    real rest, real index, real3 total, real3 force, real arc_left, real h, int *done)
+{
+    *done = rest <= R(1.0e-4) * h * index + R(1.0e-6) * arc_left;
+    const real root = sqrt(greater(index * index + R(2.0) * dot(force, total) / index * rest, R(0.0)));
+    return *done ? greater(R(2.0) * rest / (index + root), -h) : R(0.0);
 }
 
 #endif

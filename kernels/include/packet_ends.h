@@ -231,7 +231,9 @@ static inline Arrivals end_each(
             const doubles slope = inner(normal, heading);
             // If the plane is on a face of the box, rounding may put the ray behind the plane.
             const double face_tolerance = 1.0e-3 / (double)greatest(VECTOR(control->cell_rate));
-            const truths toward = (height * slope < 0.0) & (fabs(slope) > LEAST_SLOPE);
+            // The undisturbed ray of a parallel ray never meets the plane: there is no path to compare with.
+            const truths parallel = fabs(inner(normal, d)) <= LEAST_SLOPE;
+            const truths toward = (height * slope < 0.0) & (fabs(slope) > LEAST_SLOPE) & !parallel;
             const truths arrives = toward | (meets & (fabs(height) < face_tolerance * fabs(slope)));
             flight = CHOOSE64(flight, -height / slope, flies & arrives);
             out.status =

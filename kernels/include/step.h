@@ -91,6 +91,23 @@ static inline real4 sample_at_stage(
 #endif
 }
 
+// What the linear field along a straight line neglects at the end of a step: the optical path [m] and, by `turn`, the
+// momentum that the field at the ray's own place would change. The ray is q beside the line, where `pot` is continued.
+// Where slopes jump at faces, the ray crosses a face before the line or behind it: the other side of the line counts
+// too.
+APART real sample_neglected(
+    const Field *field, const Arrays *arrays, int current_cell, int3 cell, real3 frac, real3 rate, real3 q, real pot,
+    real3 force, real h, real *turn)
+{
+    const real4 there = sample(field, arrays, cell, frac + q * rate, current_cell);
+    *turn = h * size3(FORCE(there) - force);
+    if (INTERPOLATION != CUBIC) {
+        const real4 opposite = sample(field, arrays, cell, frac - q * rate, current_cell);
+        *turn = greater(*turn, h * size3(FORCE(opposite) - force));
+    }
+    return R(2.0) * h * fabs(there.x - pot);
+}
+
 // h^2 times the mean force.
 static inline real3 kick_of(real h, real3 force, real4 s2, real4 s3)
 {

@@ -51,6 +51,26 @@ def test_value_and_error_end_at_the_same_place_and_lose_little(value, error):
     assert len(digits) <= (2 if int(digits[0]) < 3 else 1), text
 
 
+@pytest.mark.parametrize(
+    ("value", "error", "limited", "text"),
+    [
+        (2e-9, 43000.0, 1.0, "2e-09, not meaningful: its error allows any ratio from 0 to 1"),
+        (0.7, math.inf, 0.7, "0.7, not meaningful: its error allows any ratio from 0 to 1"),
+        (0.3, 0.72, 0.7, "0.3, not meaningful: its error allows any ratio from 0 to 1"),
+        (0.3, 0.5, 0.5, "0.3 +- 0.5"),
+        (0.978, 0.004, 0.004, "0.978 +- 0.004"),
+        (0.5, math.nan, math.nan, "0.5, error not known"),
+        (1.0, 0.0, 0.0, "1, error below rounding"),
+    ],
+)
+def test_a_ratio_has_no_greater_error_than_its_bounds_allow(value, error, limited, text):
+    """A Strehl ratio of a bad field was reported as 0 +- 43000. Its error is at most max(S, 1 - S)."""
+    ratio = Quantity(value, error, is_ratio=True)
+    assert ratio.error == pytest.approx(limited, nan_ok=True) and str(ratio) == text
+    assert str(ratio.scaled(1.0, "")) == text
+    assert judge_strehl(ratio).worthless == (not error < value)
+
+
 def test_a_sign_and_another_unit():
     assert Quantity(0.0126, 0.0023, "m").scaled(1e3, "mm").text(signed=True) == "+12.6 +- 2.3 mm"
     assert Quantity(-0.0126, 0.0023, "m").scaled(-1e3, "mm").text(signed=True) == "+12.6 +- 2.3 mm"
@@ -70,7 +90,8 @@ def test_a_sign_and_another_unit():
         (0.978, 0.03, "warning", "effect of the flow"),
         (0.6, 0.12, "warning", "a tenth of 1"),
         (0.31, 0.32, "worthless", "the ratio itself"),
-        (0.999, 1.5, "worthless", "greater than 1"),
+        (0.999, 1.5, "worthless", "any ratio from 0 to 1"),
+        (2e-9, 43000.0, "worthless", "any ratio from 0 to 1"),
         (0.978, math.nan, "worthless", "not known"),
         (math.nan, 0.1, "worthless", "not known"),
         (1.0, 1e-9, "fine", ""),  # nothing disturbs, and so it says

@@ -97,6 +97,7 @@ def samples(contrast, **changes):
         (lambda: sample_rate(np.arange(99.0) ** 2), "spectra need even times"),
         (lambda: welch(np.ones(99), 1.0, 1000), "a segment of 1000 samples"),
         (lambda: statistics(xarray.Dataset()), r"no opd over \(time, y, x\)"),
+        (lambda: samples(np.full((4, 4), 7e-5, dtype=np.float16)), "contrast is float16, whose least digit is 6e-8"),
     ],
 )  # fmt: skip
 def test_values(made, told):

@@ -80,6 +80,12 @@ def test_a_number_is_written_with_its_error():
     assert rows["Boresight error x, y"] == "+1.00 +- 0.03, -2.00 +- 0.03 µrad"
 
 
+def test_a_ratio_with_an_error_beyond_its_bounds_is_told_not_to_be_meaningful():
+    """A summary of an earlier version: 0 +- 43000."""
+    rows = dict(headline_rows(SUMMARY | {"strehl": 2e-9, "errors": {"strehl": 43000.0}}))
+    assert rows["Strehl ratio"] == "2e-09, not meaningful: its error allows any ratio from 0 to 1"
+
+
 @pytest.mark.parametrize("name", plots.FIGURES)
 def test_pictures_carry_units(name: str, dataset: xarray.Dataset):
     figure = plots.FIGURES[name][1](dataset)

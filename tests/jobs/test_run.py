@@ -34,6 +34,17 @@ def test_still_air_disturbs_nothing(still: RunResult):
     np.testing.assert_allclose(still.spot.intensity, still.spot.perfect, atol=1e-12)
 
 
+def test_an_error_beyond_the_bounds_of_a_ratio_is_limited_and_told_in_words(still: RunResult):
+    """A ratio of 2e-9 whose budget has an error of 43,000: repr and summary limit it to 1 and say what it means."""
+    strehl = replace(still.strehl, value=2e-9, budget=lambda _: {"step": 43000.0, "total": 43000.0})
+    assert repr(strehl).startswith("StrehlEstimate 2e-09, not meaningful: its error allows any ratio from 0 to 1")
+    summary = replace(still, strehl=strehl).summary
+    assert summary["strehl"] == 2e-9 and summary["errors"]["strehl"] == pytest.approx(1.0)
+    assert 0.0 < summary["error"]["total"] <= 1.0 and summary["error"]["step"] <= 1.0
+    assert summary["verdict"] == "worthless" and "any ratio from 0 to 1" in summary["warnings"][0]
+    assert strehl.phase_error > 100.0  # the errors of other quantities follow from the whole error
+
+
 def test_progress_names_every_stage_once_and_never_goes_back():
     heard: list[tuple[str, float]] = []
     simulate(Scene.load("wind-tunnel-static", SMALL), progress=lambda stage, fraction: heard.append((stage, fraction)))

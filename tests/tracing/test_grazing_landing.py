@@ -71,6 +71,24 @@ def test_rounding_turns_no_parallel_ray_toward_its_plane(engine):
     assert list(got.status[:2]) == [RayStatus.STOP_NOT_REACHED] * 2 and got.ok[2]
 
 
+@pytest.mark.parametrize("method", ["adaptive", "straight", "fixed"])
+@pytest.mark.parametrize("engine", [*ENGINES, "reference"])
+def test_a_plane_parallel_to_the_rays_is_not_reached_by_bending(engine, method):
+    """A bulge turns rays along z toward the planes y = 2 and -2 mm, which they would reach 30 m on.
+
+    The undisturbed rays never meet the planes, so no optical path difference is defined: the reference engine, and the
+    others in fixed steps, took the planes as reached.
+    """
+    start = np.array([[0.0, y, -2e-4] for y in (-5e-5, 2e-5, 8e-5)])
+    rays = RayBundle(start, np.tile([0.0, 0.0, 1.0], (3, 1)))
+    engine = {"backend": "reference"} if engine == "reference" else on(engine)
+    step = CELL if method == "fixed" else None
+    for height in (2e-3, -2e-3):
+        plane = Plane((0.0, height, 0.0), (0.0, 1.0, 0.0))
+        got = trace(bulge(1e-4), rays, until=plane, method=method, step=step, precision="float64", **engine)
+        assert (got.status == RayStatus.STOP_NOT_REACHED).all(), got.status_summary()
+
+
 def test_where_a_ray_leaves_a_round_box_and_how_steeply():
     """Set-up: a cylinder of radius 2, z from 0 to 3; rays from its axis at z = 1 and from outside it, in one plane.
 

@@ -186,11 +186,11 @@ def test_how_far_the_stop_is():
     ends = Ends(field("volume"), Plane((0.0, 0.0, 9.0), (0.0, 0.0, -2.0)))
     place = np.array([[0.0, 0.0, 6.0], [0.0, 0.0, 10.0], [0.0, 0.0, 9.0], [1.0, 0.0, 6.0]])
     tangent = np.array([[0.0, 0.6, 0.8], [0.0, 0.6, 0.8], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    distance, reaches = ends.distance_to_stop(place, tangent, np.zeros(4))
+    distance, reaches = ends.distance_to_stop(place, tangent, np.zeros(4), tangent)
     assert reaches.tolist() == [True, False, True, False]
     assert distance[[0, 2]] == pytest.approx([3.75, 0.0])
     by_length = Ends(field("volume"), ArcLength(7.0))
-    left, reaches = by_length.distance_to_stop(place, tangent, np.array([1.0, 2.0, 7.0, 8.0]))
+    left, reaches = by_length.distance_to_stop(place, tangent, np.array([1.0, 2.0, 7.0, 8.0]), tangent)
     assert left.tolist() == [6.0, 5.0, 0.0, -1.0] and reaches.all()
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.figure_layout import Panel, panelled_figure
 from aerokernels.jobs.page import Picture, page, pictures, section, table, text_block
+from aerokernels.jobs.store import RATIO_KEYS
 from aerokernels.jobs.sweeps.definition import CASE, Definition
 
 if TYPE_CHECKING:
@@ -156,7 +157,7 @@ def _cases(dataset: "xarray.Dataset", definition: Definition) -> tuple[list[str]
             value = float(dataset[name].values[place])
             if math.isfinite(value):  # if all cases failed, the dataset has no variables for errors
                 error = float(dataset[f"{name}_error"].values[place])
-                row.append(Quantity(value, error).scaled(factor, "").text())
+                row.append(Quantity(value, error, is_ratio=name in RATIO_KEYS).scaled(factor, "").text())
             else:
                 row.append("none")
         rows.append([*row, str(dataset["failures"].values[place])])

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....medium import Body, IndexField, SolidBody
-from ...scheme import ENTRY_ROUNDING
+from ...scheme import ENTRY_ROUNDING, LEAST_SLOPE
 from ...status import RayStatus
 from ...stop import ArcLength, Plane
 from .flight import Flight
@@ -246,7 +246,7 @@ class Ends:
         if self.until is not None:
             flies = (status == RayStatus.OK) & ~at_stop
             distance, reaches = self.distance_to_stop(
-                start + along[:, None] * heading + q, heading + turned, along + stretch
+                start + along[:, None] * heading + q, heading + turned, along + stretch, heading
             )
             status[flies & ~reaches] = RayStatus.STOP_NOT_REACHED
             distance = np.where(flies & reaches, distance, 0.0)
@@ -284,14 +284,19 @@ class Ends:
             "status": status.astype(np.int32),
         }
 
-    def distance_to_stop(self, place, tangent, arc) -> tuple[np.ndarray, np.ndarray]:
-        """Distance that rays outside the box have to fly straight on to the stop [m], and whether they reach it."""
+    def distance_to_stop(self, place, tangent, arc, first) -> tuple[np.ndarray, np.ndarray]:
+        """Distance that rays outside the box have to fly straight on to the stop [m], and whether they reach it.
+
+        A ray whose direction `first`, at its start, is parallel to a plane never reaches it: the undisturbed ray does
+        not meet the plane, so that there is no path to compare with.
+        """
         if isinstance(self.until, ArcLength):
             return self.until.length - arc, np.ones(len(place), dtype=bool)
         height, slope = (place - self.until.point) @ self.until.normal, tangent @ self.until.normal
         # If the plane is on a face of the box, rounding may have put the ray behind the plane.
         close = np.abs(height) <= 64.0 * EPSILON * (self.extent + np.abs(place).max(axis=1))
-        reaches = (height * slope < 0.0) | close
+        parallel = np.minimum(np.abs(slope), np.abs(first @ self.until.normal)) <= LEAST_SLOPE
+        reaches = ((height * slope < 0.0) & ~parallel) | close
         distance = np.where(slope != 0.0, -height / np.where(slope != 0.0, slope, 1.0), 0.0)
         return np.where(close & (np.abs(slope) < LEAST_COSINE), 0.0, distance), reaches
 

@@ -3,8 +3,10 @@ r"""The reference engine: traces whole bundles in float64 NumPy, for readability
 "adaptive" and "straight" integrate with steps.py: DOP853 within one smooth piece of the field after another, to the
 requested tolerance, at most LAXEST. "fixed" and "paper" take the steps of their rule with rule.py. `step_error` is
 the sum over the steps of the errors by the embedded formulas, multiplied by their lever arms to the stop, and of
-rounding.
+rounding; of "straight" it is at least the difference from the bent ray.
 """
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +14,7 @@ from ....medium import IndexField
 from ....rays import RayBundle
 from ...plan import TracePlan
 from ...result import RAY_OUTPUTS
-from ...status import RayStatus
+from ...status import RayStatus, reached
 from .ends import Ends
 from .medium import GridAir
 from .mesh import MeshAir
@@ -52,4 +54,10 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
             integrator.run(flight)
             turn = integrator.turn(flight.direction, flight.momentum)
     found = ends.finish(interval, rows, flight, turn, start, heading, plan.method == "straight")
+    if plan.method == "straight":
+        bent = trace(field, rays, replace(plan, method="adaptive"), until, wavelength, frozenset({"opd"}))
+        error = np.where(reached(bent["status"]), np.abs(found["opd"] - bent["opd"]), np.inf)
+        fine = reached(found["status"])
+        found["step_error"][fine] = np.maximum(found["step_error"], error)[fine]
+        found["status"][fine & ~(found["step_error"] <= plan.tolerance * wavelength)] = RayStatus.TOLERANCE_NOT_MET
     return {name: found[name] for name in [*RAY_OUTPUTS, "status"] if name in outputs | {"status"}}

@@ -246,7 +246,9 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
                     slope = wp.dot(bounds.plane_normal, heading)
                     # If the plane is on a face of the box, rounding may put the ray behind the plane.
                     face_tolerance = wp.float64(1.0e-3) / wp.float64(wp.max(control.cell_rate))
-                    toward = height * slope < none and wp.abs(slope) > wp.float64(LEAST_SLOPE)
+                    # The undisturbed ray of a parallel ray never meets the plane: there is no path to compare with.
+                    least = wp.min(wp.abs(slope), wp.abs(wp.dot(bounds.plane_normal, d)))
+                    toward = height * slope < none and least > wp.float64(LEAST_SLOPE)
                     if toward or (interval.meets and wp.abs(height) < face_tolerance * wp.abs(slope)):
                         flight = -height / slope
                     elif height != none:

@@ -17,8 +17,10 @@ from ....scheme import (
     SURFACE_TOLERANCE,
     TOLERANCE_COUNTED,
 )
+from ....tableau import BT
 from ..library import KernelLibrary, built_once
 from .box import FACE_COUNT, FLAT_AXES, build_surface
+from .motion import build_contrast
 
 
 @built_once
@@ -311,10 +313,13 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
 
 @built_once
 def build_arc_event_location(library: KernelLibrary):
-    """Build functions for a stop at an arc length: the step that ends there, and the intersection."""
+    """Build functions for a stop at an arc length: the step that ends there, what it misses, the intersection."""
     t = library.types
-    real, vec3 = t.real, t.vec3
+    real, vec3, vec4 = t.real, t.vec3, t.vec4
+    contrast = build_contrast(library)
     arc_surface = wp.constant(ARC_SURFACE)
+    v1, v2, v3, v4 = (float(b) for b in BT)
+    most_behind = 2.5 * EVENT_LOCATION_SHARE  # a product inside a kernel would be computed in float32
 
     @wp.func
     def arc_event_location(rest: real, index: real, total: vec3, force: vec3, h: real, event: int):
@@ -326,10 +331,18 @@ def build_arc_event_location(library: KernelLibrary):
         return h, int(event)
 
     @wp.func
-    def arc_surface_intersection(rest: real, index: real, arc_left: real, h: real):
-        """After a step to the arc length: (sigma still to go, negative to go back; whether the ray ends)."""
-        if wp.abs(rest) <= real(1.0e-4) * h * index + real(1.0e-6) * arc_left:
-            return rest / index, bool(True)
+    def passes_arc(rest: real, ambient: real, pot: real, s2: vec4, s3: vec4, s4: vec4, h: real):
+        """Whether a step of length h with `rest` of arc before it ends further behind the arc than a share of it."""
+        m = real(v1) * contrast(ambient, pot) + real(v2) * contrast(ambient, s2[0])
+        m += real(v3) * contrast(ambient, s3[0]) + real(v4) * contrast(ambient, s4[0])
+        return h * (ambient + m) - rest > real(most_behind) * ambient * h
+
+    @wp.func
+    def arc_surface_intersection(rest: real, index: real, total: vec3, force: vec3, arc_left: real, h: real):
+        """After a step to the arc length: (sigma to go along the parabola, negative to go back; whether it ends)."""
+        if rest <= real(1.0e-4) * h * index + real(1.0e-6) * arc_left:
+            root = wp.sqrt(wp.max(index * index + real(2.0) * wp.dot(force, total) / index * rest, real(0.0)))
+            return wp.max(real(2.0) * rest / (index + root), -h), bool(True)
         return real(0.0), bool(False)
 
-    return arc_event_location, arc_surface_intersection
+    return arc_event_location, passes_arc, arc_surface_intersection

@@ -80,8 +80,8 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
     return stride, rest_to_face, push_off_faces
 
 
-def build_sample_at_stage(library: KernelLibrary, sample, straight: bool):
-    """Build a function that evaluates the field at a stage of a step."""
+def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, interpolation: str):
+    """Build functions that evaluate the field at a stage of a step, and what a straight line neglects."""
     t = library.types
     real, vec3, Field = t.real, t.vec3, t.Field
 
@@ -106,7 +106,30 @@ def build_sample_at_stage(library: KernelLibrary, sample, straight: bool):
         else:
             return sample(field, cell, frac + wp.cw_mul(h * total + kick, rate), current_cell)
 
-    return sample_at_stage
+    @wp.func
+    def sample_neglected(
+        field: Field,
+        current_cell: int,
+        cell: wp.vec3i,
+        frac: vec3,
+        rate: vec3,
+        q: vec3,
+        pot: real,
+        force: vec3,
+        h: real,
+    ):
+        """What the linear field along a straight line neglects at the end of a step: path [m], and momentum.
+
+        Where slopes jump at faces, the ray crosses a face before the line or behind it: the other side counts too.
+        """
+        there = sample(field, cell, frac + wp.cw_mul(q, rate), current_cell)
+        turn = h * wp.length(vec3(there[1], there[2], there[3]) - force)
+        if wp.static(interpolation != "cubic"):
+            opposite = sample(field, cell, frac - wp.cw_mul(q, rate), current_cell)
+            turn = wp.max(turn, h * wp.length(vec3(opposite[1], opposite[2], opposite[3]) - force))
+        return real(2.0) * h * wp.abs(there[0] - pot), turn
+
+    return sample_at_stage, sample_neglected
 
 
 @built_once

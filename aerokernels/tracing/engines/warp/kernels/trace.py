@@ -24,7 +24,7 @@ bounds its length, and event_location.py ends it on a surface.
 
 import warp as wp
 
-from ....scheme import ARC_SURFACE, AT_FACE, LEAST_STEP, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
+from ....scheme import ARC_SURFACE, AT_FACE, LEAST_STEP, STRAIGHT_LEVER, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
 from ....status import RayStatus
 from ....tableau import A, C, has_consistent_gradient
 from ..library import KernelLibrary, built_once
@@ -67,25 +67,22 @@ def build_kernel(
     stop_geometry_of = build_stop_geometry(library, geometry, stop, controlled)
     end_of = build_end(library, geometry, interpolation, stop)
     in_cells, carry_over = build_cells(library, kind)
-    cone_of = build_cone(library, geometry)
     stride, rest_to_face, push_off_faces = build_stride(library, geometry, interpolation, on_mesh, method)
     kick_of, impulse_of = build_kick(library)
-    sample_at_stage = build_sample_at_stage(library, sample, method == "straight")
+    sample_at_stage, sample_neglected = build_sample_at_stage(library, sample, method == "straight", interpolation)
     step_error, step_rounding, possible_gain, stop_error, event_location_error = build_step_error(
         library, geometry, interpolation, stop
     )
     step_acceptance = build_step_acceptance(library)
-    contrast = build_contrast(library)
-    project_momentum = build_project_momentum(library)
+    contrast, project_momentum = build_contrast(library), build_project_momentum(library)
     step_sums, tangent_sums = build_sums(library)
     event_location, time_beyond_face, leaves_by_rounding, overshoots, passed_surface, *others = build_event_location(
         library, geometry, stop
     )
     face_margin, in_face, surface_intersection = others
-    arc_event_location, arc_surface_intersection = build_arc_event_location(library)
-    place_of = build_place(library)
-    behind_wall = build_behind_wall(library, geometry)
-    has_clearance = build_has_clearance(library, geometry)
+    arc_event_location, passes_arc, arc_surface_intersection = build_arc_event_location(library)
+    cone_of, place_of = build_cone(library, geometry), build_place(library)
+    behind_wall, has_clearance = build_behind_wall(library, geometry), build_has_clearance(library, geometry)
     write_outputs = build_write_outputs(library)
     arc_surface = wp.constant(ARC_SURFACE)
     straight, consistent_gradient = method == "straight", has_consistent_gradient(interpolation)
@@ -113,10 +110,9 @@ def build_kernel(
         used = real(0.0)
         max_deflection = real(0.0)  # greatest angle with d so far
         steps, evaluations, ends_on = int(0), int(0), int(-1)
-        obliquity_first = real(0.0)
-        opd_rate = real(0.0)
+        obliquity_first, opd_rate = real(0.0), real(0.0)
         displacement = real(0.0)  # how far sideways the ray may be displaced
-        gain = real(0.0)  # optical path that it may gain behind a face
+        gain, turned = real(0.0), real(0.0)  # path it may gain behind a face or beside its line; momentum beside it
         undecided = bool(False)  # whether it has run in a face, where it may have left the box
 
         if interval.meets and status == ok:
@@ -207,6 +203,8 @@ def build_kernel(
                         allowance = face_margin(control, displacement)
                         if wp.static(controlled) and nearest <= allowance:
                             runs_on = in_face(control, interval.side, cell, there, end_velocity, allowance)
+                    if wp.static(stop == "arc"):
+                        missed = missed or (event == arc_surface and passes_arc(rest, ambient, pot, s2, s3, s4, h))
                     if missed:
                         accept = bool(False)
                         h_cap = real(0.5) * h
@@ -240,8 +238,7 @@ def build_kernel(
                     added = step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4)
                     sums, sums_carry = advance(sums, sums_carry, added)
                     q, q_carry = advance(q, q_carry, h * momentum + kick)
-                    impulse = impulse_of(h, force, s2, s3, s4)
-                    momentum, momentum_carry = advance(momentum, momentum_carry, impulse)
+                    momentum, momentum_carry = advance(momentum, momentum_carry, impulse_of(h, force, s2, s3, s4))
                     flown = h * total
                     if wp.static(not straight):
                         flown += kick
@@ -286,6 +283,9 @@ def build_kernel(
                         momentum += projecting
                         if wp.static(straight):
                             q += (real(0.5) * h) * projecting  # the error grew linearly over the step
+                    if wp.static(controlled and straight):
+                        path, turn = sample_neglected(field, current_cell, cell, frac, rate, q, pot, force, h)
+                        gain, turned, evaluations = gain + path, turned + turn, evaluations + 1
 
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
                     if behind >= real(0.0):
@@ -295,14 +295,14 @@ def build_kernel(
                     if running and event >= 0:
                         done = bool(False)
                         if event == arc_surface:
-                            rest = arc_left - (ambient * sums[0] + sums[2])
-                            back, done = arc_surface_intersection(rest, ambient + contrast(ambient, pot), arc_left, h)
+                            rest, index = arc_left - (ambient * sums[0] + sums[2]), ambient + contrast(ambient, pot)
+                            total = ambient * d + momentum
+                            back, done = arc_surface_intersection(rest, index, total, force, arc_left, h)
                         else:
                             ray_frac = frac
                             if wp.static(straight):
                                 ray_frac = frac + wp.cw_mul(q, rate)
-                            velocity = wp.cw_mul(ambient * d + momentum, rate)
-                            slope = wp.cw_mul(force, rate)
+                            velocity, slope = wp.cw_mul(ambient * d + momentum, rate), wp.cw_mul(force, rate)
                             back, done = surface_intersection(
                                 control, event, interval.side, cell, ray_frac, velocity, slope, h, h_cell
                             )
@@ -324,7 +324,7 @@ def build_kernel(
                     running = bool(False)
                     status = int(not_finite)
             if wp.static(controlled):
-                used += gain
+                used += gain + turned * (obliquity + real(STRAIGHT_LEVER) * max_deflection) * lever_arm
                 used = stop_error(
                     used, bounds, control, d0, ambient, momentum, first_momentum, max_deflection, to_stop, displacement
                 )
