@@ -81,7 +81,7 @@ class Session:
     @cached_property
     def pinned(self) -> PinnedMemory:
         """Cache of host memory that a GPU's driver has pinned."""
-        from .transfers import Mapped
+        from .mapped import Mapped
 
         return PinnedMemory(lambda size: Mapped(self.context, self.first_queue, size))
 
