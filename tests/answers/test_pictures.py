@@ -119,7 +119,7 @@ def test_angle(answers, half: str, degree: int):
 
 def test_stand_off(answers):
     """The distance of a bow shock from a nose."""
-    answers(lambda nudge: measure_stand_off(shock_picture(nudge), 0.006))
+    answers(lambda nudge: measure_stand_off(shock_picture(nudge), 0.012))
 
 
 def test_fronts(answers):
