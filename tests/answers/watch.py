@@ -23,6 +23,7 @@ CORE = tomllib.loads((ROOT / "scripts" / "mutated_modules.toml").read_text(encod
 MODULES = {str(ROOT / "aerokernels" / module): module.removesuffix(".py") for module in CORE}
 # Results of other kinds inside results are followed this far; what is in more places than this is summed together.
 DEPTH, PLACES = 4, 24
+MEASURED = ("seconds", "stages")  # times that a machine took
 GENERATOR = 0x20 | 0x80 | 0x200  # flags of code whose frames return more than once
 NUMBERS = "biufc"
 
@@ -105,6 +106,8 @@ class Watch:
         else:
             return
         for name, one in parts:
+            if name in MEASURED:
+                continue
             yield from self._numbers(one, f"{place}.{name}", depth - 1)
 
 
