@@ -1,12 +1,11 @@
 """The fixture by which a test compares the answers of a case with its record, or writes the record."""
 
-import json
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from .records import RECORDS, TRIES, NUDGE, Nudge, changed, differences, read, write, written
+from .records import NUDGE, RECORDS, TRIES, Nudge, changed, differences, read, write, written
 from .watch import watched
 
 Case = Callable[[Nudge], Any]
@@ -31,9 +30,10 @@ def answers(request: pytest.FixtureRequest) -> Callable[..., None]:
             assert not lines, "\n".join([f"{len(lines)} answers changed; --record if on purpose", *lines[:40]])
             return
         others = [watched(lambda seed=seed: case(Nudge(nudge, seed)), stages) for seed in range(TRIES)]
-        record = written(found, others)
+        record = written(found, others, nudge)
+        reporter = request.config.pluginmanager.getplugin("terminalreporter")
         for line in changed(before.get(name, {}), record):
-            print(line)
+            reporter.write_line(f"{name}: {line}")
         write(path, {**before, name: record})
 
     return check

@@ -37,9 +37,12 @@ def ball(nudge: Nudge, geometry: str = "volume", strength: float = 2e-6, center=
     places = np.meshgrid(*axes, indexing="ij")
     square = sum((place - at) ** 2 for place, at in zip(places, middle, strict=True))
     return IndexField.from_samples(
-        nudge(strength * np.exp(-square / 0.015**2)), origin=[axis[0] for axis in axes],
-        spacing=[axis[1] - axis[0] for axis in axes], geometry=geometry, ambient_index=1.00027,
-    )  # fmt: skip
+        nudge(strength * np.exp(-square / 0.015**2)),
+        origin=[axis[0] for axis in axes],
+        spacing=[axis[1] - axis[0] for axis in axes],
+        geometry=geometry,
+        ambient_index=1.00027,
+    )
 
 
 def bent_mesh(count: int, geometry: str = "planar") -> QuadMesh:

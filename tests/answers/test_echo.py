@@ -20,8 +20,13 @@ from .scenes import SINGLE, lump
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 STAGES = ("echo/",)
-FEW = {"beam.ray_count": 64, "receiver.ray_count": 64, "detector.volts_per_watt": 5558.7, "detector.threshold": 1.0,
-       "trace.backend": "opencl"}  # fmt: skip
+FEW = {
+    "beam.ray_count": 64,
+    "receiver.ray_count": 64,
+    "detector.volts_per_watt": 5558.7,
+    "detector.threshold": 1.0,
+    "trace.backend": "opencl",
+}
 RECORDER = {"detector.noise": True, "detector.bit_count": 8, "detector.bandwidth": 150e6, "detector.trial_count": 5}
 SCENES = {
     "plain": {},
@@ -65,7 +70,11 @@ def test_reading(answers, period: float):
                 found += [reading.range(time, voltage), reading.sampling_error(time, voltage)]
             found.append(estimate_range(time, voltage, method, **given))
             if period == 1.3e-9:
-                found.append(range_statistics(time, voltage, method, noise_rms=0.02, trial_count=20, seed=3, true_range=3.0, **given))
+                found.append(
+                    range_statistics(
+                        time, voltage, method, noise_rms=0.02, trial_count=20, seed=3, true_range=3.0, **given
+                    )
+                )
         curve = PulseCurve(voltage)
         return found, peak_height(voltage), curve.peak_position, curve.centroid, cramer_rao_range(time, voltage, 0.01)
 
@@ -104,11 +113,23 @@ def test_closed_form(answers):
     def case(nudge: Nudge):
         time = np.linspace(6.5e-7, 7.2e-7, 60)
         found = []
-        plain = {"peak_power": nudge(75.0), "receiver_diameter": 0.012, "beam_radius": 0.03, "distance": 102.0,
-                 "pulse_tau": 6e-9, "reflectivity": 0.3}  # fmt: skip
-        for more in ({}, {"tilt": 0.9}, {"tilt": 1.2, "limits": "paper"}, {"tilt": 0.4, "specular_share": 0.5},
-                     {"width": 0.02, "height": 0.03, "tilt": 0.5}, {"pulse_tau": HeliosPulse(4e-9), "tilt": 0.7},
-                     {"atmospheric_transmission": 0.9, "system_efficiency": 0.5, "strehl": 0.8}):  # fmt: skip
+        plain = {
+            "peak_power": nudge(75.0),
+            "receiver_diameter": 0.012,
+            "beam_radius": 0.03,
+            "distance": 102.0,
+            "pulse_tau": 6e-9,
+            "reflectivity": 0.3,
+        }
+        for more in (
+            {},
+            {"tilt": 0.9},
+            {"tilt": 1.2, "limits": "paper"},
+            {"tilt": 0.4, "specular_share": 0.5},
+            {"width": 0.02, "height": 0.03, "tilt": 0.5},
+            {"pulse_tau": HeliosPulse(4e-9), "tilt": 0.7},
+            {"atmospheric_transmission": 0.9, "system_efficiency": 0.5, "strehl": 0.8},
+        ):
             found.append(plane_target_echo(time, **{**plain, **more}))
         shapes = GaussianPulse(3e-9), HeliosPulse(3e-9), SampledPulse(np.array([0.0, 0.2, 1.0, 0.7, 0.1, 0.0]), 2e-9)
         return found, [(one(time - 6.8e-7), one.support, one.timescale, one.duration) for one in shapes]

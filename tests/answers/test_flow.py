@@ -54,14 +54,20 @@ def test_shocks(answers):
         for mach, gamma in ((1.6, 1.4), (2.5, 1.4), (6.0, 1.3), (2.0, 5.0 / 3.0)):
             mach = nudge(mach)
             found += [
-                shocks.normal_shock(mach, gamma=gamma), shocks.maximum_deflection(mach, gamma=gamma),
-                shocks.prandtl_meyer(mach, gamma=gamma), gas.isentropic(mach, gamma=gamma),
-                shocks.oblique_shock(mach, 0.03, gamma=gamma), shocks.oblique_shock(mach, 0.05, strong=True, gamma=gamma),
-                expansion_fan(mach, 0.15, gamma=gamma), maximum_expansion(mach, gamma=gamma),
-                mach_after_turn(0.4, gamma=gamma), gas.free_stream(mach, 0.7, 240.0, gamma=gamma),
-                gas.tunnel_conditions(mach, 4e5, 310.0, gamma=gamma), billig.bow_shock(mach, 0.02),
+                shocks.normal_shock(mach, gamma=gamma),
+                shocks.maximum_deflection(mach, gamma=gamma),
+                shocks.prandtl_meyer(mach, gamma=gamma),
+                gas.isentropic(mach, gamma=gamma),
+                shocks.oblique_shock(mach, 0.03, gamma=gamma),
+                shocks.oblique_shock(mach, 0.05, strong=True, gamma=gamma),
+                expansion_fan(mach, 0.15, gamma=gamma),
+                maximum_expansion(mach, gamma=gamma),
+                mach_after_turn(0.4, gamma=gamma),
+                gas.free_stream(mach, 0.7, 240.0, gamma=gamma),
+                gas.tunnel_conditions(mach, 4e5, 310.0, gamma=gamma),
+                billig.bow_shock(mach, 0.02),
                 billig.bow_shock(mach, 0.02, geometry="planar"),
-            ]  # fmt: skip
+            ]
         bow = billig.bow_shock(2.3, 0.02)
         r = np.linspace(0.0, 0.08, 9)
         along = bow.z_at(r), bow.radius_at(bow.z_at(r)), bow.normal_mach_square_at(r), bow.distance_along(r)
@@ -90,9 +96,11 @@ def test_riemann(answers):
     def case(nudge: Nudge):
         found = []
         for left, right in (
-            (GasState(1.2, 1e5), GasState(0.3, 1e4)), (GasState(0.3, 1e4), GasState(1.2, 1e5)),
-            (GasState(1.0, 1e5, -300.0), GasState(1.0, 1e5, 300.0)), (GasState(1.0, 1e5, 300.0), GasState(1.1, 9e4, -200.0)),
-        ):  # fmt: skip
+            (GasState(1.2, 1e5), GasState(0.3, 1e4)),
+            (GasState(0.3, 1e4), GasState(1.2, 1e5)),
+            (GasState(1.0, 1e5, -300.0), GasState(1.0, 1e5, 300.0)),
+            (GasState(1.0, 1e5, 300.0), GasState(1.1, 9e4, -200.0)),
+        ):
             one = riemann(GasState(nudge(left.density), left.pressure, left.velocity), right)
             speed = np.linspace(-900.0, 900.0, 25)
             found += [one, one.density_at(speed), one.velocity_at(speed), one.pressure_at(speed), one.breaks]
@@ -110,18 +118,32 @@ def test_refractivity(answers):
         for wavelength in (500e-9, 633e-9, 1550e-9):
             wavelength = nudge(wavelength)
             found += [
-                ciddor.ciddor_constant(wavelength, water=0.01), gladstone_dale_constant(wavelength),
+                ciddor.ciddor_constant(wavelength, water=0.01),
+                gladstone_dale_constant(wavelength),
                 ciddor.ciddor_refractivity(wavelength, 300.0, 9e4, humidity=0.4),
-            ]  # fmt: skip
-            found += [species.species_constant(name, wavelength, form) for name in ("N2", "O2", "Ar", "CO2", "He")
-                      for form in ("gladstone-dale", "lorentz-lorenz")]  # fmt: skip
+            ]
+            found += [
+                species.species_constant(name, wavelength, form)
+                for name in ("N2", "O2", "Ar", "CO2", "He")
+                for form in ("gladstone-dale", "lorentz-lorenz")
+            ]
             mixed = {"N2": 0.7, "O2": 0.2, "CO2": 0.1}
-            for relation, options in (("gladstone-dale", {}), ("lorentz-lorenz", {}), ("ciddor", {}),
-                                      ("gladstone-dale", {"constant": 2.3e-4}), ("gladstone-dale", {"composition": mixed})):  # fmt: skip
+            for relation, options in (
+                ("gladstone-dale", {}),
+                ("lorentz-lorenz", {}),
+                ("ciddor", {}),
+                ("gladstone-dale", {"constant": 2.3e-4}),
+                ("gladstone-dale", {"composition": mixed}),
+            ):
                 model = models.refractivity_model(relation, **options)
                 density = np.linspace(0.1, 2.0, 5)
-                found += [model.constant(wavelength), model.refractivity(density, wavelength), model.contrast(density, 1.0, wavelength),
-                          model.ambient_index(1.1, wavelength), model]  # fmt: skip
+                found += [
+                    model.constant(wavelength),
+                    model.refractivity(density, wavelength),
+                    model.contrast(density, 1.0, wavelength),
+                    model.ambient_index(1.1, wavelength),
+                    model,
+                ]
         found += [ciddor.moist_air_density(290.0, 9.5e4, water=0.01), ciddor.water_fraction(295.0, 1e5, 0.5)]
         return found, [species.molar_mass(name) for name in ("N2", "H2O")]
 

@@ -26,7 +26,9 @@ def flow_averages(mesh: QuadMesh, nudge: Nudge, jump: bool) -> np.ndarray:
         return nudge(own if mesh.parents is None else np.repeat(own, 2)[mesh.parents])
     u, v = mesh.cell_centroid.T
     smooth = 1.2 + 0.3 * np.sin(4.0 * u) * np.cos(3.0 * v)
-    return nudge(smooth if mesh.parents is None else smooth[np.unique(mesh.parents, return_index=True)[1]][mesh.parents])
+    return nudge(
+        smooth if mesh.parents is None else smooth[np.unique(mesh.parents, return_index=True)[1]][mesh.parents]
+    )
 
 
 @pytest.mark.parametrize("jump", [False, True])
@@ -55,7 +57,9 @@ def test_mesh(answers, geometry: str, interpolation: str):
         mesh = bent_mesh(COUNT, geometry)
         contrast = nudge(1e-7 * np.cos(2.0 * mesh.vertices[:, 0]) * np.sin(3.0 * mesh.vertices[:, 1] + 0.4))
         average = nudge(1e-7 * np.cos(2.0 * mesh.cell_centroid[:, 0]))
-        field = IndexField.from_mesh(mesh, average if interpolation == "cells" else contrast, interpolation=interpolation)
+        field = IndexField.from_mesh(
+            mesh, average if interpolation == "cells" else contrast, interpolation=interpolation
+        )
         rng = np.random.default_rng(6)
         points = np.c_[np.zeros(60), rng.uniform(0.0, 1.7, 60), rng.uniform(-0.1, 1.1, 60)]
         around = np.c_[points[:, 1] * np.cos(points[:, 2]), points[:, 1] * np.sin(points[:, 2]), points[:, 2]]
@@ -96,10 +100,13 @@ def test_cell_averages(answers, interpolation: str, even: bool):
     def case(nudge: Nudge):
         y, z = np.meshgrid(np.arange(9.0), np.arange(12.0), indexing="ij")
         return IndexField.from_samples(
-            nudge(1e-4 * np.cos(0.5 * y) * np.sin(0.3 * z + 0.2)), origin=(0.0 if even else -0.3, 0.0),
-            spacing=(0.1, 0.05), geometry="axisymmetric" if even else "planar", interpolation=interpolation,
+            nudge(1e-4 * np.cos(0.5 * y) * np.sin(0.3 * z + 0.2)),
+            origin=(0.0 if even else -0.3, 0.0),
+            spacing=(0.1, 0.05),
+            geometry="axisymmetric" if even else "planar",
+            interpolation=interpolation,
             cell_averages=True,
-        )  # fmt: skip
+        )
 
     answers(case)
 
@@ -120,7 +127,10 @@ def test_body(answers, geometry: str):
 
     def case(nudge: Nudge):
         whole = [*OUTLINE[1:-1], *[(-0.5 * r, z) for r, z in OUTLINE[-2:0:-1]]]
-        body = Body(nudge(np.array(whole if geometry == "planar" else OUTLINE)), "planar" if geometry == "planar" else "axisymmetric")
+        body = Body(
+            nudge(np.array(whole if geometry == "planar" else OUTLINE)),
+            "planar" if geometry == "planar" else "axisymmetric",
+        )
         if geometry == "solid":
             body = SolidBody.of_revolution(body, 10)
             position, direction = lines(nudge)

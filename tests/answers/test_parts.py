@@ -3,7 +3,19 @@
 import numpy as np
 import pytest
 
-from aerokernels import Annulus, Disc, Mask, Polygon, Rectangle, RayBundle, Sensor, compare_waveforms, strehl, strehl_marechal, zernike
+from aerokernels import (
+    Annulus,
+    Disc,
+    Mask,
+    Polygon,
+    RayBundle,
+    Rectangle,
+    Sensor,
+    compare_waveforms,
+    strehl,
+    strehl_marechal,
+    zernike,
+)
 from aerokernels.sobol import sobol_numbers, sobol_points
 
 from .records import Nudge
@@ -14,7 +26,9 @@ PUPILS = {
     "disc": lambda nudge: Disc(nudge(0.02), *PLACE),
     "ring": lambda nudge: Annulus(nudge(0.02), 0.007, *PLACE),
     "rectangle": lambda nudge: Rectangle(nudge(0.03), 0.01, *PLACE),
-    "polygon": lambda nudge: Polygon(nudge(np.array([[-0.02, -0.01], [0.01, -0.015], [0.02, 0.01], [0.0, 0.004], [-0.01, 0.02]])), *PLACE),
+    "polygon": lambda nudge: Polygon(
+        nudge(np.array([[-0.02, -0.01], [0.01, -0.015], [0.02, 0.01], [0.0, 0.004], [-0.01, 0.02]])), *PLACE
+    ),
     "mask": lambda nudge: Mask(nudge(np.array([[0.0, 0.5, 1.0], [1.0, 1.0, 0.25]])), (0.005, 0.01), *PLACE),
 }
 
@@ -27,7 +41,15 @@ def test_pupil(answers, name: str):
         pupil = PUPILS[name](nudge)
         x, y = np.linspace(-0.021, 0.023, 12), np.linspace(-0.018, 0.02, 9)
         inside = pupil.transmission(*(axis.ravel() for axis in np.meshgrid(x, y)))
-        found = pupil.axes, pupil.reach, pupil.area, pupil.half_extent, pupil.inner_ratio or 0.0, pupil.square_map, inside
+        found = (
+            pupil.axes,
+            pupil.reach,
+            pupil.area,
+            pupil.half_extent,
+            pupil.inner_ratio or 0.0,
+            pupil.square_map,
+            inside,
+        )
         covers = pupil.coverage(x, y), pupil.coverage(x, y, 2)
         rays = [RayBundle.collimated(pupil, 40, sampling=sampling, seed=2) for sampling in ("sobol", "gauss")]
         rays += [RayBundle.through(pupil, (0.0, 0.1, -1.0), 33, toward_point=toward) for toward in (False, True)]
@@ -40,8 +62,10 @@ def test_fan(answers):
     """Rays within a cone."""
 
     def case(nudge: Nudge):
-        found = [RayBundle.divergent(nudge(np.array([0.1, 0.2, 0.3])), (0.1, -0.2, 1.0), 0.3, 50, sampling=one)
-                 for one in ("sobol", "gauss")]  # fmt: skip
+        found = [
+            RayBundle.divergent(nudge(np.array([0.1, 0.2, 0.3])), (0.1, -0.2, 1.0), 0.3, 50, sampling=one)
+            for one in ("sobol", "gauss")
+        ]
         return [(one.position, one.direction, one.weight) for one in found]
 
     answers(case)
@@ -86,13 +110,15 @@ def test_waveforms(answers):
     """Echoes that are shifted, wider, weaker, clipped or of another shape."""
 
     def case(nudge: Nudge):
-        time = np.arange(200) * 1e-10
+        time = np.arange(120) * 1.5e-10
         first = np.exp(-((time - 8e-9) ** 2) / (2e-9) ** 2)
         found = []
         for shift, width, height in ((0.0, 2e-9, 1.0), (7e-10, 2e-9, 0.8), (-1.3e-9, 3.3e-9, 1.2), (5e-9, 1e-9, 0.1)):
             other = height * np.exp(-((time - 8e-9 - shift) ** 2) / width**2)
-            found += [compare_waveforms(time, nudge(np.minimum(first, 0.9)), other, threshold=level, greatest_lag=lag)
-                      for level, lag in ((None, None), (0.3, 2e-9))]  # fmt: skip
+            found += [
+                compare_waveforms(time, nudge(np.minimum(first, 0.9)), other, threshold=level, greatest_lag=lag)
+                for level, lag in ((None, None), (0.3, 2e-9))
+            ]
         return found, [one.width_range for one in found]
 
     answers(case)
@@ -103,8 +129,15 @@ def test_strehl(answers):
 
     def case(nudge: Nudge):
         rng = np.random.default_rng(4)
-        points, opd, weight = rng.uniform(-1.0, 1.0, (50, 2)), nudge(rng.normal(0.0, 5e-8, 50)), rng.uniform(0.0, 1.0, 50)
-        return [rule(opd + 3e-8 * points[:, 0], 500e-9, weight, remove, points=points)
-                for rule in (strehl, strehl_marechal) for remove in ((), ("piston",), ("piston", "tilt"))]  # fmt: skip
+        points, opd, weight = (
+            rng.uniform(-1.0, 1.0, (50, 2)),
+            nudge(rng.normal(0.0, 5e-8, 50)),
+            rng.uniform(0.0, 1.0, 50),
+        )
+        return [
+            rule(opd + 3e-8 * points[:, 0], 500e-9, weight, remove, points=points)
+            for rule in (strehl, strehl_marechal)
+            for remove in ((), ("piston",), ("piston", "tilt"))
+        ]
 
     answers(case)

@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
-from aerokernels import Annulus, Camera, Disc, DotPattern, IndexField, Sensor, background_displacement, bos, image_through
-from aerokernels.imaging.dots import Background
+from aerokernels import (
+    Annulus,
+    Camera,
+    Disc,
+    DotPattern,
+    Sensor,
+    background_displacement,
+    bos,
+    image_through,
+)
 from aerokernels.schlieren import Bench, interferogram, schlieren, shadowgraph
 from aerokernels.schlieren.fronts import fit_curve, inner_bands, outer_fronts, smoothed
 from aerokernels.schlieren.line_of_sight import line_of_sight
@@ -26,8 +34,13 @@ def test_camera(answers, seed: int):
 
     def case(nudge: Nudge):
         one = draw_camera(seed)
-        found = background_displacement(nudged(one.air.field, nudge), one.camera, aperture_rays=one.aperture_rays,
-                                        allow_truncation=True, backend="opencl")  # fmt: skip
+        found = background_displacement(
+            nudged(one.air.field, nudge),
+            one.camera,
+            aperture_rays=one.aperture_rays,
+            allow_truncation=True,
+            backend="opencl",
+        )
         return found.error, found.blur_error
 
     answers(case, nudge=SINGLE)
@@ -42,8 +55,17 @@ def test_background(answers, pattern):
 
     def case(nudge: Nudge):
         given = {} if isinstance(pattern, DotPattern) else {"pattern_pixel": 1.2 * CAMERA.scene_pixel}
-        found = bos(ball(nudge, "volume", 2e-5), CAMERA, pattern, sensor=Sensor(), seed=2, aperture_rays=4, **given,
-                    allow_truncation=True, backend="opencl")  # fmt: skip
+        found = bos(
+            ball(nudge, "volume", 2e-5),
+            CAMERA,
+            pattern,
+            sensor=Sensor(),
+            seed=2,
+            aperture_rays=4,
+            **given,
+            allow_truncation=True,
+            backend="opencl",
+        )
         return found.traced.error
 
     answers(case, nudge=SINGLE)
@@ -56,14 +78,28 @@ def test_image(answers, distance: float):
     def case(nudge: Nudge):
         camera = Camera(Disc(0.004, (0.0, 0.0, -0.1)), 0.05, 5e-6, distance=distance, focus=0.5)
         scene = np.random.default_rng(1).random((16, 20))
-        found = image_through(ball(nudge, "volume", 2e-5), scene, camera, psf_nodes=2, psf_pixels=9, pupil_pixels=12,
-                              wavelengths=[500e-9, 600e-9], weights=[1.0, 2.0], allow_truncation=True, backend="opencl")  # fmt: skip
+        found = image_through(
+            ball(nudge, "volume", 2e-5),
+            scene,
+            camera,
+            psf_nodes=2,
+            psf_pixels=9,
+            pupil_pixels=12,
+            wavelengths=[500e-9, 600e-9],
+            weights=[1.0, 2.0],
+            allow_truncation=True,
+            backend="opencl",
+        )
         return found.image, found.reference, found.spreads, found.displacement
 
     answers(case, nudge=SINGLE)
 
 
-BENCHES = {"plain": None, "slit": Bench(1e-4, 1.0, source_points=3), "ring": Bench(2e-4, 0.5, Annulus(1e-4, 4e-5), focus=0.1)}
+BENCHES = {
+    "plain": None,
+    "slit": Bench(1e-4, 1.0, source_points=3),
+    "ring": Bench(2e-4, 0.5, Annulus(1e-4, 4e-5), focus=0.1),
+}
 VIEW = {"pixel_count": (10, 14), "extent": (-0.02, 0.03, -0.02, 0.02), "backend": "opencl"}
 
 
@@ -76,13 +112,17 @@ def test_bench(answers, kind: str, view):
         field = ball(nudge, "volume", 2e-5)
         if kind == "schlieren":
             edges = ("vertical", 0.4)
-            found = [schlieren(field, view=view, knife_edge=edge, cut_off=0.4, sensitivity=2e4, rays_per_pixel=2, **VIEW)
-                     for edge in edges]  # fmt: skip
+            found = [
+                schlieren(field, view=view, knife_edge=edge, cut_off=0.4, sensitivity=2e4, rays_per_pixel=2, **VIEW)
+                for edge in edges
+            ]
             return found, schlieren(field, view=view, bench=Bench(1e-4, 1.0), **VIEW)
         if kind == "shadow":
             return [shadowgraph(field, view=view, distance=0.3, source_angle=angle, **VIEW) for angle in (0.0, 0.01)]
-        found = [interferogram(field, view=view, fringe_spacing=spacing, fringe_angle=0.4, wavelength=500e-9, **VIEW)
-                 for spacing in (None, 0.02)]  # fmt: skip
+        found = [
+            interferogram(field, view=view, fringe_spacing=spacing, fringe_angle=0.4, wavelength=500e-9, **VIEW)
+            for spacing in (None, 0.02)
+        ]
         return found, line_of_sight(field, view=view, focus=0.1, tilt=(0.01, 0.0), rays_per_pixel=2, **VIEW)
 
     answers(case, nudge=SINGLE)
@@ -131,6 +171,11 @@ def test_fronts(answers):
         lines = 0.5 + 0.3 * np.clip((place - rng.uniform(20.0, 40.0, 12)[:, None]) / 6.0, 0.0, 1.0)
         lines = nudge(lines + rng.normal(0.0, 0.004, lines.shape))
         front = outer_fronts(lines, 0.4)
-        return front, smoothed(lines, 1.3), inner_bands(lines, front, 7.0), fit_curve(np.arange(12.0), np.linspace(3.0, 5.0, 12) ** 2 + 0.1 * front, 2, 0.5)
+        return (
+            front,
+            smoothed(lines, 1.3),
+            inner_bands(lines, front, 7.0),
+            fit_curve(np.arange(12.0), np.linspace(3.0, 5.0, 12) ** 2 + 0.1 * front, 2, 0.5),
+        )
 
     answers(case)

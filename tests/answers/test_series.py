@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import xarray
 
-from aerokernels import Disc, FLDI, flow, fldi_response, look_map, optical_series, statistics
+from aerokernels import FLDI, Disc, fldi_response, flow, look_map, optical_series, statistics
 from aerokernels.series.line_integrals import LineIntegrals
 from aerokernels.series.linking import linking_equation
 from tests.draws.fldi_draws import draw_reading
 from tests.series.fourier import Fourier
 
 from .records import Nudge
-from .scenes import SINGLE, ball, bent_mesh, nudged
+from .scenes import SINGLE, ball, nudged
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 STAGES = ("series/", "fldi/")
@@ -42,8 +42,14 @@ def test_maps(answers, geometry: str, direction, interpolation: str):
     """By line integrals, or by rays where they must be."""
 
     def case(nudge: Nudge):
-        found = optical_series(opened(nudge, geometry), Disc(0.02, [0.0, 0.0, 0.004]), direction=direction, pixel_count=12,
-                               interpolation=interpolation, backend="opencl")  # fmt: skip
+        found = optical_series(
+            opened(nudge, geometry),
+            Disc(0.02, [0.0, 0.0, 0.004]),
+            direction=direction,
+            pixel_count=12,
+            interpolation=interpolation,
+            backend="opencl",
+        )
         return numbers(found)
 
     answers(case, nudge=1e-9)
@@ -59,7 +65,9 @@ def test_lines(answers, interpolation: str):
         direction = np.array([0.2, -0.1, 1.0]) / np.linalg.norm([0.2, -0.1, 1.0])
         lines = LineIntegrals(series.mesh, start, direction, interpolation)
         weights = [lines.path_weights, lines.lattice]
-        return lines(nudge(np.random.default_rng(2).normal(size=SHAPE))), [one for one in weights if isinstance(one, np.ndarray)]
+        return lines(nudge(np.random.default_rng(2).normal(size=SHAPE))), [
+            one for one in weights if isinstance(one, np.ndarray)
+        ]
 
     answers(case)
 
@@ -76,8 +84,14 @@ def some_maps(nudge: Nudge) -> xarray.Dataset:
     return xarray.Dataset(given, {"time": 1e-5 * np.arange(64), "y": y, "x": x}, {"wavelength": 600e-9})
 
 
-@pytest.mark.parametrize("options", [{}, {"velocity": 300.0, "length": 0.05, "mode_count": 4, "segment": 16},
-                                     {"apertures": [0.04, 0.06], "wavelength": 1e-6}])  # fmt: skip
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"velocity": 300.0, "length": 0.05, "mode_count": 4, "segment": 16},
+        {"apertures": [0.04, 0.06], "wavelength": 1e-6},
+    ],
+)
 def test_statistics(answers, options: dict):
     """Means, spectra, modes, apertures and correlations."""
     answers(lambda nudge: numbers(statistics(some_maps(nudge), **options)))
@@ -98,14 +112,21 @@ def test_looks(answers, geometry: str):
     """Strehl ratios and tilts over angles."""
 
     def case(nudge: Nudge):
-        found = look_map(ball(nudge, geometry), [-0.3, 0.0, 0.2], [0.0, 0.1], Disc(0.008), ray_count=128, wavelength=600e-9,
-                         backend="opencl")  # fmt: skip
+        found = look_map(
+            ball(nudge, geometry),
+            [-0.3, 0.0, 0.2],
+            [0.0, 0.1],
+            Disc(0.008),
+            ray_count=128,
+            wavelength=600e-9,
+            backend="opencl",
+        )
         return numbers(found)
 
     answers(case, nudge=SINGLE)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_interferometer(answers, seed: int):
     """Phases of a focused interferometer in random air, and their errors."""
 
@@ -123,7 +144,11 @@ def test_instrument(answers):
         one = FLDI(1.2e-4, nudge(6e-6), focus=(0.004, 0.0, 0.02), direction=(0.0, 1.0, 0.0))
         waves = np.geomspace(30.0, 3e4, 6)
         found = fldi_response(ball(nudge, "volume", 1e-6), one, offsets=[[0.0, 0.0, 0.0], [1e-3, 0.0, 2e-3]], rays=9)
-        transfers = one.transfer(waves), one.transfer(waves, 0.01, angle=0.3), one.transfer_through(waves, 0.02, angle=0.2)
+        transfers = (
+            one.transfer(waves),
+            one.transfer(waves, 0.01, angle=0.3),
+            one.transfer_through(waves, 0.02, angle=0.2),
+        )
         return found, transfers, one.radius(np.array([0.0, 0.05])), one.normal, one.divergence
 
     answers(case)

