@@ -113,7 +113,7 @@ def test_waveforms(answers):
         time = np.arange(120) * 1.5e-10
         first = np.exp(-((time - 8e-9) ** 2) / (2e-9) ** 2)
         found = []
-        for shift, width, height in ((0.0, 2e-9, 1.0), (7e-10, 2e-9, 0.8), (-1.3e-9, 3.3e-9, 1.2), (5e-9, 1e-9, 0.1)):
+        for shift, width, height in ((7e-10, 2e-9, 0.8), (-1.3e-9, 3.3e-9, 1.2)):
             other = height * np.exp(-((time - 8e-9 - shift) ** 2) / width**2)
             found += [
                 compare_waveforms(time, nudge(np.minimum(first, 0.9)), other, threshold=level, greatest_lag=lag)

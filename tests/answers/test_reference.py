@@ -48,15 +48,16 @@ def test_rays(answers, geometry: str, interpolation: str, stop: str):
     answers(case)
 
 
-@pytest.mark.parametrize("method", ["paper", "fixed", "straight"])
-@pytest.mark.parametrize("geometry", ["volume", "axisymmetric"])
+@pytest.mark.parametrize(
+    ("geometry", "method"), [("volume", "straight"), ("axisymmetric", "paper"), ("axisymmetric", "fixed")]
+)
 def test_method(answers, geometry: str, method: str):
     """The methods that a caller may ask for."""
 
     def case(nudge: Nudge):
         field = nudged(random_field(geometry, "cubic", 3), nudge)
         step = {"step": 7e-5} if method == "fixed" else {}
-        return trace(field, oblique_rays(4), until=STOPS["far"], method=method, **step, **OPTIONS).status_summary()
+        return trace(field, oblique_rays(3), until=STOPS["far"], method=method, **step, **OPTIONS).status_summary()
 
     answers(case)
 
