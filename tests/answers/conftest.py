@@ -29,6 +29,7 @@ def answers(request: pytest.FixtureRequest) -> Callable[..., None]:
             lines = differences(before[name], found)
             assert not lines, "\n".join([f"{len(lines)} answers changed; --record if on purpose", *lines[:40]])
             return
+        assert not hasattr(request.config, "workerinput"), "write records in one process: leave out -n"
         others = [watched(lambda seed=seed: case(Nudge(nudge, seed)), stages) for seed in range(TRIES)]
         record = written(found, others, nudge)
         reporter = request.config.pluginmanager.getplugin("terminalreporter")
