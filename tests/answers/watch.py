@@ -24,6 +24,7 @@ MODULES = {str(ROOT / "aerokernels" / module): module.removesuffix(".py") for mo
 # Results of other kinds inside results are followed this far; what is in more places than this is summed together.
 DEPTH, PLACES = 4, 40
 MEASURED = ("seconds", "stages")  # times that a machine took
+ONCE = ("tracing/result: output_mask",)  # called where a kernel is built, once in a process
 GENERATOR = 0x20 | 0x80 | 0x200  # flags of code whose frames return more than once
 NUMBERS = "biufc"
 
@@ -120,7 +121,8 @@ def _name_of(code, stages: tuple[str, ...]) -> str:
         or "<" in code.co_qualname.replace("<locals>", "")
     ):
         return ""
-    return f"{module}: {code.co_qualname.replace('.<locals>', '')}"
+    name = f"{module}: {code.co_qualname.replace('.<locals>', '')}"
+    return "" if name in ONCE else name
 
 
 def watched(run: Callable[[], Any], stages: tuple[str, ...]) -> Answers:
