@@ -1,9 +1,10 @@
 """Mutate the numerical core: change one operator, comparison, number or condition, and run the tests concerned.
 
 The tests of a mutant are those that scripts/mutated_tests found to run its function, the quickest first, limited to
-some seconds; for a constant of a module or a class, those of the functions that name it. A mutant is caught if a test
-fails, an exception gets out, or the tests take three times as long. The test that caught it is run once without the
-mutant, and must pass. Mutants are chosen at random among all of a module's; scripts/mutants.py says what is left out.
+some seconds; for a constant of a module or a class, those of the functions of any module that name it (a constant that
+kernels alone read has none). A mutant is caught if a test fails, an exception gets out, or the tests take three times
+as long. The test that caught it is run once without the mutant, and must pass. Mutants are chosen at random among all
+of a module's; scripts/mutants.py says what is left out.
 
 scripts/mutants_without_effect.toml lists survivors that were read and found unable to change a result, with the reason.
 Two fractions are printed with their standard errors, with and without those. The sources are not touched: each mutant
@@ -37,7 +38,7 @@ SECONDS = 20.0  # of tests for one mutant
 class Suite:
     """The tests of each mutant, and which of them pass without a mutant."""
 
-    def __init__(self, every: dict[str, list[Mutant]]):
+    def __init__(self) -> None:
         """Read the list of tests."""
         listed = json.loads(MADE.read_text(encoding="utf-8"))
         self.cost = {f"{file}::{name}": cost for file, tests in listed["tests"].items() for name, cost in tests}
@@ -47,19 +48,21 @@ class Suite:
             for function, numbers in listed["functions"].items()
         }
         self.sound: dict[tuple[str, ...], bool] = {}
-        self.named = {module: _named(ROOT / "aerokernels" / module) for module in every}
+        self.named = {
+            f"{module}::{name}": said for module in CORE for name, said in _named(ROOT / "aerokernels" / module).items()
+        }
 
     def tests(self, mutant: Mutant) -> list[str]:
         """Return names of tests, the quick ones first."""
         if found := self.of.get(f"{mutant.module}::{mutant.function}"):
             return found
-        named = self.named[mutant.module]
-        using = [name for name, said in named.items() if said & mutant.names]
-        return self._of_all(mutant.module, [*using, *named])
+        using = [name for name, said in self.named.items() if said & mutant.names]
+        using.sort(key=lambda name: not name.startswith(f"{mutant.module}::"))  # those of its own module first
+        return self._of_all([*using, *(name for name in self.named if name.startswith(f"{mutant.module}::"))])
 
-    def _of_all(self, module: str, functions: list[str]) -> list[str]:
-        """Return tests of some functions of a module, alternating between the functions."""
-        turns = itertools.zip_longest(*(self.of.get(f"{module}::{name}", []) for name in functions))
+    def _of_all(self, functions: list[str]) -> list[str]:
+        """Return tests of some functions, alternating between the functions."""
+        turns = itertools.zip_longest(*(self.of.get(name, []) for name in functions))
         found, spent = [], 0.0
         for test in dict.fromkeys(one for turn in turns for one in turn if one is not None):
             if spent + self.cost[test] <= SECONDS:
@@ -154,7 +157,7 @@ def main() -> int:
         pool = [one for found in every.values() for one in found]
         waiting = draw.sample(pool, min(given.total, len(pool)))
     tried = []
-    for mutant, caught, why, names in Suite(every).caught(waiting, end, given.processes):
+    for mutant, caught, why, names in Suite().caught(waiting, end, given.processes):
         tried.append((mutant, caught))
         if given.out:
             told = {"module": mutant.module, "line": mutant.line, "change": mutant.told, "code": mutant.code}

@@ -4,8 +4,9 @@ Each test file runs in a forked process. Each test, and each fixture that severa
 a shared fixture runs counts for every test that requests it, and caches of a test module are cleared before each of its
 tests. A test that takes longer than --longest seconds of computing is aborted and left out, as is one that fails. The
 measurements are stored in build/mutated_tests, one file per test file; an unchanged test file is not measured again.
-From these scripts/mutated_tests.json is made: for each function the quickest tests that run it. Only Python code is
-measured, not kernels. Needs `fork`.
+From these scripts/mutated_tests.json is made: for each function the quickest tests that run it. Where files are named,
+their tests alone are replaced in the list, and a function gets at most a quarter of its seconds and tests from them.
+Only Python code is measured, not kernels. Needs `fork`.
 """
 
 import argparse
@@ -31,7 +32,10 @@ MADE = ROOT / "scripts" / "mutated_tests.json"
 MEASURED = ROOT / "build" / "mutated_tests"
 MODULES = list(tomllib.loads((ROOT / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))["modules"])
 # Tests of whole commands, boards and documents are left out: they take minutes, or run the core in other processes.
-FOLDERS = ("echo", "flow", "flow/reading", "jobs", "medium", "physics", "schlieren", "series", "stress", "tracing", ".")
+FOLDERS = (
+    "answers", "echo", "fldi", "flow", "flow/reading", "imaging", "jobs", "medium", "physics", "rays", "schlieren",
+    "series", "strehl", "stress", "tracing", "wavefront", "waves", ".",
+)  # fmt: skip
 
 
 class TooLong(BaseException):
@@ -191,12 +195,19 @@ def _covers(tests: list[tuple[float, str, set[int]]], seconds: float, most: int)
     return [name for _, name, _ in sorted(picked, key=lambda one: one[:2])]
 
 
-def written(seconds: float, most: int) -> None:
-    """Write the list from all measurements."""
-    tests = {}
-    for place in sorted(MEASURED.glob("*.json")):
+def written(seconds: float, most: int, files: list[Path]) -> None:
+    """Write the list from all measurements, or replace the tests of some files in it."""
+    tests: dict[str, dict] = {}
+    for place in [_place(file) for file in files] or sorted(MEASURED.glob("*.json")):
         tests |= json.loads(place.read_text(encoding="utf-8"))
-    functions_tests = chosen(tests, seconds, most)
+    if files:
+        functions_tests = chosen(tests, 0.25 * seconds, most // 4)
+        kept, before = _kept({str(file.relative_to(ROOT)) for file in files})
+        tests |= kept
+        for function, names in functions_tests.items():
+            names += before.get(function, [])
+    else:
+        functions_tests = chosen(tests, seconds, most)
     files: dict[str, list[str]] = defaultdict(list)
     for name in sorted({name for names in functions_tests.values() for name in names}):
         files[name.partition("::")[0]].append(name)
@@ -216,13 +227,30 @@ def written(seconds: float, most: int) -> None:
     print(f"{len(functions_tests)} functions, {len(number)} tests; {len(bare)} functions that none of them runs")
 
 
+def _kept(replaced: set[str]) -> tuple[dict[str, dict], dict[str, list[str]]]:
+    """Return the tests of the list that are not of replaced files, and the functions' tests among them."""
+    listed = json.loads(MADE.read_text(encoding="utf-8"))
+    names = [(f"{file}::{name}", cost) for file, tests in listed["tests"].items() for name, cost in tests]
+    kept = {name: {"cost": cost} for name, cost in names if name.partition("::")[0] not in replaced}
+    functions_tests = {
+        function: [name for name, _ in (names[k] for k in numbers) if name in kept]
+        for function, numbers in listed["functions"].items()
+    }
+    return kept, functions_tests
+
+
+def _place(file: Path) -> Path:
+    """Return the file that holds the measurement of a test file."""
+    return MEASURED / (str(file.relative_to(ROOT)).replace("/", "+") + ".json")
+
+
 def measured(files: list[Path], longest: float, file_seconds: float, seconds: float, processes: int) -> None:
     """Measure test files, some at a time and the largest first, until the time is over."""
     end = time.monotonic() + seconds
     MEASURED.mkdir(parents=True, exist_ok=True)
     running: dict[int, tuple[Path, float]] = {}
     for file in sorted(files, key=lambda file: -file.stat().st_size):
-        place = MEASURED / (str(file.relative_to(ROOT)).replace("/", "+") + ".json")
+        place = _place(file)
         if place.exists() and place.stat().st_mtime > file.stat().st_mtime:
             continue
         if len(running) == processes:
@@ -281,7 +309,7 @@ def main() -> int:
     every = [file for folder in FOLDERS for file in sorted((ROOT / "tests" / folder).resolve().glob("test_*.py"))]
     files = [file.resolve() for file in given.files] or every
     measured(files, given.longest, given.file_seconds, 60.0 * given.minutes, given.processes)
-    written(given.seconds, given.most)
+    written(given.seconds, given.most, [file.resolve() for file in given.files])
     return 0
 
 

@@ -188,3 +188,10 @@ def test_another_pulse_shows_in_noise_and_by_its_tail():
 def test_a_pulse_that_the_record_cuts_has_no_width():
     found = compare_waveforms(TIME[:101], pulse()[:101], pulse()[:101])
     assert found.same_pulse is None and math.isnan(found.recorded_width) and math.isnan(found.width_range)
+
+
+def test_lags_of_up_to_half_the_record_are_tried():
+    """A pulse later by 0.45 of the record is found there, to a thousandth of a sample."""
+    time = np.arange(200) * 1e-9
+    pulse = [np.exp(-(((time - place) / 5e-9) ** 2)) for place in (30e-9, 120e-9)]
+    assert compare_waveforms(time, pulse[1], pulse[0]).lag == pytest.approx(90e-9, abs=1e-12)

@@ -113,7 +113,7 @@ def fewer_gaussians(delay: np.ndarray, peak: np.ndarray, tau: float) -> tuple[np
         Delays [s] and peaks of the few pulses; unchanged if a few do not suffice.
     """
     middle, half = 0.5 * (delay.min() + delay.max()), 0.5 * float(np.ptp(delay))
-    for count in range(2, min(delay.size // 4, MOST_PULSES) + 1):
+    for count in range(2, min(delay.size // 4, MOST_PULSES) + 1):  # a sum that suffices is exact: speed only
         error = 2.2 * math.exp(0.5 * (count * math.log(2.0) - math.lgamma(count + 1.0))) * (0.5 * half / tau) ** count
         if error < INTERPOLATED:
             break

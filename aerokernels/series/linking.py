@@ -73,7 +73,7 @@ def _linked_and_path(densities: np.ndarray, weights: np.ndarray) -> np.ndarray:
     left = (densities - densities.mean(axis=0)) * math.sqrt(count / (count - 1))
     found = np.zeros((2, count))
     for along, step in zip(np.moveaxis(left, 1, 0), weights, strict=True):
-        covariance = along.T @ along / count
+        covariance = along.T @ along  # of any scale: its shape alone counts below
         pitch = float(step.max())
         scale = np.zeros(covariance.shape)
         for plane, row in enumerate(covariance):

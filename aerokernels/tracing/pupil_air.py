@@ -95,16 +95,16 @@ def pupil_air(
 
 
 def meets_wall(field: IndexField, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Which straight rays end on the body: they enter it, or they start in it and never leave it."""
+    """Which straight rays end on the body: they enter it, or they start in it and never leave it.
+
+    A line along x through planar air never leaves the field and is not counted.
+    """
     assert field.body is not None
     span = box_span(field, position, direction)
     walls = field.body.crossings(position, direction)
     walls = np.pad(walls, ((0, 0), (0, 2)), constant_values=np.inf)
     before = np.count_nonzero((walls <= span.enter[:, None]) & np.isfinite(walls), axis=1)
     inside = before % 2 == 1
-    if field.geometry == "planar":
-        # A line along x crosses no wall.
-        inside |= field.body.contains(field.local_coordinates(position)) & (np.abs(direction[:, 0]) == 1.0)
     rows = np.arange(len(walls))
     leaves, enters = walls[rows, before], walls[rows, before + inside]
     return span.meets & (span.leave < 1e30) & ((enters <= span.leave) | inside & (leaves > span.leave))

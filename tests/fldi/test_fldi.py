@@ -274,3 +274,14 @@ def test_the_error_told_holds_a_resampling_and_how_a_field_was_made():
     assert float(unsure.error - exact.error) == pytest.approx(0.1 * abs(float(exact.phase)), rel=1e-2)
     lost = replace(coarse, resampling=replace(coarse.resampling, source=None))
     assert np.isnan(fldi_response(lost, instrument).error)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_half_of_the_light_is_truncated_where_one_beam_runs_out_of_known_air(side: float):
+    """Air that is disturbed on one side, up to both ends of the box: all light of one beam, none of the other's."""
+    y, z = np.linspace(-6e-3, 6e-3, 61), np.linspace(-5e-3, 5e-3, 21)
+    contrast = 1e-5 * np.clip((side * y - 0.5e-3) / 1e-3, 0.0, 1.0)[:, None] * np.ones(21)
+    field = IndexField.from_samples(contrast, origin=(y[0], z[0]), spacing=(2e-4, 5e-4), geometry="planar")
+    with pytest.warns(TruncationWarning):
+        found = fldi_response(field, FLDI(4e-3, 5e-5, direction=(0.0, 1.0, 0.0)))
+    assert float(found.truncated) == pytest.approx(0.5, abs=1e-6)

@@ -1,6 +1,7 @@
 """Ciddor's refractive index of air against the values that he and NIST published."""
 
 import math
+import warnings
 
 import pytest
 from hypothesis import given
@@ -157,3 +158,10 @@ def test_bad_air_is_refused():
 def test_extrapolated_densities_are_told(temperature, pressure):
     with pytest.warns(UserWarning, match="is extrapolated: its compressibility is known from 233 to 373"):
         flow.ciddor_refractivity(905e-9, temperature, pressure)
+
+
+@pytest.mark.parametrize(("temperature", "pressure"), [(233.0, 1e5), (373.3, 1e5), (293.15, 140e3)])
+def test_densities_up_to_the_limits_are_not_extrapolated(temperature, pressure):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert flow.moist_air_density(temperature, pressure) == pytest.approx(pressure / 287.05 / temperature, rel=5e-3)

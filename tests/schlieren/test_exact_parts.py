@@ -7,6 +7,7 @@ import pytest
 
 from aerokernels import FLDI
 from aerokernels.schlieren import Bench, measure_shock_angle
+from aerokernels.schlieren.knife_edge import _across
 
 from .test_fronts import WINDOW, drawn
 
@@ -57,3 +58,13 @@ def test_long_waves_are_passed_as_they_are():
     grown = wave * math.tan(instrument.divergence) * 0.03
     expected = in_focus * (1.0 - grown**2 / 24.0)
     np.testing.assert_allclose(instrument.transfer_through(wave, 0.03), expected, rtol=1e-6)
+
+
+def test_an_edge_turned_by_any_number_of_quarters_sees_one_component():
+    """The component toward the bright side is cos a e_x + sin a e_y; at quarter turns one of the two, exactly."""
+    deflection = np.array([[3e-6, -7e-6], [1e-6, 2e-6]])
+    for quarter in range(-9, 10):
+        found = _across(deflection, 0.5 * math.pi * quarter)
+        turned = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][quarter % 4]
+        np.testing.assert_array_equal(found, deflection @ turned)
+    np.testing.assert_allclose(_across(deflection, 0.3), deflection @ [math.cos(0.3), math.sin(0.3)], rtol=1e-14)

@@ -31,6 +31,19 @@ def test_jitter_is_the_rms_of_tilts_about_their_mean():
     assert float(found.opd_rms) < 1e-6 * float(found.opd_rms_with_tilt)
 
 
+def test_two_snapshots_have_one_mode():
+    """Maps m + d and m - d: the mean square about the mean is that of d, all of it in the first mode."""
+    rng = np.random.default_rng(4)
+    mean, change = rng.normal(0.0, 1e-7, (2, len(GRID.coordinates)))
+    opd = np.stack([GRID.spread(mean + change), GRID.spread(mean - change)])
+    given = {"opd": (("time", "y", "x"), opd), "weight": (("y", "x"), GRID.weight)}
+    places = {"time": [0.0, 1e-5], "y": GRID.y, "x": GRID.x}
+    found = statistics(xarray.Dataset(given, places, {"wavelength": WAVELENGTH}))
+    lit = GRID.weight[GRID.weight > 0.0]
+    assert float(found.pod_energy[0]) == pytest.approx(float(np.average(change**2, weights=lit)), rel=1e-9)
+    assert (np.abs(found.pod_energy[1:]) < 1e-9 * float(found.pod_energy[0])).all()
+
+
 @pytest.mark.parametrize("interpolation", ["cubic", "linear"])
 def test_linear_samples_of_a_plane_stay_linear(interpolation: str):
     """Between all nodes, up to the edges; points outside have none. Mirrored at the first node what is even does so."""

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from aerokernels import IndexField, RayBundle
+from aerokernels.medium import Body
 from aerokernels.tracing import ArcLength, Plane
 from aerokernels.tracing.known_air import may_be_lost
 from aerokernels.tracing.lever_arms import LeverArms
+from aerokernels.tracing.pupil_air import meets_wall
 from aerokernels.tracing.support import support_box
 
 CELL, HALF, LENGTH, SCALE, GREATEST = 2.5e-4, 2e-3, 8e-3, 1.5e-3, 1e-5
@@ -84,3 +86,24 @@ def test_lever_arms_leave_out_less():
         low, high = support_box(field, 1e-9, LeverArms(LENGTH, arm, arm))
         assert (low <= plain[0] + 1e-15).all() and (high >= plain[1] - 1e-15).all()
     assert support_box(field, 1e-9, LeverArms(LENGTH, 1e3, 1e3))[1][0] == pytest.approx(HALF)
+
+
+def test_a_line_along_x_ends_on_a_body_that_is_round_alone():
+    """Planar air has no end along x: such a line crosses no wall and never leaves. About an axis, x and y are alike."""
+    profile = np.array([(0.0, -2e-3), (1.5e-3, -1e-3), (1.5e-3, 1e-3), (0.0, 2e-3)])
+    start = 1e-3 * np.array([[0.1, 0.4, 0.2], [-3.0, 0.5, 0.3], [-3.0, 2.5, 0.3], [0.2, -0.3, 3.0]])
+    along_x = np.tile([1.0, 0.0, 0.0], (4, 1))
+    answers = {}
+    for geometry in ("planar", "axisymmetric"):
+        outline = profile if geometry == "axisymmetric" else np.r_[profile, profile[2:0:-1] * [-1.0, 1.0]]
+        low = (0.0, -4e-3) if geometry == "axisymmetric" else (-4e-3, -4e-3)
+        count = 5 if geometry == "axisymmetric" else 9
+        field = IndexField.from_samples(
+            np.zeros((count, 9)), origin=low, spacing=(1e-3, 1e-3), geometry=geometry, body=Body(outline, geometry)
+        )
+        answers[geometry] = meets_wall(field, start, along_x)
+        if geometry == "axisymmetric":  # turned by a quarter about the axis
+            turned = start[:, [1, 0, 2]] * [-1.0, 1.0, 1.0], np.tile([0.0, 1.0, 0.0], (4, 1))
+            np.testing.assert_array_equal(meets_wall(field, *turned), answers[geometry])
+    assert not answers["planar"].any()
+    np.testing.assert_array_equal(answers["axisymmetric"][1:], [True, False, False])

@@ -166,3 +166,17 @@ def test_sums_over_a_step_are_exact_for_polynomials():
     for k in range(2 * count):
         slope = k * C ** max(k - 1, 0)
         assert BT @ C**k - PATH_ERROR_VALUE @ C**k - PATH_ERROR_SLOPE @ slope == pytest.approx(1.0 / (k + 1), abs=1e-13)
+
+
+def test_the_rms_of_a_bundle_counts_rays_by_their_shares():
+    """A prism along y: OPD g L y, of two rays with shares 3 and 1; the rms is g L dy sqrt(3) / 4."""
+    y = np.linspace(-0.01, 0.01, 9)
+    field = IndexField.from_samples(
+        np.repeat(1e-6 * y[:, None] / 0.01, 9, axis=1), origin=(-0.01, 0.0), spacing=(2.5e-3, 2.5e-3), geometry="planar"
+    )
+    rays = RayBundle(
+        np.array([[0.0, -4e-3, -1e-3], [0.0, 4e-3, -1e-3]]), np.array([[0.0, 0.0, 1.0]]), np.array([3.0, 1.0])
+    )
+    found = trace(field, rays, backend="reference", precision="float64")
+    expected = 1e-6 * 0.02 * 0.8 * np.sqrt(3.0) / 4.0
+    assert found.quantities["opd_rms"].value == pytest.approx(expected, rel=1e-4)

@@ -164,9 +164,8 @@ class Integrator:
         good = finite & ((error <= allowed) | short)
         with np.errstate(divide="ignore", invalid="ignore"):
             self.rejected_error[rows] = np.where(good, np.inf, error / h)
-        with np.errstate(divide="ignore", over="ignore"):
-            factor = np.clip(0.9 * (allowed / np.where(error > 0.0, error, np.inf)) ** 0.125, 0.2, 6.0)
-        factor = np.where(error > 0.0, factor, 6.0)
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            factor = np.where(error > 0.0, np.clip(0.9 * (allowed / error) ** 0.125, 0.2, 6.0), 6.0)
 
         # If the parabola missed a face, come closer first.
         at = (np.arange(len(rows)), chosen)
