@@ -42,11 +42,6 @@ LONGEST = (
 )
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
-    """Option of the tests in tests/answers."""
-    parser.addoption("--record", action="store_true", help="write the records of tests/answers, print what changed")
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Longest files first, each as a whole; the others in their own order."""
     rank = {name: place for place, name in enumerate(LONGEST)}
