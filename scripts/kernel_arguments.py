@@ -73,7 +73,7 @@ def warp_kernels() -> list[wp.Kernel]:
         kernels.append(build_kernel(library, geometry, "linear", False, "adaptive", stop, True, True))
         kernels.append(build_leapfrog_kernel(library, geometry, "cubic", stop, True))
     kernels.append(build_kernel(library, "planar", "bilinear-barron", True, "paper", "none", False, True))
-    kernels.append(build_bundle_kernel(library_of("float64"), 8))
+    kernels.append(build_bundle_kernel(library, 8))
     return kernels
 
 

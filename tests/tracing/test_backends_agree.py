@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels.rays import RayBundle
-from aerokernels.tracing import Plane, trace
+from aerokernels.tracing import Plane, RayStatus, trace
 from aerokernels.validation.random_fields import uniform_field
 from tests.small_fields import oblique_rays
 
@@ -73,12 +73,16 @@ def test_adaptive_meets_its_tolerance_at_every_stop(geometry, stop, engine):
 @pytest.mark.parametrize("geometry", ["volume", "planar", "axisymmetric"])
 @pytest.mark.parametrize("stop", STOPS)
 def test_straight_rays_end_at_the_same_place_on_every_backend(geometry, stop, engine):
-    """The same first- and second-order terms: they differ by third-order terms and the tolerance, 1e-3 wave."""
+    """The same first- and second-order terms: they differ by third-order terms and the tolerance, 1e-3 wave.
+
+    The reference says of rays that what a straight line neglects is above its tighter tolerance.
+    """
     backend = on(engine)
     field, rays, until = small_field(geometry, "cubic", 3, 0.1), small_rays(2), STOPS[stop]
     expected = trace(field, rays, until=until, method="straight", backend="reference", tolerance=1e-6)
     result = trace(field, rays, until=until, method="straight", tolerance=1e-3, **backend)
-    assert np.array_equal(result.status, expected.status) and result.ok.all()
+    judged = expected.status != RayStatus.TOLERANCE_NOT_MET
+    assert np.array_equal(result.status[judged], expected.status[judged]) and result.ok.all()
     assert np.abs(result.opd - expected.opd).max() < 1e-3 * WAVE
     assert np.abs(result.position - expected.position).max() < 5e-9
     assert np.abs(result.arc_length - expected.arc_length).max() < 2e-3 * WAVE

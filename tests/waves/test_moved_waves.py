@@ -5,7 +5,6 @@ import pytest
 
 from aerokernels import Disc, IndexField, Wave, wavefront
 from aerokernels.medium import Body
-from aerokernels.waves.diffraction import slope
 from aerokernels.waves.layers import layer_count, span_of
 from aerokernels.waves.shadows import SlabsPastBody
 from aerokernels.waves.slabs import FINEST, LEFT_OUT, LookingAlong, SlabsAlongZ, SlabsOfLayers, is_summed
@@ -160,10 +159,3 @@ def test_a_wave_that_is_moved_with_the_air_is_the_same_wave():
         found.append(split_step(lumps(move), light, step_count=16).amplitude)
     np.testing.assert_allclose(found[1], found[0], atol=1e-5)
     assert np.abs(np.angle(found[0])).max() > 1e-3
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-def test_slopes_are_those_of_numpy(axis: int):
-    """Central differences, one-sided at both ends."""
-    values = np.random.default_rng(4).normal(size=(7, 9))
-    np.testing.assert_allclose(slope(values, 0.3, axis), np.gradient(values, 0.3, axis=axis), rtol=1e-12)
