@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from aerokernels import IndexField
+from aerokernels import IndexField, zernike
 
 WAVELENGTH = 905e-9
 DEPTH = 2e-3
+RADIUS = 2e-3  # of the disc on which `modes` are orthogonal
 
 
 def phase_plate(opd, half_width: float, count: int = 43, **options) -> IndexField:
@@ -21,3 +22,13 @@ def phase_plate(opd, half_width: float, count: int = 43, **options) -> IndexFiel
     return IndexField.from_samples(
         contrast, origin=(-half_width, -half_width, z[0]), spacing=spacing, geometry="volume", **options
     )
+
+
+def modes(coefficients: dict[int, float]):
+    """OPD that is a sum of Zernike polynomials over RADIUS [m], by Noll's index."""
+
+    def opd(x, y):
+        orders = {index: zernike.noll_to_nm(index) for index in coefficients}
+        return sum(c * zernike.zernike_polynomial(*orders[j], x / RADIUS, y / RADIUS) for j, c in coefficients.items())
+
+    return opd
