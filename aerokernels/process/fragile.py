@@ -18,7 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
-from .machine import child_environment, host_memory
+from .machine import address_space, child_environment, host_memory
 from .opened import OPENED
 
 # A damaged file may announce more than it holds. The limits of memory and time are therefore proportional to the file's
@@ -29,6 +29,8 @@ LEAST_TIME, TIME_FOR_BYTE = 20.0, 1e-6  # [s], and s per byte: a twentieth of a 
 # A library in an endless loop on a damaged file is ended by its computing time; a small file takes 2 s.
 LEAST_COMPUTING = 6.0  # [s], and TIME_FOR_BYTE per byte
 LISTS, TIME_FOR_LISTS = (".pvd", ".series", ".vtm", ".vtmb", ".pvti", ".pvtr", ".pvts", ".pvtu"), 600.0  # [s]
+# Readers need no linear algebra, whose threads would each take address space: on many cores more than the limit.
+ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 DAMAGED = "the file is damaged or of another format: write it again"
 
 
@@ -63,7 +65,7 @@ class _Child:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env=child_environment(),
+            env=child_environment(ONE_THREAD),
         )
 
     def ask(self, request: Any, time_limit: float) -> Any:
@@ -151,7 +153,7 @@ def _end_idle() -> None:
 def limit(bounds: Bounds, inherited: float = 0.0) -> None:
     """Limit this process's memory, and its remaining computing time.
 
-    A forked process has `inherited` bytes of its parent's address space, which are added to the limit.
+    The limit of memory is `inherited` bytes higher: address space in use before the first file is no file's.
     """
     try:
         import resource
@@ -169,12 +171,13 @@ def limit(bounds: Bounds, inherited: float = 0.0) -> None:
 
 def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:
     """Answer requests until there are no more."""
+    inherited = address_space()
     while True:
         try:
             path, bounds, function, arguments = pickle.load(requests)
         except EOFError:
             return
-        limit(bounds)
+        limit(bounds, inherited)
         try:
             module, _, name = function.partition(":")
             raised, answer = False, getattr(import_module(module), name)(*arguments)

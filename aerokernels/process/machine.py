@@ -77,18 +77,24 @@ def _available() -> float:
     return host_memory()
 
 
+def address_space() -> float:
+    """Return the address space that this process uses [bytes]; 0 if the system does not tell."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        return float(pages) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError, IndexError):
+        return 0.0
+
+
 def _address_space() -> tuple[float, float]:
     """Return the limit of the process's address space (ulimit -v), and the address space in use [bytes]."""
     try:
         import resource
 
         limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-        if limit == resource.RLIM_INFINITY:
-            return math.inf, 0.0
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-    except (ImportError, OSError, ValueError, IndexError):
+    except (ImportError, OSError, ValueError):
         return math.inf, 0.0
-    return float(limit), float(pages) * os.sysconf("SC_PAGE_SIZE")
+    return (math.inf, 0.0) if limit == resource.RLIM_INFINITY else (float(limit), address_space())
 
 
 def _folders(controller: str) -> Iterator[Path]:

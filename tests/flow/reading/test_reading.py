@@ -369,3 +369,24 @@ def test_a_library_that_goes_round_in_circles_is_ended():
 
     code = "from aerokernels.process import fragile\nfragile.limit(fragile.Bounds(2e9, 0.0, 20.0))\nwhile True: pass"
     assert subprocess.run([sys.executable, "-c", code], timeout=60, check=False).returncode == -signal.SIGXCPU
+
+
+def test_address_space_in_use_before_a_file_is_not_counted_as_the_files(tmp_path, monkeypatch):
+    """Set-up: a child that takes 4 GB of address space when it starts, as libraries with many threads do.
+
+    Expected: it reads a small file all the same; what it may take for one is 2 GB.
+    """
+    pytest.importorskip("h5py")
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "sitecustomize.py").write_text("import mmap\nkept = mmap.mmap(-1, 4 << 30)\n")
+    path = fuzzing.plain(tmp_path, "hdf5")
+    expected = flow.read(path)
+    fragile._end_idle()
+    monkeypatch.syspath_prepend(str(tmp_path / "own"))
+    try:
+        found = flow.read(path)
+        (child,) = fragile._idle()
+        pages = int((tmp_path / f"/proc/{child.process.pid}/statm").read_text().split()[0])
+        assert pages > 1e6 and np.array_equal(found.density, expected.density)
+    finally:
+        fragile._end_idle()
