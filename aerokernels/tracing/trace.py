@@ -101,13 +101,13 @@ def trace(
     }
     with clocked() as seconds:
         with stage("plan"):
-            check_meeting(field, rays, "ray of the bundle")
             made: Any = "every ray is traced: requested by bundle='off'" if bundle == "off" else None
             if bundle == "auto" and method == "auto" and backend != "reference":
                 made = trace_bundle(BundleRequest(field, rays, until, wavelength, wanted, choices, run_plan))
             if isinstance(made, tuple):
                 plan, arrays = made
             else:
+                check_meeting(field, rays, "ray of the bundle")
                 plan = plan_bundle(field, rays, until, method=method, step=step, wavelength=wavelength, **choices)
                 plan = plan if made is None else replace(plan, reasons=(*plan.reasons, made))
         if not isinstance(made, tuple):

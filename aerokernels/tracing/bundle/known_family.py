@@ -23,7 +23,7 @@ def known_family(field: IndexField, rays: RayBundle, until, known: list[Family])
         if isinstance(until, ArcLength) and np.isfinite(family.ahead):
             continue  # the length of the rays matters, so they cannot be shifted along their lines
         # An image has many bundles: testing a few rays rules out most families.
-        if not family.holds_for(rays.pilot.position, rays.pilot.direction).all():
+        if len(known) > 1 and not family.holds_for(rays.pilot.position, rays.pilot.direction).all():
             continue
         ends = parameter_range(field, rays, family)
         if ends is not None and family.serves(*ends):

@@ -17,6 +17,7 @@ from ..launch import in_chunks, starts_of
 from ..leapfrog import LEAST_RAYS
 from ..lever_arms import lever_arms_of
 from ..lines import box_size
+from ..meeting import check_meeting
 from ..plan import BundleCounts, TracePlan
 from ..planning import make_plan, plan_bundle
 from ..status import NOT_DELIVERED
@@ -103,7 +104,8 @@ def _recognised(request: BundleRequest) -> tuple[Family, BundleTable, TracePlan]
     """The family of the rays, its patches and the plan of its lines; or the reason why there are none."""
     known: list[Family] = request.field.derive("families", list)
     family = known_family(request.field, request.rays, request.until, known)
-    if family is None:
+    if family is None:  # the rays of a known family met the field
+        check_meeting(request.field, request.rays, "ray of the bundle")
         found = find_family(request.field, request.rays, request.until)
         if isinstance(found, str):
             return found
