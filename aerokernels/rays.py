@@ -211,7 +211,7 @@ class RayBundle(ReadOnly):
         return self.rows(np.linspace(0, self.ray_count - 1, min(PILOT_RAYS, self.ray_count)).round().astype(int))
 
     def part(self, rows: Any) -> "RayBundle":
-        """Return the rays of an array of indices (NumPy's or Warp's) with equal weights, on the device they are on."""
+        """Return the rays of some rows (an array of NumPy's or Warp's, or Rows) with equal weights, on their device."""
         if self.device is None:
             return self.rows(plain_array(rows))
         position, direction = (self.held(name).part(rows) for name in ("position", "direction"))

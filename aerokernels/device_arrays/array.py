@@ -88,7 +88,7 @@ class DeviceArray:
         return np.asarray(self._at(rows % count).contiguous().numpy())
 
     def __setitem__(self, rows: Any, values: "np.ndarray | DeviceArray") -> None:
-        """Write rows, given by an array of their numbers, NumPy's or Warp's."""
+        """Write rows, given by their numbers: an array of NumPy's or Warp's, or Rows."""
         import warp
 
         if not len(rows):
@@ -99,11 +99,12 @@ class DeviceArray:
             given = warp.array(np.ascontiguousarray(values, self.dtype), dtype=self.buffer.dtype, device=self.device)
         warp.copy(self._at(rows), given)
         if self._coming is not None:  # the host's copy gets the new values too
-            self._coming.arrived()[plain_array(rows)] = np.asarray(values)
+            numbers = rows.host if isinstance(rows, Rows) else plain_array(rows)
+            self._coming.arrived()[numbers] = np.asarray(values)
         self._host = self.extremes = None
 
     def part(self, rows: Any) -> "DeviceArray":
-        """Return rows, given by an array of their numbers, NumPy's or Warp's, as a new array on the device."""
+        """Return rows, given as in `__setitem__`, as a new array on the device."""
         return DeviceArray(self._at(rows).contiguous())
 
     @property
@@ -119,9 +120,22 @@ class DeviceArray:
     def _at(self, rows: Any) -> Any:
         import warp
 
+        rows = rows.there if isinstance(rows, Rows) else rows
         if isinstance(rows, np.ndarray) or rows.device != self.buffer.device:
             rows = warp.array(plain_array(rows), dtype=warp.int32, device=self.device)
         return warp.indexedarray(self.buffer, [rows])
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Numbers of rows that are used several times, on the host and as a warp.array on a device."""
+
+    host: np.ndarray
+    there: Any
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.host)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,12 +191,12 @@ def rows_there(status: np.ndarray | DeviceArray, code: int) -> Any:
 
 
 def rows_beside(array: np.ndarray | DeviceArray, rows: np.ndarray) -> Any:
-    """Return row numbers where `array` is, to be used several times: a warp.array or a NumPy array."""
+    """Return row numbers also where `array` is, to be used several times."""
     if not isinstance(array, DeviceArray):
         return rows
     import warp
 
-    return warp.array(rows, dtype=warp.int32, device=array.device)
+    return Rows(rows, warp.array(rows, dtype=warp.int32, device=array.device))
 
 
 def rows_where(
