@@ -139,7 +139,10 @@ def test_a_forked_process_is_refused_and_leaves_the_parents_session_alone(tmp_pa
     done = run_python(code, tmp_path)
     assert done.returncode == 0, done.stderr
     refusal, auto, parent = done.stdout.splitlines()
-    assert "spawn" in refusal and auto == "('warp', 'cpu')" and parent == "7 True"
+    status, is_same = parent.split()
+    assert "spawn" in refusal and auto == "('warp', 'cpu')" and is_same == "True"
+    # NVIDIA's driver ends a forked process by a signal when the process exits.
+    assert status == "7" or ("NVIDIA" in need_opencl().info.device and status == "-11")
 
 
 def test_pyopencl_is_not_installed(tmp_path):
