@@ -2,7 +2,6 @@
 // aerokernels/tracing/blocks.py.
 //
 // Places first_place up to place_count: values_in (outer, count, pitch), maxima_out (outer, blocks, pitch).
-// ambient: if it is above 0, the values are contrasts m, and the maxima are those of m (ambient + m / 2) / ambient.
 
 #include "arguments.h"
 #include "real.h"
@@ -21,9 +20,7 @@ __kernel void block_maxima(BLOCK_MAXIMA_ARGUMENTS)
     __global const double *values = values_in + (size_t)outer * count * pitch + inner;
     double greatest_size = 0.0;
     for (int node = first; node <= min(first + block, count - 1); ++node) {
-        const double value = values[(size_t)node * pitch];
-        const double taken = ambient > 0.0 ? value * (ambient + 0.5 * value) / ambient : value;
-        greatest_size = greater64(greatest_size, fabs(taken));
+        greatest_size = greater64(greatest_size, fabs(values[(size_t)node * pitch]));
     }
     maxima_out[place] = greatest_size;
 }

@@ -117,36 +117,34 @@ class _Tables:
         if not names:
             return dict
         first, second, third = (count + 2 for count in self.shape)
-        blocks = tuple(_blocks(count, self.block) for count in self.shape)
-        makers: dict[str, tuple[list[tuple[int, ...]], Callable[..., None], Callable[..., Any]]] = {
-            "roughness": ([blocks] * 3, self._roughness, self._by_axis),
-            "potential by blocks": ([blocks], self._potential, lambda found: found),
-            "potential peaks": ([(second, third), (first, third)], self._peaks, _peaks_of),
-        }
-        sizes = [math.prod(shape) for name in names for shape in makers[name][0]]
+        blocks = [_blocks(count, self.block) for count in self.shape]
+        sizes = [4 * math.prod(blocks)]
+        if "potential peaks" in names:
+            sizes += [second * third, first * third]
         reading = self.engine.fetched([np.empty(size) for size in sizes])
-        buffers = iter(reading.buffers)
-        for name in names:
-            shapes, start, _ = makers[name]
-            start(*(next(buffers) for _ in shapes))
+        in_blocks, *lines = reading.buffers
+        self._by_blocks(in_blocks)
+        if lines:
+            self._peaks(*lines)
         reading.start()
 
         def read() -> dict[str, Any]:
-            arrays = iter(reading.taken())
-            return {
-                name: makers[name][2](*(next(arrays).reshape(shape) for shape in makers[name][0])) for name in names
-            }
+            in_blocks, *lines = reading.taken()
+            *fourth, potential = in_blocks.reshape(4, *blocks)
+            found = {"roughness": self._by_axis(*fourth), "potential by blocks": potential}
+            if lines:
+                found["potential peaks"] = _peaks_of(lines[0].reshape(second, third), lines[1].reshape(first, third))
+            return found
 
         return read
 
-    def _roughness(self, *made: Any) -> None:
-        """Launch the greatest fourth differences in blocks along each axis, into these buffers."""
+    def _by_blocks(self, made: Any) -> None:
+        """Launch the greatest fourth differences along each axis and potential in each block, into this buffer."""
         first, second, third = self.shape
-        for axis, buffer in enumerate(made):
-            shape = [_blocks(first, self.block), second, third]
-            before = [self.coefficients, *self.shape, axis, self.block]
-            self.engine.launch(self.kernels["fourth_differences"], before, [self.spare], math.prod(shape))
-            self._by_blocks(self.spare, shape, (1, 2), buffer)
+        columns = _blocks(first, self.block) * _blocks(second, self.block) * third
+        before = [self.coefficients, self.samples, *self.shape, self.block, self.grid.ambient_index]
+        self.engine.launch(self.kernels["column_maxima"], before, [self.spare], columns)
+        self._maxima(self.spare, 1, 4 * columns // third, third, self.block, made)
 
     def _by_axis(self, *fourth: np.ndarray) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
         """Convert to the form of step_bound.roughness_of_blocks."""
@@ -154,31 +152,19 @@ class _Tables:
         derivatives = [part / scale for part, scale in zip(fourth, scales, strict=True)]
         return self.block, derivatives, [np.zeros_like(part) for part in fourth]
 
-    def _potential(self, made: Any) -> None:
-        """Launch the greatest absolute potential over the ambient index in each block, into this buffer."""
-        self._by_blocks(self.samples, list(self.shape), (0, 1, 2), made, self.grid.ambient_index)
-
     def _peaks(self, planes: Any, rows: Any) -> None:
         """Launch the greatest absolute coefficients along the first axis, and along the second, into these buffers.
 
         Lines of the last axis are contiguous in memory, which would be slower.
         """
         first, second, third = (count + 2 for count in self.shape)
-        self._maxima(self.coefficients, second * third, 1, first, first, 0.0, planes)
-        self._maxima(self.coefficients, third, first, second, second, 0.0, rows)
+        self._maxima(self.coefficients, second * third, 1, first, first, planes)
+        self._maxima(self.coefficients, third, first, second, second, rows)
 
-    def _by_blocks(self, values: Any, shape: list[int], axes: tuple[int, ...], made: Any, ambient: float = 0.0) -> None:
-        """Launch the greatest absolute values over the nodes of blocks along axes, into the buffer `made`."""
-        for axis in axes:
-            pitch, outer = math.prod(shape[axis + 1 :]), math.prod(shape[:axis])
-            blocks = _blocks(shape[axis], self.block)
-            reduced = made if axis == axes[-1] else self.engine.empty(outer * blocks * pitch)
-            self._maxima(values, pitch, outer, shape[axis], self.block, ambient, reduced)
-            values, shape[axis], ambient = reduced, blocks, 0.0
-
-    def _maxima(self, values: Any, pitch: int, outer: int, count: int, block: int, ambient: float, made: Any) -> None:
+    def _maxima(self, values: Any, pitch: int, outer: int, count: int, block: int, made: Any) -> None:
+        """Launch the greatest absolute values over the nodes of blocks along an axis, into the buffer `made`."""
         places = outer * _blocks(count, block) * pitch
-        self.engine.launch(self.kernels["block_maxima"], [values, count, pitch, block, ambient], [made], places)
+        self.engine.launch(self.kernels["block_maxima"], [values, count, pitch, block], [made], places)
 
 
 def _fetched(engine: Engine, coefficients: Any, on_host: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:

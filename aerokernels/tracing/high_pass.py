@@ -97,8 +97,9 @@ def _along(
             found.append(each.of_all(moved))
         else:
             count, blocks = moved.shape[-1], np.flatnonzero(wanted.any(axis=tuple(others)))
-            nodes = np.unique(np.minimum(blocks[:, None] * block + np.arange(block + 1), count - 1))
-            found.append(each.of_some(moved, nodes))
+            is_wanted = np.zeros(count, bool)
+            is_wanted[np.minimum(blocks[:, None] * block + np.arange(block + 1), count - 1)] = True
+            found.append(each.of_some(moved, np.flatnonzero(is_wanted)))
     order = [*range(axis), values.ndim - 1, *range(axis, values.ndim - 1)]
     return [each.transpose(order) for each in found]
 

@@ -125,17 +125,17 @@ def test_a_kernel_out_of_use_keeps_numbers_but_no_memory():
     engine = engine_of(**on("opencl-cpu"))
     kernel = engine.grid_kernels(["block_maxima"])["block_maxima"]
     values, made = engine.put(np.array([1.0, -5.0, 2.0, 3.0, 4.0])), engine.empty(2)
-    engine.launch(kernel, [values, 5, 1, 2, 0.0], [made], 2)
+    engine.launch(kernel, [values, 5, 1, 2], [made], 2)
     engine.wait()
     kept = lasting(kernel.given)
-    assert kept == [None, 5, 1, 2, 0.0, 0, 2, None]
+    assert kept == [None, 5, 1, 2, 0, 2, None]
     program, taken = object(), object()
     engine.session.kernels[program, "none"] = []
     give_back(engine.session, program, "none", taken, kernel.given)
     assert take_kernel(engine.session, program, "none") == (taken, kept)
     again = Kernel(kernel.kernel, given=kept)
     other = engine.empty(2)
-    engine.launch(again, [values, 5, 1, 2, 0.0], [other], 2)
+    engine.launch(again, [values, 5, 1, 2], [other], 2)
     found = np.zeros(2)
     engine.get(other, found)
     assert found.tolist() == [5.0, 4.0]

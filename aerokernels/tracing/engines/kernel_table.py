@@ -102,13 +102,14 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("first_place", "int"),
         Value("values_out", "real*"),
     ),
-    "fourth_differences": (
+    "column_maxima": (
         Value("coefficients_in", "double*"),
+        Value("values_in", "double*"),
         Value("first_count", "int"),
         Value("second_count", "int"),
         Value("third_count", "int"),
-        Value("axis", "int"),
         Value("block", "int"),
+        Value("ambient", "double"),
         Value("first_place", "int"),
         Value("maxima_out", "double*"),
     ),
@@ -117,13 +118,12 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("count", "int"),
         Value("pitch", "int"),
         Value("block", "int"),
-        Value("ambient", "double"),
         Value("first_place", "int"),
         Value("maxima_out", "double*"),
     ),
 }
 # The kernels that prepare a grid (tracing/grid_tables.py).
-GRID_KERNELS = ("spline_lines", "fourth_differences", "block_maxima")
+GRID_KERNELS = ("spline_lines", "column_maxima", "block_maxima")
 # The counts that bound an OpenCL launch, whose size is rounded up to whole work-groups.
 BOUNDS = {
     "first_ray": "ray_count",

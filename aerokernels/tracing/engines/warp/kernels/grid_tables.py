@@ -74,49 +74,66 @@ def spline_lines(values_in, inverse_in, count, pitch, even, ambient, first_line,
         )
 
 
+@wp.func
+def fourth_difference(
+    coefficients_in: wp.array(dtype=wp.float64), place: int, stride: int, is_inside: bool
+) -> wp.float64:
+    """Size of the fourth difference about an entry; 0 at the ends of an axis."""
+    if not is_inside:
+        return wp.float64(0.0)
+    four = wp.float64(4.0)
+    change = (
+        coefficients_in[place - 2 * stride]
+        - four * coefficients_in[place - stride]
+        + wp.float64(6.0) * coefficients_in[place]
+        - four * coefficients_in[place + stride]
+        + coefficients_in[place + 2 * stride]
+    )
+    return wp.abs(change)
+
+
 @wp.kernel(enable_backward=False)
-@takes("fourth_differences")
-def fourth_differences(coefficients_in, first_count, second_count, third_count, axis, block, first_place, maxima_out):
-    """Greatest size of the fourth differences of coefficients along an axis, in blocks along the first axis."""
+@takes("column_maxima")
+def column_maxima(
+    coefficients_in, values_in, first_count, second_count, third_count, block, ambient, first_place, maxima_out
+):
+    """Greatest fourth differences and potential over the nodes of blocks along two axes, for nodes of the third."""
     place = wp.tid() + first_place
-    across = second_count * third_count
-    first = place // across * block
-    second = (place - place // across * across) // third_count
-    third = place - place // third_count * third_count
+    blocks = (second_count - 2) // block + 1
+    row = place // third_count
+    third = place - row * third_count
+    first = row // blocks * block
+    second = (row - row // blocks * blocks) * block
     pitch = third_count + 2
     plane = (second_count + 2) * pitch
-    stride = int(1)
-    count = third_count
-    if axis == 0:
-        stride = plane
-        count = first_count
-    if axis == 1:
-        stride = pitch
-        count = second_count
-    four = wp.float64(4.0)
-    greatest_size = wp.float64(0.0)
-    for node in range(first, wp.min(first + block, first_count - 1) + 1):
-        along = third
-        if axis == 0:
-            along = node
-        if axis == 1:
-            along = second
-        if along > 0 and along < count - 1:
-            c = (node + 1) * plane + (second + 1) * pitch + third + 1
-            change = (
-                coefficients_in[c - 2 * stride]
-                - four * coefficients_in[c - stride]
-                + wp.float64(6.0) * coefficients_in[c]
-                - four * coefficients_in[c + stride]
-                + coefficients_in[c + 2 * stride]
+    along_first = wp.float64(0.0)
+    along_second = wp.float64(0.0)
+    along_third = wp.float64(0.0)
+    potential = wp.float64(0.0)
+    for i in range(first, wp.min(first + block, first_count - 1) + 1):
+        for j in range(second, wp.min(second + block, second_count - 1) + 1):
+            c = (i + 1) * plane + (j + 1) * pitch + third + 1
+            value = value_at(values_in, (i * second_count + j) * third_count + third, ambient) / ambient
+            along_first = wp.max(
+                along_first, fourth_difference(coefficients_in, c, plane, i > 0 and i < first_count - 1)
             )
-            greatest_size = wp.max(greatest_size, wp.abs(change))
-    maxima_out[place] = greatest_size
+            along_second = wp.max(
+                along_second, fourth_difference(coefficients_in, c, pitch, j > 0 and j < second_count - 1)
+            )
+            along_third = wp.max(
+                along_third, fourth_difference(coefficients_in, c, 1, third > 0 and third < third_count - 1)
+            )
+            potential = wp.max(potential, wp.abs(value))
+    table = ((first_count - 2) // block + 1) * blocks * third_count
+    maxima_out[place] = along_first
+    maxima_out[table + place] = along_second
+    maxima_out[2 * table + place] = along_third
+    maxima_out[3 * table + place] = potential
 
 
 @wp.kernel(enable_backward=False)
 @takes("block_maxima")
-def block_maxima(values_in, count, pitch, block, ambient, first_place, maxima_out):
+def block_maxima(values_in, count, pitch, block, first_place, maxima_out):
     """Greatest size of the values at the nodes of each block along an axis."""
     place = wp.tid() + first_place
     blocks = (count - 2) // block + 1
@@ -126,10 +143,7 @@ def block_maxima(values_in, count, pitch, block, ambient, first_place, maxima_ou
     first = (row - outer * blocks) * block
     greatest_size = wp.float64(0.0)
     for node in range(first, wp.min(first + block, count - 1) + 1):
-        value = value_at(values_in, (outer * count + node) * pitch + inner, ambient)
-        if ambient > wp.float64(0.0):
-            value = value / ambient
-        greatest_size = wp.max(greatest_size, wp.abs(value))
+        greatest_size = wp.max(greatest_size, wp.abs(values_in[(outer * count + node) * pitch + inner]))
     maxima_out[place] = greatest_size
 
 
