@@ -42,6 +42,8 @@ CHUNK = 4096
 # The share of the device's memory that one result may occupy; the number of rays from which they are copied to a GPU
 # chunk by chunk.
 KEPT_SHARE, MANY = 0.25, 1 << 19
+# Bytes of an array from which on several threads copy it to pinned memory, and the GPU from there.
+STAGED = 32 << 20  # speed only
 # The share of a GPU's memory that its pool may hold, used and unused memory together.
 POOL_SHARE = 0.5
 SCALARS: dict[Any, type] = {
@@ -167,7 +169,7 @@ class Engine(Uploads):
         if array.ndim == 2 and kind is wp.float64:
             kind = VECTORS[array.shape[1]]
         if not is_one_row(array):
-            return wp.array(np.ascontiguousarray(array), dtype=kind, device=self.device)
+            return self._copied(np.ascontiguousarray(array), kind)
         one = wp.array(array[:1], dtype=kind, device=self.device)
         made = wp.array(
             ptr=one.ptr, dtype=kind, shape=(len(array),), strides=(0,), capacity=one.capacity, device=self.device
@@ -261,7 +263,16 @@ class Engine(Uploads):
     def struct_array(self, member: Value, values: np.ndarray, precision: str) -> wp.array:
         """Upload an array of a struct to the device."""
         numbers: np.ndarray = np.ascontiguousarray(values, member.number_type(precision))
-        return wp.array(numbers, dtype=types(precision).kinds[member.kind.rstrip("*")], device=self.device)
+        return self._copied(numbers, types(precision).kinds[member.kind.rstrip("*")])
+
+    def _copied(self, array: np.ndarray, kind: type) -> wp.array:
+        """Return a buffer with a copy of an array, C-contiguous; a large one goes to a GPU through pinned memory."""
+        if not self.is_gpu or array.nbytes < STAGED or array.ndim > 1 + hasattr(kind, "_length_"):
+            return wp.array(array, dtype=kind, device=self.device)
+        made = wp.empty(len(array), dtype=kind, device=self.device)
+        for _ in bring([array], [made]):
+            pass
+        return made
 
     def computed_coefficients(self, field: IndexField, precision: str) -> wp.array | None:
         """Return a grid's coefficients if this device has computed them, else None."""
