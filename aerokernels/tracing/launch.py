@@ -11,7 +11,8 @@ from ..medium.grid_places import known
 from ..process.clock import stage, staged
 from ..rays import RayBundle
 from .coherence import coherent_order
-from .engines import OUTPUT_TYPES, Prepared, engine_of
+from .engines import OUTPUT_TYPES, Engine, Prepared, engine_of
+from .engines.device_memory import lacks_memory, memory_of
 from .plan import TracePlan
 from .status import RayStatus, is_any_rejected
 
@@ -22,6 +23,8 @@ Numbers = np.ndarray | DeviceArray
 RAY_BYTES = 6 * 8 + sum(width * np.dtype(kind).itemsize for width, kind in OUTPUT_TYPES.values())
 # Most and fewest rays in one chunk.
 CHUNK, LEAST_CHUNK = 1 << 21, 64  # speed only
+# Chunks that do not fit the free memory are made smaller by this factor.
+FEWER = 4  # speed only
 # Up to this many rays, fetching all arrays from a GPU together is faster than one after the other.
 FEW = 1 << 14  # speed only
 # Number of pilots whose rays are cached on a device with a grid's node positions.
@@ -50,6 +53,21 @@ def launch(
         with stage("kernel"):
             return trace(field, rays, plan, until, wavelength, outputs)
     engine = engine_of(plan.backend, plan.device)
+    with memory_of(engine.device):
+        return _launched(engine, field, rays, plan, until, wavelength, outputs, are_read)
+
+
+def _launched(
+    engine: Engine,
+    field: IndexField,
+    rays: RayBundle,
+    plan: TracePlan,
+    until,
+    wavelength: float,
+    outputs: frozenset,
+    are_read: bool,
+) -> dict[str, Any]:
+    """Launch rays on an engine; arguments as for `launch`."""
     # Step bounds are made for the directions of the rays; the leapfrog kernels of Warp need no step bounds.
     needs_none = plan.backend == "warp" and plan.sample_count > 0
     directions = rays.held("direction")[:1] if needs_none else rays.direction
@@ -83,33 +101,67 @@ def in_chunks(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozense
     """
     engine, ray_count = prepared.engine, len(starts[0])
     if engine.keeps(ray_count * RAY_BYTES):
-        return _kept(prepared, starts, outputs)
-    starts = tuple(np.asarray(each) for each in starts)
+        try:
+            return _kept(prepared, starts, outputs)
+        except Exception as fault:
+            if not lacks_memory(fault):
+                raise
+    # Other programs may use most of the device's memory: chunks become smaller until they fit.
     chunk = chunk_size(engine.memory, ray_count)
-    arrays: dict[str, np.ndarray] = {}
-    results = prepared.allocate(chunk)
+    chunks = _Chunks(prepared, tuple(np.asarray(each) for each in starts), outputs)
+    while not chunks.has_all:
+        try:
+            chunks.trace(chunk)
+        except Exception as fault:
+            if chunk <= LEAST_CHUNK or not lacks_memory(fault):
+                raise
+            chunk = max(LEAST_CHUNK, chunk // FEWER)
+    return chunks.arrays
 
-    def fetch(name: str, rows: slice) -> None:
-        width, kind = OUTPUT_TYPES[name]
-        if name not in arrays:
-            arrays[name] = engine.room((ray_count, width) if width > 1 else (ray_count,), kind)
-        engine.get(results[name], arrays[name][rows])
 
-    for first in range(0, max(ray_count, 1), chunk):
-        rows = slice(first, min(first + chunk, ray_count))
-        with stage("upload"):
-            given = [engine.put(array[rows]) for array in starts]
-        with stage("kernel"):
-            prepared.launch(given, results, rows.stop - rows.start)
-            engine.wait()
-        with stage("download"):
-            for name in OUTPUT_TYPES:
-                if name in outputs or name == "status":
-                    fetch(name, rows)
-            if "step_error" in prepared.outputs - outputs:
-                if prepared.take_rejected() or is_any_rejected(arrays["status"][rows]):
-                    fetch("step_error", rows)
-    return arrays
+class _Chunks:
+    """Rays that are traced chunk by chunk; attributes as the arguments of `in_chunks`.
+
+    Attributes:
+        arrays: The per-ray arrays by name, with the results so far.
+        has_all: Whether all rays are traced.
+    """
+
+    def __init__(self, prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: frozenset):
+        self.prepared, self.starts, self.outputs = prepared, starts, outputs
+        self.arrays: dict[str, np.ndarray] = {}
+        self.done, self.has_all = 0, False
+
+    def trace(self, size: int) -> None:
+        """Trace the rays that are left, so many at a time."""
+        prepared, engine, ray_count = self.prepared, self.prepared.engine, len(self.starts[0])
+        results = prepared.allocate(min(size, ray_count))
+        while not self.has_all:
+            rows = slice(self.done, min(self.done + size, ray_count))
+            with stage("upload"):
+                given = [engine.put(array[rows]) for array in self.starts]
+            with stage("kernel"):
+                prepared.launch(given, results, rows.stop - rows.start)
+                engine.wait()
+            with stage("download"):
+                self._fetch(results, rows)
+            self.done, self.has_all = rows.stop, rows.stop >= ray_count
+
+    def _fetch(self, results: dict[str, Any], rows: slice) -> None:
+        """Copy the results of a chunk to the host."""
+        for name in OUTPUT_TYPES:
+            if name in self.outputs or name == "status":
+                self._fetch_one(name, results, rows)
+        if "step_error" in self.prepared.outputs - self.outputs:
+            if self.prepared.take_rejected() or is_any_rejected(self.arrays["status"][rows]):
+                self._fetch_one("step_error", results, rows)
+
+    def _fetch_one(self, name: str, results: dict[str, Any], rows: slice) -> None:
+        engine, ray_count = self.prepared.engine, len(self.starts[0])
+        if name not in self.arrays:
+            width, kind = OUTPUT_TYPES[name]
+            self.arrays[name] = engine.room((ray_count, width) if width > 1 else (ray_count,), kind)
+        engine.get(results[name], self.arrays[name][rows])
 
 
 class Trials:

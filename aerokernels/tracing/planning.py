@@ -15,6 +15,7 @@ from ..medium import IndexField
 from ..rays import RayBundle
 from .allowance import step_allowance
 from .engines.choice import choose_backend
+from .engines.device_memory import memory_of
 from .error_limit import error_limit
 from .leapfrog import fit_leapfrog, may_be_leapfrog, spread_of
 from .lever_arms import lever_arms_of
@@ -96,7 +97,8 @@ def plan_rays(
         if trial.backend != "reference":
             trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without the reason for the method
             examined = spread or (lambda low, high: pilot())
-            plan = fit_leapfrog(field, pilot(), trial, until, wavelength, examined, like, sure_count or ray_count)
+            with memory_of(trial.device):
+                plan = fit_leapfrog(field, pilot(), trial, until, wavelength, examined, like, sure_count or ray_count)
             if plan is not None:
                 return plan
     return make_plan(field, method=method, wavelength=wavelength, **choices)

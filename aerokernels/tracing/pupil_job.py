@@ -11,6 +11,7 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import PILOT_RAYS, Pupil, RayBundle
 from .engines import engine_of
+from .engines.device_memory import memory_of
 from .grid_tables import begun_grid
 from .lattice_quadrature import ACCEPTED, ENOUGH, LATTICES, lattice_sizes, may_still_settle
 from .lines import box_size
@@ -248,7 +249,8 @@ def _begun(field: IndexField, like: PupilJob | None) -> Callable[[], None]:
     """Start the tables of a grid that a job like this one needs; return a function that waits for them."""
     if like is None or not like.plan.sample_count or not isinstance(field.samples, UniformGrid):
         return lambda: None
-    return begun_grid(engine_of(like.plan.backend, like.plan.device), field.samples)
+    with memory_of(like.plan.device):
+        return begun_grid(engine_of(like.plan.backend, like.plan.device), field.samples)
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:
@@ -271,7 +273,8 @@ def _runner(task: PupilTask):
         from .engines.reference.pupil import PupilRun as ReferencePupilRun
 
         return ReferencePupilRun(task)
-    return PupilRun(task)
+    with memory_of(task.plan.device):
+        return PupilRun(task)
 
 
 def _finer_run(task: PupilTask, plan_of: Callable[[int], TracePlan], per_replicate: int):

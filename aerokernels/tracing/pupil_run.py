@@ -12,6 +12,7 @@ from ..medium.grid_places import known
 from ..process.clock import stage
 from ..rays import RayBundle
 from .engines import OUTPUT_TYPES, engine_of
+from .engines.device_memory import memory_of
 from .lattice_quadrature import smoothed_axes
 from .launch import RAY_BYTES
 from .pupil_fit import fit_surface, metres_of, moments_in_metres
@@ -135,7 +136,7 @@ class PupilRun:
 
     def __call__(self, seed: int | None) -> PupilSums:
         """Trace and sum the points of a seed."""
-        with stage("kernel"):
+        with stage("kernel"), memory_of(self.task.plan.device):
             return self._run(seed)
 
     def _run(self, seed: int | None) -> PupilSums:

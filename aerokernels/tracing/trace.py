@@ -77,6 +77,7 @@ def trace(
         TypeError: `field`, `rays` or `until` of the wrong kind.
         ValueError: A name or number that makes no sense, another wavelength than the field's, a backend or device that
             is not available, or a bundle of which no ray meets the field.
+        MemoryError: The device's free memory is not enough for the field and a few rays.
     """
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")

@@ -11,6 +11,7 @@ from ...device_arrays import DeviceArray, on_host, rows_there
 from ...medium import IndexField
 from ...rays import RayBundle
 from ..engines import engine_of
+from ..engines.device_memory import memory_of
 from ..error_limit import error_limit
 from ..known_air import face_strengths
 from ..launch import in_chunks, starts_of
@@ -84,8 +85,9 @@ def trace_bundle(request: BundleRequest) -> tuple[TracePlan, dict[str, np.ndarra
     if isinstance(found, str):
         return f"rays are traced one by one: {found}"
     family, table, plan = found
-    ready = engine_of(plan.backend, plan.device).prepare_bundle(table, request.outputs)
-    arrays = in_chunks(ready, starts_of(rays), request.outputs)
+    with memory_of(plan.device):
+        ready = engine_of(plan.backend, plan.device).prepare_bundle(table, request.outputs)
+        arrays = in_chunks(ready, starts_of(rays), request.outputs)
     left = rows_there(arrays["status"], NOT_DELIVERED)
     if len(left) > (1.0 - LEAST_SHARE) * rays.ray_count:
         return (

@@ -44,8 +44,8 @@ CHUNK = 4096
 KEPT_SHARE, MANY = 0.25, 1 << 19
 # Bytes of an array from which on several threads copy it to pinned memory, and the GPU from there.
 STAGED = 32 << 20  # speed only
-# The share of a GPU's memory that its pool may hold, used and unused memory together.
-POOL_SHARE = 0.5
+# The share of a GPU's memory that its pool may hold, used and unused memory together: other programs cannot use it.
+POOL_SHARE = 0.1
 SCALARS: dict[Any, type] = {
     np.dtype(np.float64): wp.float64,
     np.dtype(np.float32): wp.float32,
@@ -295,7 +295,7 @@ def _kind_of(array: np.ndarray) -> tuple[type, int]:
 def _keep_memory(device: wp.Device) -> None:
     """Let a GPU's pool keep unused memory: to allocate a result from the driver takes longer than to trace its rays.
 
-    If memory runs out, the driver takes back what is unused.
+    This process takes it back when it needs it; other processes cannot.
     """
     limit = int(POOL_SHARE * device.total_memory)
     if device.is_mempool_supported and wp.get_mempool_release_threshold(device) < limit:

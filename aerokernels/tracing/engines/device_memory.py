@@ -1,0 +1,46 @@
+"""Recognise that a device has no memory left, whichever library says so, and say it in words."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+# What Warp, CUDA and OpenCL write. A device's memory is shared with other programs, so its total size says too little.
+WORDS = (
+    "Failed to allocate",
+    "Failed to acquire primary context",
+    "MEM_OBJECT_ALLOCATION_FAILURE",
+    "OUT_OF_RESOURCES",
+    "OUT_OF_HOST_MEMORY",
+    "out of memory",
+)
+
+
+class DeviceMemoryError(MemoryError):
+    """A device has not enough free memory; the message names it and says what to do."""
+
+
+def lacks_memory(fault: Exception) -> bool:
+    """Return whether a library reports that a device has no memory left."""
+    if isinstance(fault, DeviceMemoryError):
+        return True
+    kind = type(fault)
+    is_librarys = kind is RuntimeError or kind.__module__.split(".")[0] == "pyopencl"
+    return is_librarys and any(word in str(fault) for word in WORDS)
+
+
+@contextmanager
+def memory_of(device: str) -> Iterator[None]:
+    """Translate a library's error if the device has no memory left.
+
+    Raises:
+        DeviceMemoryError: It has not enough for what is done here.
+    """
+    try:
+        yield
+    except Exception as fault:
+        if isinstance(fault, DeviceMemoryError) or not lacks_memory(fault):
+            raise
+        said = " ".join(str(fault).split())[:200]
+        raise DeviceMemoryError(
+            f"device {device!r} has not enough free memory ({said}): end other programs that use it, take a coarser "
+            "grid or fewer outputs, or choose another device"
+        ) from fault
