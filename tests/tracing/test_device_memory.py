@@ -133,6 +133,19 @@ def test_opencls_own_refusal_is_recognised(tmp_path):
     assert done.returncode == 0 and done.stdout.startswith("True"), done.stdout + done.stderr
 
 
+def filling(device, left: int) -> list:
+    """Arrays that hold all but so many bytes of a GPU's free memory, or a little more."""
+    import warp as wp
+
+    held: list = []
+    while (rest := min(device.free_memory - left, 1 << 30)) > 0:
+        try:
+            held.append(wp.empty(rest, dtype=wp.uint8, device=device))
+        except RuntimeError:
+            break
+    return held
+
+
 @pytest.mark.gpu
 def test_rays_are_traced_on_a_gpu_that_is_nearly_full():
     """Set-up: other arrays hold all but 250 MB of the GPU; the rays and their results would take 800 MB.
@@ -151,17 +164,13 @@ def test_rays_are_traced_on_a_gpu_that_is_nearly_full():
     limit = wp.get_mempool_release_threshold(device)
     wp.set_mempool_release_threshold(device, 0)
     wp.synchronize_device(device)
-    held = [wp.empty(device.free_memory - (250 << 20), dtype=wp.uint8, device=device)]
+    held = filling(device, 250 << 20)
     try:
         found = trace(field(), rays, **settings)
         assert np.array_equal(numbers[0], np.asarray(found.opd), equal_nan=True)
         assert np.array_equal(numbers[1], np.asarray(found.traced_status))
         del found
-        while device.free_memory > 8 << 20:
-            try:
-                held.append(wp.empty(device.free_memory - (4 << 20), dtype=wp.uint8, device=device))
-            except RuntimeError:
-                break
+        held += filling(device, 4 << 20)
         with pytest.raises(MemoryError, match="'cuda:0' has not enough free memory"):
             large = np.random.default_rng(1).normal(0.0, 1e-6, (150, 150, 150))
             there = IndexField.from_samples(large, origin=(-6e-3,) * 3, spacing=(8e-5,) * 3, geometry="volume")
