@@ -30,8 +30,11 @@ FINER = 1.3
 REJECTED = 0.7
 # Rounding to single precision is visible in a bound for tolerances below this share of the field's greatest OPD.
 FINE_SHARE = 3e-5
-# The longest of all rays may be this many times as long as the longest examined ray.
-SPACING_MARGIN = 1.02
+# The longest of all rays may be this many times as long as the longest examined ray, less what is rounded off: lengths
+# are rounded down to so many an octave.
+SPACING_MARGIN, LENGTHS = 1.02, 64
+# Greatest components of directions are rounded up to a power of two, at least this part of their range.
+PARTS = 16.0
 # Lines cached with a grid's node positions: for the last pilots, supports and bodies.
 CACHED = 16  # speed only
 
@@ -48,15 +51,14 @@ class MissedStructure:
         self.lines = known(field.samples, place, lambda: lines_through(field, rays, until, low, high), CACHED)
         self.ends = disturbed_ends(field, self.lines, limit) if len(self.lines.length) else b""
         self._errors: dict[int, float] = {}
+        # Both are rounded, so that other rays of the same kind find the tables of these.
+        self.length, self.steepness = _rounded_length(self.lines.length), _rounded_steepness(self.lines.direction)
 
     def _sampled(self, count: int) -> Sampling:
-        length = float(self.lines.length.max(initial=0.0))
-        steepness = np.abs(self.lines.direction).max(axis=0, initial=0.0)
-        x, y, z = (float(size) for size in np.minimum(steepness, 1.0))
         # Where the stop is met at a right angle, a deflection still counts in second order.
-        lever_arm = math.sqrt(0.5 * self.limit * length)
+        lever_arm = math.sqrt(0.5 * self.limit * self.length)
         is_fine = path_exceeds(self.field, self.limit / FINE_SHARE)
-        return Sampling(SPACING_MARGIN * length / count, (x, y, z), lever_arm, is_fine, self.ends)
+        return Sampling(self.length / count, self.steepness, lever_arm, is_fine, self.ends)
 
     def least_count(self, count: int, is_worth_it, cost_again) -> int:
         """The number of samples, at least `count`, with the least cost including that of rays that are traced again.
@@ -139,6 +141,23 @@ class MissedStructure:
     def sampling(self, count: int) -> Sampling | None:
         """How this many samples are distributed along the rays; None where they miss no structure."""
         return None if self._greatest(count) <= NEGLIGIBLE * self.limit else self._sampled(count)
+
+
+def _rounded_length(lengths: np.ndarray) -> float:
+    """A length that no ray of the bundle exceeds, given those of examined rays; 0 where there are none."""
+    longest = SPACING_MARGIN * float(lengths.max(initial=0.0))
+    return 2.0 ** (math.floor(LENGTHS * math.log2(longest)) / LENGTHS) if longest > 0.0 else 0.0
+
+
+def _rounded_steepness(direction: np.ndarray) -> tuple[float, float, float]:
+    """Bounds of the components of unit vectors (n, 3); those that all of them share are exact."""
+    steepness = np.abs(direction).max(axis=0, initial=0.0)
+    extent = np.ptp(direction, axis=0) if len(direction) else np.zeros(3)
+    with np.errstate(divide="ignore"):
+        part = 2.0 ** np.ceil(np.log2(extent / PARTS))
+    rounded = np.where(extent > 0.0, np.ceil(steepness / np.where(part > 0.0, part, 1.0)) * part, steepness)
+    x, y, z = np.minimum(rounded, 1.0).tolist()
+    return x, y, z
 
 
 def multiple_of_three(count: float) -> int:

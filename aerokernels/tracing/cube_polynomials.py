@@ -12,6 +12,7 @@ cubes that it samples, as if nothing cancelled, and the sum is part of the ray's
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -19,7 +20,6 @@ from numpy.polynomial import Legendre, Polynomial, legendre
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from ..medium.grid_places import known
 from ..medium.spline import SUPPORT, weights
 from .scheme import CUBE_ROW, CUBE_SIDE
 from .straight_lines import Lines
@@ -86,7 +86,7 @@ def _cube_polynomials(grid: UniformGrid) -> np.ndarray:
     steepest = DEGREE * 2.0 / (CUBE_SIDE * float(grid.spacing.min()))  # slope of a power over its size
     for parts in product(*(_parts(count) for count in cells)):
         place = tuple(part for part, _ in parts)
-        operators, points = _operators_on(grid, tuple(inside for _, inside in parts))
+        operators, points = _operators(tuple(inside for _, inside in parts), tuple(grid.spacing.tolist()))
         for first in _slabs(place[0], table[place].size // CUBE_ROW):
             some = first, *place[1:]
             made = operators @ windows[some].reshape(-1, width**3).T
@@ -115,7 +115,7 @@ def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
     width = CUBE_SIDE + SUPPORT["cubic"] - 1
     node = [CUBE_SIDE * cube[:, axis, None] + np.arange(width) for axis in range(3)]
     windows = grid.coefficients[node[0][:, :, None, None], node[1][:, None, :, None], node[2][:, None, None, :]]
-    operators, points = _operators_on(grid, (CUBE_SIDE,) * 3)
+    operators, points = _operators((CUBE_SIDE,) * 3, tuple(grid.spacing.tolist()))
     # Without lines the arrays are empty: the rays meet no disturbed air.
     made = operators[: len(POWERS) + points] @ windows.reshape(len(cube), width**3).astype(np.float32).T
     value, _ = _value_bound(made[: len(POWERS)], np.abs(made[len(POWERS) :]))
@@ -145,14 +145,8 @@ def _slabs(cubes: slice, count: int) -> Iterator[slice]:
         yield slice(first, min(first + layers, cubes.stop))
 
 
-def _operators_on(grid: UniformGrid, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
-    """The operators of `_operators`, cached with the grid's node positions."""
-    key = "operators of cubes", inside
-    found: tuple[np.ndarray, int] = known(grid, key, lambda: _operators(inside, grid.spacing), CACHED)
-    return found
-
-
-def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray, int]:
+@lru_cache(CACHED)
+def _operators(inside: tuple[int, ...], spacing: tuple[float, ...]) -> tuple[np.ndarray, int]:
     """The operator from a window of coefficients to a cube's polynomial and its deviations from the spline.
 
     Args:

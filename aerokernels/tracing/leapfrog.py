@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device_arrays import extremes_of
+from ..device_arrays import extremes_of, is_one_row
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..medium.grid_places import known
@@ -29,7 +29,7 @@ from .pilot_levels import error_scales, greatest_bend, level_pair, levels_of
 from .plan import TracePlan
 from .prediction import predict_evaluations
 from .stop import ArcLength, stop_key
-from .straight_lines import outermost_in_box
+from .straight_lines import outermost, outermost_rays
 from .support import support_box
 from .unresolved import Sampling
 
@@ -79,13 +79,19 @@ def spread_of(geometry: str, rays: RayBundle, until, low: np.ndarray, high: np.n
     """
     if rays.ray_count <= SPREAD_RAYS:
         return rays
-    places, directions = (extremes_of(rays.held(name)) for name in ("position", "direction"))
-    rows = [np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int), places.rows, directions.rows]
-    # Parallel rays from one plane are as far apart everywhere as at their starts.
-    is_beam = np.array_equal(directions.low, directions.high) and bool((places.low == places.high).any())
-    if rays.device in (None, "cpu") and not (is_beam and geometry != "axisymmetric"):
-        rows.append(outermost_in_box(geometry, rays.position, rays.direction, until, low, high))
+    rows = [np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int)]
+    if rays.device not in (None, "cpu"):
+        rows += [extremes_of(rays.held(name)).rows for name in ("position", "direction")]
+    elif geometry != "axisymmetric" and _is_beam(rays):
+        rows.append(outermost(rays.position))
+    else:
+        rows.append(outermost_rays(geometry, rays.position, rays.direction, until, low, high))
     return rays.rows(np.concatenate(rows))
+
+
+def _is_beam(rays: RayBundle) -> bool:
+    """Whether rays are parallel and start in a plane across an axis: they are as far apart everywhere as there."""
+    return is_one_row(rays.direction) and bool((np.ptp(rays.position, axis=0) == 0.0).any())
 
 
 @dataclass(frozen=True)

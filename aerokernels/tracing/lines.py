@@ -99,10 +99,12 @@ def slab_span(place: np.ndarray, rate: np.ndarray, low: float, high: float, tole
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         to_low, to_high = (low - place) / rate, (high - place) / rate
+        first, last = np.minimum(to_low, to_high), np.maximum(to_low, to_high)
     still = rate == 0.0
-    aside = still & ((place < low - tolerance) | (place > high + tolerance))
-    first = np.where(still, np.where(aside, np.inf, -np.inf), np.minimum(to_low, to_high))
-    last = np.where(still, np.where(aside, -np.inf, np.inf), np.maximum(to_low, to_high))
+    if still.any():
+        aside = still & ((place < low - tolerance) | (place > high + tolerance))
+        first = np.where(still, np.where(aside, np.inf, -np.inf), first)
+        last = np.where(still, np.where(aside, -np.inf, np.inf), last)
     return first, last
 
 
