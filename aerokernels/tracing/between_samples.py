@@ -28,6 +28,8 @@ NEGLIGIBLE = 1.0 - 1.0 / MARGIN
 # on.
 FINER = 1.3
 REJECTED = 0.7
+# Number of lines from which the share of rejected rays is estimated.
+COUNTED_LINES = 1024
 # Rounding to single precision is visible in a bound for tolerances below this share of the field's greatest OPD.
 FINE_SHARE = 3e-5
 # The longest of all rays may be this many times as long as the longest examined ray, less what is rounded off: lengths
@@ -75,8 +77,9 @@ class MissedStructure:
             if found <= NEGLIGIBLE * self.limit:
                 count = self._between_counts(before, (count, found))
                 return count if count < best_cost else best
-            sampled = self._sampled(count)
-            rejected = float((missed_along(self.field, sampled, self.lines) > REJECTED * self.limit).mean())
+            some = self.lines.every(max(1, len(self.lines.length) // COUNTED_LINES))
+            missed = missed_along(self.field, self._sampled(count), some)
+            rejected = float((missed > REJECTED * self.limit).mean())
             cost = count + (rejected * cost_again() if rejected > 0.0 else 0.0)
             if cost < best_cost:
                 best, best_cost = count, cost

@@ -21,6 +21,7 @@ from numpy.polynomial import Legendre, Polynomial, legendre
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..medium.spline import SUPPORT, weights
+from .high_pass_along import matrix_product
 from .scheme import CUBE_ROW, CUBE_SIDE
 from .straight_lines import Lines
 
@@ -117,7 +118,8 @@ def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
     windows = grid.coefficients[node[0][:, :, None, None], node[1][:, None, :, None], node[2][:, None, None, :]]
     operators, points = _operators((CUBE_SIDE,) * 3, tuple(grid.spacing.tolist()))
     # Without lines the arrays are empty: the rays meet no disturbed air.
-    made = operators[: len(POWERS) + points] @ windows.reshape(len(cube), width**3).astype(np.float32).T
+    tested = operators[: len(POWERS) + points]
+    made = matrix_product(windows.reshape(len(cube), width**3).astype(np.float32), np.ascontiguousarray(tested.T)).T
     value, _ = _value_bound(made[: len(POWERS)], np.abs(made[len(POWERS) :]))
     return value.reshape(-1, PLACES).mean(axis=1) * lines.length
 

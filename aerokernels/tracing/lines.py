@@ -131,6 +131,20 @@ def face_text(field: IndexField, face: int) -> str:
     return f"{'xyz'[face // 2]} = {1e3 * (high if face % 2 else low)[face // 2]:.6g} mm"
 
 
+def span_of_box(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str):
+    """Return where rays enter and leave a box [m along them], given by its corners along the field's own axes."""
+    enter, leave = np.zeros(len(p)), np.full(len(p), np.inf)
+    for k in range(len(low)):
+        if geometry == "axisymmetric" and k == 0:
+            first, last = cylinder_span(p, d, float(high[0]), 0.0)
+        else:
+            axis = k + 3 - len(low)
+            first, last = slab_span(p[:, axis], d[:, axis], low[k], high[k])
+        np.maximum(enter, first, out=enter)
+        np.minimum(leave, last, out=leave)
+    return enter, leave
+
+
 def crossing_of_box(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str):
     """Return where rays enter and leave a box [m along them], and the cosine with the normal of the exit face.
 

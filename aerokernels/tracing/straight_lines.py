@@ -11,7 +11,7 @@ from ..medium.grid import UniformGrid
 from ..process.machine import core_count
 from ..process.threads import in_turn
 from ..rays import RayBundle
-from .lines import crossing_of_box
+from .lines import crossing_of_box, span_of_box
 from .scheme import LEAST_COSINE
 from .stop import Plane, stop_distance
 
@@ -95,8 +95,8 @@ def outermost_rays(
         # Component by component in memory, as they are used here: several times as fast as rows of three.
         p, d = position[part].T.copy(), direction[part].T.copy()
         rows = [outermost(p.T), outermost(d.T)]
-        enter, leave, _ = crossing_of_box(p.T, d.T, low, high, geometry)
-        leave = np.minimum(leave, stop_distance(p.T, d.T, until))
+        enter, leave = span_of_box(p.T, d.T, low, high, geometry)
+        np.minimum(leave, stop_distance(p.T, d.T, until), out=leave)
         length = leave - enter
         meets = (length > 0.0) & np.isfinite(leave)
         if meets.any():
