@@ -28,6 +28,8 @@ NEGLIGIBLE = 1.0 - 1.0 / MARGIN
 # on.
 FINER = 1.3
 REJECTED = 0.7
+# Power of the number of samples with which the error falls at first.
+FIRST_ORDER = 8.0  # speed only
 # Number of lines from which the share of rejected rays is estimated.
 COUNTED_LINES = 1024
 # Rounding to single precision is visible in a bound for tolerances below this share of the field's greatest OPD.
@@ -97,11 +99,18 @@ class MissedStructure:
         return self._between_counts((count, found), (most, found_most)) if enough else 0
 
     def fewest(self, count: int, most: int) -> int:
-        """As `enough`, then reduced one step at a time: the error at first falls faster than by a power law."""
-        best = self.enough(count, most)
-        while best - 3 > count and self._greatest(best - 3) <= NEGLIGIBLE * self.limit:
-            best -= 3
-        return best
+        """As `enough`, searched from below and one step at a time: the error at first falls faster than further on."""
+        allowed = NEGLIGIBLE * self.limit
+        tried, found = count, self._greatest(count)
+        while found > allowed:
+            if tried >= most:
+                return 0
+            guess = multiple_of_three(tried * (found / allowed) ** (1.0 / FIRST_ORDER))
+            tried = min(max(guess, tried + 3), most)
+            found = self._greatest(tried)
+        while tried - 3 > count and self._greatest(tried - 3) <= allowed:
+            tried -= 3
+        return tried
 
     def _between_counts(self, few: tuple[int, float], many: tuple[int, float]) -> int:
         """The number of samples between one too small and one sufficient, by a power law through both errors."""

@@ -257,10 +257,10 @@ class _Fitting:
         Two conditions must be met: the pilot agrees with the spline at three times as many samples, and so does each
         pilot ray's own bound of the polynomials' deviation from the spline where it samples them.
         """
-        structure, retrace_cost = self.structure, self._retrace_cost()
+        structure = self.structure
         some = structure.lines.every(max(1, len(structure.lines.length) // CUBES_LINES))
         rough = np.count_nonzero(approximate_deviation(self.grid, some) > self.limit) / max(1, len(some.length))
-        if rough * retrace_cost > CUBES_GAIN * count:
+        if not self._may_retrace(rough, count):
             return None  # decided before a table is made
         # A sample costs so little that taking some more is cheaper than looking up the bound on structure between them.
         count = structure.fewest(count, multiple_of_three(CUBES_MORE * count)) or count
@@ -275,9 +275,11 @@ class _Fitting:
         scales = error_scales(spline, worst, bends)
         final = self._trials(replace(by_cubes, sampling=sampling))
         again = float((final((count, *scales))[0]["step_error"] > self.limit).mean())
-        if again * retrace_cost > CUBES_GAIN * count:
-            return None
-        return _Fit(count, scales, worst, sampling)
+        return _Fit(count, scales, worst, sampling) if self._may_retrace(again, count) else None
+
+    def _may_retrace(self, share: float, count: int) -> bool:
+        """Whether tracing this share of the rays again costs less than cubes save of so many samples."""
+        return share == 0.0 or share * self._retrace_cost() <= CUBES_GAIN * count
 
     def _trials(self, plan: TracePlan) -> Trials:
         outputs = frozenset(("opd", "step_error", "direction"))
