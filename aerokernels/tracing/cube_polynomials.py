@@ -21,7 +21,8 @@ from numpy.polynomial import Legendre, Polynomial, legendre
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..medium.spline import SUPPORT, weights
-from .high_pass_along import matrix_product
+from ..process.threads import in_threads
+from .matrix_product import matrix_product
 from .scheme import CUBE_ROW, CUBE_SIDE
 from .straight_lines import Lines
 
@@ -88,13 +89,16 @@ def _cube_polynomials(grid: UniformGrid) -> np.ndarray:
     for parts in product(*(_parts(count) for count in cells)):
         place = tuple(part for part, _ in parts)
         operators, points = _operators(tuple(inside for _, inside in parts), tuple(grid.spacing.tolist()))
-        for first in _slabs(place[0], table[place].size // CUBE_ROW):
+
+        def fill(first: slice, place=place, operators=operators, points=points) -> None:
             some = first, *place[1:]
-            made = operators @ windows[some].reshape(-1, width**3).T
+            made = matrix_product(windows[some].reshape(-1, width**3), operators).T
             numbers, deviation = made[: len(POWERS)], np.abs(made[len(POWERS) :])
             value, cut = _value_bound(numbers, deviation[:points])
             slope = OFTEN * (deviation[points:].max(axis=0) + cut * steepest)
             table[some] = _packed(numbers, value, slope).reshape(table[some].shape)
+
+        in_threads(fill, list(_slabs(place[0], table[place].size // CUBE_ROW)))
     return table
 
 
@@ -118,8 +122,8 @@ def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
     windows = grid.coefficients[node[0][:, :, None, None], node[1][:, None, :, None], node[2][:, None, None, :]]
     operators, points = _operators((CUBE_SIDE,) * 3, tuple(grid.spacing.tolist()))
     # Without lines the arrays are empty: the rays meet no disturbed air.
-    tested = operators[: len(POWERS) + points]
-    made = matrix_product(windows.reshape(len(cube), width**3).astype(np.float32), np.ascontiguousarray(tested.T)).T
+    tested = np.ascontiguousarray(operators[:, : len(POWERS) + points])
+    made = matrix_product(windows.reshape(len(cube), width**3).astype(np.float32), tested).T
     value, _ = _value_bound(made[: len(POWERS)], np.abs(made[len(POWERS) :]))
     return value.reshape(-1, PLACES).mean(axis=1) * lines.length
 
@@ -156,8 +160,8 @@ def _operators(inside: tuple[int, ...], spacing: tuple[float, ...]) -> tuple[np.
         spacing: Node spacing [m].
 
     Returns:
-        A matrix, float32, with rows for the coefficients of POWERS, for deviations of the potential at some points, and
-        for deviations of its slopes there [1/m]; and the number of points.
+        A matrix, float32, with columns for the coefficients of POWERS, for deviations of the potential at some points,
+        and for deviations of its slopes there [1/m]; and the number of points.
     """
     axes = [_axis(count) for count in inside]
     projected = np.stack([_tensor([axis.moments[n] for axis, n in zip(axes, row, strict=True)]) for row in POWERS], 1)
@@ -174,7 +178,7 @@ def _operators(inside: tuple[int, ...], spacing: tuple[float, ...]) -> tuple[np.
             made = np.stack([np.einsum("x,y,z->xyz", *(cubic[d][row[d]] for d in range(3))).ravel() for row in POWERS])
             off.append((there - fit @ made) / (1.0 if slope is None else spacing[slope]))
     points = off[0].shape[1] + off[1].shape[1]
-    return np.ascontiguousarray(np.concatenate([fit, *off], axis=1).T, np.float32), points
+    return np.concatenate([fit, *off], axis=1).astype(np.float32), points
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,7 @@ import numpy as np
 from ..derived import Derived
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from ..process.machine import core_count
-from ..process.threads import in_turn
+from ..process.threads import in_turn, own_cores
 from ..rays import RayBundle
 from .lines import crossing_of_box, span_of_box
 from .scheme import LEAST_COSINE
@@ -109,7 +108,7 @@ def outermost_rays(
         return part.start + chosen if isinstance(part, slice) else part[chosen]
 
     pieces = [slice(first, first + CHUNK) for first in range(0, len(position), CHUNK)]
-    found = list(in_turn(find, pieces, core_count()))
+    found = list(in_turn(find, pieces, own_cores()))
     return found[0] if len(found) == 1 else find(np.concatenate(found))
 
 
