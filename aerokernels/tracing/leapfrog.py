@@ -1,9 +1,10 @@
 """Choose the number of leapfrog samples of a bundle of nearly straight rays (engines/warp/kernels/leapfrog.py).
 
-A pilot of some of the rays is traced with N, 3 N and 9 N samples. Their differences give the order of convergence and
-the least N that meets the tolerance; the pilot is traced with this N too and compared with the finest trace. Each ray's
-own error estimate, which costs nothing, is scaled so that it covers the pilot's errors with a margin for the other
-rays. Rays whose estimate is above the tolerance nevertheless are traced again (retrace.py).
+A pilot of some of the rays is traced with N and 3 N samples and, where these differ too much, with 9 N: the differences
+give the order of convergence and the least N that meets the tolerance. The pilot is traced with this N too and compared
+with the finest trace. Each ray's own error estimate, which costs nothing, is scaled so that it covers the pilot's
+errors with a margin for the other rays. Rays whose estimate is above the tolerance nevertheless are traced again
+(retrace.py).
 """
 
 import math
@@ -213,14 +214,19 @@ class _Fitting:
         if not self._is_worth_it(least):
             return None
         trials = self._trials(replace(self.plan, sample_count=least))
-        levels = levels_of(trials, *(least * 3**power for power in range(3)))
-        if not levels[-1].is_fit:
+        level, finest, bends = level_pair(trials, least)
+        if not finest.is_fit:
             return None
-        first, second = levels[0].error(levels[1]), levels[1].error(levels[2])
-        order = 1.0
-        if second > 0.0:
-            order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
-        count = multiple_of_three(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
+        levels, first, count = [level, finest], level.error(finest), least
+        if first > budget:
+            levels += levels_of(trials, 9 * least)
+            if not levels[-1].is_fit:
+                return None
+            second = finest.error(levels[-1])
+            order = 1.0
+            if second > 0.0:
+                order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
+            count = multiple_of_three(least * (first / budget) ** (1.0 / order))
         count = self.structure.least_count(count, self._is_worth_it, self._retrace_cost)
         while count and self._is_worth_it(count):
             level = next((level for level in levels if level.count == count), None)
@@ -232,7 +238,8 @@ class _Fitting:
                 levels.append(finest)
             worst = level.error(finest)
             if level.is_fit and worst <= budget:
-                scales = error_scales(level, worst, greatest_bend(trials, count))
+                bends = bends if count == least else greatest_bend(trials, count)
+                scales = error_scales(level, worst, bends)
                 return _Fit(count, scales, worst, self.structure.sampling(count))
             count = multiple_of_three(1.25 * count)
         return None
