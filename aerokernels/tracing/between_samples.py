@@ -167,7 +167,7 @@ def _rounded_steepness(direction: np.ndarray) -> tuple[float, float, float]:
     extent = np.ptp(direction, axis=0) if len(direction) else np.zeros(3)
     with np.errstate(divide="ignore"):
         part = 2.0 ** np.ceil(np.log2(extent / PARTS))
-    rounded = np.where(extent > 0.0, np.ceil(steepness / np.where(part > 0.0, part, 1.0)) * part, steepness)
+    rounded = np.where(part > 0.0, np.ceil(steepness / np.where(part > 0.0, part, 1.0)) * part, steepness)
     x, y, z = np.minimum(rounded, 1.0).tolist()
     return x, y, z
 
