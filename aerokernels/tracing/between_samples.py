@@ -37,7 +37,8 @@ FINE_SHARE = 3e-5
 # The longest of all rays may be this many times as long as the longest examined ray, less what is rounded off: lengths
 # are rounded down to so many an octave.
 SPACING_MARGIN, LENGTHS = 1.02, 64
-# Greatest components of directions are rounded up to a power of two, at least this part of their range.
+# Greatest components of directions are rounded up to a multiple of a power of two: the least power that is no smaller
+# than one of so many parts of their range.
 PARTS = 16.0
 # Lines cached with a grid's node positions: for the last pilots, supports and bodies.
 CACHED = 16  # speed only
