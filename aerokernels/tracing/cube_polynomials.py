@@ -12,7 +12,6 @@ cubes that it samples, as if nothing cancelled, and the sum is part of the ray's
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -88,7 +87,7 @@ def _cube_polynomials(grid: UniformGrid) -> np.ndarray:
     steepest = DEGREE * 2.0 / (CUBE_SIDE * float(grid.spacing.min()))  # slope of a power over its size
     for parts in product(*(_parts(count) for count in cells)):
         place = tuple(part for part, _ in parts)
-        operators, points = _operators(tuple(inside for _, inside in parts), tuple(grid.spacing.tolist()))
+        operators, points = _operators_on(grid, tuple(inside for _, inside in parts))
 
         def fill(first: slice, place=place, operators=operators, points=points) -> None:
             some = first, *place[1:]
@@ -120,7 +119,7 @@ def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
     width = CUBE_SIDE + SUPPORT["cubic"] - 1
     node = [CUBE_SIDE * cube[:, axis, None] + np.arange(width) for axis in range(3)]
     windows = grid.coefficients[node[0][:, :, None, None], node[1][:, None, :, None], node[2][:, None, None, :]]
-    operators, points = _operators((CUBE_SIDE,) * 3, tuple(grid.spacing.tolist()))
+    operators, points = _operators_on(grid, (CUBE_SIDE,) * 3)
     # Without lines the arrays are empty: the rays meet no disturbed air.
     tested = np.ascontiguousarray(operators[:, : len(POWERS) + points])
     made = matrix_product(windows.reshape(len(cube), width**3).astype(np.float32), tested).T
@@ -151,8 +150,16 @@ def _slabs(cubes: slice, count: int) -> Iterator[slice]:
         yield slice(first, min(first + layers, cubes.stop))
 
 
-@lru_cache(CACHED)
-def _operators(inside: tuple[int, ...], spacing: tuple[float, ...]) -> tuple[np.ndarray, int]:
+def _operators_on(grid: UniformGrid, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
+    """The operators of `_operators`, cached with the grid's node positions, or on a grid that does not share them."""
+    key = "operators of cubes", inside
+    found: tuple[np.ndarray, int] = (grid.shared_places or grid).derive(
+        key, lambda: _operators(inside, grid.spacing), CACHED
+    )
+    return found
+
+
+def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray, int]:
     """The operator from a window of coefficients to a cube's polynomial and its deviations from the spline.
 
     Args:
@@ -163,7 +170,8 @@ def _operators(inside: tuple[int, ...], spacing: tuple[float, ...]) -> tuple[np.
         A matrix, float32, with columns for the coefficients of POWERS, for deviations of the potential at some points,
         and for deviations of its slopes there [1/m]; and the number of points.
     """
-    axes = [_axis(count) for count in inside]
+    alike = {count: _axis(count) for count in set(inside)}
+    axes = [alike[count] for count in inside]
     projected = np.stack([_tensor([axis.moments[n] for axis, n in zip(axes, row, strict=True)]) for row in POWERS], 1)
     in_powers = np.array(
         [[np.prod([axes[d].in_powers[row[d], to[d]] for d in range(3)]) for to in POWERS] for row in POWERS]

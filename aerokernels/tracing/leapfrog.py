@@ -229,9 +229,7 @@ class _Fitting:
             count = multiple_of_three(least * (first / budget) ** (1.0 / order))
         count = self.structure.least_count(count, self._is_worth_it, self._retrace_cost)
         while count and self._is_worth_it(count):
-            level = next((level for level in levels if level.count == count), None)
-            if level is None:
-                (level,) = levels_of(trials, count)
+            (level,) = [level for level in levels if level.count == count] or levels_of(trials, count)
             finest = levels[-1]
             if 2 * count > finest.count:
                 (finest,) = levels_of(trials, 3 * count)
