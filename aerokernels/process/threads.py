@@ -20,14 +20,19 @@ def in_threads(work: Callable[[T], None], pieces: Sequence[T]) -> None:
 
     These are all cores of this process, and in a thread of `in_turn` its share of them.
     """
-    share = _share.get()
-    threads = min(core_count() if share is None else share, len(pieces))
+    threads = min(own_cores(), len(pieces))
     if threads < 2:
         for piece in pieces:
             work(piece)
         return
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(work, pieces))
+
+
+def own_cores() -> int:
+    """Number of cores that the calling thread may use."""
+    share = _share.get()
+    return core_count() if share is None else share
 
 
 def in_turn(work: Callable[[T], R], things: Iterable[T], threads: int) -> Iterator[R]:

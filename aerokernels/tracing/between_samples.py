@@ -28,10 +28,18 @@ NEGLIGIBLE = 1.0 - 1.0 / MARGIN
 # on.
 FINER = 1.3
 REJECTED = 0.7
+# Power of the number of samples with which the error falls at first.
+FIRST_ORDER = 8.0  # speed only
+# Number of lines from which the share of rejected rays is estimated.
+COUNTED_LINES = 1024
 # Rounding to single precision is visible in a bound for tolerances below this share of the field's greatest OPD.
 FINE_SHARE = 3e-5
-# The longest of all rays may be this many times as long as the longest examined ray.
-SPACING_MARGIN = 1.02
+# The longest of all rays may be this many times as long as the longest examined ray, less what is rounded off: lengths
+# are rounded down to so many an octave.
+SPACING_MARGIN, LENGTHS = 1.02, 64
+# Greatest components of directions are rounded up to a multiple of a power of two: the least power that is no smaller
+# than one of so many parts of their range.
+PARTS = 16.0
 # Lines cached with a grid's node positions: for the last pilots, supports and bodies.
 CACHED = 16  # speed only
 
@@ -48,15 +56,14 @@ class MissedStructure:
         self.lines = known(field.samples, place, lambda: lines_through(field, rays, until, low, high), CACHED)
         self.ends = disturbed_ends(field, self.lines, limit) if len(self.lines.length) else b""
         self._errors: dict[int, float] = {}
+        # Both are rounded, so that other rays of the same kind find the tables of these.
+        self.length, self.steepness = _rounded_length(self.lines.length), _rounded_steepness(self.lines.direction)
 
     def _sampled(self, count: int) -> Sampling:
-        length = float(self.lines.length.max(initial=0.0))
-        steepness = np.abs(self.lines.direction).max(axis=0, initial=0.0)
-        x, y, z = (float(size) for size in np.minimum(steepness, 1.0))
         # Where the stop is met at a right angle, a deflection still counts in second order.
-        lever_arm = math.sqrt(0.5 * self.limit * length)
+        lever_arm = math.sqrt(0.5 * self.limit * self.length)
         is_fine = path_exceeds(self.field, self.limit / FINE_SHARE)
-        return Sampling(SPACING_MARGIN * length / count, (x, y, z), lever_arm, is_fine, self.ends)
+        return Sampling(self.length / count, self.steepness, lever_arm, is_fine, self.ends)
 
     def least_count(self, count: int, is_worth_it, cost_again) -> int:
         """The number of samples, at least `count`, with the least cost including that of rays that are traced again.
@@ -73,8 +80,9 @@ class MissedStructure:
             if found <= NEGLIGIBLE * self.limit:
                 count = self._between_counts(before, (count, found))
                 return count if count < best_cost else best
-            sampled = self._sampled(count)
-            rejected = float((missed_along(self.field, sampled, self.lines) > REJECTED * self.limit).mean())
+            some = self.lines.every(max(1, len(self.lines.length) // COUNTED_LINES))
+            missed = missed_along(self.field, self._sampled(count), some)
+            rejected = float((missed > REJECTED * self.limit).mean())
             cost = count + (rejected * cost_again() if rejected > 0.0 else 0.0)
             if cost < best_cost:
                 best, best_cost = count, cost
@@ -92,11 +100,18 @@ class MissedStructure:
         return self._between_counts((count, found), (most, found_most)) if enough else 0
 
     def fewest(self, count: int, most: int) -> int:
-        """As `enough`, then reduced one step at a time: the error at first falls faster than by a power law."""
-        best = self.enough(count, most)
-        while best - 3 > count and self._greatest(best - 3) <= NEGLIGIBLE * self.limit:
-            best -= 3
-        return best
+        """As `enough`, searched from below and one step at a time: the error at first falls faster than further on."""
+        allowed = NEGLIGIBLE * self.limit
+        tried, found = count, self._greatest(count)
+        while found > allowed:
+            if tried >= most:
+                return 0
+            guess = multiple_of_three(tried * (found / allowed) ** (1.0 / FIRST_ORDER))
+            tried = min(max(guess, tried + 3), most)
+            found = self._greatest(tried)
+        while tried - 3 > count and self._greatest(tried - 3) <= allowed:
+            tried -= 3
+        return tried
 
     def _between_counts(self, few: tuple[int, float], many: tuple[int, float]) -> int:
         """The number of samples between one too small and one sufficient, by a power law through both errors."""
@@ -139,6 +154,23 @@ class MissedStructure:
     def sampling(self, count: int) -> Sampling | None:
         """How this many samples are distributed along the rays; None where they miss no structure."""
         return None if self._greatest(count) <= NEGLIGIBLE * self.limit else self._sampled(count)
+
+
+def _rounded_length(lengths: np.ndarray) -> float:
+    """A length that no ray of the bundle exceeds, given those of examined rays; 0 where there are none."""
+    longest = SPACING_MARGIN * float(lengths.max(initial=0.0))
+    return 2.0 ** (math.floor(LENGTHS * math.log2(longest)) / LENGTHS) if longest > 0.0 else 0.0
+
+
+def _rounded_steepness(direction: np.ndarray) -> tuple[float, float, float]:
+    """Bounds of the components of unit vectors (n, 3); those that all of them share are exact."""
+    steepness = np.abs(direction).max(axis=0, initial=0.0)
+    extent = np.ptp(direction, axis=0) if len(direction) else np.zeros(3)
+    with np.errstate(divide="ignore"):
+        part = 2.0 ** np.ceil(np.log2(extent / PARTS))
+    rounded = np.where(part > 0.0, np.ceil(steepness / np.where(part > 0.0, part, 1.0)) * part, steepness)
+    x, y, z = np.minimum(rounded, 1.0).tolist()
+    return x, y, z
 
 
 def multiple_of_three(count: float) -> int:

@@ -19,8 +19,9 @@ from numpy.polynomial import Legendre, Polynomial, legendre
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from ..medium.grid_places import known
 from ..medium.spline import SUPPORT, weights
+from ..process.threads import in_threads
+from .matrix_product import matrix_product
 from .scheme import CUBE_ROW, CUBE_SIDE
 from .straight_lines import Lines
 
@@ -87,13 +88,16 @@ def _cube_polynomials(grid: UniformGrid) -> np.ndarray:
     for parts in product(*(_parts(count) for count in cells)):
         place = tuple(part for part, _ in parts)
         operators, points = _operators_on(grid, tuple(inside for _, inside in parts))
-        for first in _slabs(place[0], table[place].size // CUBE_ROW):
+
+        def fill(first: slice, place=place, operators=operators, points=points) -> None:
             some = first, *place[1:]
-            made = operators @ windows[some].reshape(-1, width**3).T
+            made = matrix_product(windows[some].reshape(-1, width**3), operators).T
             numbers, deviation = made[: len(POWERS)], np.abs(made[len(POWERS) :])
             value, cut = _value_bound(numbers, deviation[:points])
             slope = OFTEN * (deviation[points:].max(axis=0) + cut * steepest)
             table[some] = _packed(numbers, value, slope).reshape(table[some].shape)
+
+        in_threads(fill, list(_slabs(place[0], table[place].size // CUBE_ROW)))
     return table
 
 
@@ -117,7 +121,8 @@ def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
     windows = grid.coefficients[node[0][:, :, None, None], node[1][:, None, :, None], node[2][:, None, None, :]]
     operators, points = _operators_on(grid, (CUBE_SIDE,) * 3)
     # Without lines the arrays are empty: the rays meet no disturbed air.
-    made = operators[: len(POWERS) + points] @ windows.reshape(len(cube), width**3).astype(np.float32).T
+    tested = np.ascontiguousarray(operators[:, : len(POWERS) + points])
+    made = matrix_product(windows.reshape(len(cube), width**3).astype(np.float32), tested).T
     value, _ = _value_bound(made[: len(POWERS)], np.abs(made[len(POWERS) :]))
     return value.reshape(-1, PLACES).mean(axis=1) * lines.length
 
@@ -146,9 +151,11 @@ def _slabs(cubes: slice, count: int) -> Iterator[slice]:
 
 
 def _operators_on(grid: UniformGrid, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
-    """The operators of `_operators`, cached with the grid's node positions."""
+    """The operators of `_operators`, cached with the grid's node positions, or on a grid that does not share them."""
     key = "operators of cubes", inside
-    found: tuple[np.ndarray, int] = known(grid, key, lambda: _operators(inside, grid.spacing), CACHED)
+    found: tuple[np.ndarray, int] = (grid.shared_places or grid).derive(
+        key, lambda: _operators(inside, grid.spacing), CACHED
+    )
     return found
 
 
@@ -160,10 +167,11 @@ def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray
         spacing: Node spacing [m].
 
     Returns:
-        A matrix, float32, with rows for the coefficients of POWERS, for deviations of the potential at some points, and
-        for deviations of its slopes there [1/m]; and the number of points.
+        A matrix, float32, with columns for the coefficients of POWERS, for deviations of the potential at some points,
+        and for deviations of its slopes there [1/m]; and the number of points.
     """
-    axes = [_axis(count) for count in inside]
+    alike = {count: _axis(count) for count in set(inside)}
+    axes = [alike[count] for count in inside]
     projected = np.stack([_tensor([axis.moments[n] for axis, n in zip(axes, row, strict=True)]) for row in POWERS], 1)
     in_powers = np.array(
         [[np.prod([axes[d].in_powers[row[d], to[d]] for d in range(3)]) for to in POWERS] for row in POWERS]
@@ -178,7 +186,7 @@ def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray
             made = np.stack([np.einsum("x,y,z->xyz", *(cubic[d][row[d]] for d in range(3))).ravel() for row in POWERS])
             off.append((there - fit @ made) / (1.0 if slope is None else spacing[slope]))
     points = off[0].shape[1] + off[1].shape[1]
-    return np.ascontiguousarray(np.concatenate([fit, *off], axis=1).T, np.float32), points
+    return np.concatenate([fit, *off], axis=1).astype(np.float32), points
 
 
 @dataclass(frozen=True, eq=False)

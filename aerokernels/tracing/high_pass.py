@@ -21,6 +21,7 @@ import numpy as np
 
 from ..medium.grid import UniformGrid
 from ..medium.grid_places import known
+from ..process.threads import own_cores
 from .high_pass_along import PassAlong
 from .step_bound import block_size, potential_at_nodes
 
@@ -81,8 +82,8 @@ def high_pass(
     key = "shares of a high pass", rates.tobytes(), spacing, edges, kind
     shares = known(grid, key, find, CACHED) if is_small else find()
     # Several sample counts are tried on one field, and each needs the same transform.
-    found = grid.derive(("transform", tuple(axes), kind), lambda: dctn(values, 1, axes=axes), 1)
-    return [idctn(share * found, 1, axes=axes, overwrite_x=True) for share in shares]
+    found = grid.derive(("transform", tuple(axes), kind), lambda: dctn(values, 1, axes=axes, workers=own_cores()), 1)
+    return [idctn(share * found, 1, axes=axes, overwrite_x=True, workers=own_cores()) for share in shares]
 
 
 def _along(

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Multiplications from which on the linear algebra library distributes a product over other cores and waits for them.
-ONE_CORE = 1 << 18  # speed only
+from .matrix_product import matrix_product
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +46,8 @@ class PassAlong:
         mirrored = rows[:, ::-1]
         sums = rows[:, : count - half].copy()
         sums[:, :half] += mirrored[:, :half]
-        both = _product(sums, self.even)
-        sided = _product(rows[:, :half] - mirrored[:, :half], self.odd)
+        both = matrix_product(sums, self.even)
+        sided = matrix_product(rows[:, :half] - mirrored[:, :half], self.odd)
         found = np.empty_like(rows)
         found[:, : count - half] = both
         found[:, :half] += sided
@@ -59,14 +58,5 @@ class PassAlong:
         """Return the passed part at some nodes of the last axis, given by number, and 0 at the others."""
         rows = values.reshape(-1, values.shape[-1])
         found = np.zeros_like(rows)
-        found[:, nodes] = _product(rows, np.ascontiguousarray(self.whole[:, nodes]))
+        found[:, nodes] = matrix_product(rows, np.ascontiguousarray(self.whole[:, nodes]))
         return found.reshape(values.shape)
-
-
-def _product(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Rows times a matrix, in pieces small enough for one core."""
-    size = max(1, ONE_CORE // max(1, matrix.size))
-    found = np.empty((len(rows), matrix.shape[1]), rows.dtype)
-    for first in range(0, len(rows), size):
-        np.matmul(rows[first : first + size], matrix, out=found[first : first + size])
-    return found

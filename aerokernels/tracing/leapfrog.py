@@ -1,9 +1,10 @@
 """Choose the number of leapfrog samples of a bundle of nearly straight rays (engines/warp/kernels/leapfrog.py).
 
-A pilot of some of the rays is traced with N, 3 N and 9 N samples. Their differences give the order of convergence and
-the least N that meets the tolerance; the pilot is traced with this N too and compared with the finest trace. Each ray's
-own error estimate, which costs nothing, is scaled so that it covers the pilot's errors with a margin for the other
-rays. Rays whose estimate is above the tolerance nevertheless are traced again (retrace.py).
+A pilot of some of the rays is traced with N and 3 N samples and, where these differ too much, with 9 N: the differences
+give the order of convergence and the least N that meets the tolerance. The pilot is traced with this N too and compared
+with the finest trace. Each ray's own error estimate, which costs nothing, is scaled so that it covers the pilot's
+errors with a margin for the other rays. Rays whose estimate is above the tolerance nevertheless are traced again
+(retrace.py).
 """
 
 import math
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device_arrays import extremes_of
+from ..device_arrays import extremes_of, is_one_row
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..medium.grid_places import known
@@ -29,7 +30,7 @@ from .pilot_levels import error_scales, greatest_bend, level_pair, levels_of
 from .plan import TracePlan
 from .prediction import predict_evaluations
 from .stop import ArcLength, stop_key
-from .straight_lines import outermost_in_box
+from .straight_lines import outermost, outermost_rays
 from .support import support_box
 from .unresolved import Sampling
 
@@ -79,13 +80,19 @@ def spread_of(geometry: str, rays: RayBundle, until, low: np.ndarray, high: np.n
     """
     if rays.ray_count <= SPREAD_RAYS:
         return rays
-    places, directions = (extremes_of(rays.held(name)) for name in ("position", "direction"))
-    rows = [np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int), places.rows, directions.rows]
-    # Parallel rays from one plane are as far apart everywhere as at their starts.
-    is_beam = np.array_equal(directions.low, directions.high) and bool((places.low == places.high).any())
-    if rays.device in (None, "cpu") and not (is_beam and geometry != "axisymmetric"):
-        rows.append(outermost_in_box(geometry, rays.position, rays.direction, until, low, high))
+    rows = [np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int)]
+    if rays.device not in (None, "cpu"):
+        rows += [extremes_of(rays.held(name)).rows for name in ("position", "direction")]
+    elif geometry != "axisymmetric" and _is_beam(rays):
+        rows.append(outermost(rays.position))
+    else:
+        rows.append(outermost_rays(geometry, rays.position, rays.direction, until, low, high))
     return rays.rows(np.concatenate(rows))
+
+
+def _is_beam(rays: RayBundle) -> bool:
+    """Whether rays are parallel and start in a plane across an axis: they are as far apart everywhere as there."""
+    return is_one_row(rays.direction) and bool((np.ptp(rays.position, axis=0) == 0.0).any())
 
 
 @dataclass(frozen=True)
@@ -207,26 +214,30 @@ class _Fitting:
         if not self._is_worth_it(least):
             return None
         trials = self._trials(replace(self.plan, sample_count=least))
-        levels = levels_of(trials, *(least * 3**power for power in range(3)))
-        if not levels[-1].is_fit:
+        level, finest, bends = level_pair(trials, least)
+        if not finest.is_fit:
             return None
-        first, second = levels[0].error(levels[1]), levels[1].error(levels[2])
-        order = 1.0
-        if second > 0.0:
-            order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
-        count = multiple_of_three(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
+        levels, first, count = [level, finest], level.error(finest), least
+        if first > budget:
+            levels += levels_of(trials, 9 * least)
+            if not levels[-1].is_fit:
+                return None
+            second = finest.error(levels[-1])
+            order = 1.0
+            if second > 0.0:
+                order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
+            count = multiple_of_three(least * (first / budget) ** (1.0 / order))
         count = self.structure.least_count(count, self._is_worth_it, self._retrace_cost)
         while count and self._is_worth_it(count):
-            level = next((level for level in levels if level.count == count), None)
-            if level is None:
-                (level,) = levels_of(trials, count)
+            (level,) = [level for level in levels if level.count == count] or levels_of(trials, count)
             finest = levels[-1]
             if 2 * count > finest.count:
                 (finest,) = levels_of(trials, 3 * count)
                 levels.append(finest)
             worst = level.error(finest)
             if level.is_fit and worst <= budget:
-                scales = error_scales(level, worst, greatest_bend(trials, count))
+                bends = bends if count == least else greatest_bend(trials, count)
+                scales = error_scales(level, worst, bends)
                 return _Fit(count, scales, worst, self.structure.sampling(count))
             count = multiple_of_three(1.25 * count)
         return None
@@ -251,10 +262,10 @@ class _Fitting:
         Two conditions must be met: the pilot agrees with the spline at three times as many samples, and so does each
         pilot ray's own bound of the polynomials' deviation from the spline where it samples them.
         """
-        structure, retrace_cost = self.structure, self._retrace_cost()
+        structure = self.structure
         some = structure.lines.every(max(1, len(structure.lines.length) // CUBES_LINES))
         rough = np.count_nonzero(approximate_deviation(self.grid, some) > self.limit) / max(1, len(some.length))
-        if rough * retrace_cost > CUBES_GAIN * count:
+        if not self._may_retrace(rough, count):
             return None  # decided before a table is made
         # A sample costs so little that taking some more is cheaper than looking up the bound on structure between them.
         count = structure.fewest(count, multiple_of_three(CUBES_MORE * count)) or count
@@ -269,9 +280,11 @@ class _Fitting:
         scales = error_scales(spline, worst, bends)
         final = self._trials(replace(by_cubes, sampling=sampling))
         again = float((final((count, *scales))[0]["step_error"] > self.limit).mean())
-        if again * retrace_cost > CUBES_GAIN * count:
-            return None
-        return _Fit(count, scales, worst, sampling)
+        return _Fit(count, scales, worst, sampling) if self._may_retrace(again, count) else None
+
+    def _may_retrace(self, share: float, count: int) -> bool:
+        """Whether tracing this share of the rays again costs less than cubes save of so many samples."""
+        return share == 0.0 or share * self._retrace_cost() <= CUBES_GAIN * count
 
     def _trials(self, plan: TracePlan) -> Trials:
         outputs = frozenset(("opd", "step_error", "direction"))

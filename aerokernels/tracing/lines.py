@@ -99,10 +99,12 @@ def slab_span(place: np.ndarray, rate: np.ndarray, low: float, high: float, tole
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         to_low, to_high = (low - place) / rate, (high - place) / rate
+        first, last = np.minimum(to_low, to_high), np.maximum(to_low, to_high)
     still = rate == 0.0
-    aside = still & ((place < low - tolerance) | (place > high + tolerance))
-    first = np.where(still, np.where(aside, np.inf, -np.inf), np.minimum(to_low, to_high))
-    last = np.where(still, np.where(aside, -np.inf, np.inf), np.maximum(to_low, to_high))
+    if still.any():
+        aside = still & ((place < low - tolerance) | (place > high + tolerance))
+        first = np.where(still, np.where(aside, np.inf, -np.inf), first)
+        last = np.where(still, np.where(aside, -np.inf, np.inf), last)
     return first, last
 
 
@@ -127,6 +129,20 @@ def face_text(field: IndexField, face: int) -> str:
     if face == SIDE:
         return f"r = {1e3 * high[0]:.6g} mm"
     return f"{'xyz'[face // 2]} = {1e3 * (high if face % 2 else low)[face // 2]:.6g} mm"
+
+
+def span_of_box(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str):
+    """Return where rays enter and leave a box [m along them], given by its corners along the field's own axes."""
+    enter, leave = np.zeros(len(p)), np.full(len(p), np.inf)
+    for k in range(len(low)):
+        if geometry == "axisymmetric" and k == 0:
+            first, last = cylinder_span(p, d, float(high[0]), 0.0)
+        else:
+            axis = k + 3 - len(low)
+            first, last = slab_span(p[:, axis], d[:, axis], low[k], high[k])
+        np.maximum(enter, first, out=enter)
+        np.minimum(leave, last, out=leave)
+    return enter, leave
 
 
 def crossing_of_box(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str):

@@ -61,7 +61,7 @@ def path_of(grid: UniformGrid, block: int, shape: tuple[int, ...], lines: Lines,
     layers = []
     for axis in range(geometry == "axisymmetric", len(shape)):
         least = float(components[:, axis].min(initial=1.0))
-        if least > 0.0:
+        if least * longest > size[axis]:  # otherwise a sum over layers bounds no better than the greatest value
             faces = grid.low[axis] + (first[axis] + np.arange(last[axis] - first[axis] + 2)) * size[axis]
             levers = _lever_arms_from(lines, faces, axis + 3 - len(shape))
             others = [other for other in range(len(shape)) if other != axis]
@@ -73,11 +73,17 @@ def path_of(grid: UniformGrid, block: int, shape: tuple[int, ...], lines: Lines,
 
 def _lever_arms_from(lines: Lines, faces: np.ndarray, component: int) -> np.ndarray:
     """The greatest lever arm of any line from its entry into each layer between planes across an axis [m]."""
-    with np.errstate(divide="ignore"):
-        place = (faces - lines.start[:, component, None]) / lines.direction[:, component, None]
-    nearest = np.clip(np.minimum(place[:, :-1], place[:, 1:]), 0.0, lines.length[:, None])
-    levers = lines.lever_arm[:, None] - lines.tangent[:, None] * nearest
-    return np.asarray(levers.max(axis=0, initial=0.0))
+    start, rate = lines.start[:, component].copy(), 1.0 / lines.direction[:, component]
+    levers = np.zeros(len(faces) - 1)
+    if not len(start):
+        return levers
+    before = (faces[0] - start) * rate
+    for layer, face in enumerate(faces[1:]):
+        behind = (face - start) * rate
+        nearest = np.minimum(np.maximum(np.minimum(before, behind), 0.0), lines.length)
+        levers[layer] = max((lines.lever_arm - lines.tangent * nearest).max(), 0.0)
+        before = behind
+    return levers
 
 
 def along_axes(steepness, geometry: str) -> np.ndarray:

@@ -65,8 +65,8 @@ LOOKED_OVER, LOOKED_SHORT = 3, 1.1
 # Ends of rays count where the potential over the length of a block exceeds this share of the tolerance.
 ENDS_SHARE = 0.02
 
-# Tables cached on a grid.
-CACHED = 8  # speed only
+# Tables of blocks cached on a grid: a few for each sample count that is tried for a bundle, and some bundles.
+CACHED = 32  # speed only
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,9 @@ def greatest_error(
     changes = MISSED_SLOPE / float(np.min(field.spacing)) * missed if lines.lever_arm.any() else None
     found = _greatest_on_lines(grid, block, missed, changes, lines, field.geometry)
     if found > allowed and changes is not None and not (by_rule or sampling.ends):
-        changes = np.minimum(_changes(grid, field.geometry, sampling), changes)
+        key = "changes missed", field.geometry, sampling
+        sharper = grid.derive(key, lambda: _changes(grid, field.geometry, sampling), CACHED)
+        changes = np.minimum(sharper, changes)
         found = min(found, _greatest_on_lines(grid, block, missed, changes, lines, field.geometry))
     return found
 
