@@ -28,6 +28,7 @@ def field_to_vtk(field: IndexField, path: str | Path) -> Path:
     Raises:
         ImportError: VTK is not installed.
         TypeError: `field` is no IndexField.
+        ValueError: The path's folder does not exist.
     """
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
@@ -155,6 +156,8 @@ def _write(data, arrays: dict[str, np.ndarray], path: Path, ending: str, vtk) ->
         data.GetPointData().AddArray(array)
     kind = {".vti": "vtkXMLImageDataWriter", ".vtu": "vtkXMLUnstructuredGridWriter", ".vtp": "vtkXMLPolyDataWriter"}
     path = path if path.suffix == ending else path.with_name(path.name + ending)
+    if not path.parent.is_dir():  # VTK would print its own errors
+        raise ValueError(f"{path}: there is no folder {path.parent}; make it, or choose another path")
     writer = getattr(vtk, kind[ending])()
     writer.SetFileName(str(path))
     writer.SetInputData(data)

@@ -182,6 +182,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 current_cell = find_current_cell(&field, &arrays, frac, current_cell);
                 pot = s4.x;
                 force = FORCE(s4);
+                real3 probe = frac;  // where the slope is `force`: at a face, behind it
+                real probe_pot = pot;
                 if (AT_FACES) {
                     // The slope jumps at the face before which the step stopped: the ray flies the rest along the
                     // tangent, and the next step starts with the slope behind the face.
@@ -206,6 +208,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     }
                     if (IS_STRAIGHT) {
                         pot += dot(force, q);
+                        probe = frac + over * (bearing * rate) + push;
+                        probe_pot = beyond.x + dot(force, q);
                     }
                     evaluations++;
                 }
@@ -220,7 +224,9 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
 
                 if (CONTROLLED && IS_STRAIGHT) {
                     real turn;
-                    gain += sample_neglected(&field, &arrays, current_cell, cell, frac, rate, q, pot, force, h, &turn);
+                    gain += sample_neglected(
+                        &field, &arrays, current_cell, cell, probe, rate, total, q, probe_pot, force, h, h_cell,
+                        &turn);
                     turned += turn;
                     evaluations++;
                 }

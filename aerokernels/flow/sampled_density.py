@@ -7,7 +7,7 @@ import numpy as np
 from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_choice
-from ..inputs.doubtful import refuse_masked
+from ..inputs.doubtful import refuse_half_precision, refuse_masked
 from ..medium import Body, IndexField, SolidBody
 from ..medium.grid import check_starts_on_axis, checked_axes
 from ..medium.mesh import GEOMETRIES
@@ -19,6 +19,7 @@ from .species import Composition
 
 def _checked(density, what: str) -> np.ndarray:
     refuse_masked(density, "density")
+    refuse_half_precision(density, "density")
     ours = isinstance(density, np.ndarray) and density.dtype == np.float64 and density.flags.c_contiguous
     # Read-only arrays are not copied, since grids may have 100 million nodes.
     values = density if ours and not density.flags.writeable else np.array(density, dtype=np.float64)

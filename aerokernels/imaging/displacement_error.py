@@ -3,7 +3,8 @@
 The rays of the aperture's middle are traced through the field with every second and every fourth node
 (medium/levels.py). Near a shock the displacement has a pole that a grid smooths, and its error changes sign from pixel
 to pixel: each pixel takes the greatest error within four cells around it. Within a cell of the pole itself the error is
-not reliable.
+not reliable. Where coarser grids agree by chance, the error is at least that of the terms that the interpolant omits
+(omitted_terms.py).
 """
 
 from collections.abc import Callable
@@ -14,12 +15,12 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.levels import LOWEST_ORDER, ORDER
-from ..tracing.lines import box_size
 from .camera import Camera
+from .omitted_terms import middle_distance, omitted_displacement, stride
 
 # Cells of the field around a pixel over which the greatest error is taken.
 CELLS_AROUND = 4.0
-# Factor on the change with another number of points of the aperture.
+# Factor on the change with another number of points of the aperture, and on the omitted terms.
 SAFETY = 1.5
 
 
@@ -41,7 +42,19 @@ def displacement_error(
     moved = [landing(one) for one in fields]
     arrived = np.prod([one[1] for one in moved], axis=0) > 0.0
     changes = [np.hypot(*(after[0] - before[0])) for before, after in pairwise(moved)]
-    return _left(field, camera, [np.where(arrived, one, 0.0) for one in changes], levels.share)
+    by_levels = _left(field, camera, [np.where(arrived, one, 0.0) for one in changes], levels.share)
+    return np.maximum(by_levels, _by_terms(field, camera, shape))
+
+
+def _by_terms(field: IndexField, camera: Camera, shape: tuple[int, int]) -> np.ndarray:
+    """Return the error of a displacement by the terms that the interpolant omits [pixels], shape (rows, columns)."""
+    from scipy.ndimage import maximum_filter
+
+    step = stride(shape)
+    some = omitted_displacement(field, camera, shape)
+    around = maximum_filter(some, size=2 * (_pixels_around(field, camera, shape) // (2 * step) + 1) + 1, mode="nearest")
+    rows, columns = (np.minimum(np.arange(n) // step, m - 1) for n, m in zip(shape, some.shape, strict=True))
+    return np.asarray(SAFETY * around[np.ix_(rows, columns)])
 
 
 def by_points(change: np.ndarray) -> np.ndarray:
@@ -113,7 +126,5 @@ def _pixels_around(field: IndexField, camera: Camera, shape: tuple[int, int]) ->
     """Return the width in pixels of CELLS_AROUND cells on both sides of a pixel, at the middle of the field's box."""
     if not field.is_uniform:
         return 3
-    low, high = (np.where(np.isfinite(corner), corner, camera.pupil.center) for corner in field.box)
-    away = max(float((0.5 * (low + high) - camera.pupil.center) @ camera.pupil.normal), box_size(field))
-    width = float(np.max(field.spacing)) / (away * camera.pixel_tangent)
+    width = float(np.max(field.spacing)) / (middle_distance(field, camera) * camera.pixel_tangent)
     return 2 * int(np.clip(np.ceil(CELLS_AROUND * width), 1, max(shape))) + 1

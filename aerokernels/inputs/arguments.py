@@ -28,7 +28,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .binding import Binding
-from .doubtful import refuse_masked, refuse_shuffled
+from .dlpack import only_dlpack, read_by_numpy
+from .doubtful import refuse_half_precision, refuse_masked, refuse_shuffled
 
 if TYPE_CHECKING:
     Numbers = ArrayLike
@@ -42,6 +43,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 # Beyond these, squares and products of four numbers leave float64's range; no physical quantity is near them.
 GREAT, SMALL = 1e60, 1e-60
 _PACKAGE = str(Path(__file__).resolve().parents[1])
+# Numbers that need more digits than half precision has, beside all that have a unit.
+_PRECISE = ("opd", "direction")
 _SHOWN = 60  # characters of a value in a message
 _UNIT = re.compile(r"^\s*`{0,2}(\w+)`{0,2}:[^\[\n]*\[([^\]\d,][^\],]*)\]", re.MULTILINE)
 # Messages of Python and NumPy for numbers out of range, which name no argument.
@@ -80,10 +83,16 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
             if wrong := _unknown_name(binding.signature, named):
                 raise TypeError(f"{name} has no argument {wrong}") from None
             return function(*given, **named)  # raises Python's own message for missing or extra arguments
+        if read := read_by_numpy(arguments.values()):
+            given = tuple(read.get(id(value), value) for value in given)
+            named = {key: read.get(id(value), value) for key, value in named.items()}
+            arguments = {key: read.get(id(value), value) for key, value in arguments.items()}
         refuse_shuffled(arguments)
         for parameter, value in arguments.items():
             refuse_masked(value, parameter)
             if parameter in takes:
+                if takes[parameter].unit or parameter in _PRECISE:
+                    refuse_half_precision(value, parameter)
                 if wrong := takes[parameter].mistake(value, parameter, name):
                     raise TypeError(wrong)
                 if wrong := _out_of_proportion(value, takes[parameter].members, parameter, name):
@@ -99,6 +108,10 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
             for parameter, value in arguments.items():
                 if parameter in objects and (wrong := objects[parameter].mistake(value, parameter, name)):
                     raise TypeError(wrong) from error
+            for parameter, value in arguments.items():
+                if only_dlpack(value):
+                    what = f"{parameter} is a {type(value).__name__} that NumPy cannot read"
+                    raise TypeError(f"{what}: copy it to the host (in {name})") from error
             if _BARE.search(str(error)):
                 raise ValueError(_out_of_range(name, arguments, error)) from error
             raise

@@ -1,4 +1,4 @@
-"""Reject arrays whose numbers would be misread: masked ones, and columns whose labels are in different orders."""
+"""Reject arrays whose numbers would be misread: masked or half-precision ones, labels in different orders."""
 
 from typing import Any
 
@@ -17,6 +17,17 @@ def refuse_masked(value: Any, name: str) -> None:
             f"{count} of the {value.size} numbers of {name} are masked, so they are not known: fill them in, or leave "
             f"them out ({name}.filled(value), {name}.compressed())"
         )
+
+
+def refuse_half_precision(value: Any, name: str) -> None:
+    """Reject an array of half precision: an OPD of nanometres has one digit or none, a position three.
+
+    Raises:
+        ValueError: Its type is float16 or bfloat16; the message names the array `name`.
+    """
+    kind = str(getattr(value, "dtype", ""))
+    if kind.endswith("float16"):
+        raise ValueError(f"{name} is {kind}, which has three digits at most: give float32 or float64")
 
 
 def refuse_shuffled(arguments: dict[str, Any]) -> None:

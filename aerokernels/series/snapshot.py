@@ -15,6 +15,7 @@ import numpy as np
 from ..device_arrays import host_array
 from ..flow import DensityField, Series, refractivity_model
 from ..flow.gas import GREATEST_DENSITY
+from ..inputs.doubtful import refuse_half_precision
 from ..medium import IndexField, QuadMesh
 from ..medium.refined import has_seam
 from ..rays import Pupil, RayBundle
@@ -192,6 +193,7 @@ class Snapshots:
         if self.lines is None or mixture or (flow is not None and not self.series.lies_here(flow)):
             return self._traced(self.settings.index_field(self.series.field(stored, number)))
         density = stored if flow is None else np.asarray(flow.density)  # type: ignore[attr-defined]
+        refuse_half_precision(density, f"the density of snapshot {number}")
         ambient = self.series.ambient_density if flow is None else flow.ambient_density
         assert ambient is not None  # open_series requires it
         opd = self._straight(density if there is None else there, ambient)

@@ -124,7 +124,8 @@ def _interpolation(field: IndexField, rays: RayBundle, plan: TracePlan, retrace:
     ]
     good = np.logical_and.reduce([reached(status) for _, status, _ in traces])
     opd = [path[good] for path, _, _ in traces]
-    omitted = grid_error(field, rays.rows(np.flatnonzero(reached(truth[1]))), retrace.until)
+    arrived = np.flatnonzero(reached(truth[1]))
+    omitted = grid_error(field, rays.rows(arrived), retrace.until) if len(arrived) else np.zeros((2, 0))
     if not good.any():
         return {"interpolation": np.asarray(opd[0]), "omitted": omitted}
     by_levels = levels.richardson_error(opd[0], opd[1], opd[2] if len(opd) > 2 else None)

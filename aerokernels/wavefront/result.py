@@ -41,10 +41,11 @@ class Wavefront(WavefrontMap):
     """
 
     @classmethod
+    @checked
     def from_samples(
         cls,
-        points,
-        opd,
+        points: Numbers,
+        opd: Numbers,
         pupil: Pupil,
         wavelength: float,
         *,

@@ -91,21 +91,45 @@ static inline real4 sample_at_stage(
 #endif
 }
 
+// Time between the line's and the ray's crossings of a face whose normal is along `jump`; at most h_cell.
+static inline real time_apart(real3 jump, real3 total, real3 q, real h_cell)
+{
+    const real aside = fabs(dot(jump, q)), pace = fabs(dot(jump, total));
+    return aside < h_cell * pace ? aside / pace : h_cell * (real)(aside > R(0.0));
+}
+
 // What the linear field along a straight line neglects at the end of a step: the optical path [m] and, by `turn`, the
 // momentum that the field at the ray's own place would change. The ray is q beside the line, where `pot` is continued.
-// Where slopes jump at faces, the ray crosses a face before the line or behind it: the other side of the line counts
-// too.
+// Where slopes jump at faces, the ray crosses a face before the line or behind it, so that both sides of the line
+// count. On a linear grid every step ends at a face: a jump, which is normal to its face, counts only for the time
+// between the two crossings.
 APART real sample_neglected(
-    const Field *field, const Arrays *arrays, int current_cell, int3 cell, real3 frac, real3 rate, real3 q, real pot,
-    real3 force, real h, real *turn)
+    const Field *field, const Arrays *arrays, int current_cell, int3 cell, real3 frac, real3 rate, real3 total, real3 q,
+    real pot, real3 force, real h, real h_cell, real *turn)
 {
     const real4 there = sample(field, arrays, cell, frac + q * rate, current_cell);
-    *turn = h * size3(FORCE(there) - force);
+    const real3 change = FORCE(there) - force;
+    real path = h * fabs(there.x - pot);
+    *turn = h * size3(change);
     if (INTERPOLATION != CUBIC) {
         const real4 opposite = sample(field, arrays, cell, frac - q * rate, current_cell);
-        *turn = greater(*turn, h * size3(FORCE(opposite) - force));
+        const real3 other = FORCE(opposite) - force;
+        if (INTERPOLATION == LINEAR) {
+            const real other_path = h * fabs(opposite.x - (pot - R(2.0) * dot(force, q)));
+            const real3 jump = size3(other) > size3(change) ? other : change;
+            const real3 along = (real3)(R(0.0), R(0.0), jump.z);
+            const real3 first = (real3)(jump.x, GEOMETRY == VOLUME ? R(0.0) : jump.y, R(0.0));
+            const real3 second = jump - along - first;
+            const real time1 = time_apart(first, total, q, h_cell), time2 = time_apart(second, total, q, h_cell);
+            const real time3 = time_apart(along, total, q, h_cell);
+            const real share = greater(greater(time1, time2), time3) / h_cell;
+            path = lesser(path, other_path) + share * greater(path, other_path);
+            *turn = lesser(*turn, h * size3(other)) + time1 * size3(first) + time2 * size3(second) + time3 * size3(along);
+        } else {
+            *turn = greater(*turn, h * size3(other));
+        }
     }
-    return R(2.0) * h * fabs(there.x - pot);
+    return R(2.0) * path;
 }
 
 // h^2 times the mean force.

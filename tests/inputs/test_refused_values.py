@@ -6,7 +6,19 @@ import numpy as np
 import pytest
 import xarray
 
-from aerokernels import Body, DensityField, IndexField, QuadMesh, SolidBody, strehl
+from aerokernels import (
+    Body,
+    DensityField,
+    Disc,
+    IndexField,
+    QuadMesh,
+    RayBundle,
+    SolidBody,
+    Wavefront,
+    point_spread_function,
+    strehl,
+    strehl_marechal,
+)
 from aerokernels.echo.pulses import as_pulse
 from aerokernels.echo.range_error import summarise_ranges
 from aerokernels.echo.ranging import _checked_samples
@@ -27,7 +39,22 @@ from aerokernels.series.uncertainty import correlation_sum, mean_of, trend_of
 
 SQUARE = QuadMesh.structured(*np.meshgrid([0.0, 1.0], [0.0, 1.0], indexing="ij"), "planar")
 CUBE = np.stack(np.meshgrid([0.0, 1.0], [0.0, 1.0], [0.0, 1.0], indexing="ij"), axis=-1).reshape(-1, 3)
+HALF = np.full((9, 9), 2e-8, dtype=np.float16)
+ON_A_GPU = 2  # DLPack's number of the memory of a CUDA device
 PLANAR = Body(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), "planar")
+
+
+class OnlyDlpack:
+    """An array of a library that has DLPack and nothing else, in a kind of memory."""
+
+    def __init__(self, array: np.ndarray, memory: int = 1):
+        self.array, self.memory = array, memory
+
+    def __dlpack__(self, **options):  # noqa: D105
+        return self.array.__dlpack__(**options)
+
+    def __dlpack_device__(self):  # noqa: D105
+        return self.memory, 0
 
 
 def grid(shape=(3, 3), **changes):
@@ -98,6 +125,16 @@ def samples(contrast, **changes):
         (lambda: welch(np.ones(99), 1.0, 1000), "a segment of 1000 samples"),
         (lambda: statistics(xarray.Dataset()), r"no opd over \(time, y, x\)"),
         (lambda: samples(np.full((4, 4), 7e-5, dtype=np.float16)), "contrast is float16, whose least digit is 6e-8"),
+        (lambda: samples(np.full((4, 4), 1e20)), r"no medium has the greatest contrast, 1e\+20: give n -"),
+        (lambda: strehl(HALF, 905e-9), "opd is float16, which has three digits at most: give float32"),
+        (lambda: strehl_marechal(HALF, 905e-9), "opd is float16"),
+        (lambda: strehl(OnlyDlpack(HALF), 905e-9), "opd is float16"),
+        (lambda: point_spread_function(HALF, np.ones((9, 9)), 1e-3, 905e-9), "opd is float16"),
+        (lambda: Wavefront(HALF, np.ones((9, 9)), 1e-3, 905e-9), "opd is float16"),
+        (lambda: Wavefront.from_samples(np.ones((99, 2)), HALF, Disc(1.0), 905e-9), "opd is float16"),
+        (lambda: RayBundle(np.zeros((3, 3), np.float16), [0.0, 0.0, 1.0]), "position is float16"),
+        (lambda: RayBundle(np.zeros((3, 3)), np.ones((3, 3), np.float16)), "direction is float16"),
+        (lambda: grid(density=np.ones((3, 3), np.float16)), "density is float16"),
     ],
 )  # fmt: skip
 def test_values(made, told):
@@ -109,6 +146,8 @@ def test_values(made, told):
     ("made", "told"),
     [
         (lambda: samples(np.array([["a", "b"], ["c", "d"]])), "contrast must be an array of real numbers"),
+        (lambda: Wavefront.from_samples(np.ones((9, 2)), np.ones(9) * 1j, Disc(1.0), 905e-9), "which is complex"),
+        (lambda: strehl(OnlyDlpack(np.ones(9), ON_A_GPU), 905e-9), "opd is a OnlyDlpack that NumPy cannot read: copy"),
         (lambda: as_finite_array(["a"], "time"), "time must hold real numbers"),
         (lambda: as_pulse(Bench), "got the class Bench"),
         (lambda: Bench(0.001, 1.0, sensor=3), "sensor must be a Sensor, got int"),
@@ -120,6 +159,11 @@ def test_values(made, told):
 def test_kinds(made, told):
     with pytest.raises(TypeError, match=told):
         made()
+
+
+def test_arrays_with_dlpack_alone_are_read():
+    step = 0.2e-6 * (np.arange(100) < 30)
+    assert strehl(OnlyDlpack(step), wavelength=905e-9, weights=OnlyDlpack(np.ones(100))) == strehl(step, 905e-9)
 
 
 def test_the_items_of_an_iterator_come_once_and_in_order():

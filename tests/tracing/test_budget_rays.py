@@ -1,5 +1,7 @@
 """Which rays a budget traces again, and what it counts of faint air and of the reference engine."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -81,3 +83,16 @@ def test_the_reference_engine_has_a_step_error():
     exact = trace(field, rays, until=until, backend="reference").opd
     assert 0.0 < steps["adaptive"] < 1e-8 * 905e-9
     assert steps["fixed"] >= np.abs(result.opd - exact).max()
+
+
+def test_a_stop_that_no_better_trace_reaches_leaves_the_error_unknown():
+    """A plane almost along the rays, at which no trace meets the budget's tighter tolerance: NaN, not an exception."""
+    z = np.linspace(-1e-2, 1e-2, 21)
+    square = sum(axis**2 for axis in np.meshgrid(z - 1e-3, z, z, indexing="ij"))
+    field = IndexField.from_samples(1e-5 * np.exp(-square / 16e-6), origin=[z[0]] * 3, spacing=[1e-3] * 3,
+                                    geometry="volume")  # fmt: skip
+    rays = RayBundle([[-1e-3, 2e-3, -2e-2], [-3e-3, 1e-3, -2e-2]], [0.0, 0.0, 1.0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = trace(field, rays, until=Plane((1.0, 0.0, 0.0), (1.0, 0.0, 1e-6)))
+    assert np.isnan(result.error["step"]) and np.isnan(result.error["total"])

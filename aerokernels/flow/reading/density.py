@@ -203,7 +203,7 @@ def scalar_array(path, block: Block, name: str, where: str | None = None) -> tup
     """Return a scalar array of a block, and whether it belongs to "cell"s or "point"s; `where` is searched first.
 
     Raises:
-        ReadError: No such array, or an array that is not scalar.
+        ReadError: No such array, an array that is not scalar, or one of half precision.
     """
     order = ("cell", "point") if where is None else (where, "cell", "point")
     for place in order:
@@ -214,6 +214,10 @@ def scalar_array(path, block: Block, name: str, where: str | None = None) -> tup
             if values.shape not in ((count,), (count, 1)):
                 raise ReadError(
                     path, f"array {name!r} has shape {values.shape} for {count} {place}s", "name a scalar array"
+                )
+            if values.dtype == np.float16:
+                raise ReadError(
+                    path, f"array {name!r} is float16, which has three digits", "write it as float32 or more"
                 )
             return values.reshape(-1).astype(np.float64), place
     raise ReadError(path, f"block {block.name!r} has no array {name!r}", "name an array that all blocks have")

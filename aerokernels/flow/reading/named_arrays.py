@@ -262,10 +262,12 @@ def _block(path, axes, coordinates, arrays) -> tuple[Block, list[str]]:
         turned = own
         if own.ndim == len(counts) and own.shape not in (counts, cells) and own.shape[::-1] in (counts, cells):
             turned = own.T  # as C programs and NetCDF write (z, y, x)
+        if turned.dtype != np.float16:  # half precision stays visible, and is rejected where it is used
+            turned = np.asarray(turned, dtype=np.float64)
         if turned.shape == counts:
-            point_data[name] = np.asarray(turned, dtype=np.float64).ravel(order="F")
+            point_data[name] = turned.ravel(order="F")
         elif turned.shape == cells and min(cells) > 0:
-            cell_data[name] = np.asarray(turned, dtype=np.float64).ravel(order="F")
+            cell_data[name] = turned.ravel(order="F")
     shape = (*counts, 1)[:3] if len(counts) < 3 else counts
     if not point_data and not cell_data:
         raise _no_samples(path, counts)

@@ -80,7 +80,7 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
     return stride, rest_to_face, push_off_faces
 
 
-def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, interpolation: str):
+def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, geometry: str, interpolation: str):
     """Build functions that evaluate the field at a stage of a step, and what a straight line neglects."""
     t = library.types
     real, vec3, Field = t.real, t.vec3, t.Field
@@ -107,27 +107,60 @@ def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, interp
             return sample(field, cell, frac + wp.cw_mul(h * total + kick, rate), current_cell)
 
     @wp.func
+    def time_apart(jump: vec3, total: vec3, q: vec3, h_cell: real):
+        """Time between the line's and the ray's crossings of a face whose normal is along `jump`; at most h_cell."""
+        aside, pace = wp.abs(wp.dot(jump, q)), wp.abs(wp.dot(jump, total))
+        if aside < h_cell * pace:
+            return aside / pace
+        if aside > real(0.0):
+            return h_cell
+        return real(0.0)
+
+    @wp.func
     def sample_neglected(
         field: Field,
         current_cell: int,
         cell: wp.vec3i,
         frac: vec3,
         rate: vec3,
+        total: vec3,
         q: vec3,
         pot: real,
         force: vec3,
         h: real,
+        h_cell: real,
     ):
         """What the linear field along a straight line neglects at the end of a step: path [m], and momentum.
 
-        Where slopes jump at faces, the ray crosses a face before the line or behind it: the other side counts too.
+        The ray is q beside the line, where `pot` is continued. Where slopes jump at faces, the ray crosses a face
+        before the line or behind it, so that both sides of the line count. On a linear grid every step ends at a face:
+        a jump, which is normal to its face, counts only for the time between the two crossings.
         """
         there = sample(field, cell, frac + wp.cw_mul(q, rate), current_cell)
-        turn = h * wp.length(vec3(there[1], there[2], there[3]) - force)
+        change = vec3(there[1], there[2], there[3]) - force
+        turn, path = h * wp.length(change), h * wp.abs(there[0] - pot)
         if wp.static(interpolation != "cubic"):
             opposite = sample(field, cell, frac - wp.cw_mul(q, rate), current_cell)
-            turn = wp.max(turn, h * wp.length(vec3(opposite[1], opposite[2], opposite[3]) - force))
-        return real(2.0) * h * wp.abs(there[0] - pot), turn
+            other = vec3(opposite[1], opposite[2], opposite[3]) - force
+            if wp.static(interpolation == "linear"):
+                other_path = h * wp.abs(opposite[0] - (pot - real(2.0) * wp.dot(force, q)))
+                jump = change
+                if wp.length(other) > wp.length(change):
+                    jump = other
+                along = vec3(real(0.0), real(0.0), jump[2])
+                first = vec3(jump[0], jump[1], real(0.0))
+                if wp.static(geometry == "volume"):
+                    first = vec3(jump[0], real(0.0), real(0.0))
+                second = jump - along - first
+                time1, time2 = time_apart(first, total, q, h_cell), time_apart(second, total, q, h_cell)
+                time3 = time_apart(along, total, q, h_cell)
+                share = wp.max(wp.max(time1, time2), time3) / h_cell
+                path = wp.min(path, other_path) + share * wp.max(path, other_path)
+                turn = wp.min(turn, h * wp.length(other)) + time1 * wp.length(first) + time2 * wp.length(second)
+                turn += time3 * wp.length(along)
+            else:
+                turn = wp.max(turn, h * wp.length(other))
+        return real(2.0) * path, turn
 
     return sample_at_stage, sample_neglected
 

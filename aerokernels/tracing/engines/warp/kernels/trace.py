@@ -60,16 +60,16 @@ def build_kernel(
     real, vec3 = t.real, t.vec3
     controlled = method in ("adaptive", "straight")
     source = mesh if on_mesh else grid
-    kind = "mesh" if on_mesh else geometry
     sample = source.build_sample(library, geometry, interpolation)
     find_current_cell = source.build_find_current_cell(library, geometry)
     start_of = build_start(library, geometry, stop, has_body)
     stop_geometry_of = build_stop_geometry(library, geometry, stop, controlled)
     end_of = build_end(library, geometry, interpolation, stop)
-    in_cells, carry_over = build_cells(library, kind)
+    in_cells, carry_over = build_cells(library, "mesh" if on_mesh else geometry)
     stride, rest_to_face, push_off_faces = build_stride(library, geometry, interpolation, on_mesh, method)
     kick_of, impulse_of = build_kick(library)
-    sample_at_stage, sample_neglected = build_sample_at_stage(library, sample, method == "straight", interpolation)
+    straight, consistent_gradient = method == "straight", has_consistent_gradient(interpolation)
+    sample_at_stage, sample_neglected = build_sample_at_stage(library, sample, straight, geometry, interpolation)
     step_error, step_rounding, possible_gain, stop_error, event_location_error = build_step_error(
         library, geometry, interpolation, stop
     )
@@ -85,7 +85,6 @@ def build_kernel(
     behind_wall, has_clearance = build_behind_wall(library, geometry), build_has_clearance(library, geometry)
     write_outputs = build_write_outputs(library)
     arc_surface = wp.constant(ARC_SURFACE)
-    straight, consistent_gradient = method == "straight", has_consistent_gradient(interpolation)
     at_faces = interpolation == "linear" and controlled
     tiny, at_face = TINY[library.precision], AT_FACE[library.precision]
     c2, c3, a21, a31, a32 = (float(v) for v in (*C[1:3], A[1, 0], A[2, 0], A[2, 1]))
@@ -245,16 +244,14 @@ def build_kernel(
                     frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                     cell, frac = carry_over(cell, frac)
                     current_cell = find_current_cell(field, frac, current_cell)
-                    pot = s4[0]
-                    force = force4
+                    pot, force = s4[0], force4
+                    probe, probe_pot = frac, pot  # where the slope is `force`: at a face, behind it
                     if wp.static(at_faces):
                         # The slope jumps at the face before which the step stopped: the ray flies the rest along the
                         # tangent, and the next step starts with the slope behind the face.
-                        bearing = ambient * d + momentum
-                        curve = force
+                        bearing, curve = ambient * d + momentum, force
                         if wp.static(straight):
-                            bearing = ambient * d
-                            curve = vec3(real(0.0), real(0.0), real(0.0))
+                            bearing, curve = ambient * d, vec3(real(0.0), real(0.0), real(0.0))
                         pace = wp.cw_mul(bearing, rate)
                         rest = real(0.0)
                         if event < 0:
@@ -268,14 +265,15 @@ def build_kernel(
                         cell, frac = carry_over(cell, frac)
                         over = real(at_face) / wp.length(pace)
                         push = push_off_faces(frac, pace)
-                        beyond = sample(field, cell, frac + over * pace + push, current_cell)
+                        probe = frac + over * pace + push
+                        beyond = sample(field, cell, probe, current_cell)
                         force = vec3(beyond[1], beyond[2], beyond[3])
                         pot = beyond[0] - over * wp.dot(force, bearing)
                         pot -= push[1] * force[1] / rate[1] + push[2] * force[2] / rate[2]
                         if wp.static(geometry != "planar"):
                             pot -= push[0] * force[0] / rate[0]
                         if wp.static(straight):
-                            pot += wp.dot(force, q)
+                            pot, probe_pot = pot + wp.dot(force, q), beyond[0] + wp.dot(force, q)
                         evaluations += 1
                     if wp.static(consistent_gradient):
                         # Project back onto |T| = n: this removes the error along the ray, which would add to the path.
@@ -284,8 +282,10 @@ def build_kernel(
                         if wp.static(straight):
                             q += (real(0.5) * h) * projecting  # the error grew linearly over the step
                     if wp.static(controlled and straight):
-                        path, turn = sample_neglected(field, current_cell, cell, frac, rate, q, pot, force, h)
-                        gain, turned, evaluations = gain + path, turned + turn, evaluations + 1
+                        beside = sample_neglected(
+                            field, current_cell, cell, probe, rate, total, q, probe_pot, force, h, h_cell
+                        )
+                        gain, turned, evaluations = gain + beside[0], turned + beside[1], evaluations + 1
 
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
                     if behind >= real(0.0):
