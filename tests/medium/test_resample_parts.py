@@ -175,3 +175,40 @@ def test_few_values_have_no_sharpest_ones():
         share = 1.0 / (2.0**order - 1.0)
         np.testing.assert_allclose(found[:-4], share, rtol=1e-12)
         np.testing.assert_allclose(found[-4:], 10.0 * (max(share, 1.0) if own else share), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("count", "stride"), [(4, 1), (5, 2), (6, 2), (8, 2), (9, 4), (10, 4), (13, 4), (16, 4)])
+def test_how_far_an_axis_of_a_grid_is_thinned(count: int, stride: int):
+    """Every fourth of nine nodes and more, every second of five; what is left over is cut off where less varies.
+
+    Of an axisymmetric grid the nodes on the axis are kept, whatever varies there.
+    """
+    samples = np.zeros((9, count))
+    samples[:, 0] = 1e-4  # varies most at the low end
+    surplus = (count - 1) % stride
+    for geometry in ("planar", "axisymmetric"):
+        for turned in (False, True):
+            given = samples.T if turned else samples
+            field = IndexField.from_samples(given, origin=(0.0, 0.0), spacing=(0.5, 0.25), geometry=geometry)
+            levels, axis = refinement(field), 0 if turned else 1
+            assert levels.fine.samples.shape[axis] == count - surplus and levels.fine.samples.origin[axis] == 0.0
+            thinned = levels.coarser.samples
+            assert thinned.shape[axis] == (count - 1 - surplus) // stride + 1 and thinned.shape[1 - axis] == 3
+            assert thinned.spacing[axis] == field.spacing[axis] * stride
+            assert levels.coarse.samples.spacing[axis] == field.spacing[axis] * min(stride, 2)
+            mirrored = IndexField.from_samples(
+                np.flip(given, axis), origin=(0.0, 0.0), spacing=(0.5, 0.25), geometry=geometry
+            )
+            low = 0.0 if geometry == "axisymmetric" and turned else surplus * field.spacing[axis]
+            assert refinement(mirrored).fine.samples.origin[axis] == low
+
+
+def test_estimates_scale_with_what_they_are_of():
+    """In other units of either sign: the same numbers times the factor, with sharpest values of one sign and of two."""
+    rng = np.random.default_rng(142)
+    fine, coarse, coarser = rng.normal(size=(3, 64)) * np.r_[np.ones(56), np.full(8, 50.0)]
+    for given in ((fine, coarse, coarser), (fine, 2.0 * np.abs(fine) + fine, 5.0 * np.abs(fine) + fine)):
+        expected = richardson_error(*given, 4.0)
+        for scale in (1e-9, -1e-9, 1e6):
+            found = richardson_error(*(scale * one for one in given), 4.0)
+            np.testing.assert_allclose(found, scale * expected, rtol=1e-9)
