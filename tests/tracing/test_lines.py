@@ -255,6 +255,17 @@ def test_exponential_tails_are_found(geometry: str):
     assert DEPTHS.tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
 
 
+def test_tails_of_a_resampled_field_are_its_sources():
+    """In the source's cells, which are smaller: whatever the grid made of it, and of a grid made of that."""
+    fine = field_of("planar", lambda *places: tail(places[-1]), (8, 6, 141))
+    point, inward, chord = np.array([[0.1, 0.2, HIGH[2]]]), np.array([[0.0, 0.6, -0.8]]), np.full(1, np.inf)
+    across = np.array([[0.0, 0.8, 0.6]])
+    expected = (contrast_tail(fine, point, inward, chord), slope_tail(fine, point, inward, chord, across))
+    for coarse in (fine.resample(0.4), fine.resample(0.2).resample(0.5)):
+        found = (contrast_tail(coarse, point, inward, chord), slope_tail(coarse, point, inward, chord, across))
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
 @pytest.mark.parametrize("leaves", [True, False])
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_missing_air_turns_rays_by_its_slope(geometry: str, leaves: bool):

@@ -12,6 +12,7 @@ from aerokernels.tracing import unresolved
 from aerokernels.tracing.blocks import block_maxima, block_means
 from aerokernels.tracing.bundle.family import Family
 from aerokernels.tracing.bundle.hermite import hermite_weights
+from aerokernels.tracing.bundle.lattice import Lattice
 from aerokernels.tracing.bundle.nodes import FaceClasses
 from aerokernels.tracing.bundle.refine import Limits, Refinement
 from aerokernels.tracing.bundle.tubes import Tubes
@@ -316,3 +317,12 @@ def test_nothing_smooth_has_no_table():
     rng = np.random.default_rng(187)
     work, _, table, _ = refined(lambda x, y: rng.normal(size=x.shape), 1e-6, 20000)
     assert table is None and sum(work.refused.values()) == pytest.approx(20000.0)
+
+
+def test_the_greatest_displacement_of_lines():
+    """Of the three numbers of the end point, of either sign, of lines that were traced; 0 where none was."""
+    lattice = Lattice.empty(np.zeros(2), np.ones(2), (1, 1))
+    assert Refinement._bent(lattice) == 0.0
+    lattice.values[1, 2] = [9.0, 8.0, 7.0, 6.0, 1.0, -3.0, 2.0, 5.0]
+    lattice.values[3, 3] = [9.0, 8.0, 7.0, 6.0, 1.0, 0.5, -2.5, -5.0]
+    assert Refinement._bent(lattice) == 3.0

@@ -72,6 +72,24 @@ def test_beyond_the_box_the_field_goes_on_linearly(geometry: str):
     np.testing.assert_allclose(index, AMBIENT + contrast + np.sum(gradient * (place - nearest), axis=1), rtol=1e-12)
 
 
+def test_beyond_a_round_box_on_both_sides_of_z_0():
+    """The same about an axis, of a box from z = -3 m on: places within r, beyond it and on the axis."""
+    samples = np.random.default_rng(67).uniform(-0.05, 0.1, (6, 6))
+    field = IndexField.from_samples(
+        samples, origin=(0.0, -3.0), spacing=(0.5, 1.1), geometry="axisymmetric", ambient_index=AMBIENT
+    )
+    rule = rule_of(field=field)
+    place = np.random.default_rng(68).uniform([-4.0, -4.0, -4.0], [4.0, 4.0, 4.0], (100, 3))
+    place[:3, :2] = 0.0
+    radius = np.hypot(place[:, 0], place[:, 1])
+    shrink = np.minimum(1.0, 2.5 / np.maximum(radius, 1e-9))
+    nearest = np.c_[place[:, :2] * shrink[:, None], np.clip(place[:, 2], -3.0, 2.5)]
+    contrast, gradient = field.evaluate(nearest)
+    index, slope = rule.look(place)
+    np.testing.assert_allclose(slope, gradient, atol=1e-12)
+    np.testing.assert_allclose(index, AMBIENT + contrast + np.sum(gradient * (place - nearest), axis=1), rtol=1e-12)
+
+
 def test_one_step_is_that_of_the_pair():
     """Stage by stage with the pair's fractions; |T| is set to n at the end; the lag integrates n - T d.
 
