@@ -235,10 +235,8 @@ def test_bodies_of_revolution(count: int):
         a, b, c = body.surface.swapaxes(0, 1)
         volume = np.einsum("nk,nk->", a, np.cross(b, c)) / 6.0
         first, second = profile.T
-        area = 0.5 * np.sum(first * np.roll(second, -1) - np.roll(first, -1) * second)
-        moment = (
-            np.sum((first + np.roll(first, -1)) * (first * np.roll(second, -1) - np.roll(first, -1) * second)) / 6.0
-        )
+        cross = first * np.roll(second, -1) - np.roll(first, -1) * second
+        moment = np.sum((first + np.roll(first, -1)) * cross) / 6.0
         share = np.sin(2.0 * np.pi / count) * count / (2.0 * np.pi)  # of a regular polygon in its circle
         assert volume == pytest.approx(2.0 * np.pi * abs(moment) * share, rel=1e-9)
         radius = np.hypot(body.vertices[:, 0], body.vertices[:, 1])
