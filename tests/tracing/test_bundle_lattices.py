@@ -138,6 +138,22 @@ def test_patches_of_a_lattice_are_exact_for_cubics():
     np.testing.assert_allclose(spread, np.where(sees, 0.06 / scale[2], 0.0), atol=1e-10)
 
 
+def test_surplus_is_seen_two_nodes_beyond_each_quarter():
+    """Of random surplus at the nodes of some blocks: the greatest from node 4 a - 2 to 4 a + 6, none infinite."""
+    lattice, fine = filled((3, 2), lambda u, v: u * v), filled((6, 4), lambda u, v: u * v)
+    blocks, rng = np.array([[0, 1], [2, 0]]), np.random.default_rng(90)
+    surplus = rng.uniform(size=(2, 9, 9))
+    surplus[0, 4, 4] = np.inf
+    table = np.zeros((25, 17))
+    for (i, j), one in zip(blocks, surplus, strict=True):
+        part = slice(8 * i, 8 * i + 9), slice(8 * j, 8 * j + 9)
+        table[part] = np.maximum(table[part], np.where(np.isfinite(one), one, 0.0))
+    quarters = np.argwhere(np.ones((6, 4), bool))
+    found = lattice.spread(blocks, surplus, fine, quarters)
+    for (a, b), one in zip(quarters, found, strict=True):
+        assert one == table[max(4 * a - 2, 0) : 4 * a + 7, max(4 * b - 2, 0) : 4 * b + 7].max()
+
+
 def test_slopes_of_patches_use_the_nearest_five_nodes():
     """Exact for quartics and off for quintics by the product of distances; the weights are Hermite's."""
     place = np.arange(WINDOW) - 2.0

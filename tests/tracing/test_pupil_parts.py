@@ -125,11 +125,12 @@ def test_lattices_are_those_of_neighbouring_fibonacci_numbers():
     for size, generator in lattices.LATTICES.items():
         assert numbers[numbers.index(size) - 1] == generator
     field = box_field()  # cells of 0.5 m
-    for pupil, area in ((Rectangle(6.0, 8.0), 48.0), (Disc(4.0), np.pi * 16.0), (Annulus(4.0, 2.0), np.pi * 12.0)):
+    shapes = (Rectangle(60.0, 80.0), 4800.0), (Disc(40.0), np.pi * 1600.0), (Annulus(40.0, 20.0), np.pi * 1200.0)
+    for pupil, area in shapes:
         for asked in (6250, 20000):
             least = area / (0.75 * 0.5) ** 2 / 16
             expected = tuple(n for n in lattices.LATTICES if least <= n <= 0.5 * asked)
-            assert lattices.lattice_sizes(field, pupil, asked, 16, "auto") == expected
+            assert lattices.lattice_sizes(field, pupil, asked, 16, "auto") == expected and len(expected) < 6
             assert lattices.lattice_sizes(field, pupil, asked, 16, "off") == ()
     assert lattices.lattice_sizes(field, Disc(4.0), 6249, 16, "auto") == ()
     with pytest.raises(ValueError, match="'maybe'"):

@@ -344,10 +344,14 @@ class Law(MissedStructure):
     """Structure whose error follows a law of the number of samples, in place of a field's."""
 
     def __init__(self, limit: float, law):
-        self.limit, self.law, self.lines = limit, law, None
+        self.limit, self.law, self.rule = limit, law, law
+        self.lines = Lines(*(np.zeros((1, 3)),) * 2, *(np.ones(1),) * 3)
 
     def _greatest(self, count: int) -> float:
         return self.law(count)
+
+    def _by_rule(self, count: int) -> float:
+        return self.rule(count)
 
 
 def test_the_fewest_samples_by_a_power_law():
@@ -364,3 +368,18 @@ def test_the_fewest_samples_by_a_power_law():
     exact = next(n for n in range(72, 400, 3) if 10.0 * math.exp(-n / 30.0) <= 0.75)
     assert steep.fewest(60, 300) == exact
     assert Law(1.0, lambda count: 0.0 if count >= 99 else 9.0).enough(60, 99) == 99
+
+
+def test_a_known_number_is_kept_or_a_few_are_added():
+    """By the rule's own bound if that suffices for up to a quarter more, by the sharper one else; 0 where none does."""
+    law = Law(1.0, lambda count: (100.0 / count) ** 4)
+    assert law.sufficient(120) == 120 and law.sufficient(90) == 3 * math.ceil(
+        90 * (1.02 * law.rule(90) / 0.75) ** 0.25 / 3
+    )
+    assert law.sufficient(60) == 0
+    law.rule = lambda count: 9.0 + 0.0 * count  # says nothing
+    assert law.sufficient(120) == 120 and law.sufficient(90) == law.enough(90, 114) == 108
+    law.rule = lambda count: 0.75 if count == 105 else 0.76
+    assert law.sufficient(105) == 105 and law.sufficient(99) == law.enough(99, 126)
+    law.lines = Lines(*(np.zeros((0, 3)),) * 2, *(np.zeros(0),) * 3)
+    assert law.sufficient(7) == 7
