@@ -12,7 +12,7 @@ from aerokernels.tracing.bundle import family as families
 from aerokernels.tracing.bundle.family import Family, some_rows
 from aerokernels.tracing.bundle.nodes import FaceClasses, channels_of, trace_lines, undisturbed_length
 from aerokernels.tracing.bundle.roughness import Roughness
-from aerokernels.tracing.bundle.tubes import CONSTANT, OF_DIRECTION, OF_KINK, RESOLVED, Tubes
+from aerokernels.tracing.bundle.tubes import CONSTANT, OF_DIRECTION, OF_KINK, RESOLVED, Tubes, _local_sizes
 from aerokernels.tracing.lines import FACES, box_span
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -233,3 +233,18 @@ def test_the_bound_in_even_roughness_is_its_formula(converges: bool, counts_dire
     assert widest[0] == pytest.approx(max(scale * step[0] / 0.2, scale * step[1] / 0.25), rel=1e-3)
     away = np.array([[0.9, 0.9]]) if converges else np.array([[5.0, 0.0]])
     assert tubes.missed(away, half, step, np.zeros(1))[0] == 0.0
+
+
+def test_lines_toward_an_apex_are_widest_at_their_entry():
+    """An apex 20 m ahead: the spacing at z = 0.5 m, in cells; sizes along the field's own axes."""
+    field, origin = field_of(), np.array([0.0, 0.5, 20.0])
+    family = Family(True, origin, np.eye(3), -np.ones(2), np.ones(2), np.array([0.0, 0.0, -1.0]), UP, -np.inf, 1e-6)
+    tubes = Tubes.of(field, family, Plane((0.0, 0.0, 4.0), UP), False)
+    middle, step = np.array([[0.01, 0.02]]), np.array([0.03, 0.04])
+    direction = family.rays(middle)[1][0]
+    found = tubes.greatest_spacing(middle, step)
+    scale = 19.5 / direction[2]
+    assert found[0] == pytest.approx(max(scale * 0.03 / 0.2, scale * 0.04 / 0.25), rel=1e-9)
+    sizes = np.array([[3.0, 4.0, 7.0]])
+    assert _local_sizes(sizes, "axisymmetric").tolist() == [[5.0, 7.0]]
+    assert _local_sizes(sizes, "planar").tolist() == [[4.0, 7.0]] and _local_sizes(sizes, "volume") is sizes

@@ -1,12 +1,14 @@
 """The bound of structure between samples, put together from its parts, and counts of leapfrog samples."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 
 from aerokernels import IndexField, Plane, RayBundle
 from aerokernels.tracing import leapfrog, unresolved
+from aerokernels.tracing.between_samples import NEGLIGIBLE, MissedStructure, multiple_of_three
 from aerokernels.tracing.blocks import block_maxima, greatest_around
 from aerokernels.tracing.error_limit import error_limit
 from aerokernels.tracing.high_pass import high_pass
@@ -239,3 +241,48 @@ def test_rays_that_show_the_extent_of_a_bundle():
     ends = [one for array in (rays.position, rays.direction) for one in (*array.argmin(axis=0), *array.argmax(axis=0))]
     assert {tuple(one) for one in np.c_[rays.position, rays.direction][[*even, *ends]]} <= rows
     assert len(some) > 8192
+
+
+class Law(MissedStructure):
+    """Structure whose error follows a law of the number of samples, in place of a field's."""
+
+    def __init__(self, limit: float, law):
+        self.limit, self.law, self.rule = limit, law, law
+        self.lines = Lines(*(np.zeros((1, 3)),) * 2, *(np.ones(1),) * 3)
+
+    def _greatest(self, count: int) -> float:
+        return self.law(count)
+
+    def _by_rule(self, count: int) -> float:
+        return self.rule(count)
+
+
+def test_the_fewest_samples_by_a_power_law():
+    """With an error of (c / N)^4 the least multiple of three with (c / N)^4 <= 0.75: from the first trial or two."""
+    assert [multiple_of_three(n) for n in (1, 3.0, 3.1, 6 + 1e-10, 7)] == [3, 3, 6, 6, 9]
+    law = Law(1.0, lambda count: (100.0 / count) ** 4)
+    least = 3 * math.ceil(100.0 / NEGLIGIBLE**0.25 / 3.0)
+    assert NEGLIGIBLE == 0.75 and least == 108
+    assert law.enough(60, 300) == least and law.fewest(60, 300) == least
+    assert law.enough(120, 300) == 120 and law.enough(60, 90) == 0
+    # The same limit in other units; a law that is no power is refined one step at a time.
+    assert Law(1e-9, lambda count: 1e-9 * (100.0 / count) ** 4).enough(60, 300) == least
+    steep = Law(1.0, lambda count: 10.0 * math.exp(-count / 30.0) if count > 70 else 5.0)
+    exact = next(n for n in range(72, 400, 3) if 10.0 * math.exp(-n / 30.0) <= 0.75)
+    assert steep.fewest(60, 300) == exact
+    assert Law(1.0, lambda count: 0.0 if count >= 99 else 9.0).enough(60, 99) == 99
+
+
+def test_a_known_number_is_kept_or_a_few_are_added():
+    """By the rule's own bound if that suffices for up to a quarter more, by the sharper one else; 0 where none does."""
+    law = Law(1.0, lambda count: (100.0 / count) ** 4)
+    assert law.sufficient(120) == 120 and law.sufficient(90) == 3 * math.ceil(
+        90 * (1.02 * law.rule(90) / 0.75) ** 0.25 / 3
+    )
+    assert law.sufficient(60) == 0
+    law.rule = lambda count: 9.0 + 0.0 * count  # says nothing
+    assert law.sufficient(120) == 120 and law.sufficient(90) == law.enough(90, 114) == 108
+    law.rule = lambda count: 0.75 if count == 105 else 0.76
+    assert law.sufficient(105) == 105 and law.sufficient(99) == law.enough(99, 126)
+    law.lines = Lines(*(np.zeros((0, 3)),) * 2, *(np.zeros(0),) * 3)
+    assert law.sufficient(7) == 7

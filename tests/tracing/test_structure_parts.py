@@ -1,15 +1,14 @@
 """What bounds structure between samples, part by part: blocks, differences, windows, strides, supports, counts."""
 
-import math
+import dataclasses
 from itertools import product
 
 import numpy as np
 import pytest
 
-from aerokernels.medium import IndexField
+from aerokernels.medium import Body, IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, unresolved
-from aerokernels.tracing.between_samples import NEGLIGIBLE, MissedStructure, multiple_of_three
 from aerokernels.tracing.blocks import block_maxima, block_means, greatest_of_neighbors
 from aerokernels.tracing.high_pass import _held_share, _images, _share_left
 from aerokernels.tracing.leapfrog import _greatest_cells
@@ -303,6 +302,21 @@ def test_lines_through_a_part_of_a_field(geometry: str, until):
     assert outermost(np.array([[1.0, 5.0], [0.0, 7.0], [4.0, 6.0]])).tolist() == [1, 0, 2, 1]
 
 
+def test_lines_that_begin_in_a_body_are_taken_from_where_they_leave_it():
+    """A square from y = 0 to 1, z = 2 to 4: from inside, from ahead of it, beside it, and behind it."""
+    field = field_of("planar")
+    body = Body([[0.0, 2.0], [1.0, 2.0], [1.0, 4.0], [0.0, 4.0]], "planar")
+    field = dataclasses.replace(field, body=body)
+    start = np.array([[0.0, 0.5, 3.0], [0.0, 0.5, 1.0], [0.0, 1.5, 3.0], [0.0, 0.5, 5.0]])
+    low, high = np.array(field.samples.low), np.array(field.samples.high)
+    lines = lines_through(field, RayBundle(start, [0.0, 0.0, 1.0]), None, low, high)
+    np.testing.assert_allclose(lines.start[:, 2], [4.0, 1.0, 3.0, 5.0])
+    np.testing.assert_allclose(lines.length, high[1] - np.array([4.0, 1.0, 3.0, 5.0]))
+    many = RayBundle(np.tile(start, (100, 1)), [0.0, 0.0, 1.0])  # of which some are looked at
+    some = lines_through(field, many, None, low, high)
+    assert set(np.round(some.start[:, 2], 9)) == {4.0, 1.0, 3.0, 5.0} and 192 <= len(some.start) < 250
+
+
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_what_a_support_may_leave_out(geometry: str):
     """A twentieth of the tolerance over the longest path; slopes over path and lever arm, where these count."""
@@ -338,48 +352,3 @@ def test_cells_on_the_longest_path():
     expected = min(3.0 / 0.48, 3.0 / 0.6, 5.0 / 0.64) * np.linalg.norm(direction[3] / np.array([0.7, 0.7, 0.9]))
     assert round_ == pytest.approx(expected, rel=1e-9)
     assert _greatest_cells(field, rays, low, low) == 0.0
-
-
-class Law(MissedStructure):
-    """Structure whose error follows a law of the number of samples, in place of a field's."""
-
-    def __init__(self, limit: float, law):
-        self.limit, self.law, self.rule = limit, law, law
-        self.lines = Lines(*(np.zeros((1, 3)),) * 2, *(np.ones(1),) * 3)
-
-    def _greatest(self, count: int) -> float:
-        return self.law(count)
-
-    def _by_rule(self, count: int) -> float:
-        return self.rule(count)
-
-
-def test_the_fewest_samples_by_a_power_law():
-    """With an error of (c / N)^4 the least multiple of three with (c / N)^4 <= 0.75: from the first trial or two."""
-    assert [multiple_of_three(n) for n in (1, 3.0, 3.1, 6 + 1e-10, 7)] == [3, 3, 6, 6, 9]
-    law = Law(1.0, lambda count: (100.0 / count) ** 4)
-    least = 3 * math.ceil(100.0 / NEGLIGIBLE**0.25 / 3.0)
-    assert NEGLIGIBLE == 0.75 and least == 108
-    assert law.enough(60, 300) == least and law.fewest(60, 300) == least
-    assert law.enough(120, 300) == 120 and law.enough(60, 90) == 0
-    # The same limit in other units; a law that is no power is refined one step at a time.
-    assert Law(1e-9, lambda count: 1e-9 * (100.0 / count) ** 4).enough(60, 300) == least
-    steep = Law(1.0, lambda count: 10.0 * math.exp(-count / 30.0) if count > 70 else 5.0)
-    exact = next(n for n in range(72, 400, 3) if 10.0 * math.exp(-n / 30.0) <= 0.75)
-    assert steep.fewest(60, 300) == exact
-    assert Law(1.0, lambda count: 0.0 if count >= 99 else 9.0).enough(60, 99) == 99
-
-
-def test_a_known_number_is_kept_or_a_few_are_added():
-    """By the rule's own bound if that suffices for up to a quarter more, by the sharper one else; 0 where none does."""
-    law = Law(1.0, lambda count: (100.0 / count) ** 4)
-    assert law.sufficient(120) == 120 and law.sufficient(90) == 3 * math.ceil(
-        90 * (1.02 * law.rule(90) / 0.75) ** 0.25 / 3
-    )
-    assert law.sufficient(60) == 0
-    law.rule = lambda count: 9.0 + 0.0 * count  # says nothing
-    assert law.sufficient(120) == 120 and law.sufficient(90) == law.enough(90, 114) == 108
-    law.rule = lambda count: 0.75 if count == 105 else 0.76
-    assert law.sufficient(105) == 105 and law.sufficient(99) == law.enough(99, 126)
-    law.lines = Lines(*(np.zeros((0, 3)),) * 2, *(np.zeros(0),) * 3)
-    assert law.sufficient(7) == 7
