@@ -235,7 +235,9 @@ def mesh_field(geometry: str, interpolation: str) -> IndexField:
 
 def places_on_mesh(count: int = 60) -> np.ndarray:
     rng = np.random.default_rng(57)
-    return np.c_[rng.uniform(-0.3, 0.3, count), rng.uniform(0.3, 0.9, count), rng.uniform(1.1, 2.4, count)]
+    place = np.c_[rng.uniform(-0.3, 0.3, count), rng.uniform(0.3, 0.9, count), rng.uniform(1.1, 2.4, count)]
+    place[: count // 3, :2] *= 0.25  # beside the axis
+    return place
 
 
 @pytest.mark.parametrize("interpolation", ["bilinear", "bilinear-barron", "idw", "cells"])
@@ -287,8 +289,9 @@ def test_edges_of_mesh_cells(geometry: str):
     kept = np.isfinite(value)
     kept[:, 4:] = False  # the closest approach, tested above
     ahead, behind = at(H)[0], at(-H)[0]
-    np.testing.assert_allclose(((ahead - behind) / (2 * H))[kept], rate[kept], atol=1e-6)
-    np.testing.assert_allclose(((ahead - 2 * value + behind) / H**2)[kept], curve[kept], atol=1e-4)
+    ahead, behind, here = ahead[kept], behind[kept], value[kept]
+    np.testing.assert_allclose((ahead - behind) / (2 * H), rate[kept], atol=1e-6)
+    np.testing.assert_allclose((ahead - 2 * here + behind) / H**2, curve[kept], atol=1e-4)
 
 
 @pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
@@ -316,6 +319,20 @@ def test_what_lies_behind_edges_of_a_mesh(geometry: str):
         kept = middle[:, 0] > 0.0
         np.testing.assert_allclose(np.abs(np.sum(normal * heading, axis=1))[kept], 1.0, rtol=1e-12)
         np.testing.assert_allclose(np.linalg.norm(normal, axis=1)[kept], 1.0, rtol=1e-12)
+
+
+def test_rays_on_edges_are_in_the_cell_that_they_enter():
+    """On the middle of an edge: in the cell ahead, the other one looking back; on the rim looking out in its own."""
+    field = mesh_field("planar", "bilinear")
+    air, mesh = MeshAir(field), field.mesh
+    for face in range(4):
+        a, b = mesh.corners[:, face], mesh.corners[:, (face + 1) % 4]
+        middle, along = 0.5 * (a + b), b - a
+        out = np.stack([along[:, 1], -along[:, 0]], axis=1)
+        place, heading = (np.c_[0.0 * one[:, 0], one] for one in (middle, out))
+        own, behind = np.arange(len(mesh.cells)), mesh.neighbors[:, face]
+        np.testing.assert_array_equal(air.cell_at(place, -heading)[:, 0], own)
+        np.testing.assert_array_equal(air.cell_at(place, heading)[:, 0], np.where(behind >= 0, behind, own))
 
 
 def test_rays_in_a_gap_come_back():
