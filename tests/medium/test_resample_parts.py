@@ -66,6 +66,18 @@ def test_points_at_which_a_field_is_compared(on_mesh: bool):
     assert wide.length == pytest.approx(4.5 / wide.line_points)
 
 
+def test_lines_through_a_volume_have_four_points_a_cell():
+    """Along its last axis, whatever the other two are; they begin at Sobol points of the first two."""
+    samples = 1e-4 * np.random.default_rng(143).normal(size=(5, 6, 7))
+    field = IndexField.from_samples(samples, origin=(0.0, 1.0, -2.0), spacing=(0.2, 0.4, 0.5), geometry="volume")
+    low, high, step = np.array([0.0, 1.0, -2.0]), np.array([0.8, 3.0, 1.0]), np.array([0.2, 0.4, 0.01])
+    found = resampling._make_points(field, low, high, step, np.array([5, 6, 301]))
+    assert found.line_points == 1200 and found.length == pytest.approx(3.0 / 1200)
+    across = low[:2] + (high - low)[:2] * sobol_points(64, 2, seed=2)
+    np.testing.assert_allclose(found.lines.points[::1200, :2], across)
+    np.testing.assert_allclose(found.lines.points[:1200, 2], -2.0 + 3.0 * (np.arange(1200) + 0.5) / 1200)
+
+
 def test_values_are_continued_into_a_body():
     """The value at the wall, and the slope ahead of it mirrored, faded with the depth: of a linear field exactly."""
     field = source()

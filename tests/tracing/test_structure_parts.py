@@ -2,6 +2,7 @@
 
 import dataclasses
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from aerokernels.tracing.step_bound import (
     CONES,
     _continued,
     _window,
+    block_size,
     potential_at_nodes,
     roughness_of_blocks,
     smooth_step,
@@ -116,6 +118,13 @@ def test_roughness_of_blocks_is_that_of_differences(geometry: str, interpolation
         kinks = np.abs(np.diff(whole[1:-1], 2, axis=0)).reshape(-1, *values.shape[1:])
         expected = 0.0 * expected if interpolation == "cubic" else block_maxima(np.moveaxis(kinks, 0, axis), 4)
         np.testing.assert_allclose(second[axis], expected, rtol=1e-9)
+
+
+def test_blocks_of_great_grids_are_wider():
+    """Four cells a side, or twice that until there are at most 300,000: 547 x 547 are, 548 x 548 are not."""
+    for shape, block in (((2189, 2189), 4), ((2190, 2190), 8), ((5, 5), 4), ((265, 265, 265), 4), ((266, 266, 266), 8)):
+        assert block_size(SimpleNamespace(shape=shape)) == block
+        assert np.prod([-(-(count - 1) // block) for count in shape]) <= 300_000
 
 
 def test_windows_hold_all_that_rays_meet():
