@@ -191,6 +191,26 @@ def test_patches_of_one_window():
             np.testing.assert_allclose(made[..., kind], expected, atol=1e-8)
 
 
+def test_nodes_beside_a_block_count_on_the_side_where_they_are():
+    """Beyond one end of one axis only: slopes along it use them there, and those along the other axis do not."""
+    window = np.random.default_rng(100).normal(size=(1, WINDOW, WINDOW, 1))
+    for axis, is_high in product((0, 1), (False, True)):
+        usable = np.zeros((1, WINDOW, WINDOW), bool)
+        rows = slice(2, 9) if is_high else slice(0, 7)
+        usable[:, rows, 2:7] = True
+        usable = usable if axis == 0 else usable.swapaxes(1, 2)
+        made = patches(np.where(usable[..., None], window, 0.0), usable)[0, ..., 0]
+        inner = window[0, 2:7, 2:7, 0]
+        lines = np.moveaxis(window[0, :, :, 0], axis, 0)[:, 2:7]
+        expected = np.moveaxis(
+            slope_matrix(not is_high, is_high) @ np.where(np.moveaxis(usable[0], axis, 0)[:, 2:7], lines, 0.0), 0, axis
+        )
+        np.testing.assert_allclose(made[..., 1 + axis], expected, atol=1e-12)
+        own = slope_matrix(False, False)[:, 2:7]
+        other = own @ inner if axis == 1 else inner @ own.T
+        np.testing.assert_allclose(made[..., 2 - axis], other, atol=1e-12)
+
+
 def test_the_map_of_blocks_of_several_widths():
     """Places of each level's blocks, numbered in the order given."""
     made = map_of((4, 8), [(2, np.array([[0, 3], [1, 0]])), (1, np.array([[0, 0], [1, 1]]))])
