@@ -169,6 +169,19 @@ def test_least_changes_of_small_problems():
     two = csr_array(np.array([[1.0], [1.0]]))
     given = np.array([1e-6, 1e-6]), np.array([0.0, 1.0]), np.array([-5.0]), np.array([5.0])
     np.testing.assert_allclose(least(two, *given), [0.5], rtol=1e-4)
+    # A hard one's residual costs 1000 a unit: beyond it the other's, (1 - x) / e, takes over.
+    found = least(two, *given, np.array([True, False]))
+    np.testing.assert_allclose(found, [(1.0 - 1e3 * 1e-6) / (1.0 + 1e-6)], rtol=1e-6)
+    lax = np.array([1e-6, 1e-2]), *given[1:]
+    np.testing.assert_allclose(least(two, *lax, np.array([True, False])), [1e2 / (1.0 + 1e6 + 1e2)], rtol=1e-3)
+    for kept in (None, np.array([False, True])):
+        found = least(two, np.array([1e-2, 1e-6]), *given[1:], kept)
+        np.testing.assert_allclose(found, [1e6 / (1.0 + 1e6 + 1e2)], rtol=1e-6)
+    # A hard one that the bounds forbid is violated by what they leave, and the other one is kept as a soft one is.
+    both = csr_array(np.array([[1.0, 1.0], [1.0, -1.0]]))
+    bound = np.array([-0.2, -0.2]), np.array([0.2, 0.3])
+    found = least(both, np.array([1e-6, 1e-2]), np.array([0.9, 0.0]), *bound, np.array([True, False]))
+    np.testing.assert_allclose(found, [0.2, 0.3], atol=1e-3)
 
 
 # --- cut cells -------------------------------------------------------------------------------------------------------

@@ -266,7 +266,8 @@ def test_the_fewest_samples_by_a_power_law():
     assert law.enough(60, 300) == least and law.fewest(60, 300) == least
     assert law.enough(120, 300) == 120 and law.enough(60, 90) == 0
     # The same limit in other units; a law that is no power is refined one step at a time.
-    assert Law(1e-9, lambda count: 1e-9 * (100.0 / count) ** 4).enough(60, 300) == least
+    small = Law(1e-9, lambda count: 1e-9 * (100.0 / count) ** 4)
+    assert small.enough(60, 300) == least and small.enough(60, 90) == 0 and small.enough(120, 300) == 120
     steep = Law(1.0, lambda count: 10.0 * math.exp(-count / 30.0) if count > 70 else 5.0)
     exact = next(n for n in range(72, 400, 3) if 10.0 * math.exp(-n / 30.0) <= 0.75)
     assert steep.fewest(60, 300) == exact
