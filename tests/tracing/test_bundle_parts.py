@@ -12,7 +12,7 @@ from aerokernels.tracing.bundle import family as families
 from aerokernels.tracing.bundle.family import Family, some_rows
 from aerokernels.tracing.bundle.nodes import FaceClasses, channels_of, trace_lines, undisturbed_length
 from aerokernels.tracing.bundle.roughness import Roughness
-from aerokernels.tracing.bundle.tubes import CONSTANT, OF_DIRECTION, OF_KINK, RESOLVED, Tubes, _local_sizes
+from aerokernels.tracing.bundle.tubes import RESOLVED, Tubes, _local_sizes
 from aerokernels.tracing.lines import FACES, box_span
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -222,9 +222,9 @@ def test_the_bound_in_even_roughness_is_its_formula(converges: bool, counts_dire
         place = position[0] + (enter + 0.5 * (number + 0.5)) * direction[0]
         scale = (place[2] + 8.0) / direction[0, 2] if converges else 1.0
         apart = scale * step
-        rate = sum(CONSTANT * (apart[k] * root[k]) ** 4 + OF_KINK * kink.sum() for k in (0, 1))
+        rate = sum(2.0 / 384.0 * (apart[k] * root[k]) ** 4 + kink.sum() / 8.0 for k in (0, 1))
         expected += 0.5 * rate
-    assert found[0] == pytest.approx((OF_DIRECTION if counts_direction else 1.0) * expected, rel=1e-3)
+    assert found[0] == pytest.approx((2.0 if counts_direction else 1.0) * expected, rel=1e-3)
     # Lines nearer than 0.75 cells along both axes show all.
     close = 0.7 * np.array([0.2, 0.25]) / (12.0 if converges else 1.0)
     assert tubes.missed(middle, half, close, np.zeros(1))[0] == 0.0 and RESOLVED == 0.75

@@ -17,7 +17,6 @@ from aerokernels.tracing.lines import (
     face_text,
     slab_span,
 )
-from aerokernels.tracing.scheme import LEAST_COSINE
 from aerokernels.tracing.stop import stop_distance
 from aerokernels.tracing.tails import DEPTHS, contrast_in, contrast_tail, drift_beyond, extent, path_beyond, slope_tail
 
@@ -183,7 +182,7 @@ def test_lever_arms_are_the_greatest_of_each_ray(geometry: str, until):
             continue
         path.append(leave - enter)
         reach.append((stop if np.isfinite(stop) else leave) - enter)
-        if np.isfinite(stop) and cosine > LEAST_COSINE:
+        if np.isfinite(stop) and cosine > 0.05:
             lever.append(reach[-1] * np.sqrt(1.0 - cosine**2) / cosine)
     assert (found.path_length, found.reach, found.lever_arm) == pytest.approx((max(path), max(reach), max(lever)))
     away = RayBundle([[0.0, 0.0, 9.0]], [[0.0, 0.0, 1.0]])
@@ -194,12 +193,12 @@ def test_oblique_stops_turn_displacements_into_path():
     """A ray moved by x across itself meets the plane later by -x n / (d n); a grazing one by no more than the least."""
     until, (_, heading) = Plane((0.0, 0.0, 1.0), (0.3, -0.4, 1.2)), lines()
     found, cosine = obliquity(heading, until), heading @ until.normal
-    steep = np.abs(cosine) > LEAST_COSINE
+    steep = np.abs(cosine) > 0.05
     assert 0 < steep.sum() < len(steep)
     rng = np.random.default_rng(72)
     move = rng.normal(size=heading.shape)
     move -= np.sum(move * heading, axis=1)[:, None] * heading
-    expected = -(move @ until.normal) / np.where(steep, cosine, np.copysign(LEAST_COSINE, cosine))
+    expected = -(move @ until.normal) / np.where(steep, cosine, np.copysign(0.05, cosine))
     assert np.sum(move * found, axis=1) == pytest.approx(expected, rel=1e-9)
     assert np.abs(np.sum(found * heading, axis=1)).max() < 1e-12
     assert not obliquity(heading, None).any() and not obliquity(heading, ArcLength(1.0)).any()

@@ -9,7 +9,7 @@ from aerokernels import ArcLength, Body, IndexField, Plane
 from aerokernels.tracing.engines.reference.ends import Ends
 from aerokernels.tracing.engines.reference.flight import Flight
 from aerokernels.tracing.engines.reference.medium import GridAir
-from aerokernels.tracing.engines.reference.steps import ATTEMPTS, NOISE, Integrator
+from aerokernels.tracing.engines.reference.steps import Integrator
 
 AMBIENT = 1.2
 UP = Plane((0.0, 0.0, 9.0), (0.0, 0.1, 1.0))
@@ -81,7 +81,7 @@ def test_a_step_is_scipys(geometry: str):
         np.testing.assert_allclose(found, y1, rtol=1e-9, atol=1e-15)
         error, rounding = run.estimate(flight, np.array([row]), np.array([0.05]), stages[:, None])
         assert flight.error[row] == pytest.approx(error[0] + rounding[0], rel=1e-4, abs=1e-17)
-        allowed = run.tolerance * AMBIENT * 0.05 / run.extent + NOISE * rounding[0]
+        allowed = run.tolerance * AMBIENT * 0.05 / run.extent + 32.0 * rounding[0]
         factor = np.clip(0.9 * (allowed / error[0]) ** 0.125, 0.2, 6.0) if error[0] > 0.0 else 6.0
         assert run.planned[row] == pytest.approx(0.05 * factor, rel=1e-4)
     assert np.isinf(run.cap).all() and np.isinf(run.rejected_error).all() and np.isnan(run.aim).all()
@@ -178,7 +178,7 @@ def test_flights_end_or_are_given_up():
     stuck.max_steps = 3
     stuck.step = lambda flight, rows: None
     stuck.run(never)
-    assert never.spent.all() and (never.attempts == ATTEMPTS * 3).all()
+    assert never.spent.all() and (never.attempts == 20 * 3).all()
 
 
 def test_tighter_tolerances_take_more_steps_and_err_less():

@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels import IndexField, Plane, QuadMesh, RayBundle
 from aerokernels.tracing import RayStatus, retrace
-from aerokernels.tracing.launch import CHUNK, LEAST_CHUNK, MEMORY_SHARE, RAY_BYTES, chunk_size
+from aerokernels.tracing.launch import CHUNK, LEAST_CHUNK, RAY_BYTES, chunk_size
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.planning import backend_for, check_choices, make_plan, plan_bundle
 from aerokernels.tracing.tableau import (
@@ -120,7 +120,7 @@ def test_rays_in_chunks():
     """No more than a quarter of the memory takes, than one piece holds of three doubles a ray, or than there are."""
     assert chunk_size((1e15, 1e15), 1000) == 1000 and chunk_size((1e15, 1e15), 10**9) == CHUNK
     assert chunk_size((1e15, 1e15), 5) == LEAST_CHUNK
-    assert chunk_size((1000.0 * RAY_BYTES / MEMORY_SHARE, 1e15), 10**6) == 1000
+    assert chunk_size((4000.0 * RAY_BYTES, 1e15), 10**6) == 1000
     assert chunk_size((1e15, 24000.0), 10**6) == 1000
 
 
