@@ -279,3 +279,18 @@ def test_kept_values_do_not_depend_on_units(cut: bool, size: float):
     for found in lacks[1:]:
         np.testing.assert_allclose(found, lacks[0], atol=2e-6)
     assert np.abs(lacks[0]).max() > 1e-3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_inner_point_takes_few_factorisations(seed: int, monkeypatch):
+    """At most 25, as its module says, where equations can be kept within the bounds, and they are kept."""
+    rng, counted = np.random.default_rng(seed), []
+    monkeypatch.setattr("scipy.sparse.linalg.splu", lambda *given, **more: counted.append(1) or splu(*given, **more))
+    matrix = np.where(rng.uniform(size=(30, 60)) < 0.2, rng.normal(size=(30, 60)), 0.0)
+    low, high = -rng.uniform(0.0, 0.3, 60), rng.uniform(0.0, 0.3, 60)
+    inside = rng.uniform(low, high)
+    hard = np.arange(30) < 4
+    found = bounded.least_change(csr_array(matrix), np.full(30, 1e-9), matrix @ inside, low, high, hard)
+    assert 5 <= len(counted) <= 25
+    np.testing.assert_allclose(matrix @ found, matrix @ inside, atol=1e-6)
+    assert (found >= low).all() and (found <= high).all() and np.sum(found**2) <= np.sum(inside**2)
