@@ -42,8 +42,8 @@ SLAB = 1 << 14  # speed only
 # The greatest deviation of the potential anywhere over the greatest at the tested points: nodes and the middles of
 # cells.
 BETWEEN_POINTS = 1.5
-# Relative rounding of a coefficient of the third degree.
-CUT = 2.0**-9
+# Relative rounding of a coefficient of the third degree, at most: the upper half of a float has eight binary digits.
+CUT = 2.0**-8
 # Places along a line at which is estimated whether a table is worth making.
 PLACES = 24
 # The share of the greatest deviation of a slope that counts for each sample in a cube. The greatest deviation occurs at

@@ -293,3 +293,27 @@ def test_walls_that_are_not_known_are_refused(walls, message):
     mesh = QuadMesh.structured(*np.meshgrid(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 6), indexing="ij"))
     with pytest.raises(ValueError, match=message):
         IndexField.from_mesh(mesh, np.full((4, 5), 1e-4), interpolation="conserving", walls=walls)
+
+
+def test_rounding_puts_no_point_outside():
+    """Beyond a face by half of 1e-12 of the side the field is there, by three times that it is not."""
+    field = IndexField.from_samples(np.full((5, 5), 1e-4), origin=(-7.0, 3.0), spacing=(0.5, 0.25), geometry="planar")
+    low, high = np.array([-7.0, 3.0]), np.array([-5.0, 4.0])
+    for axis, (face, out) in ((0, (low, -1.0)), (0, (high, 1.0)), (1, (low, -1.0)), (1, (high, 1.0))):
+        side = high[axis] - low[axis]
+        for share, inside in ((0.4e-12, True), (3e-12, False)):
+            point = np.array([0.0, -6.0, 3.5])
+            point[1 + axis] = face[axis] + out * share * side
+            assert (field.contrast_at(point[None])[0] != 0.0) == inside
+
+
+def test_no_density_near_vacuum_falls_below_a_tenth_of_those_around():
+    """Averages of a hollow of 1e-3 of the density outside, contrast -3e-4 in vacuum: values stay above a tenth."""
+    y, z = np.meshgrid(np.linspace(0.0, 2.0, 13), np.linspace(0.0, 1.0, 12), indexing="ij")
+    mesh = QuadMesh.structured(y + 0.1 * z, z, "planar")
+    density = np.sum((mesh.corners.mean(axis=1) - [1.0, 0.5]) ** 2, axis=1)
+    density = (density - density.min() + 1e-3) / 1.5
+    field = IndexField.from_mesh(mesh, 3e-4 * (density - 1.0), ambient_index=1.0 + 3e-4, interpolation="conserving")
+    assert (field.samples.values + 3e-4).min() >= 0.99 * 3e-4 * 0.1 * density.min()
+    free = IndexField.from_mesh(mesh, 3e-4 * (density - 1.0), ambient_index=1.0, interpolation="conserving")
+    assert (free.samples.values + 3e-4).min() < (field.samples.values + 3e-4).min()

@@ -193,3 +193,31 @@ def test_elimination_solves_the_spline_equations(count, even):
         start = made[0] - made[2] if even else np.tensordot([1, -4, 6, -4, 1], made[:5], 1)
         assert np.abs(start).max() < 3e-13
         assert np.abs(np.tensordot([1, -4, 6, -4, 1], made[-5:], 1)).max() < 3e-13
+
+
+@pytest.mark.parametrize("shape", [(5, 6), (4, 4, 5)])
+def test_cross_slopes_are_as_great_as_the_range_allows(shape):
+    """All Bernstein points of every cell, from a third of each slope, lie in the range of its corners, and some on it.
+
+    A node whose share is below 1 has a point on a bound; a share of 0 is that of a node whose slopes alone are there.
+    """
+    values = np.random.default_rng(11).normal(size=shape)
+    dimension, made = len(shape), spline.coefficients(np.random.default_rng(11).normal(size=shape), "monotone", False)
+    part = {key: made[tuple(slice(k, None, 2) for k in key)] for key in product((0, 1), repeat=dimension)}
+    assert np.array_equal(part[(0,) * dimension], values)
+    nearest = np.full(shape, np.inf)  # of any point with a cross slope to a bound of its cell
+    for cell in product(*(range(n - 1) for n in shape)):
+        block = values[tuple(slice(k, k + 2) for k in cell)]
+        low, high = block.min(), block.max()
+        for corner in product((0, 1), repeat=dimension):
+            node = tuple(k + o for k, o in zip(cell, corner, strict=True))
+            sign = [1.0 - 2.0 * o for o in corner]
+            for chosen in product((0, 1), repeat=dimension):
+                point = sum(
+                    np.prod([s / 3.0 for s, k in zip(sign, key, strict=True) if k]) * part[key][node]
+                    for key in part if all(k <= c for k, c in zip(key, chosen, strict=True))
+                )  # fmt: skip
+                assert low - 1e-12 <= point <= high + 1e-12
+                if sum(chosen) > 1:
+                    nearest[node] = min(nearest[node], point - low, high - point)
+    assert (nearest < 1e-12).mean() > 0.1  # the limit decides at some nodes of noise

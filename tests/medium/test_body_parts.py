@@ -1,0 +1,249 @@
+"""Parts of bodies: triangles and profiles against lines solved one by one, inside and outside by angles, walls."""
+
+import numpy as np
+import pytest
+
+from aerokernels.medium import Body, SolidBody
+from aerokernels.medium.body import _nearest_feet, _squared_distances, _tiles
+from aerokernels.medium.crossings import as_lines, crossings
+from aerokernels.medium.triangle_crossings import _pass_box, axes_across, edge_side
+from aerokernels.medium.walls import _cuts, _split, bounding_walls
+
+RNG = np.random.default_rng(231)
+
+
+def lines(count: int = 120, size: float = 3.0) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(232)
+    position, direction = rng.uniform(-size, size, (count, 3)), rng.normal(size=(count, 3))
+    direction[:5] = [[0, 0, 1.0], [0, 1.0, 0], [1e-13, 0, 1.0], [0, 0, -1.0], [0.0, -0.6, 0.8]]
+    return position, direction / np.linalg.norm(direction, axis=1)[:, None]
+
+
+# --- profiles --------------------------------------------------------------------------------------------------------
+
+STAR = np.array([[0.3, -1.0], [1.4, -0.6], [0.7, 0.1], [1.6, 0.9], [0.2, 1.3]])
+
+
+def changes(inside: np.ndarray, t: np.ndarray) -> list[tuple[float, float]]:
+    """Intervals of samples between which a line goes in or out."""
+    at = np.flatnonzero(inside[1:] != inside[:-1])
+    return [(t[k], t[k + 1]) for k in at]
+
+
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+def test_lines_cross_a_profile_where_they_go_in_and_out(geometry: str):
+    """Of 120 lines, sampled every 2 mm: as many crossings, each between the two samples; ascending, padded."""
+    body = Body(STAR, geometry)
+    position, direction = lines()
+    found = body.crossings(position, direction)
+    t = np.arange(-12.0, 12.0, 2e-3)
+    met = 0
+    for row in range(len(position)):
+        points = position[row] + t[:, None] * direction[row]
+        across = points[:, 1] if geometry == "planar" else np.hypot(points[:, 0], points[:, 1])
+        told = found[row][np.isfinite(found[row])]
+        assert (np.diff(told) >= 0.0).all() and np.isinf(found[row][len(told) :]).all() and len(told) % 2 == 0
+        inside = body.contains(np.stack([across, points[:, 2]], axis=1))
+        expected = changes(inside, t)
+        told = told[np.abs(told) < 11.9]
+        if len(told) != len(expected):  # a corner within one sample
+            assert (len(told) - len(expected)) % 2 == 0 and np.diff(told).min() < 4e-3
+            continue
+        met += len(told)
+        for one, (low, high) in zip(told, expected, strict=True):
+            assert low - 1e-12 <= one <= high + 1e-12
+    assert met > 60
+    moved = body.crossings(position - 2.5 * direction, direction)
+    np.testing.assert_allclose(np.where(np.isfinite(found), found + 2.5, np.inf), moved, atol=1e-9)
+    turned = np.sort(np.where(np.isfinite(found), -found, np.inf), axis=1)
+    np.testing.assert_allclose(body.crossings(position, -direction), turned, atol=1e-9)
+
+
+def test_lines_need_shapes_and_units():
+    """One point with many directions and the reverse; off unit length by more than 1e-9 is refused."""
+    position, direction = as_lines([1.0, 2.0, 3.0], np.eye(3))
+    assert position.shape == direction.shape == (3, 3) and position[2].tolist() == [1, 2, 3]
+    as_lines(np.zeros(3), [0.0, 0.0, 1.0 + 0.9e-9])
+    for bad in ([0.0, 0.0, 1.0 + 1.1e-9], [0.0, 0.0, 1.0 - 1.1e-9], [0.0, 1.0]):
+        with pytest.raises(ValueError, match="unit vectors"):
+            as_lines(np.zeros(3), bad)
+    none = crossings(STAR[:1], STAR[1:2], "planar", np.zeros((2, 3)), np.tile([0.0, -1.0, 0.0], (2, 1)))
+    assert none.shape == (2, 0)
+
+
+def test_distances_and_feet_of_segments():
+    """The least over a fine sampling of each segment; feet on them; tiles hold every point once, and near ones."""
+    start, end = RNG.normal(size=(2, 6, 2))
+    points = RNG.normal(size=(40, 2))
+    share = np.linspace(0.0, 1.0, 4001)
+    on = start[:, None] + share[:, None] * (end - start)[:, None]
+    brute = ((points[:, None, None] - on) ** 2).sum(axis=3)
+    found = _squared_distances(points, start, end)
+    np.testing.assert_allclose(found, brute.min(axis=2), atol=1e-5)
+    assert (found <= brute.min(axis=2) + 1e-12).all()
+    feet = _nearest_feet(points, start, end)
+    np.testing.assert_allclose(((points - feet) ** 2).sum(axis=1), found.min(axis=1), rtol=1e-9, atol=1e-15)
+    for row, foot in enumerate(feet):
+        k = found[row].argmin()
+        along = (foot - start[k]) @ (end[k] - start[k]) / ((end[k] - start[k]) @ (end[k] - start[k]))
+        assert -1e-12 <= along <= 1.0 + 1e-12
+        np.testing.assert_allclose(foot, start[k] + along * (end[k] - start[k]), atol=1e-12)
+    many = RNG.uniform(size=(5000, 2)) * [3.0, 1.0]
+    order, first = _tiles(many)
+    assert sorted(order) == list(range(5000)) and first[0] == 0 and (np.diff(first) > 0).all()
+    side = np.sqrt(3.0 * 512 / 5000)
+    for low, high in zip(first, [*first[1:], 5000], strict=True):
+        assert np.ptp(many[order[low:high]], axis=0).max() <= side * 1.01
+    assert 8 <= len(first) <= 30
+
+
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+def test_what_a_profile_holds(geometry: str):
+    """By the winding angle about each point; distances with that sign; its box, walls and their left side."""
+    body = Body(STAR, geometry)
+    points = RNG.uniform([0.0, -1.5], [2.0, 1.8], (300, 2))
+    steps = STAR[None] - points[:, None]
+    angle = np.arctan2(steps[..., 1], steps[..., 0])
+    turn = np.diff(np.concatenate([angle, angle[:, :1]], axis=1), axis=1)
+    winding = np.round(((turn + np.pi) % (2 * np.pi) - np.pi).sum(axis=1) / (2 * np.pi))
+    inside = body.contains(points)
+    np.testing.assert_array_equal(inside, winding != 0)
+    distance = np.linalg.norm(points - body.nearest_wall(points), axis=1)
+    np.testing.assert_allclose(body.signed_distance(points), np.where(inside, -distance, distance))
+    np.testing.assert_array_equal(body.box, [STAR.min(axis=0), STAR.max(axis=0)])
+    start, end = body.surface
+    left = np.stack([-(end - start)[:, 1], (end - start)[:, 0]], axis=1)
+    middle = 0.5 * (start + end)
+    assert body.contains(middle + 1e-6 * left).all() and not body.contains(middle - 1e-6 * left).any()
+    assert len(start) == 5 and {tuple(one) for one in start} == {tuple(one) for one in STAR}
+    assert Body(STAR[::-1], geometry).contains(points).tolist() == inside.tolist()
+
+
+def test_edges_cut_each_other():
+    """A cross of two edges, one that ends on another, and parallels: pieces between the points, in order."""
+    start = np.array([[0.0, 0.0], [2.0, -1.0], [3.0, 0.0], [0.0, 5.0]])
+    end = np.array([[4.0, 0.0], [2.0, 3.0], [3.0, 2.0], [4.0, 5.0]])
+    found = _cuts(start, end, start, end, 6.0)
+    np.testing.assert_allclose(found[0], [[2.0, 0.0], [3.0, 0.0]])
+    np.testing.assert_allclose(found[1], [[2.0, 0.0]])
+    assert len(found[2]) == len(found[3]) == 0
+    first, last = _split(start, end)
+    pieces = {(*a, *b) for a, b in zip(first.tolist(), last.tolist(), strict=True)}
+    assert pieces == {
+        (0, 0, 2, 0), (2, 0, 3, 0), (3, 0, 4, 0), (2, -1, 2, 0), (2, 0, 2, 3), (3, 0, 3, 2), (0, 5, 4, 5),
+    }  # fmt: skip
+    # A figure of eight: two triangles that touch in the crossing, each with its solid on the left.
+    eight = np.array([[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 2.0]])
+    body = Body(eight, "planar")
+    one, two = bounding_walls(eight, body.contains)
+    assert len(one) == 6
+    left = np.stack([-(two - one)[:, 1], (two - one)[:, 0]], axis=1)
+    assert body.contains(0.5 * (one + two) + 1e-6 * left).all()
+    assert not body.contains(0.5 * (one + two) - 1e-6 * left).any()
+    assert np.sum(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) / 2.0 == pytest.approx(2.0)  # its area
+
+
+# --- triangles -------------------------------------------------------------------------------------------------------
+
+
+def test_frames_across_directions():
+    """Two unit vectors that complete each direction to a right-handed frame, also downward."""
+    _, direction = lines()
+    first, second = axes_across(3.0 * direction)
+    frame = np.stack([first, second, direction], axis=1)
+    np.testing.assert_allclose(frame @ frame.swapaxes(1, 2), np.tile(np.eye(3), (len(direction), 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(frame), 1.0, rtol=1e-12)
+
+
+def test_sides_of_edges():
+    """The cross product of its ends; opposite for the edge the other way round, and never zero."""
+    x, y = RNG.normal(size=(2, 50, 3))
+    x[:5] = y[:5] = [[0, 0, 0], [1, 1, 1], [1, 2, 3], [-1, 0, 1], [2, 4, 6]]
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        side = edge_side(x, y, a, b)
+        np.testing.assert_allclose(side, x[:, a] * y[:, b] - y[:, a] * x[:, b], atol=1e-15)
+        assert (side != 0.0).all()
+        kept = (x[:, a] != x[:, b]) | (y[:, a] != y[:, b])
+        np.testing.assert_array_equal(edge_side(x, y, b, a)[kept], -side[kept])
+
+
+def test_lines_pass_boxes():
+    """Those of which a sample is inside do; those along an axis beside it do not."""
+    position, direction = lines(200)
+    low, high = np.array([-1.0, -0.5, 0.2]), np.array([0.7, 1.1, 1.5])
+    t = np.arange(-10.0, 10.0, 5e-3)
+    found = _pass_box(position, direction, low, high)
+    for row in range(200):
+        points = position[row] + t[:, None] * direction[row]
+        inside = ((points >= low) & (points <= high)).all(axis=1)
+        near = ((points >= low - 0.01) & (points <= high + 0.01)).all(axis=1)
+        assert found[row] >= inside.any() and found[row] <= near.any()
+    assert 10 < found.sum() < 190
+
+
+def tetrahedra() -> SolidBody:
+    """Two, apart, the second with its triangles inside out."""
+    corners = np.array([[0.0, 0, 0], [1.2, 0.1, 0], [0.2, 1.1, 0.1], [0.3, 0.2, 1.3]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    return SolidBody(
+        np.concatenate([corners, corners + np.array([2.0, 0.5, 0.3])]), np.concatenate([faces, faces[:, ::-1] + 4])
+    )
+
+
+def test_lines_cross_triangles_one_by_one():
+    """Each triangle by a linear system of three unknowns; inside by shares of the corners; all turned outward."""
+    body = tetrahedra()
+    position, direction = lines(150, 1.5)
+    position += [1.5, 0.5, 0.5]
+    found = body.crossings(position, direction)
+    total = 0
+    for row in range(150):
+        hits = []
+        for a, b, c in body.surface:
+            try:
+                u, v, t = np.linalg.solve(np.stack([b - a, c - a, -direction[row]], axis=1), position[row] - a)
+            except np.linalg.LinAlgError:
+                continue
+            if min(u, v, 1.0 - u - v) > 0.0:
+                hits.append(t)
+        told = found[row][np.isfinite(found[row])]
+        np.testing.assert_allclose(told, sorted(hits), atol=1e-9)
+        total += len(hits)
+    assert total > 40
+    points = RNG.uniform([0, 0, 0], [3.2, 1.7, 1.7], (400, 3))
+    inside = np.zeros(400, bool)
+    for first in (0, 4):
+        corners = body.vertices[first : first + 4]
+        shares = np.linalg.solve(np.vstack([corners.T, np.ones(4)]), np.c_[points, np.ones(400)].T)
+        inside |= (shares > 0.0).all(axis=0)
+    np.testing.assert_array_equal(body.contains(points), inside)
+    assert 5 < inside.sum() < 200
+    distance = np.linalg.norm(points - body.nearest_wall(points), axis=1)
+    np.testing.assert_allclose(body.signed_distance(points), np.where(inside, -distance, distance))
+    a, b, c = body.surface.swapaxes(0, 1)
+    normal = np.cross(b - a, c - a)
+    middle = np.concatenate([np.tile(body.vertices[k : k + 4].mean(axis=0), (4, 1)) for k in (0, 4)])
+    assert (np.sum(normal * ((a + b + c) / 3.0 - middle), axis=1) > 0.0).all()
+    np.testing.assert_array_equal(body.box, [body.vertices.min(axis=0), body.vertices.max(axis=0)])
+
+
+@pytest.mark.parametrize("count", [3, 8])
+def test_bodies_of_revolution(count: int):
+    """Volume of the prism ring by Pappus over the polygon, corners on the profile's circles."""
+    for profile in (np.array([[0.0, 0.0], [1.0, 0.5], [0.0, 2.0]]), np.array([[0.5, 0.0], [1.0, 0.2], [0.7, 1.0]])):
+        body = SolidBody.of_revolution(Body(profile, "axisymmetric"), count)
+        a, b, c = body.surface.swapaxes(0, 1)
+        volume = np.einsum("nk,nk->", a, np.cross(b, c)) / 6.0
+        first, second = profile.T
+        cross = first * np.roll(second, -1) - np.roll(first, -1) * second
+        moment = np.sum((first + np.roll(first, -1)) * cross) / 6.0
+        share = np.sin(2.0 * np.pi / count) * count / (2.0 * np.pi)  # of a regular polygon in its circle
+        assert volume == pytest.approx(2.0 * np.pi * abs(moment) * share, rel=1e-9)
+        radius = np.hypot(body.vertices[:, 0], body.vertices[:, 1])
+        rings = {(round(r, 9), round(z, 9)) for r, z in zip(radius, body.vertices[:, 2], strict=True)}
+        assert rings == {(round(r, 9), round(z, 9)) for r, z in profile}
+        assert len(body.vertices) == sum(1 if r == 0.0 else count for r in profile[:, 0])
+    with pytest.raises(ValueError, match="needs an axisymmetric profile"):
+        SolidBody.of_revolution(Body(STAR, "planar"), 8)
+    with pytest.raises(ValueError, match="three triangles around it"):
+        SolidBody.of_revolution(Body(STAR, "axisymmetric"), 2)
