@@ -138,6 +138,14 @@ def test_measured_bending_grows_with_the_squared_slopes():
     assert not found.traced and math.isnan(found.probe)
 
 
+def test_a_snapshot_has_the_interpolant_that_was_asked_for():
+    """None takes the one of its kind."""
+    for asked, had in ((None, "cubic"), ("monotone", "monotone"), ("linear", "linear")):
+        made = snapshots(interpolation=asked)
+        field = made.settings.index_field(made.series.field(made.series.density(0), 0))
+        assert field.interpolation == had and field.wavelength == WAVELENGTH
+
+
 def test_densities_that_no_gas_has_are_refused_when_the_bending_is_measured():
     made = snapshots()
     samples = np.ones(SHAPE)

@@ -11,6 +11,7 @@ from scipy.stats import kendalltau
 from aerokernels import Disc, statistics
 from aerokernels.series.linking import _linked_and_path
 from aerokernels.series.modes import (
+    Modes,
     about_mean,
     first_zero_weights,
     integral_length,
@@ -19,7 +20,14 @@ from aerokernels.series.modes import (
 )
 from aerokernels.series.pupil_grid import MapReader, pupil_grid
 from aerokernels.series.spectra import sample_rate, welch
-from aerokernels.series.statistic_parts import Table, add_correlation, add_modes, add_spectra
+from aerokernels.series.statistic_parts import (
+    Table,
+    _shape_errors,
+    add_correlation,
+    add_modes,
+    add_spectra,
+    covers_of,
+)
 from aerokernels.series.uncertainty import Mean, correlation_sum, mean_of, root_of, trend_of
 
 WAVELENGTH = 633e-9
@@ -86,7 +94,9 @@ def test_rates_of_even_times():
                 sample_rate(uneven)
 
 
-@pytest.mark.parametrize(("count", "segment", "length"), [(72, None, 16), (40, None, 8), (30, 9, 9), (20, 20, 20)])
+@pytest.mark.parametrize(
+    ("count", "segment", "length"), [(72, None, 16), (40, None, 8), (30, 9, 9), (34, 8, 8), (20, 20, 20)]
+)
 def test_spectra_are_averaged_periodograms(count: int, segment: int | None, length: int):
     """Hann windows that overlap by half: |sum w x exp|^2 / (rate sum w^2), twice that but at zero and Nyquist's."""
     rate = 5.0
@@ -256,6 +266,22 @@ def test_spectra_of_maps_and_tilts():
     assert "strouhal" not in without
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e-15])
+def test_modes_that_mix(scale: float):
+    """Whatever the unit of their energies: sqrt(e_k e_j / N) / |e_k - e_j| of each other shape, 1 at most."""
+    shape = np.array([[1.0, 0.0, 0.5], [0.0, 2.0, 0.5], [0.3, 0.0, 3.0]])
+    modes = Modes(shape, scale * np.array([4.0, 1.0, 0.9]), np.zeros((5, 3)), 6.0 * scale)
+    found = _shape_errors(modes, [25.0, 16.0, 9.0])
+    energy = [4.0, 1.0, 0.9]
+    for k, count in enumerate((25.0, 16.0, 9.0)):
+        square = np.zeros(3)
+        for j in range(3):
+            if j != k:
+                share = min(math.sqrt(energy[k] * energy[j] / count) / abs(energy[k] - energy[j]), 1.0)
+                square += (share * shape[j]) ** 2
+        np.testing.assert_allclose(found[k], np.sqrt(square))
+
+
 def test_the_linking_equation_by_sums():
     """Sum over planes of the variance times twice its length, one-sided on the longer side; and the double sum."""
     draw = np.random.default_rng(6)
@@ -343,9 +369,26 @@ def test_statistics_of_maps_about_their_mean():
     assert float(found.strehl) == pytest.approx(np.mean([one.strehl for one in rms]))
     large = np.exp(-((2.0 * np.pi / WAVELENGTH) ** 2) * squares)
     assert float(found.strehl_large_aperture) == pytest.approx(large.mean())
-    few = statistics(xarray.Dataset(
-        {"opd": (("time", "y", "x"), given["opd"][1][:3]), "weight": given["weight"]},
-        {"time": np.arange(3.0), "y": grid.y, "x": grid.x}, {"wavelength": WAVELENGTH},
-    ))  # fmt: skip
-    assert np.isnan(few.opd_mean_error.values[lit]).all() and np.isnan(float(few.opd_rms_steady_error))
-    np.testing.assert_allclose(few.opd_std.values[lit], maps[:3].std(axis=0, ddof=1), rtol=1e-9)
+    for times in (3, 4):
+        some = {"opd": (("time", "y", "x"), given["opd"][1][:times]), "weight": given["weight"]}
+        places = {"time": np.arange(float(times)), "y": grid.y, "x": grid.x}
+        few = statistics(xarray.Dataset(some, places, {"wavelength": WAVELENGTH}))
+        assert np.isfinite(few.opd_mean_error.values[lit]).all() == (times == 4)
+        assert np.isfinite(float(few.opd_rms_steady_error)) == (times == 4)
+        np.testing.assert_allclose(few.opd_std.values[lit], maps[:times].std(axis=0, ddof=1), rtol=1e-9)
+
+
+def test_three_pixels_are_a_pupil():
+    """A plane has three numbers; shares of two columns of pixels in a disc about their middle."""
+    draw = np.random.default_rng(9)
+    maps = 1e-7 * draw.normal(size=(5, 2, 2))
+    maps[:, 1, 1] = np.nan
+    places = {"time": np.arange(5.0), "y": [0.0, 1e-3], "x": [0.0, 1e-3]}
+    found = statistics(xarray.Dataset({"opd": (("time", "y", "x"), maps)}, places, {"wavelength": WAVELENGTH}))
+    assert float(found.opd_rms) < 1e-18 and float(found.opd_rms_with_tilt) > 1e-8
+    maps[:, 0, 1] = np.nan
+    with pytest.raises(ValueError, match="fewer than 3 pixels"):
+        statistics(xarray.Dataset({"opd": (("time", "y", "x"), maps)}, places, {"wavelength": WAVELENGTH}))
+    shares = covers_of(np.array([0.0, 1e-3]), np.array([0.0, 2e-3]), np.ones((2, 2), dtype=bool))(2e-3)
+    edges = 1e-3 * np.array([-1.0, 0.0, 1.0]), 2e-3 * np.array([-1.0, 0.0, 1.0])
+    np.testing.assert_allclose(shares, Disc(1e-3).coverage(*edges).ravel())

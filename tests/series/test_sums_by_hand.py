@@ -238,6 +238,13 @@ def test_averages_of_cells_along_some_axes():
     np.testing.assert_array_equal(to_coefficients(6, "linear", False, False), np.eye(6))
 
 
+def test_rays_at_45_degrees_are_summed():
+    mesh = GridMesh("planar", np.zeros(2), np.ones(2), (5, 5))
+    assert main_axis(mesh, np.array([0.0, 1.0, 1.0]) / math.sqrt(2.0)) == 1
+    with pytest.raises(NotLinearError, match="across z"):
+        main_axis(mesh, np.array([0.0, 1.01, 1.0]))
+
+
 def test_rows_of_basis_functions():
     """At nodes, between and beyond the ends, where the end's own value is meant."""
     places = np.array([-0.5, 0.0, 1.25, 4.0, 4.5])
@@ -318,22 +325,25 @@ def test_the_interpolation_error_of_small_grids_is_the_difference_from_lines_bet
     np.testing.assert_allclose(found, 3.0 * np.abs(cubic(3.0 * samples) - linear(3.0 * samples)), rtol=1e-9)
 
 
-def test_the_interpolation_error_of_larger_grids_is_that_of_every_second_and_fourth_node():
+@pytest.mark.parametrize("shape", [(11, 14, 19), (9, 5, 17), (8, 9, 17), (4, 9, 17)])
+def test_the_interpolation_error_of_larger_grids_is_that_of_every_second_and_fourth_node(shape):
     """Three times Richardson's of fourth order, from nodes that all three levels share."""
     from aerokernels.medium.levels import richardson_error
 
-    shape = (11, 14, 19)
     mesh = GridMesh("volume", np.zeros(3), np.array([0.1, 0.07, 0.05]), shape)
     draw = np.random.default_rng(9)
     samples = 1.5 + 0.1 * draw.normal(size=shape)
-    start = np.array([[0.33, 0.41, -0.1], [0.4, 0.3, -0.1], [0.21, 0.22, -0.1]])
+    start = np.array([0.1, 0.07, 0.0]) * shape * [[0.3, 0.4, 0.0], [0.4, 0.3, 0.0], [0.21, 0.22, 0.0]] - [0, 0, 0.1]
     along = np.array([0.05, 0.03, 1.0]) / np.linalg.norm([0.05, 0.03, 1.0])
     lines = LineIntegrals(mesh, start, along)
     found = interpolation_error(lines, samples, lambda x: 2.0 * x)
-    kept = samples[:9, :13, :17]
+    # Along an axis of fewer than nine nodes every second one is the coarsest, of fewer than five all are kept.
+    every = [4 if count >= 9 else 2 if count >= 5 else 1 for count in shape]
+    kept = samples[tuple(slice(0, count - (count - 1) % one) for count, one in zip(shape, every, strict=True))]
     levels = []
-    for stride in (1, 2, 4):
-        some = kept[::stride, ::stride, ::stride]
-        thin = GridMesh("volume", mesh.origin, mesh.spacing * stride, some.shape)
+    for greatest in (1, 2, 4):
+        strides = [min(one, greatest) for one in every]
+        some = kept[:: strides[0], :: strides[1], :: strides[2]]
+        thin = GridMesh("volume", mesh.origin, mesh.spacing * strides, some.shape)
         levels.append(LineIntegrals(thin, start, along)(2.0 * some))
     np.testing.assert_allclose(found, 3.0 * np.abs(richardson_error(*levels, 4)), rtol=1e-2, atol=1e-6)

@@ -58,6 +58,19 @@ def test_a_point_spread_function_is_a_sum_over_pixels(count: int):
     assert whole.peak == whole.intensity.max()
 
 
+def test_pixels_and_paddings_that_are_none():
+    wave = uneven()
+    for pixel, padding in ((-1.0, 8), (math.inf, 8), (math.nan, 8), (0.0, 8), (PIXEL, 0)):
+        with pytest.raises(ValueError, match="pixel and padding must be positive"):
+            point_spread_function(wave.opd, wave.weight, pixel, WAVELENGTH, padding=padding)
+    with pytest.raises(ValueError, match="half_width"):
+        point_spread_function(wave.opd, wave.weight, PIXEL, WAVELENGTH, half_width=-1e-9)
+    assert point_spread_function(wave.opd, wave.weight, PIXEL, WAVELENGTH, half_width=0.0).angle.tolist() == [0.0]
+    for bad in (-wave.weight, np.where(wave.weight > 0.9, np.nan, wave.weight), 0.0 * wave.weight):
+        with pytest.raises(ValueError, match="mask must be|pupil must not"):  # noqa: RUF043
+            point_spread_function(wave.opd, bad, PIXEL, WAVELENGTH)
+
+
 def test_products_of_matrices_in_blocks():
     draw = np.random.default_rng(2)
     left, right = draw.normal(size=(70, 45)) + 1j * draw.normal(size=(70, 45)), draw.normal(size=(45, 33))

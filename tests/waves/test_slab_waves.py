@@ -278,6 +278,13 @@ def test_lines_through_slabs_find_the_finest_phase_and_the_disturbed_length(flat
         assert found == _finest_on(np.stack(lines), pixel, wavelength)[0] < math.inf
 
 
+def test_the_disturbed_length_behind_a_wall_is_that_of_all_lines():
+    """Where no line is free of the wall the wall is left out of account."""
+    pupil = Disc(2e-3)
+    hidden, free = (_slabs_length(Given(2.0, wall=wall), pupil, False) for wall in (-1.0, np.inf))
+    assert hidden == free > 0.0
+
+
 def test_a_shadow_is_measured_by_its_light():
     """Share of the squared amplitude that a wall takes, and the Fresnel number of the area that is left."""
     slabs = Given(0.3, first=0.1, last=0.74, wall=0.5e-3)
