@@ -151,6 +151,9 @@ def test_differences_of_two_pulses():
         0.149896229
     )
     assert pearson_correlation([1.0, 2.0], [5.0, 3.0]) == pytest.approx(-1.0)
+    assert pearson_correlation([1e-20, 2e-20, 4e-20], [1e30, 2e30, 4e30]) == pytest.approx(1.0)
+    with pytest.raises(ValueError, match="constant"):
+        pearson_correlation(0.1 + 0.2 * np.ones(7), np.arange(7.0))
     for wrong in (([1.0], [2.0]), ([1.0, 1.0], [1.0, 2.0]), ([[1.0, 2.0]], [[1.0, 2.0]])):
         with pytest.raises(ValueError, match=r"one length|constant"):
             pearson_correlation(*wrong)

@@ -28,6 +28,10 @@ def test_grey_levels_of_electrons():
     assert quiet.var() == pytest.approx(49.0, rel=0.03)
     np.testing.assert_array_equal(Sensor().expose(many, seed=0), Sensor().expose(many))
     assert (Sensor().expose(many, seed=1) != Sensor().expose(many)).any()
+    assert Sensor(bits=1).levels == 1 and Sensor(bits=16).levels == 65535
+    for bits in (0, 17):
+        with pytest.raises(ValueError, match="bits"):
+            Sensor(bits=bits)
 
 
 def lump() -> IndexField:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Disc, Mask, Polygon, Rectangle
+from aerokernels.pupils import as_unit_vector
 from aerokernels.pupils.disc import _ring_gauss, _ring_grid, area_below
 from aerokernels.pupils.pixels import _overlap
 from aerokernels.pupils.polygon import _ears, _first_crossing, _under_edge
@@ -155,6 +156,15 @@ def test_a_map_of_the_square_keeps_shares_of_area(pupil):
     # Corners of the square are points of the pupil, too.
     ends = pupil.square_map.points(np.array([[0.0, 0.0], [1.0 - 1e-12, 1.0 - 1e-12], [0.0, 1.0 - 1e-12]]))
     assert np.isfinite(ends).all() and (np.hypot(*ends.T) <= 1.0 + 1e-9).all()
+
+
+def test_directions_of_any_size_are_unit_vectors():
+    """Squares of such numbers would overflow or vanish."""
+    for size in (1e200, 1.0, 1e-200):
+        np.testing.assert_allclose(as_unit_vector(size * np.array([3.0, 0.0, -4.0]), "normal"), [0.6, 0.0, -0.8])
+    for wrong in ((0.0, 0.0, 0.0), (1.0, 2.0), (math.nan, 0.0, 1.0)):
+        with pytest.raises(ValueError, match="normal"):
+            as_unit_vector(wrong, "normal")
 
 
 def test_shares_and_intervals():

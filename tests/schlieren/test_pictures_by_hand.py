@@ -340,8 +340,8 @@ def test_columns_and_lines_of_a_shocks_window():
     """Both ends count; eight columns at least. A line goes through its two points."""
     picture = SimpleNamespace(horizontal=np.arange(20.0), vertical=np.arange(40.0), intensity=np.zeros((40, 20)))
     np.testing.assert_array_equal(columns_in(picture, (3.0, 10.0)), np.arange(3, 11))
-    for window in ((3.1, 10.0), (3.0, 9.9), (5.0, 5.0)):
-        with pytest.raises(ValueError, match="window"):
+    for window, words in (((3.1, 10.0), "7 columns"), ((3.0, 9.9), "7 columns"), ((5.0, 5.0), "increasing")):
+        with pytest.raises(ValueError, match=words):
             columns_in(picture, window)
     line = _line_through(((1.0, 5.0), (3.0, 4.0)), np.array([-1.0, 2.0]))
     np.testing.assert_allclose(line, [6.0, 4.5])

@@ -5,10 +5,9 @@ from itertools import product
 
 import numpy as np
 import pytest
-import xarray
 from scipy.stats import kendalltau
 
-from aerokernels import Disc, statistics
+from aerokernels import Disc
 from aerokernels.series.linking import _linked_and_path
 from aerokernels.series.modes import (
     Modes,
@@ -26,7 +25,6 @@ from aerokernels.series.statistic_parts import (
     add_correlation,
     add_modes,
     add_spectra,
-    covers_of,
 )
 from aerokernels.series.uncertainty import Mean, correlation_sum, mean_of, root_of, trend_of
 
@@ -332,63 +330,3 @@ def test_numbers_of_a_map_by_weighted_sums():
     middle = grid.points - grid.pupil.center
     np.testing.assert_allclose(middle @ np.array(grid.pupil.axes).T, xy, atol=1e-15)
     np.testing.assert_allclose(middle @ grid.pupil.normal, 0.0, atol=1e-15)
-
-
-def test_statistics_of_maps_about_their_mean():
-    """The steady map, its rms and the rest's; errors by the lesser of two counts of independent maps."""
-    draw = np.random.default_rng(8)
-    grid = pupil_grid(Disc(0.01), 6)
-    count = int(grid.lit.sum())
-    maps = 1e-7 * draw.normal(size=(20, count)) + 2e-7 * draw.normal(size=count)
-    weight = grid.weight[grid.lit]
-    given = {
-        "opd": (("time", "y", "x"), np.stack([grid.spread(one) for one in maps])),
-        "weight": (("y", "x"), grid.weight),
-    }
-    found = statistics(
-        xarray.Dataset(given, {"time": np.arange(20.0), "y": grid.y, "x": grid.x}, {"wavelength": WAVELENGTH})
-    )
-    mean, left = maps.mean(axis=0), maps - maps.mean(axis=0)
-    spread = maps.std(axis=0, ddof=1)
-    unsteady = left**2 @ weight
-    effective = min(
-        mean_of(unsteady).effective_count, mean_of(orthogonal_modes(maps, weight, 1).coefficient[:, 0]).effective_count
-    )
-    lit = grid.lit
-    np.testing.assert_allclose(found.opd_mean.values[lit], mean, rtol=1e-9)
-    np.testing.assert_allclose(found.opd_mean_error.values[lit], spread / math.sqrt(effective), rtol=1e-9)
-    np.testing.assert_allclose(found.opd_std.values[lit], spread, rtol=1e-9)
-    np.testing.assert_allclose(found.opd_std_error.values[lit], spread / math.sqrt(2.0 * effective), rtol=1e-9)
-    assert float(found.opd_rms_steady) == pytest.approx(math.sqrt(weight @ (mean - weight @ mean) ** 2))
-    assert float(found.opd_rms_steady_error) == pytest.approx(math.sqrt(weight @ spread**2 / effective))
-    assert float(found.opd_rms_unsteady) == pytest.approx(math.sqrt(unsteady.mean()))
-    rms = [MapReader(grid.coordinates, weight, ("piston",), WAVELENGTH)(one) for one in maps]
-    squares = np.array([one.rms_without_tilt**2 for one in rms])
-    assert float(found.opd_rms) == pytest.approx(math.sqrt(squares.mean()))
-    assert float(found.opd_rms_with_tilt) == pytest.approx(math.sqrt(np.mean([one.rms**2 for one in rms])))
-    assert float(found.strehl) == pytest.approx(np.mean([one.strehl for one in rms]))
-    large = np.exp(-((2.0 * np.pi / WAVELENGTH) ** 2) * squares)
-    assert float(found.strehl_large_aperture) == pytest.approx(large.mean())
-    for times in (3, 4):
-        some = {"opd": (("time", "y", "x"), given["opd"][1][:times]), "weight": given["weight"]}
-        places = {"time": np.arange(float(times)), "y": grid.y, "x": grid.x}
-        few = statistics(xarray.Dataset(some, places, {"wavelength": WAVELENGTH}))
-        assert np.isfinite(few.opd_mean_error.values[lit]).all() == (times == 4)
-        assert np.isfinite(float(few.opd_rms_steady_error)) == (times == 4)
-        np.testing.assert_allclose(few.opd_std.values[lit], maps[:times].std(axis=0, ddof=1), rtol=1e-9)
-
-
-def test_three_pixels_are_a_pupil():
-    """A plane has three numbers; shares of two columns of pixels in a disc about their middle."""
-    draw = np.random.default_rng(9)
-    maps = 1e-7 * draw.normal(size=(5, 2, 2))
-    maps[:, 1, 1] = np.nan
-    places = {"time": np.arange(5.0), "y": [0.0, 1e-3], "x": [0.0, 1e-3]}
-    found = statistics(xarray.Dataset({"opd": (("time", "y", "x"), maps)}, places, {"wavelength": WAVELENGTH}))
-    assert float(found.opd_rms) < 1e-18 and float(found.opd_rms_with_tilt) > 1e-8
-    maps[:, 0, 1] = np.nan
-    with pytest.raises(ValueError, match="fewer than 3 pixels"):
-        statistics(xarray.Dataset({"opd": (("time", "y", "x"), maps)}, places, {"wavelength": WAVELENGTH}))
-    shares = covers_of(np.array([0.0, 1e-3]), np.array([0.0, 2e-3]), np.ones((2, 2), dtype=bool))(2e-3)
-    edges = 1e-3 * np.array([-1.0, 0.0, 1.0]), 2e-3 * np.array([-1.0, 0.0, 1.0])
-    np.testing.assert_allclose(shares, Disc(1e-3).coverage(*edges).ravel())

@@ -286,6 +286,15 @@ def test_a_hole_is_farther_from_every_sample_than_four_mean_distances():
                 _check_cover(place, outside, 1.0, pupil)
 
 
+def test_corners_beside_a_disc_need_no_samples():
+    """Many samples up to the rim; the corners of the map are farther from them than any hole may be."""
+    number = np.arange(1500)
+    angle, size = 2.399963 * number, 3e-3 * np.sqrt((number + 0.5) / 1500)
+    place = np.stack([size * np.cos(angle), size * np.sin(angle)], axis=1)
+    wave = Wavefront.from_samples(place, 1e-7 * place[:, 0] / 3e-3, Disc(3e-3), WAVELENGTH, pixel_count=16)
+    np.testing.assert_allclose(wave.opd[wave.lit], 1e-7 * wave.points[:, 0] / 3e-3, atol=1e-13)
+
+
 @pytest.mark.parametrize("count", [40, 41])
 def test_each_sample_is_predicted_from_seven_eighths_of_the_others(count: int):
     """The interpolation error is three times the worst; the samples' own error is added as squares."""
