@@ -47,6 +47,8 @@ def test_the_vertex_of_a_parabola():
         (np.array([2.0, 2.0, 2.0]), (0.0, 2.0)),
     ):
         assert _vertex(values) == top
+    beside = _vertex(np.array([np.nan, 2.0, 3.0, 2.5, np.nan]))
+    assert beside == (pytest.approx(2.0 + 0.25 / 1.5), pytest.approx(3.0 + 0.0625 / 1.5 / 2.0))
 
 
 def test_widths_of_a_bell():
