@@ -260,6 +260,36 @@ def test_the_sampling_error_is_the_worst_of_eight_phases(tau: float):
     assert math.isnan(sampling_error(volts[31:], period, read, template, True))
 
 
+@pytest.mark.parametrize("sampled", [False, True])
+@pytest.mark.parametrize(("before", "after"), [(1.1, 1.6), (1.9, 1.2)])
+def test_without_a_shape_the_test_pulse_is_as_wide_as_the_record_looks(sampled: bool, before: float, after: float):
+    """A Gaussian on either side, narrowed until its samples look no wider than the record at any of eight phases."""
+    period = 1e-9
+    volts = 0.8 * powered(48, 20.3, before, after, (2.0, 2.0))
+    curve = PulseCurve(volts)
+    first, second = half_widths(curve)
+    reach = int(8.0 * (first + second)) + 16
+    whole = np.arange(-reach, reach + 1.0)
+
+    def pulse(position: np.ndarray, narrower: float) -> np.ndarray:
+        side = np.where(position < 0.0, first, second)
+        return curve.peak * 0.5 ** ((position / narrower / side) ** 2)
+
+    def read(samples: np.ndarray, known) -> float:
+        square = np.maximum(samples, 0.0) ** 3
+        return float(np.arange(len(samples)) @ square / square.sum())
+
+    widest = max(sum(half_widths(PulseCurve(pulse(whole - k / 8.0, 1.0)))) for k in range(8))
+    narrower = min(1.0, (first + second) / widest)
+    assert narrower < 0.999
+    template = volts if sampled else None
+    fine = pulse(np.arange(-32 * reach, 32 * reach + 1) / 32.0, narrower)
+    truth = 0.0 if sampled else read(fine, None) / 32.0 - reach
+    errors = [abs(read(pulse(whole - k / 8.0, narrower), None) - reach - k / 8.0 - truth) for k in range(8)]
+    found = sampling_error(volts, period, read, template, True)
+    assert found == pytest.approx(1.5 * 0.5 * LIGHT * period * max(errors), rel=1e-9)
+
+
 def test_a_sampling_error_above_three_ten_thousandths_of_the_width_is_warned_of():
     volts = np.exp(-(((np.arange(64) - 30.2) / 4.0) ** 2))
     width = sum(half_widths(PulseCurve(volts)))
