@@ -73,10 +73,13 @@ def test_noise_of_a_diode_and_its_amplifier():
     assert excess_noise_factor(12.0, 0.02) == pytest.approx(factor)
     sources = NoiseSources(0.6, 12.0, 0.02, 2e-8, 3e-10, 310.0, 2e3, 3e-12)
     thermal = 4.0 * BOLTZMANN * 310.0 / 2e3 + 9e-24
-    assert sources.thermal_density == pytest.approx(thermal) and sources.amperes_per_watt == pytest.approx(7.2)
+    assert sources.thermal_density == pytest.approx(
+        thermal, rel=1e-9, abs=0.0
+    ) and sources.amperes_per_watt == pytest.approx(7.2)
     for power in (0.0, 5e-7, -1e-7):
         primary = 0.6 * (max(power, 0.0) + 2e-8) + 3e-10
-        assert float(sources.density(power)) == pytest.approx(2.0 * ELECTRON * 144.0 * factor * primary + thermal)
+        shot = 2.0 * ELECTRON * 144.0 * factor * primary
+        assert float(sources.density(power)) == pytest.approx(shot + thermal, rel=1e-9, abs=0.0)
     generator = np.random.default_rng(1)
     drawn = np.random.default_rng(1).standard_normal(3)
     density = np.array([4.0, 1.0, 9.0])
@@ -91,9 +94,9 @@ def test_noise_behind_a_low_pass(response: str, order: int):
     band, top = 3e7, 4.7e8
     frequency = top * (np.arange(400_000) + 0.5) / 400_000
     gain = np.abs(low_pass_gain(frequency, band, response, order)) ** 2
-    assert noise_bandwidth(band, response, order, top) == pytest.approx(gain.mean() * top, rel=1e-5)
+    assert noise_bandwidth(band, response, order, top) == pytest.approx(gain.mean() * top, rel=1e-5, abs=0.0)
     assert noise_bandwidth(band, response, order, 0.4 * band) == pytest.approx(
-        gain[frequency < 0.4 * band].sum() * top / 4e5, rel=1e-4
+        gain[frequency < 0.4 * band].sum() * top / 4e5, rel=1e-4, abs=0.0
     )
     period = 1.0 / 9e7
     low = np.array([0.0, 1.1e7, 4.5e7])

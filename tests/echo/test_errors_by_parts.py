@@ -35,22 +35,24 @@ def test_errors_are_root_sums_of_squares(kind: str, changes: dict):
     parts = [strehl_error(ratio, 0.05), pupil_error(scene, lump(2e-5))] if kind != "none" else []
     if kind == "strehl":
         strehl = math.hypot(*parts, interpolation)
-        assert found.strehl == pytest.approx(strehl, rel=1e-9)
+        assert found.strehl == pytest.approx(strehl, rel=1e-9, abs=0.0)
         share = strehl / ratio
     else:
         assert (
-            math.isnan(found.strehl) if kind == "none" else found.strehl == pytest.approx(math.hypot(*parts), rel=1e-9)
+            math.isnan(found.strehl)
+            if kind == "none"
+            else found.strehl == pytest.approx(math.hypot(*parts), rel=1e-9, abs=0.0)
         )
         share = interpolation / result.beam_mean(result.return_factor)
     share = math.hypot(share, QUADRATURE)
     moved = probe.read_shifted(*SHIFTS)
     power, volts = (max(abs(change[k]) for change, _ in moved) for k in (0, 1))
-    assert found.peak_power == pytest.approx(result.peak_power * math.hypot(share, power), rel=1e-9)
+    assert found.peak_power == pytest.approx(result.peak_power * math.hypot(share, power), rel=1e-9, abs=0.0)
     noise = probe.vacuum.chain.noise_rms(result.peak_power, scene.detector.sample_rate) if result.noise_rms else 0.0
     step = 0.0 if probe.vacuum.chain.digitiser is None else probe.vacuum.chain.digitiser.step
     assert probe.code_step == step
     expected = math.hypot(result.peak_voltage * math.hypot(share, volts), noise, 0.5 * step)
-    assert found.peak_voltage == pytest.approx(expected, rel=1e-9)
+    assert found.peak_voltage == pytest.approx(expected, rel=1e-9, abs=0.0)
     scaled = probe.read_scaled(1.0, 1.0 + share, 1.0 - share)
     codes = probe.read_digitised() if result.noise_rms < 0.5 * step else {}
     random = probe.random_errors(32) if result.noise_rms else {}
@@ -62,7 +64,9 @@ def test_errors_are_root_sums_of_squares(kind: str, changes: dict):
         place = max(abs(errors[method]) for _, errors in moved)
         path = 0.5 * scene.flow.wavelength * 0.05 / math.pi
         told = found.ranges[method]
-        assert told.systematic == pytest.approx(math.hypot(walk, place, path, codes.get(method, 0.0)), rel=1e-9)
+        assert told.systematic == pytest.approx(
+            math.hypot(walk, place, path, codes.get(method, 0.0)), rel=1e-9, abs=0.0
+        )
         assert told.random == pytest.approx(random.get(method, 0.0))
 
 

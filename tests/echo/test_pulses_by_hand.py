@@ -204,15 +204,15 @@ def test_half_widths_and_powers_of_edges():
     """Those that the record was made with: from the widths at a fifth and four fifths, and near the top."""
     volts = powered(400, 180.0, 20.0, 30.0, (2.0, 2.0))
     curve = PulseCurve(volts)
-    assert half_widths(curve) == pytest.approx((20.0, 30.0), rel=1e-2)
+    assert half_widths(curve) == pytest.approx((20.0, 30.0), rel=1e-2, abs=0.0)
     assert half_widths(PulseCurve(volts[:185])) is None or half_widths(PulseCurve(volts[:185]))[1] == pytest.approx(
         4.0, abs=1.1
     )
     assert half_widths(PulseCurve(volts[170:])) is None
     for powers in ((2.0, 2.0), (3.0, 5.0), (4.0, 2.0)):
         curve = PulseCurve(powered(600, 250.0, 40.0, 60.0, powers))
-        assert _powers(curve, 0.2, 0.8) == pytest.approx(powers, rel=0.02)
-        assert edge_powers(curve, 40.0, 60.0) == pytest.approx(powers, rel=0.02)
+        assert _powers(curve, 0.2, 0.8) == pytest.approx(powers, rel=0.02, abs=0.0)
+        assert edge_powers(curve, 40.0, 60.0) == pytest.approx(powers, rel=0.02, abs=0.0)
     corner = PulseCurve(powered(600, 250.0, 40.0, 60.0, (1.0, 2.0)))
     assert edge_powers(corner, 40.0, 60.0) == pytest.approx((1.0, 2.0))
     square = PulseCurve(np.clip(8.0 - np.abs(np.arange(600) - 250.0) * 0.2, 0.0, 1.0))
@@ -247,7 +247,7 @@ def test_the_sampling_error_is_the_worst_of_eight_phases(tau: float):
     for phase in np.arange(8) / 8.0:
         pulse = height / 3.0 * template((whole - phase) * period)
         errors.append(abs(read(pulse, template) - reach - phase))
-    assert found == pytest.approx(1.5 * 0.5 * LIGHT * period * max(errors), rel=1e-9)
+    assert found == pytest.approx(1.5 * 0.5 * LIGHT * period * max(errors), rel=1e-9, abs=0.0)
     bare = sampling_error(volts, period, read, template, False)
     fine = height / 3.0 * template(np.arange(-reach * 32, reach * 32 + 1) / 32.0 * period)
     truth = read(fine, None) / 32.0 - reach
@@ -255,7 +255,7 @@ def test_the_sampling_error_is_the_worst_of_eight_phases(tau: float):
         abs(read(height / 3.0 * template((whole - p) * period), template) - reach - p - truth)
         for p in np.arange(8) / 8.0
     ]
-    assert bare == pytest.approx(1.5 * 0.5 * LIGHT * period * max(errors), rel=1e-9)
+    assert bare == pytest.approx(1.5 * 0.5 * LIGHT * period * max(errors), rel=1e-9, abs=0.0)
     assert sampling_error(np.exp(-(((np.arange(200) - 99.7) / 9.0) ** 2)), period, read, template, True) == 0.0
     assert math.isnan(sampling_error(volts[31:], period, read, template, True))
 
@@ -287,7 +287,7 @@ def test_without_a_shape_the_test_pulse_is_as_wide_as_the_record_looks(sampled: 
     truth = 0.0 if sampled else read(fine, None) / 32.0 - reach
     errors = [abs(read(pulse(whole - k / 8.0, narrower), None) - reach - k / 8.0 - truth) for k in range(8)]
     found = sampling_error(volts, period, read, template, True)
-    assert found == pytest.approx(1.5 * 0.5 * LIGHT * period * max(errors), rel=1e-9)
+    assert found == pytest.approx(1.5 * 0.5 * LIGHT * period * max(errors), rel=1e-9, abs=0.0)
 
 
 def test_a_sampling_error_above_three_ten_thousandths_of_the_width_is_warned_of():

@@ -49,7 +49,7 @@ def test_slopes_of_a_wavefront_are_differences_of_neighbours():
     for axis in (0, 1):
         pairs = np.diff(found, axis=axis).ravel()
         expected += np.mean(pairs[np.isfinite(pairs)] ** 2) / 2e-3**2
-    assert made._slope(opd, valid) == pytest.approx(expected, rel=1e-12)
+    assert made._slope(opd, valid) == pytest.approx(expected, rel=1e-12, abs=0.0)
     assert made._slope(opd, np.zeros(48, dtype=bool)) == 0.0
 
 
@@ -61,10 +61,10 @@ def test_the_stop_is_a_plane_across_the_rays_beyond_the_box():
     away = np.concatenate([corners, made.grid.points]) @ ALONG
     stop = made._stop((low, high))
     np.testing.assert_allclose(stop.normal, ALONG)
-    assert stop.point @ ALONG == pytest.approx(away.max() + 1e-3 * (away.max() - away.min()), rel=1e-12)
+    assert stop.point @ ALONG == pytest.approx(away.max() + 1e-3 * (away.max() - away.min()), rel=1e-12, abs=0.0)
     endless = made._stop((np.array([-np.inf, low[1], low[2]]), np.array([np.inf, high[1], high[2]])))
     away = np.concatenate([corners * (0.0, 1.0, 1.0), made.grid.points]) @ ALONG
-    assert endless.point @ ALONG == pytest.approx(away.max() + 1e-3 * np.ptp(away), rel=1e-12)
+    assert endless.point @ ALONG == pytest.approx(away.max() + 1e-3 * np.ptp(away), rel=1e-12, abs=0.0)
 
 
 @pytest.mark.parametrize("remove", [(), ("piston",), ("piston", "tilt"), ("focus",)])
@@ -98,17 +98,17 @@ def test_a_snapshot_is_straight_unless_its_rays_bend_too_much(amplitude: float):
     between = interpolation_error(lines, density, contrast)
     rows = np.arange(48)
     probe = made._rms(bent, rows)
-    assert found.probe == pytest.approx(probe, rel=1e-6)
+    assert found.probe == pytest.approx(probe, rel=1e-6, abs=0.0)
     told = made._rms(between, rows) + made._rms(opd - straight, rows)
-    assert found.interpolation == pytest.approx(told, rel=1e-6)
+    assert found.interpolation == pytest.approx(told, rel=1e-6, abs=0.0)
     tilt = math.hypot(made._tilt_rms(bent, rows), made._tilt_rms(between, rows))
-    assert found.probe_tilt == pytest.approx(tilt, rel=1e-6)
-    assert found.slope == pytest.approx(made._slope(opd, np.ones(48, dtype=bool)), rel=1e-9)
+    assert found.probe_tilt == pytest.approx(tilt, rel=1e-6, abs=0.0)
+    assert found.slope == pytest.approx(made._slope(opd, np.ones(48, dtype=bool)), rel=1e-9, abs=0.0)
     assert found.traced == (probe > 0.01 * WAVELENGTH)
     if not found.traced:
         np.testing.assert_allclose(found.opd, opd, rtol=1e-9)
-        assert found.error == pytest.approx(math.hypot(probe, told), rel=1e-6)
-        assert found.tilt_error == pytest.approx(tilt, rel=1e-6) and found.valid.all()
+        assert found.error == pytest.approx(math.hypot(probe, told), rel=1e-6, abs=0.0)
+        assert found.tilt_error == pytest.approx(tilt, rel=1e-6, abs=0.0) and found.valid.all()
     # The bending is measured again only when the slopes have grown by half.
     second = made(1)
     assert math.isnan(second.probe) == (second.slope <= 1.5 * found.slope)
@@ -125,8 +125,8 @@ def test_measured_bending_grows_with_the_squared_slopes():
         assert math.isnan(found.probe) is measured
         if measured:
             grown = max(1.0, share)
-            assert found.error == pytest.approx(math.hypot(3e-10 * grown, 4e-10), rel=1e-6)
-            assert found.tilt_error == pytest.approx(5e-10 * grown, rel=1e-6)
+            assert found.error == pytest.approx(math.hypot(3e-10 * grown, 4e-10), rel=1e-6, abs=0.0)
+            assert found.tilt_error == pytest.approx(5e-10 * grown, rel=1e-6, abs=0.0)
     unknown = snapshots(amplitude=0.003)
     unknown.resume(slope, math.nan, 4e-10, 5e-10)
     assert not math.isnan(unknown(0).probe)

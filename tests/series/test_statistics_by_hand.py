@@ -52,16 +52,16 @@ def test_means_of_correlated_samples(count: int, smooth: float):
         values[k] += smooth * values[k - 1]
     values += 3.0
     tau = tau_by_hand(values)
-    assert correlation_sum(values) == pytest.approx(tau, rel=1e-9)
+    assert correlation_sum(values) == pytest.approx(tau, rel=1e-9, abs=0.0)
     found = mean_of(np.append(values, [np.nan, np.inf]))
-    assert found.value == pytest.approx(values.mean(), rel=1e-12)
-    assert found.effective_count == pytest.approx(count / max(tau, 0.1), rel=1e-9)
-    assert found.error == pytest.approx(values.std(ddof=1) / math.sqrt(count / max(tau, 0.1)), rel=1e-9)
+    assert found.value == pytest.approx(values.mean(), rel=1e-12, abs=0.0)
+    assert found.effective_count == pytest.approx(count / max(tau, 0.1), rel=1e-9, abs=0.0)
+    assert found.error == pytest.approx(values.std(ddof=1) / math.sqrt(count / max(tau, 0.1)), rel=1e-9, abs=0.0)
     place = np.arange(count)
     left = values - np.polyval(np.polyfit(place, values, 1), place)
     spread = math.sqrt(2.0 * (2.0 * count + 5.0) / (9.0 * count * (count - 1.0)) * max(tau_by_hand(left), 1.0))
     normal = abs(kendalltau(place, values).statistic) / spread
-    assert found.trend == pytest.approx(math.erfc(normal / math.sqrt(2.0)), rel=1e-9)
+    assert found.trend == pytest.approx(math.erfc(normal / math.sqrt(2.0)), rel=1e-9, abs=0.0)
 
 
 def test_means_of_few_samples_and_of_equal_ones():
@@ -86,7 +86,7 @@ def test_rates_of_even_times():
         uneven = time.copy()
         uneven[8:] += 0.25 * late * 16 / 15
         if fine:
-            assert sample_rate(uneven) == pytest.approx(4.0, rel=1e-3)
+            assert sample_rate(uneven) == pytest.approx(4.0, rel=1e-3, abs=0.0)
         else:
             with pytest.raises(ValueError, match="even times"):
                 sample_rate(uneven)

@@ -37,7 +37,7 @@ def even_distribution(layers: np.ndarray, begin: float, end: float) -> tuple[flo
 def test_an_even_distribution_has_the_mean_and_deviation_of_the_layers(begin: float, end: float):
     layers = np.random.default_rng(1).normal(size=(7, 5)) * np.array([1, 3, 0, 2, 5, 0.5, 0.1])[:, None] + 4.0
     found = spread_along(layers, begin, end)
-    assert (found.length, found.until) == pytest.approx(even_distribution(layers, begin, end), rel=1e-12)
+    assert (found.length, found.until) == pytest.approx(even_distribution(layers, begin, end), rel=1e-12, abs=0.0)
     alike = np.arange(5.0)[:, None] * np.ones(4)
     assert spread_along(alike, begin, end).length == spread_along(alike, begin, end).until == 0.0
 
@@ -102,7 +102,9 @@ def test_the_disturbed_length_along_z_is_that_of_the_nearest_nodes(
     first, last = np.flatnonzero(ahead)[[0, -1]]
     begin, end = (sign * (grid.origin[-1] + grid.spacing[-1] * node - center[2]) for node in (first, last + 1))
     assert len(columns) > 3
-    assert (found.length, found.until) == pytest.approx(even_distribution(np.array(columns).T, begin, end), rel=1e-9)
+    assert (found.length, found.until) == pytest.approx(
+        even_distribution(np.array(columns).T, begin, end), rel=1e-9, abs=0.0
+    )
     aside = disturbance(field, Disc(1e-4, (0.1, 0.1, center[2]), (0.0, 0.0, sign)), look)
     assert aside.length == aside.until == 0.0
 
@@ -122,7 +124,7 @@ def test_the_disturbed_length_along_a_slanted_line_is_that_of_layers(start: floa
     depth = begin + (end - begin) * (np.arange(32) + 0.5) / 32
     layers = np.array([field.contrast_at(lines + one * look) for one in depth])
     found = disturbance(field, pupil, look)
-    assert (found.length, found.until) == pytest.approx(even_distribution(layers, begin, end), rel=1e-6)
+    assert (found.length, found.until) == pytest.approx(even_distribution(layers, begin, end), rel=1e-6, abs=0.0)
     away = Disc(8e-4, (1e-4, 2e-4, float(high[2]) + 1e-3), look)
     assert disturbance(field, away, look).length == disturbance(field, away, look).until == 0.0
 
@@ -148,8 +150,8 @@ def test_paths_of_a_map_and_their_strehl_ratio():
     assert paths.path.dtype == paths.light.dtype == np.float32
     lit = weight > 0.0
     total = (weight[lit] * np.exp(2j * np.pi * opd[lit] / WAVELENGTH)).sum() / weight.sum()
-    assert paths.strehl == pytest.approx(abs(total) ** 2, rel=1e-5)
-    assert paths.whole_light == pytest.approx(weight.sum(), rel=1e-6)
+    assert paths.strehl == pytest.approx(abs(total) ** 2, rel=1e-5, abs=0.0)
+    assert paths.whole_light == pytest.approx(weight.sum(), rel=1e-6, abs=0.0)
     assert paths.every(1) is paths
     for stride, kept in ((2, [1, 3, 5]), (3, [1, 4])):
         fewer = paths.every(stride)
@@ -189,7 +191,7 @@ def test_crossing_and_focusing_by_eigenvalues_of_second_differences(strength: fl
             near += light[i, j] * (-values.min() > 0.5)
             greatest = max(greatest, -values.min())
     found = crossings_of(path, pixel, light, distance)
-    assert found.curvature == pytest.approx(greatest, rel=1e-9)
+    assert found.curvature == pytest.approx(greatest, rel=1e-9, abs=0.0)
     assert found.crossed == pytest.approx(crossed / whole, abs=1e-12)
     assert found.near == pytest.approx(near / whole, abs=1e-12)
     assert (found.near > 0.0) == (strength > 0.5) and (found.crossed > 0.0 or strength < 2.0)

@@ -186,12 +186,12 @@ def test_the_finest_phase_of_lines_by_second_differences():
                 apart = stride // max(1, stride // 2)
                 second = some[..., 2 * apart :] + some[..., : -2 * apart] - 2.0 * some[..., apart:-apart]
                 square = sum(float(np.nanmean(one**2)) for one in second)
-                assert _mean_squares(some, apart) == pytest.approx(square, rel=1e-9)
+                assert _mean_squares(some, apart) == pytest.approx(square, rel=1e-9, abs=0.0)
                 if 2.0 * math.pi / WAVELENGTH * math.sqrt(square / 8.0) > 0.06:
                     expected = stride * pixel
                     break
             found = _finest_on(path, pixel, WAVELENGTH)
-            assert found[0] == pytest.approx(expected) and found[1] == pytest.approx(square, rel=1e-9)
+            assert found[0] == pytest.approx(expected) and found[1] == pytest.approx(square, rel=1e-9, abs=0.0)
     one = _finest_on(np.zeros((1, 1, 3)), pixel, WAVELENGTH)
     assert one == (math.inf, 0.0)
 
@@ -259,7 +259,7 @@ def test_lines_through_slabs_find_the_finest_phase_and_the_disturbed_length(flat
         lit &= np.abs(x) <= 2e-3
     lit &= ~(x > wall)
     expected = spread_along(slabs.paths(across, place, 64)[:, lit], slabs.first, slabs.last).length
-    assert _slabs_length(slabs, pupil, flat) == pytest.approx(expected, rel=1e-6)
+    assert _slabs_length(slabs, pupil, flat) == pytest.approx(expected, rel=1e-6, abs=0.0)
     count = 512 if flat else 20
     pixel = 4e-3 / count
     place = pixel * (np.arange(count) - count // 2)
@@ -293,9 +293,9 @@ def test_a_shadow_is_measured_by_its_light():
     dark = window.x > 0.5e-3
     np.testing.assert_array_equal(light, np.where(dark, 0.0, window.amplitude))
     kept = window.amplitude[:, ~dark]
-    assert shadow.blocked == pytest.approx(1.0 - (kept**2).sum() / (window.amplitude**2).sum(), rel=1e-5)
+    assert shadow.blocked == pytest.approx(1.0 - (kept**2).sum() / (window.amplitude**2).sum(), rel=1e-5, abs=0.0)
     area = kept.sum() * window.pixel**2
-    assert shadow.fresnel_number == pytest.approx(area / (math.pi * WAVELENGTH * (0.9 - 0.31)), rel=1e-5)
+    assert shadow.fresnel_number == pytest.approx(area / (math.pi * WAVELENGTH * (0.9 - 0.31)), rel=1e-5, abs=0.0)
     beside, light = shadow_of(Given(wall=1.0), window, WAVELENGTH, 0.9)
     assert (beside.blocked, beside.fresnel_number) == (0.0, math.inf) and light.sum() == window.amplitude.sum()
     with pytest.raises(ValueError, match="blocks all"):
