@@ -11,7 +11,7 @@ from scipy.interpolate import RegularGridInterpolator
 from aerokernels.flow import GridMesh
 from aerokernels.medium import spline
 from aerokernels.series import line_integrals, sheared_products
-from aerokernels.series.bending import _sum_to, _window_rows, at_planes, interpolation_error
+from aerokernels.series.bending import _sum_to, _window_rows, at_planes, bending, interpolation_error
 from aerokernels.series.line_integrals import LineIntegrals, NotLinearError, basis_integrals, contracted, main_axis
 from aerokernels.series.plane_values import (
     PlaneValues,
@@ -260,6 +260,23 @@ def test_rows_of_basis_functions():
     np.testing.assert_allclose(found, [first, plane[3, 0], 0.0], atol=1e-15)
     kept = thinned(np.array([[1.0, 2e-13, -0.5e-13], [-2.0, 0.0, 3e-13]])).toarray()
     np.testing.assert_array_equal(kept, [[1.0, 0.0, 0.0], [-2.0, 0.0, 3e-13]])
+
+
+def test_rays_the_other_way_through_mirrored_air_bend_alike():
+    """Planes counted from the other end: the same change of paths, and the same straight ones."""
+    shape = (12, 13, 11)
+    mesh = GridMesh("volume", np.array([-0.05, -0.06, 0.0]), np.array([9e-3, 1e-2, 8e-3]), shape)
+    samples = 1.0 + 0.05 * np.random.default_rng(11).normal(size=shape)
+    start = np.array([[0.0, 1e-3, -0.01], [4e-3, -6e-3, -0.02], [-3e-3, 2e-3, 0.02]])
+    along, beyond = np.array([0.1, -0.05, 1.0]) / math.sqrt(1.0125), np.array([0.01, 0.02, 0.0])
+    mirror, end = np.array([1.0, 1.0, -1.0]), np.array([0.0, 0.0, 0.08])
+    found = []
+    for values, begin, way in ((samples, start, along), (samples[:, :, ::-1], start * mirror + end, along * mirror)):
+        lines = LineIntegrals(mesh, begin, way)
+        found.append(bending(lines, np.ascontiguousarray(values), lambda x: 2e-4 * (x - 0.9), beyond))
+    assert np.abs(found[0][0]).min() > 0.0
+    np.testing.assert_allclose(found[1][0], found[0][0], rtol=1e-9)
+    np.testing.assert_allclose(found[1][1], found[0][1], rtol=1e-12)
 
 
 def test_integrals_to_each_plane_are_trapezoids():
