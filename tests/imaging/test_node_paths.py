@@ -1,0 +1,72 @@
+"""Optical paths from a scene to a camera's pupil, against rays that are aimed until they meet the scene's point."""
+
+import math
+
+import numpy as np
+import pytest
+
+from aerokernels import Camera, Disc, IndexField, Plane, RayBundle, trace
+from aerokernels.imaging.spreads import defocus_paths, node_paths
+
+OPTIONS = {"precision": "float64", "tolerance": 1e-5, "backend": "reference"}
+TANGENT, Q = np.array([[0.1, 0.3], [-0.2, 0.05]]), np.array([[0.0, 0.0], [4e-3, -3e-3], [-2e-3, 5e-3]])
+
+
+def prism() -> IndexField:
+    """Air that turns light upward by 2e-4 rad or so, unevenly, in a slab before the camera."""
+    y, z = np.linspace(-0.1, 0.1, 41), np.linspace(0.0, 0.1, 21)
+    samples = (2e-3 * y[:, None] + 1e-2 * y[:, None] ** 2) * np.sin(np.pi * z / 0.1) ** 2
+    return IndexField.from_samples(
+        samples, origin=(y[0], 0.0), spacing=(y[1] - y[0], z[1]), geometry="planar", ambient_index=1.2
+    )
+
+
+def traced(field: IndexField, start: np.ndarray, way: np.ndarray, plane: Plane):
+    """End, final direction and optical path of a ray from a point to a plane."""
+    found = trace(
+        field, RayBundle(start[None], way[None]), until=plane, outputs=("opd", "position", "direction"), **OPTIONS
+    )
+    length = float((plane.point - start) @ plane.normal) / float(way @ plane.normal)
+    return found.position[0], found.direction[0], float(found.opd[0]) + 1.2 * length
+
+
+@pytest.mark.parametrize("focus", [None, 2.0])
+def test_paths_from_a_near_point(focus: float | None):
+    """What light from the point takes to a place of the pupil, less what it takes without air, to third order."""
+    field, camera = prism(), Camera(Disc(6e-3, (0.0, 0.0, -0.01)), 0.1, 1e-5, 8, distance=0.6, focus=focus)
+    found, arrived, _ = node_paths(field, camera, TANGENT, Q, OPTIONS)
+    assert (arrived == 1.0).all()
+    plane = Plane(np.array([0.0, 0.0, 0.59]), np.array([0.0, 0.0, 1.0]))
+    defocus = 1.2 * defocus_paths(camera, TANGENT, Q)
+    for i, tangent in enumerate(TANGENT):
+        point = np.array([0.0, 0.0, -0.01]) + 0.6 * np.array([*tangent, 1.0])
+        for j, q in enumerate(Q):
+            start = np.array([*q, -0.01])
+            aim = point.copy()
+            for _ in range(5):
+                way = (aim - start) / np.linalg.norm(aim - start)
+                end, _, path = traced(field, start, way, plane)
+                aim = aim + point - end
+            expected = path - 1.2 * np.linalg.norm(point - start)
+            moved = traced(field, start, (point - start) / np.linalg.norm(point - start), plane)[0] - point
+            assert np.linalg.norm(moved) > 3e-5
+            assert found[i, j] - defocus[i, j] == pytest.approx(expected, abs=2e-9)
+
+
+def test_paths_from_a_far_point():
+    """A plane wave of the node's direction: to a place of the pupil, less what it takes without air."""
+    field, camera = prism(), Camera(Disc(6e-3, (0.0, 0.0, -0.01)), 0.1, 1e-5, 8)
+    found, arrived, _ = node_paths(field, camera, TANGENT, Q, OPTIONS)
+    assert (arrived == 1.0).all()
+    plane = Plane(np.array([0.0, 0.0, 0.11]), np.array([0.0, 0.0, 1.0]))
+    for i, tangent in enumerate(TANGENT):
+        way = np.array([*tangent, 1.0]) / math.sqrt(1.0 + tangent @ tangent)
+        for j, q in enumerate(Q):
+            start, aim = np.array([*q, -0.01]), way.copy()
+            for _ in range(6):
+                end, last, path = traced(field, start, aim, plane)
+                aim = aim + way - last
+                aim /= np.linalg.norm(aim)
+            # The wave reaches the ray's end later than the pupil's place by the way between them along its direction.
+            expected = path - 1.2 * float((end - start) @ way)
+            assert found[i, j] == pytest.approx(expected, abs=5e-9)

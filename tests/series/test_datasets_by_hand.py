@@ -1,0 +1,97 @@
+"""Statistics of datasets of maps by hand: about their mean, in any unit, of few pixels and few times."""
+
+import math
+
+import numpy as np
+import pytest
+import xarray
+
+from aerokernels import Disc, statistics
+from aerokernels.series.modes import orthogonal_modes
+from aerokernels.series.pupil_grid import MapReader, pupil_grid
+from aerokernels.series.statistic_parts import covers_of
+from aerokernels.series.uncertainty import mean_of
+
+WAVELENGTH = 633e-9
+
+
+def test_statistics_of_maps_about_their_mean():
+    """The steady map, its rms and the rest's; errors by the lesser of two counts of independent maps."""
+    draw = np.random.default_rng(8)
+    grid = pupil_grid(Disc(0.01), 6)
+    count = int(grid.lit.sum())
+    maps = 1e-7 * draw.normal(size=(20, count)) + 2e-7 * draw.normal(size=count)
+    weight = grid.weight[grid.lit]
+    given = {
+        "opd": (("time", "y", "x"), np.stack([grid.spread(one) for one in maps])),
+        "weight": (("y", "x"), grid.weight),
+    }
+    found = statistics(
+        xarray.Dataset(given, {"time": np.arange(20.0), "y": grid.y, "x": grid.x}, {"wavelength": WAVELENGTH})
+    )
+    mean, left = maps.mean(axis=0), maps - maps.mean(axis=0)
+    spread = maps.std(axis=0, ddof=1)
+    unsteady = left**2 @ weight
+    effective = min(
+        mean_of(unsteady).effective_count, mean_of(orthogonal_modes(maps, weight, 1).coefficient[:, 0]).effective_count
+    )
+    lit = grid.lit
+    np.testing.assert_allclose(found.opd_mean.values[lit], mean, rtol=1e-9)
+    np.testing.assert_allclose(found.opd_mean_error.values[lit], spread / math.sqrt(effective), rtol=1e-9)
+    np.testing.assert_allclose(found.opd_std.values[lit], spread, rtol=1e-9)
+    np.testing.assert_allclose(found.opd_std_error.values[lit], spread / math.sqrt(2.0 * effective), rtol=1e-9)
+    assert float(found.opd_rms_steady) == pytest.approx(math.sqrt(weight @ (mean - weight @ mean) ** 2))
+    assert float(found.opd_rms_steady_error) == pytest.approx(math.sqrt(weight @ spread**2 / effective))
+    assert float(found.opd_rms_unsteady) == pytest.approx(math.sqrt(unsteady.mean()))
+    rms = [MapReader(grid.coordinates, weight, ("piston",), WAVELENGTH)(one) for one in maps]
+    squares = np.array([one.rms_without_tilt**2 for one in rms])
+    assert float(found.opd_rms) == pytest.approx(math.sqrt(squares.mean()))
+    assert float(found.opd_rms_with_tilt) == pytest.approx(math.sqrt(np.mean([one.rms**2 for one in rms])))
+    assert float(found.strehl) == pytest.approx(np.mean([one.strehl for one in rms]))
+    large = np.exp(-((2.0 * np.pi / WAVELENGTH) ** 2) * squares)
+    assert float(found.strehl_large_aperture) == pytest.approx(large.mean())
+    for times in (3, 4):
+        some = {"opd": (("time", "y", "x"), given["opd"][1][:times]), "weight": given["weight"]}
+        places = {"time": np.arange(float(times)), "y": grid.y, "x": grid.x}
+        few = statistics(xarray.Dataset(some, places, {"wavelength": WAVELENGTH}))
+        assert np.isfinite(few.opd_mean_error.values[lit]).all() == (times == 4)
+        assert np.isfinite(float(few.opd_rms_steady_error)) == (times == 4)
+        np.testing.assert_allclose(few.opd_std.values[lit], maps[:times].std(axis=0, ddof=1), rtol=1e-9)
+
+
+def test_units_of_times_lengths_and_maps_are_those_stated():
+    """Milliseconds, millimetres and micrometres: the numbers of seconds and metres; dates have no unit."""
+    draw = np.random.default_rng(10)
+    maps, axis, time = 1e-7 * draw.normal(size=(20, 4, 4)), 1e-3 * np.arange(4.0), 2e-3 * np.arange(20.0)
+    plain = xarray.Dataset({"opd": (("time", "y", "x"), maps)}, {"time": time, "y": axis, "x": axis})
+    stated = xarray.Dataset(
+        {"opd": (("time", "y", "x"), 1e6 * maps, {"units": "um"})},
+        {
+            name: (name, 1e3 * values, {"units": unit})
+            for name, values, unit in (("time", time, "ms"), ("y", axis, "mm"), ("x", axis, "mm"))
+        },
+    )
+    dates = plain.assign_coords(time=np.datetime64("2026-01-01") + (1e6 * time).astype("timedelta64[us]"))
+    found = [statistics(one, wavelength=WAVELENGTH) for one in (plain, stated, dates)]
+    for other in found[1:]:
+        for name in ("opd_rms", "boresight_x", "correlation_length_y", "frequency", "spectrum_opd"):
+            np.testing.assert_allclose(other[name], found[0][name], rtol=1e-6)
+    wrong = stated.assign_coords(time=("time", time, {"units": "mm"}))
+    with pytest.raises(ValueError, match="the unit of time"):
+        statistics(wrong, wavelength=WAVELENGTH)
+
+
+def test_three_pixels_are_a_pupil():
+    """A plane has three numbers; shares of two columns of pixels in a disc about their middle."""
+    draw = np.random.default_rng(9)
+    maps = 1e-7 * draw.normal(size=(5, 2, 2))
+    maps[:, 1, 1] = np.nan
+    places = {"time": np.arange(5.0), "y": [0.0, 1e-3], "x": [0.0, 1e-3]}
+    found = statistics(xarray.Dataset({"opd": (("time", "y", "x"), maps)}, places, {"wavelength": WAVELENGTH}))
+    assert float(found.opd_rms) < 1e-18 and float(found.opd_rms_with_tilt) > 1e-8
+    maps[:, 0, 1] = np.nan
+    with pytest.raises(ValueError, match="fewer than 3 pixels"):
+        statistics(xarray.Dataset({"opd": (("time", "y", "x"), maps)}, places, {"wavelength": WAVELENGTH}))
+    shares = covers_of(np.array([0.0, 1e-3]), np.array([0.0, 2e-3]), np.ones((2, 2), dtype=bool))(2e-3)
+    edges = 1e-3 * np.array([-1.0, 0.0, 1.0]), 2e-3 * np.array([-1.0, 0.0, 1.0])
+    np.testing.assert_allclose(shares, Disc(1e-3).coverage(*edges).ravel())

@@ -1,0 +1,80 @@
+"""The linking equation of a series from its own rays, and what statistics make of it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from aerokernels import Rectangle, flow, optical_series, statistics
+from aerokernels.series.line_integrals import LineIntegrals
+from aerokernels.series.linking import _linked_and_path, linking_equation
+from aerokernels.series.uncertainty import mean_of
+
+from .fourier import CONSTANT, WAVELENGTH, Fourier
+
+SHAPE, SPACING, ORIGIN = (17, 19, 13), 2.5e-3, (-0.02, -0.0225, 0.0)
+ALONG = np.array([0.1, -0.05, 1.0]) / math.sqrt(1.0125)
+
+
+def moving(count: int) -> flow.Series:
+    """Modes that are carried past."""
+    field = Fourier.random(3, amplitude=0.01)
+    field.mean = 1.0
+    arrays = [field.on_grid(ORIGIN, SPACING, SHAPE, k * 2e-5) for k in range(count)]
+    return flow.open_series(
+        arrays,
+        time=2e-5 * np.arange(count),
+        geometry="volume",
+        origin=ORIGIN,
+        spacing=[SPACING] * 3,
+        ambient_density=0.9,
+    )
+
+
+@pytest.mark.parametrize("points", [5, 49, 60])
+def test_both_variances_are_those_of_densities_along_49_rays(points: int):
+    """Evenly chosen; K^2 times the sums over planes, and the roots of their means."""
+    series = moving(6)
+    start = np.column_stack([np.linspace(-8e-3, 8e-3, points), np.linspace(5e-3, -6e-3, points), np.zeros(points)])
+    found = linking_equation(series, start, 3.0 * ALONG, WAVELENGTH, constant=CONSTANT)
+    chosen = start[np.unique(np.rint(np.linspace(0, points - 1, 49)).astype(int))]
+    lines = LineIntegrals(series.mesh, chosen, ALONG, "linear")
+    densities = np.stack([lines.along(series.density(k)) for k in range(6)])
+    sums = CONSTANT**2 * _linked_and_path(densities, lines.path_weights())
+    for name, each in zip(("opd_rms_linking", "opd_rms_path"), sums, strict=True):
+        mean = mean_of(each)
+        assert found[name].value == pytest.approx(math.sqrt(mean.value), rel=1e-9, abs=0.0)
+        assert found[name].error == pytest.approx(mean.error / (2.0 * math.sqrt(mean.value)), rel=1e-9, abs=0.0)
+    integrals = CONSTANT * np.stack([lines(series.density(k)) for k in range(6)])
+    assert found["opd_rms_path"].value == pytest.approx(
+        math.sqrt(integrals.var(axis=0, ddof=1).mean()), rel=1e-9, abs=0.0
+    )
+    with pytest.raises(ValueError, match="not linear"):
+        linking_equation(series, start, ALONG, WAVELENGTH, relation="lorentz-lorenz")
+    with pytest.raises(ValueError, match="at least two"):
+        linking_equation(moving(1), start, ALONG, WAVELENGTH)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize("remove", [("piston",), ("piston", "tilt"), ()])
+def test_statistics_add_back_what_was_removed_from_the_maps(count: int, remove: tuple[str, ...]):
+    """The variance in time at a point, of maps with their means and tilts; from two snapshots on."""
+    series = moving(count)
+    options = {"direction": ALONG, "pixel_count": 8, "method": "linear", "constant": CONSTANT, "wavelength": WAVELENGTH}
+    pupil = Rectangle(0.012, 0.009, (1e-3, -1e-3, 2e-3))
+    maps = optical_series(series, pupil, remove=remove, **options)
+    found = statistics(maps, series=series)
+    if count == 1:
+        assert "opd_rms_linking" not in found and "at least two snapshots" in found.attrs["skipped"]
+        return
+    whole = optical_series(series, pupil, remove=(), **options)
+    lit = maps.weight.values > 0.0
+    opd, weight = whole.opd.values[:, lit], maps.weight.values[lit] / maps.weight.values.sum()
+    point = math.sqrt(float(weight @ opd.var(axis=0, ddof=1)))
+    assert float(found.opd_rms_point) == pytest.approx(point, rel=1e-6, abs=0.0)
+    x, y = np.meshgrid(maps.x, maps.y)
+    start = pupil.center + x[lit][:, None] * pupil.axes[0] + y[lit][:, None] * pupil.axes[1]
+    linked = linking_equation(series, start, ALONG, WAVELENGTH, constant=CONSTANT)
+    for name, mean in linked.items():
+        assert float(found[name]) == pytest.approx(mean.value, rel=1e-9, abs=0.0)
+    assert float(found.opd_rms_path) == pytest.approx(point, rel=0.1, abs=0.0)

@@ -1,0 +1,301 @@
+"""Parts of snapshots, look maps and meshes' rays by hand: slopes, stops, probes, agreement, weights of samples."""
+
+import math
+
+import numpy as np
+import pytest
+
+from aerokernels import Disc, IndexField, QuadMesh, Rectangle, flow
+from aerokernels.pupils import direction_of
+from aerokernels.series.bending import bending, interpolation_error
+from aerokernels.series.line_integrals import LineIntegrals, NotLinearError
+from aerokernels.series.look import _about_the_axis, _angles
+from aerokernels.series.look_batch import _agrees, _known, can_batch, side_by_side
+from aerokernels.series.mesh_integrals import MeshIntegrals
+from aerokernels.series.pupil_grid import pupil_grid
+from aerokernels.series.snapshot import Snapshots, SnapshotSettings
+from aerokernels.series.strehl_bound import strehl_error
+from aerokernels.wavefront import remove_terms
+
+from .fourier import CONSTANT, WAVELENGTH, Fourier
+
+SHAPE, SPACING, ORIGIN = (25, 27, 15), 2.5e-3, (-0.03, -0.032, 0.0)
+ALONG = np.array([0.15, -0.1, 1.0]) / math.sqrt(1.0325)
+
+
+def snapshots(remove: tuple[str, ...] = ("piston", "tilt"), amplitude: float = 0.1, **options) -> Snapshots:
+    """Snapshots of a volume of modes that move, seen aslant."""
+    field = Fourier.random(3, amplitude=amplitude)
+    field.mean = 1.0
+    arrays = [field.on_grid(ORIGIN, SPACING, SHAPE, k * 1e-5) for k in range(2)]
+    series = flow.open_series(
+        arrays, time=[0.0, 1e-5], geometry="volume", origin=ORIGIN, spacing=[SPACING] * 3, ambient_density=0.9
+    )
+    given = {
+        "direction": ALONG, "wavelength": WAVELENGTH, "relation": "gladstone-dale", "constant": CONSTANT,
+        "composition": None, "interpolation": None, "tolerance": 0.01, "method": "auto", "trace_options": {},
+    } | options  # fmt: skip
+    grid = pupil_grid(Rectangle(0.016, 0.012, (0.0, 0.0, 0.004)), 8)
+    return Snapshots(series, grid, SnapshotSettings(**given), remove)
+
+
+def test_slopes_of_a_wavefront_are_differences_of_neighbours():
+    """Mean squares over all pairs of pixels along each axis that have both, over the pixel's square."""
+    made = snapshots()
+    draw = np.random.default_rng(1)
+    opd, valid = 1e-7 * draw.normal(size=48), draw.uniform(size=48) > 0.2
+    found = np.where(valid, opd, np.nan).reshape(6, 8)
+    expected = 0.0
+    for axis in (0, 1):
+        pairs = np.diff(found, axis=axis).ravel()
+        expected += np.mean(pairs[np.isfinite(pairs)] ** 2) / 2e-3**2
+    assert made._slope(opd, valid) == pytest.approx(expected, rel=1e-12, abs=0.0)
+    assert made._slope(opd, np.zeros(48, dtype=bool)) == 0.0
+
+
+def test_the_stop_is_a_plane_across_the_rays_beyond_the_box():
+    """By a thousandth of the range of the corners and of the pupil's points along the rays."""
+    made = snapshots()
+    low, high = np.array(ORIGIN), np.array(ORIGIN) + SPACING * (np.array(SHAPE) - 1)
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    away = np.concatenate([corners, made.grid.points]) @ ALONG
+    stop = made._stop((low, high))
+    np.testing.assert_allclose(stop.normal, ALONG)
+    assert stop.point @ ALONG == pytest.approx(away.max() + 1e-3 * (away.max() - away.min()), rel=1e-12, abs=0.0)
+    endless = made._stop((np.array([-np.inf, low[1], low[2]]), np.array([np.inf, high[1], high[2]])))
+    away = np.concatenate([corners * (0.0, 1.0, 1.0), made.grid.points]) @ ALONG
+    assert endless.point @ ALONG == pytest.approx(away.max() + 1e-3 * np.ptp(away), rel=1e-12, abs=0.0)
+
+
+@pytest.mark.parametrize("remove", [(), ("piston",), ("piston", "tilt"), ("focus",)])
+def test_root_mean_squares_of_what_is_left_and_of_the_tilt(remove: tuple[str, ...]):
+    made = snapshots(remove)
+    rows = np.arange(3, 48, 2)
+    values = np.random.default_rng(2).normal(size=len(rows)) + 2.0
+    xy = made.grid.coordinates[rows]
+    left = remove_terms(values, remove, xy)
+    assert made._rms(values, rows) == pytest.approx(math.sqrt(np.mean(left**2)))
+    plane = np.column_stack([np.ones(len(rows)), xy])
+    fit = np.linalg.lstsq(plane, values, rcond=None)[0]
+    tilted = plane @ fit - values.mean()
+    expected = math.sqrt(np.mean(tilted**2)) if "tilt" in remove else 0.0
+    assert made._tilt_rms(values, rows) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("amplitude", [0.003, 0.1])
+def test_a_snapshot_is_straight_unless_its_rays_bend_too_much(amplitude: float):
+    """Bending and interpolation error by their own functions over 96 rays or all; above the tolerance it is traced."""
+    made = snapshots(amplitude=amplitude)
+    found = made(0)
+    density = np.asarray(made.series.density(0), dtype=float)
+    lines = LineIntegrals(made.series.mesh, made.grid.points, ALONG)
+    opd = CONSTANT * lines(density, 0.9)
+    contrast = lambda values: CONSTANT * (np.asarray(values) - 0.9)  # noqa: E731
+    face = SPACING * (SHAPE[2] - 1)
+    leave = made.grid.points + ((face - made.grid.points[:, 2]) / ALONG[2])[:, None] * ALONG
+    stop = made._stop(made.series.mesh.box).point @ ALONG
+    bent, straight = bending(lines, density, contrast, stop - leave @ ALONG)
+    between = interpolation_error(lines, density, contrast)
+    rows = np.arange(48)
+    probe = made._rms(bent, rows)
+    assert found.probe == pytest.approx(probe, rel=1e-6, abs=0.0)
+    told = made._rms(between, rows) + made._rms(opd - straight, rows)
+    assert found.interpolation == pytest.approx(told, rel=1e-6, abs=0.0)
+    tilt = math.hypot(made._tilt_rms(bent, rows), made._tilt_rms(between, rows))
+    assert found.probe_tilt == pytest.approx(tilt, rel=1e-6, abs=0.0)
+    assert found.slope == pytest.approx(made._slope(opd, np.ones(48, dtype=bool)), rel=1e-9, abs=0.0)
+    assert found.traced == (probe > 0.01 * WAVELENGTH)
+    if not found.traced:
+        np.testing.assert_allclose(found.opd, opd, rtol=1e-9)
+        assert found.error == pytest.approx(math.hypot(probe, told), rel=1e-6, abs=0.0)
+        assert found.tilt_error == pytest.approx(tilt, rel=1e-6, abs=0.0) and found.valid.all()
+    # The bending is measured again only when the slopes have grown by half.
+    second = made(1)
+    assert math.isnan(second.probe) == (second.slope <= 1.5 * found.slope)
+
+
+def test_measured_bending_grows_with_the_squared_slopes():
+    """Until they have grown by half: the measurement of an interrupted run is resumed."""
+    made = snapshots(amplitude=0.003)
+    slope = made(0).slope
+    for share, measured in ((1.49, True), (1.51, False), (0.5, True)):
+        again = snapshots(amplitude=0.003)
+        again.resume(slope / share, 3e-10, 4e-10, 5e-10)
+        found = again(0)
+        assert math.isnan(found.probe) is measured
+        if measured:
+            grown = max(1.0, share)
+            assert found.error == pytest.approx(math.hypot(3e-10 * grown, 4e-10), rel=1e-6, abs=0.0)
+            assert found.tilt_error == pytest.approx(5e-10 * grown, rel=1e-6, abs=0.0)
+    unknown = snapshots(amplitude=0.003)
+    unknown.resume(slope, math.nan, 4e-10, 5e-10)
+    assert not math.isnan(unknown(0).probe)
+    limit = snapshots(amplitude=0.003)
+    limit.resume(slope, 1.01 * 0.01 * WAVELENGTH, 0.0, 0.0)
+    assert limit(0).traced
+    straight = snapshots(amplitude=0.003, method="linear")
+    found = straight(0)
+    assert not found.traced and math.isnan(found.probe)
+
+
+def test_a_snapshot_has_the_interpolant_that_was_asked_for():
+    """None takes the one of its kind."""
+    for asked, had in ((None, "cubic"), ("monotone", "monotone"), ("linear", "linear")):
+        made = snapshots(interpolation=asked)
+        field = made.settings.index_field(made.series.field(made.series.density(0), 0))
+        assert field.interpolation == had and field.wavelength == WAVELENGTH
+
+
+def test_densities_that_no_gas_has_are_refused_when_the_bending_is_measured():
+    made = snapshots()
+    samples = np.ones(SHAPE)
+    made._check_range(samples, 1)
+    for wrong in (-1.0, 0.0, 1e9):
+        samples[2, 3, 4] = wrong
+        with pytest.raises(ValueError, match="snapshot 1: "):
+            made._check_range(samples, 1)
+
+
+def test_what_cannot_be_summed_along_straight_lines():
+    assert snapshots(method="trace").reason == "method 'trace' was requested"
+    assert "not linear" in snapshots(interpolation="monotone").reason
+    with pytest.raises(ValueError, match="method 'linear' cannot be had"):
+        snapshots(interpolation="monotone", method="linear")
+
+
+def test_directions_agree_within_the_tolerance_and_three_standard_errors():
+    """Strehl ratios: the greatest change by the tolerance's phase; rms: the tolerance and 3 rms / sqrt(rays)."""
+    full = {"strehl": 0.7, "strehl_standard_error": 4e-3, "opd_rms": 1e-7, "blocked": 0.0}
+    sampling = 3.0 * math.hypot(3e-3, 4e-3)
+    allowed = strehl_error(0.7, 2.0 * math.pi * 0.01) + sampling
+    rms = 0.01 * 1e-6 + 3.0 * 1e-7 / math.sqrt(400)
+    for strehl, off, good in (
+        (0.999 * allowed, 0.0, True), (-0.999 * allowed, 0.0, True), (1.001 * allowed, 0.0, False),
+        (-1.001 * allowed, 0.0, False), (0.0, 0.999 * rms, True), (0.0, -0.999 * rms, True), (0.0, 1.001 * rms, False),
+        (0.0, -1.001 * rms, False),
+    ):  # fmt: skip
+        ours = {"strehl": 0.7 + strehl, "strehl_standard_error": 3e-3, "opd_rms": 1e-7 + off}
+        assert bool(_agrees(ours, full, 400, 0.01, 1e-6)) is good
+    ours = {"strehl": 0.7, "strehl_standard_error": 3e-3, "opd_rms": 1e-7}
+    assert not _agrees(ours, full | {"blocked": 1e-3}, 400, 0.01, 1e-6)
+    assert not _agrees(ours, full | {"strehl": math.nan}, 400, 0.01, 1e-6)
+
+
+def test_points_side_by_side_follow_a_z_order_curve():
+    """A 4 by 4 lattice: x's bits and y's in turn, x's the lower."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(4.0), np.arange(4.0)))
+    draw = np.random.default_rng(1).permutation(16)
+    found = side_by_side(np.stack([x, y], axis=1)[draw])
+    key = lambda p: sum((int(p[a]) >> b & 1) << (2 * b + a) for a in range(2) for b in range(2))  # noqa: E731
+    assert [key(one) for one in found] == list(range(16))
+    same = np.full((3, 2), 0.7)
+    np.testing.assert_array_equal(side_by_side(same), same)
+
+
+def test_which_maps_are_traced_together():
+    options = {"remove": ("piston",)}
+    samples, looks = np.full((5, 5, 5), 1e-6), np.zeros((12, 3))
+    given = {"origin": (0.0, 0.0, 0.0), "spacing": (1e-3,) * 3, "geometry": "volume"}
+    field = IndexField.from_samples(samples, **given)
+    assert can_batch(field, looks, options) and not can_batch(field, looks[:11], options)
+    assert not can_batch(IndexField.from_samples(samples, **given, interpolation="linear"), looks, options)
+    flat = IndexField.from_samples(samples[0], origin=(0.0, 0.0), spacing=(1e-3,) * 2, geometry="planar")
+    assert not can_batch(flat, looks, options)
+    for more, good in (
+        ({"backend": "warp"}, True), ({"backend": "opencl"}, False), ({"precision": "float64"}, False),
+        ({"precision": "float32"}, True), ({"remove": ("piston", "tilt")}, True), ({"remove": ("focus",)}, False),
+    ):  # fmt: skip
+        assert can_batch(field, looks, options | more) is good
+
+
+def test_known_air_is_left_by_a_thousandth_of_the_points():
+    """A box of disturbed air on one side: rays that leave through it are lost, those that leave elsewhere are not."""
+    place = np.linspace(-0.05, 0.05, 11)
+    samples = 1e-5 * np.clip(place / 0.05, 0.0, 1.0)[:, None, None] * np.ones((11, 11, 11))
+    field = IndexField.from_samples(samples, origin=(-0.05,) * 3, spacing=(0.01,) * 3, geometry="volume")
+    looks = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [-0.6, 0.0, 0.8]])
+    axes = np.array([[[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]] * 2 + [[[0.0, 1.0, 0.0], [0.8, 0.0, 0.6]]])
+    points = np.random.default_rng(2).uniform(-5e-3, 5e-3, (40, 2))
+    np.testing.assert_array_equal(_known(field, np.zeros(3), points, looks, axes, 1e-8), [0.0, 1.0, 1.0])
+
+
+def test_tilts_found_above_the_axis_are_turned_to_their_direction():
+    """From the plane x = 0 toward +y: a rotation about z by the direction's angle from y."""
+    draw = np.random.default_rng(3)
+    looks, tilt = draw.normal(size=(6, 3)), draw.normal(size=(6, 3))
+    looks[5, :2] = 0.0
+    for one, (x, y, _), given in zip(_about_the_axis(tilt, looks), looks, tilt, strict=True):
+        angle = math.atan2(x, y) if x or y else 0.0
+        turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+        np.testing.assert_allclose(one, [*(turn @ given[:2]), given[2]], atol=1e-12)
+    np.testing.assert_array_equal(_angles("azimuth", 0.3), [0.3])
+    for wrong in ([], [[0.1]], [np.nan], [4.0 * np.pi + 0.01]):
+        with pytest.raises(ValueError, match="azimuth"):
+            _angles("azimuth", wrong)
+    assert _angles("azimuth", [4.0 * np.pi, -4.0 * np.pi]).size == 2
+    np.testing.assert_allclose(
+        direction_of(0.3, 0.2), [math.sin(0.3) * math.cos(0.2), math.sin(0.2), math.cos(0.3) * math.cos(0.2)]
+    )
+
+
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+@pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.1, 0.3, -1.0), (0.0, -1.0, 0.4), (0.0, 1.0, 0.0)])
+def test_rays_through_a_mesh_are_sums_over_even_samples(geometry: str, direction):
+    """Four samples to a median cell over the longest way; bilinear weights of corners."""
+    low = 0.0 if geometry == "axisymmetric" else -0.02
+    first, z = np.meshgrid(np.linspace(low, 0.02, 9), np.linspace(0.01, 0.05, 12), indexing="ij")
+    mesh = QuadMesh.structured(first + 1e-3 * np.sin(200.0 * z) * (first > 0.0), z, geometry)
+    along = np.array(direction) / np.linalg.norm(direction)
+    draw = np.random.default_rng(4)
+    start = np.array([0.0, 0.0, 0.03]) - 0.05 * along + draw.uniform(-0.01, 0.01, (7, 3))
+    values = draw.normal(size=len(mesh.vertices))
+    low, high = mesh.box
+    ends = []
+    if along[2]:
+        ends.append(((high[1] if along[2] > 0.0 else low[1]) - start[:, 2]) / along[2])
+    if geometry == "planar" and along[1]:
+        ends.append(((high[0] if along[1] > 0.0 else low[0]) - start[:, 1]) / along[1])
+    if geometry == "axisymmetric" and math.hypot(along[0], along[1]):
+        ends.append((np.hypot(start[:, 0], start[:, 1]) + high[0]) / math.hypot(along[0], along[1]))
+    reach = np.maximum(np.min(ends, axis=0), 0.0)
+    lines = MeshIntegrals(mesh, start, along)
+    count = min(max(math.ceil(4.0 * reach.max() / float(np.median(mesh.cell_size))), 64), 20_000)
+    expected, length = np.zeros(7), np.zeros(7)
+    for ray in range(7):
+        points = start[ray] + ((np.arange(count) + 0.5) / count * reach[ray])[:, None] * along
+        across = np.hypot(points[:, 0], points[:, 1]) if geometry == "axisymmetric" else points[:, 1]
+        local = np.stack([across, points[:, 2]], axis=1)
+        cell = mesh.locate(local)
+        for number in np.flatnonzero(cell >= 0):
+            one = cell[number : number + 1]
+            xi, eta = (float(c[0]) for c in mesh.local_coordinates(one, local[number : number + 1]))
+            weight = [(1 - xi) * (1 - eta), xi * (1 - eta), xi * eta, (1 - xi) * eta]
+            expected[ray] += reach[ray] / count * np.dot(weight, values[mesh.cells[one[0]]])
+            length[ray] += reach[ray] / count
+    assert length.any()
+    np.testing.assert_allclose(lines.length, length, atol=1e-12)
+    np.testing.assert_array_equal(lines.inside, length > 0.0)
+    np.testing.assert_allclose(lines(values), expected, atol=1e-12)
+    np.testing.assert_allclose(lines(values, 0.4), expected - 0.4 * length, atol=1e-12)
+    if geometry == "planar":
+        with pytest.raises(NotLinearError, match="never leave"):
+            MeshIntegrals(mesh, start, np.array([1.0, 0.0, 0.0]))
+
+
+def test_a_grid_of_a_pupil_reads_maps_of_its_good_pixels():
+    """Weights of dark pixels are left out; a map of whole numbers is filled as asked."""
+    grid = pupil_grid(Disc(0.01), 7)
+    good = np.arange(int(grid.lit.sum())) % 3 > 0
+    reader = grid.reader(good, ("piston",), WAVELENGTH)
+    weight = grid.weight[grid.lit][good]
+    np.testing.assert_allclose(reader.weight, weight / weight.sum())
+    np.testing.assert_allclose(reader.coordinates, grid.coordinates[good])
+    spread = grid.spread(np.arange(len(good)), -1)
+    assert (spread[~grid.lit] == -1).all() and spread.dtype.kind == "i"
+    np.testing.assert_array_equal(spread[grid.lit], np.arange(len(good)))
+    wide = pupil_grid(Rectangle(0.02, 0.0051), 8)
+    assert wide.weight.shape == (3, 8) and wide.pixel == pytest.approx(2.5e-3)
+    assert wide.weight.sum() == pytest.approx(1.0) and wide.weight[0, 0] < wide.weight[1, 0]
+    assert pupil_grid(Rectangle(0.02, 0.005), 8).weight.shape == (2, 8)
+    with pytest.raises(ValueError, match="pixel_count"):
+        pupil_grid(Disc(0.01), 1)

@@ -1,0 +1,318 @@
+"""Numbers of wavefronts by plain least squares: terms, Zernike coefficients, pixels' errors, quantities, samples."""
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+
+from aerokernels import Annulus, Disc, Mask, Rectangle, Wavefront
+from aerokernels.wavefront import fit_tilt, remove_terms
+from aerokernels.wavefront.grid import pupil_grid
+from aerokernels.wavefront.modes import fit_zernike, zernike_errors, zernike_surface
+from aerokernels.wavefront.pixel_errors import _steps_at_extremes, pixel_errors, zernike_pixel_errors
+from aerokernels.wavefront.pixel_weights import exact_weights
+from aerokernels.wavefront.scattered import _beyond, _check_cover, _interpolated
+from aerokernels.wavefront.strehl_errors import (
+    _extents,
+    _likely_error,
+    greatest_strehl_error,
+    main_cause,
+    phase_error,
+    phase_of_error,
+    strehl_error,
+)
+from aerokernels.wavefront.terms import check_metres, map_points
+from aerokernels.zernike import zernike_modes
+
+WAVELENGTH = 633e-9
+
+
+def fitted(basis: np.ndarray, values: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Weighted least squares."""
+    root = np.sqrt(weight)
+    return np.linalg.lstsq(basis * root[:, None], values * root, rcond=None)[0]
+
+
+def disc_map(count: int = 12, error: float | None = 3e-9, remove: tuple[str, ...] = ()) -> Wavefront:
+    """Noise and a tilt over a disc whose edge crosses pixels."""
+    pupil = Disc(5e-3)
+    coordinate, pixel, weight, intensity = pupil_grid(pupil, count)
+    draw = np.random.default_rng(4)
+    x, y = np.meshgrid(coordinate, coordinate)
+    opd = 2e-8 * draw.normal(size=weight.shape) + 3e-5 * x - 2e-5 * y + 2e-3 * (x * x + y * y)
+    wave = Wavefront(
+        opd, weight, pixel, WAVELENGTH, intensity=intensity, radius=5e-3, pupil=pupil,
+        budget=None if error is None else lambda: {"total": error},
+    )  # fmt: skip
+    return wave.remove(*remove) if remove else wave
+
+
+@pytest.mark.parametrize("remove", [(), ("piston",), ("tilt",), ("focus",), ("piston", "focus"), ("tilt", "focus")])
+@pytest.mark.parametrize("weighted", [False, True])
+def test_terms_are_fitted_together_with_the_mean(remove: tuple[str, ...], weighted: bool):
+    """What is taken away has mean 0 unless piston is removed; focus is about the origin."""
+    draw = np.random.default_rng(1)
+    points, opd = draw.uniform(-1.0, 2.0, (40, 2)), 1e-6 * draw.normal(size=40)
+    weight = draw.uniform(0.2, 1.0, 40) if weighted else np.ones(40)
+    columns = [np.ones(40)]
+    columns += [*points.T] if "tilt" in remove else []
+    columns += [(points**2).sum(axis=1)] if "focus" in remove else []
+    basis = np.stack(columns, axis=1)
+    left = opd - basis @ fitted(basis, opd, weight)
+    if "piston" not in remove:
+        left = left + np.average(opd, weights=weight)
+    found = remove_terms(opd, remove, points, weight if weighted else None)
+    np.testing.assert_allclose(found, left, atol=1e-18)
+
+
+def test_a_plane_and_its_residual_by_weighted_least_squares():
+    draw = np.random.default_rng(2)
+    points, opd, weight = draw.uniform(-1.0, 2.0, (30, 2)), draw.normal(size=30), draw.uniform(0.2, 1.0, 30)
+    weight[3], opd[3] = 0.0, np.nan
+    good = weight > 0.0
+    basis = np.column_stack([np.ones(29), points[good]])
+    plane = fitted(basis, opd[good], weight[good])
+    found = fit_tilt(opd, points, weight)
+    assert found.piston == pytest.approx(np.average(opd[good], weights=weight[good]))
+    np.testing.assert_allclose(found.tilt, plane[1:], rtol=1e-9)
+    left = opd[good] - basis @ plane
+    assert found.residual_rms == pytest.approx(math.sqrt(np.average(left**2, weights=weight[good])))
+    np.testing.assert_array_equal(
+        map_points(np.zeros((2, 3)), None), [[i - 0.5, j - 1.0] for i in (0, 1) for j in range(3)]
+    )
+    flat, half = np.full(4, 0.25), np.array([0.0, 0.0, 1.0, 1.0])
+    check_metres(3.0 + 0.0199 * half, flat)
+    with pytest.raises(ValueError, match=r"rms is 0\.0101 m"):
+        check_metres(3.0 + 0.0202 * half, flat)
+
+
+@pytest.mark.parametrize("count", [1, 4, 7])
+def test_zernike_coefficients_and_their_errors_by_least_squares(count: int):
+    """An OPD error e changes coefficient j by e sqrt((G^-1)_jj) at most; the pixels' part is added as squares."""
+    wave = disc_map()
+    opd, weight = wave.samples
+    modes = zernike_modes(count, *(wave.points.T / 5e-3)).T
+    found = fit_zernike(wave, count)
+    np.testing.assert_allclose(found, fitted(modes, opd, weight), rtol=1e-8)
+    surface = zernike_surface(wave, found)
+    np.testing.assert_allclose(surface[wave.lit], modes @ found, rtol=1e-12)
+    assert np.isnan(surface[~wave.lit]).all()
+    gram = modes.T @ (modes * weight[:, None])
+    gains = 3e-9 * np.sqrt(np.diag(np.linalg.inv(gram)))
+    exact = exact_weights(np.asarray(wave.weight), wave.pixel, wave.pupil)[wave.lit]
+    lacking = np.linalg.solve(modes.T @ (modes * exact[:, None]), modes.T @ (exact * opd)) - found
+    grids = []
+    for row, column in product((0, 1), repeat=2):
+        some = np.zeros(wave.opd.shape, dtype=bool)
+        some[row::2, column::2] = True
+        kept = some[wave.lit]
+        grids.append(fitted(modes[kept], opd[kept], weight[kept]))
+    pixels = np.hypot(2.0 * np.abs(lacking), np.std(grids, axis=0, ddof=1) / 2.0)
+    np.testing.assert_allclose(zernike_pixel_errors(wave, modes), pixels, rtol=1e-6)
+    np.testing.assert_allclose(zernike_errors(wave, count), np.hypot(gains, pixels), rtol=1e-6)
+    few = disc_map(4)
+    assert np.isnan(zernike_errors(few, 7)).any() or np.isinf(zernike_errors(few, 7)).all()
+    assert np.isinf(zernike_errors(few, 99)).all() and len(zernike_errors(few, 99)) == 99
+    with pytest.raises(ValueError, match="cannot distinguish 99"):
+        fit_zernike(few, 99)
+
+
+@pytest.mark.parametrize("remove", [(), ("piston",), ("tilt",), ("focus",), ("tilt", "focus")])
+def test_errors_due_to_the_pixels_by_four_grids_and_exact_weights(remove: tuple[str, ...]):
+    """Twice what exact weights change, and the standard error over the grids of every other row and column."""
+    wave = disc_map(remove=remove)
+    lit, opd = wave.lit, wave.opd
+
+    def numbers(chosen: np.ndarray, weights: np.ndarray, terms: tuple[str, ...]) -> np.ndarray:
+        rows, columns = np.nonzero(chosen)
+        points = np.stack([wave.coordinate[columns], wave.coordinate[rows]], axis=1)
+        share = weights[chosen] / weights[chosen].sum()
+        solve = lambda basis, v: np.linalg.solve(basis.T @ (basis * share[:, None]), basis.T @ (share * v))  # noqa: E731
+        basis = [np.ones(len(share))]
+        basis += [*points.T] if "tilt" in terms else []
+        basis += [(points**2).sum(axis=1) * 1e3] if "focus" in terms else []
+        basis = np.stack(basis, axis=1)
+        flat = opd[chosen] - basis @ solve(basis, opd[chosen])
+        plane = np.column_stack([np.ones(len(share)), points])
+        phasor = (share * np.exp(2j * np.pi / WAVELENGTH * flat)).sum()
+        return np.array([abs(phasor) ** 2, math.sqrt(share @ flat**2), *solve(plane, flat)[1:]])
+
+    exact = exact_weights(np.asarray(wave.weight), wave.pixel, wave.pupil)
+    lacking = 2.0 * np.abs(numbers(lit, exact, wave.removed) - numbers(lit, np.asarray(wave.weight), wave.removed))
+    grids = []
+    for row, column in product((0, 1), repeat=2):
+        some = np.zeros(opd.shape, dtype=bool)
+        some[row::2, column::2] = True
+        grids.append(numbers(some & lit, np.asarray(wave.weight), ()))
+    expected = np.hypot(lacking, np.std(grids, axis=0, ddof=1) / 2.0)
+    found = pixel_errors(wave)
+    for name, error, scale in zip(
+        ("strehl", "opd_rms", "tilt_x", "tilt_y"), expected, (1.0, 1e-8, 1e-6, 1e-6), strict=True
+    ):
+        assert found[name] == pytest.approx(error, rel=1e-5, abs=1e-9 * scale)
+    assert found["peak_to_valley"] == _steps_at_extremes(wave.opd)
+    # The quantities: the OPD's error over the extent for slopes, twice it for the peak to valley.
+    opd, weight = wave.samples
+    extent = np.sqrt(weight @ (wave.points - weight @ wave.points) ** 2)
+    told, error = wave.quantities, 3e-9
+    assert wave.opd_error == error and wave.phase_error() == pytest.approx(2.0 * math.pi * error / WAVELENGTH)
+    assert told["opd_rms"].error == pytest.approx(math.hypot(error, found["opd_rms"]))
+    assert told["peak_to_valley"].error == pytest.approx(math.hypot(2.0 * error, found["peak_to_valley"]))
+    assert told["peak_to_valley"].value == pytest.approx(opd.max() - opd.min())
+    for axis, name in enumerate(("tilt_x", "tilt_y")):
+        assert told[name].error == pytest.approx(math.hypot(error / extent[axis], found[name]))
+        assert told[name].value == pytest.approx(
+            fitted(np.column_stack([np.ones(len(opd)), wave.points]), opd, weight)[1 + axis]
+        )
+    assert told["strehl"].error == pytest.approx(
+        math.hypot(strehl_error(told["strehl"].value, wave.phase_error()), found["strehl"])
+    )
+    assert told["strehl"].value == pytest.approx(abs((weight * np.exp(2j * np.pi / WAVELENGTH * opd)).sum()) ** 2)
+    assert told["opd_rms"].value == pytest.approx(math.sqrt(weight @ (opd - weight @ opd) ** 2))
+
+
+def test_a_wavefront_of_few_pixels_or_of_a_line():
+    single = Wavefront(np.zeros((1, 1)), np.ones((1, 1)), 1e-3, WAVELENGTH)
+    assert math.isnan(pixel_errors(single)["strehl"]) and math.isnan(single.quantities["tilt_x"].error)
+    assert single.coordinate.tolist() == [0.0] and single.power == 1.0
+    line = np.zeros((4, 4))
+    line[1, 1:] = 1.0
+    told = Wavefront(np.zeros((4, 4)), line, 1e-3, WAVELENGTH, budget=lambda: {"total": 1e-9}).quantities
+    assert math.isnan(told["tilt_y"].error) and told["tilt_x"].error > 0.0
+    assert math.isnan(Wavefront(np.zeros((4, 4)), line, 1e-3, WAVELENGTH).opd_error)
+
+
+@pytest.mark.parametrize("pupil", [Disc(5e-3), Rectangle(8e-3, 5e-3), Annulus(5e-3, 2e-3)])
+def test_a_grid_holds_its_pupil(pupil):
+    half = max(pupil.half_extent)
+    coordinate, pixel, weight, intensity = pupil_grid(pupil, 10)
+    edges = half * (2.0 * np.arange(11) / 10 - 1.0)
+    assert pixel == pytest.approx(0.2 * half)
+    np.testing.assert_allclose(coordinate, 0.5 * (edges[1:] + edges[:-1]), atol=1e-18)
+    np.testing.assert_allclose(weight, pupil.coverage(edges, edges), atol=1e-12)
+    np.testing.assert_allclose(intensity, np.where(weight > 0.0, pupil.coverage(edges, edges, 2), 0.0), atol=1e-12)
+    assert len(pupil_grid(pupil, None)[0]) == 128 and len(pupil_grid(pupil, 2)[0]) == 2
+    with pytest.raises(ValueError, match="pixel_count"):
+        pupil_grid(pupil, 1)
+    for shape, pixels, count in (((6, 9), 1e-3, 9), ((6, 9), (1e-3, 2e-3), 128), ((1, 1), 1e-3, 128)):
+        assert len(pupil_grid(Mask(np.ones(shape), pixels), None)[0]) == count
+
+
+def test_maps_are_checked_and_read():
+    weight = np.array([[0.0, 0.5, 1.0], [1.0, 1.0, 0.2], [0.4, 0.0, 0.3]])
+    wave = Wavefront(1e-7 * np.arange(9.0).reshape(3, 3), weight, 2e-3, WAVELENGTH)
+    np.testing.assert_allclose(wave.coordinate, [-2e-3, 0.0, 2e-3])
+    np.testing.assert_allclose(wave.intensity, weight**2)
+    assert wave.power == pytest.approx((weight**2).sum()) and wave.radius == pytest.approx(3e-3)
+    np.testing.assert_allclose(wave.points[:3], [[0.0, -2e-3], [2e-3, -2e-3], [-2e-3, 0.0]], atol=1e-18)
+    opd, share = wave.samples
+    np.testing.assert_allclose(opd, 1e-7 * np.array([1, 2, 3, 4, 5, 6, 8]))
+    np.testing.assert_allclose(share, weight[weight > 0.0] / weight.sum())
+    assert np.isnan(wave.opd[0, 0]) and wave.peak_to_valley == pytest.approx(7e-7)
+    for intensity, fine in ((0.9999 * weight**2, False), (weight**2, True), (2.0 * weight**2, True)):
+        if fine:
+            assert Wavefront(wave.opd, weight, 2e-3, WAVELENGTH, intensity=intensity).power == intensity.sum()
+        else:
+            with pytest.raises(ValueError, match="nowhere below"):
+                Wavefront(wave.opd, weight, 2e-3, WAVELENGTH, intensity=intensity)
+
+
+def test_strehl_ratios_phase_errors_and_their_causes():
+    """The bounds of the module's first lines, by hand; a phase error that a change comes from gives the change back."""
+    for value, phase in ((0.3, 0.2), (0.9, 0.05), (0.99, 0.5), (1.0, 0.3), (0.0, 0.3)):
+        b = min(phase, math.sqrt(1.0 - value) * phase + 0.5 * math.sqrt(value) * phase**2)
+        change = 2.0 * math.sqrt(value) * b + b**2
+        assert strehl_error(value, phase) == pytest.approx(change)
+        assert phase_of_error(value, change) == pytest.approx(phase)
+    assert strehl_error(1.2, 0.3) == strehl_error(1.0, 0.3) and strehl_error(-0.1, 0.3) == strehl_error(0.0, 0.3)
+    assert phase_of_error(0.5, 0.0) == 0.0 and math.isnan(phase_of_error(0.5, math.nan))
+    assert phase_of_error(1.1, 0.1) == phase_of_error(1.0, 0.1)
+    for phase in (0.01, 0.1, 0.7, 2.0):
+        fine = max(strehl_error(value, phase) for value in np.linspace(0.0, 1.0, 20001))
+        assert 0.0 <= fine - greatest_strehl_error(phase) < 3e-5 * fine + 1e-12
+    causes = {"sampling": 0.9, "step": 0.01, "interpolation": 0.02, "total": 1.0}
+    parts = [phase_of_error(0.8, 0.01), phase_of_error(0.8, 0.02)]
+    assert phase_error(0.8, causes) == pytest.approx(math.hypot(*parts))
+    assert math.isnan(phase_error(0.8, {"step": 0.1})) and math.isnan(phase_error(math.nan, causes))
+    assert main_cause(causes) == "most of it comes from the number of rays: take more"
+    assert main_cause({**causes, "step": math.nan}).startswith("not known is the part of the steps of the rays")
+    assert main_cause({"total": 1.0}) == "" and main_cause({"other": 1.0}) == "most of it comes from other"
+    assert _likely_error([1.0, 2.0, 4.0]) == pytest.approx(3.0 * np.std([1.0, 2.0, 4.0], ddof=1) / math.sqrt(3.0))
+    assert math.isnan(_likely_error([1.0])) and _likely_error([1.0, 3.0]) == pytest.approx(3.0)
+    x, y = np.array([0.1, 0.5, 0.9, 0.2]), np.array([2.0, -1.0, 0.3, 0.1])
+    sums = np.array([4.0, x.sum(), y.sum(), 0.0, x @ x, x @ y, y @ y, 9.0])
+    assert _extents(sums) == pytest.approx((x.std(), y.std()))
+
+
+def test_scattered_samples_keep_polynomials_and_parabolas():
+    """Three samples for each of up to 36 modes; beyond the outermost samples the parabola through the near ones."""
+    draw = np.random.default_rng(5)
+    for count, modes in ((200, 36), (60, 20), (12, 4), (9, 3)):
+        angle, size = draw.uniform(0.0, 2.0 * np.pi, count), 3e-3 * np.sqrt(draw.uniform(0.0, 1.0, count))
+        place = np.stack([size * np.cos(angle), size * np.sin(angle)], axis=1)
+        wanted = 0.9 * place[:7] + 0.1 * place[1:8]
+        coefficients = draw.normal(size=modes)
+        values = coefficients @ zernike_modes(modes, *(place.T / 3e-3))
+        expected = coefficients @ zernike_modes(modes, *(wanted.T / 3e-3))
+        np.testing.assert_allclose(_interpolated(place, values, wanted, 3e-3), expected, atol=1e-6)
+    place = draw.uniform(-1.0, 1.0, (40, 2))
+    wanted = np.array([[1.3, 0.2], [-0.5, 1.4], [0.4, -1.6]])
+    parabola = lambda p: 0.3 - p[:, 0] + 2.0 * p[:, 1] + p[:, 0] ** 2 - 0.5 * p[:, 0] * p[:, 1] + 0.7 * p[:, 1] ** 2  # noqa: E731
+    np.testing.assert_allclose(_beyond(place, parabola(place), wanted), parabola(wanted), atol=1e-6)
+    few = place[:8]
+    np.testing.assert_allclose(_beyond(few, parabola(few), wanted), parabola(wanted), atol=1e-5)
+
+
+def test_a_hole_is_farther_from_every_sample_than_four_mean_distances():
+    """Pixels of side 1, four times as many as samples, which are 2 apart then: 8 is allowed, in the pupil."""
+    pupil = Rectangle(40.0, 2.0)
+    wanted = np.column_stack([np.arange(-19.5, 20.0), np.zeros(40)])
+    for gap, fine in ((7.99, True), (8.01, False)):
+        place = np.column_stack([np.linspace(-19.5, 19.5 - gap, 10), np.zeros(10)])
+        if fine:
+            _check_cover(place, wanted, 1.0, pupil)
+        else:
+            with pytest.raises(ValueError, match=r"2\.5 % of the pupil is farther than 8 m"):
+                _check_cover(place, wanted, 1.0, pupil)
+    # The middle of a pixel may be outside the pupil by half of its diagonal.
+    place = np.column_stack([np.linspace(-19.5, 13.0, 10), np.zeros(10)])
+    for end, fine in ((21.69, True), (21.72, False)):
+        outside = np.vstack([wanted[:32], np.tile([end, 0.0], (8, 1))])
+        if fine:
+            _check_cover(place, outside, 1.0, pupil)
+        else:
+            with pytest.raises(ValueError, match="20 % of the pupil"):
+                _check_cover(place, outside, 1.0, pupil)
+
+
+def test_corners_beside_a_disc_need_no_samples():
+    """Many samples up to the rim; the corners of the map are farther from them than any hole may be."""
+    number = np.arange(1500)
+    angle, size = 2.399963 * number, 3e-3 * np.sqrt((number + 0.5) / 1500)
+    place = np.stack([size * np.cos(angle), size * np.sin(angle)], axis=1)
+    wave = Wavefront.from_samples(place, 1e-7 * place[:, 0] / 3e-3, Disc(3e-3), WAVELENGTH, pixel_count=16)
+    np.testing.assert_allclose(wave.opd[wave.lit], 1e-7 * wave.points[:, 0] / 3e-3, atol=1e-13)
+
+
+@pytest.mark.parametrize("count", [40, 41])
+def test_each_sample_is_predicted_from_seven_eighths_of_the_others(count: int):
+    """The interpolation error is three times the worst; the samples' own error is added as squares."""
+    draw = np.random.default_rng(6)
+    angle, size = 2.399963 * np.arange(count), 3e-3 * np.sqrt((np.arange(count) + 0.5) / count)
+    place = np.stack([size * np.cos(angle), size * np.sin(angle)], axis=1)
+    values = 1e-8 * draw.normal(size=count)
+    wave = Wavefront.from_samples(place, values, Disc(3e-3), WAVELENGTH, pixel_count=6, opd_error=4e-8)
+    worst = 0.0
+    for first in range(8):
+        out = np.arange(count) % 8 == first
+        again = _interpolated(place[~out], values[~out], place[out], 3e-3)
+        worst = max(worst, float(np.abs(again - values[out]).max()))
+    assert wave.error["interpolation"] == pytest.approx(3.0 * worst)
+    assert wave.error["samples"] == 4e-8 and wave.opd_error == pytest.approx(math.hypot(3.0 * worst, 4e-8))
+    np.testing.assert_allclose(wave.opd[wave.lit], _interpolated(place, values, wave.points, 3e-3), atol=1e-15)
+    pupil = Disc(3e-3, (0.1, 0.2, 0.3), (0.3, 0.1, 1.0))
+    space = pupil.center + place @ np.array(pupil.axes)
+    turned = Wavefront.from_samples(space, values, pupil, WAVELENGTH, pixel_count=6)
+    np.testing.assert_allclose(turned.opd[turned.lit], wave.opd[wave.lit], atol=1e-13)
+    assert "samples" not in turned.error
