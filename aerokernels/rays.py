@@ -1,6 +1,5 @@
 """Ray bundles: start points, directions and weights of rays."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,6 @@ from numpy.typing import ArrayLike
 from .device_arrays import DeviceArray, device_array, is_one_row, plain_array, read_on_touch, rows_beside
 from .display.shown import shown
 from .inputs.arguments import GREAT, SMALL, Numbers, checked
-from .inputs.checks import check_count
 from .pupils import (
     Annulus,
     Disc,
@@ -28,9 +26,6 @@ from .pupils.base import SAMPLINGS
 from .pupils.square_map import RING, SquareMap
 from .pupils.vectors import lengths
 from .read_only import ReadOnly
-
-if TYPE_CHECKING:
-    from .device_arrays.rays import Made
 
 __all__ = [
     "SAMPLINGS",
@@ -281,13 +276,13 @@ class RayBundle(ReadOnly):
         normal = as_unit_vector(axis, "axis")
         first, second = transverse_axes(normal)
         if device is not None:
-            from .device_arrays.rays import Made
+            from .device_arrays.rays import Made, sampled_rays
 
             made = Made(
                 "divergent", as_vector(apex, "apex"), first, second, normal, 2.0 * np.sin(0.5 * half_angle) ** 2
             )
             samples = partial(unit_disc_samples, ray_count, sampling, seed)
-            return cls._sampled(device, made, UNIT_DISC, samples, ray_count, sampling, seed)
+            return cls._of(*sampled_rays(device, made, UNIT_DISC, samples, ray_count, sampling, seed))
         flat, weight = unit_disc_samples(ray_count, sampling, seed)
         # Equal areas of the disc map to equal solid angles: 1 - cos(polar) is linear in the disc's r^2.
         squared = np.sum(flat**2, axis=1)
@@ -332,28 +327,8 @@ class RayBundle(ReadOnly):
         cls, kind: str, device: str, pupil: Pupil, axis: np.ndarray, ray_count: int, sampling: str, seed: int
     ) -> "RayBundle":
         """Return rays from a pupil's points, made on a device."""
-        from .device_arrays.rays import Made
+        from .device_arrays.rays import Made, sampled_rays
 
         made = Made(kind, pupil.center, *pupil.axes, axis, pupil.reach)
         samples = partial(pupil.flat_sample, ray_count, sampling, seed)
-        return cls._sampled(device, made, pupil.square_map, samples, ray_count, sampling, seed)
-
-    @classmethod
-    def _sampled(
-        cls,
-        device: str,
-        made: "Made",
-        points: SquareMap,
-        samples: Callable[[], tuple[np.ndarray, np.ndarray]],
-        ray_count: int,
-        sampling: str,
-        seed: int,
-    ) -> "RayBundle":
-        """Return rays made on a device, from Sobol points computed there or from `samples()` copied there."""
-        from .device_arrays.rays import made_rays
-
-        count = check_count(ray_count)
-        if sampling == "sobol":
-            return cls._of(*made_rays(device, made, count, seed, points), np.broadcast_to(1.0 / count, count))
-        flat, weight = samples()
-        return cls._of(*made_rays(device, made, len(flat), seed, flat), weight)
+        return cls._of(*sampled_rays(device, made, pupil.square_map, samples, ray_count, sampling, seed))

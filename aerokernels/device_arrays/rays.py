@@ -1,10 +1,12 @@
 """Rays on a device: checks of rays from other libraries, and rays made there."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from ..inputs.checks import check_count
 from ..pupils.square_map import SquareMap
 from ..sobol import sobol_numbers
 from .array import DeviceArray
@@ -82,6 +84,27 @@ def _numbers(array: Any, device: Any) -> Any:
     made = wp.empty(array.shape, dtype=wp.float64, device=array.device)
     wp.utils.array_cast(array, made)
     return made
+
+
+def sampled_rays(
+    device: str,
+    made: Made,
+    points: SquareMap,
+    samples: Callable[[], tuple[np.ndarray, np.ndarray]],
+    ray_count: int,
+    sampling: str,
+    seed: int,
+) -> tuple[DeviceArray, DeviceArray, np.ndarray]:
+    """Make rays on a device, from Sobol points computed there or from the points and weights of `samples`.
+
+    Returns:
+        Positions and directions on the device, and weights on the host.
+    """
+    count = check_count(ray_count)
+    if sampling == "sobol":
+        return *made_rays(device, made, count, seed, points), np.broadcast_to(1.0 / count, count)
+    flat, weight = samples()
+    return *made_rays(device, made, len(flat), seed, flat), weight
 
 
 def made_rays(
