@@ -16,7 +16,7 @@ from ..inputs.checks import check_choice, check_positive
 from ..inputs.wavelength import check_wavelength, field_wavelength
 from .body import Body
 from .cell_averages import node_values
-from .given_contrast import check_index, checked_walls, contrast_array, warn_of_index
+from .given_contrast import checked_walls, contrast_array, warn_of_index
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite, check_starts_on_axis
 from .kept_averages import conserving_values, cut_and_kept
 from .mesh import GEOMETRIES, QuadMesh
@@ -70,9 +70,12 @@ class IndexField(Derived):
         object.__setattr__(self, "ambient_index", float(self.ambient_index))
         if self.wavelength is not None:
             object.__setattr__(self, "wavelength", check_wavelength(self.wavelength))
-        own = self.samples
-        ends = own.extremes if isinstance(own, UniformGrid) else (own.values.min(), own.values.max())
-        check_index(float(ends[0]), float(ends[1]), self.ambient_index)
+        least = self.samples.extremes[0] if isinstance(self.samples, UniformGrid) else self.samples.values.min()
+        if least + self.ambient_index <= 0.0:
+            raise ValueError(
+                f"the index must be positive everywhere: the least contrast is {least:g}, "
+                f"the ambient index {self.ambient_index:g}"
+            )
         check_box(self.samples.low, self.samples.high)
         if self.body is not None and self.body.geometry != self.geometry:
             raise ValueError(f"the body is {self.body.geometry}, the field {self.geometry}: they must agree")

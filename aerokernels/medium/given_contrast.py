@@ -9,9 +9,6 @@ from ..inputs.arguments import are_numbers
 from ..inputs.warned import warn_caller
 from .grid import check_finite
 
-# No medium has a greater contrast, for light of any wavelength.
-GREATEST_CONTRAST = 1e3
-
 
 def contrast_array(contrast: Any) -> np.ndarray:
     """Return a contrast as a NumPy array of real numbers.
@@ -26,21 +23,6 @@ def contrast_array(contrast: Any) -> np.ndarray:
     if array.dtype == np.float16:
         raise ValueError("contrast is float16, whose least digit is 6e-8: compute n - ambient_index in float32 or more")
     return array
-
-
-def check_index(least: float, greatest: float, ambient_index: float) -> None:
-    """Reject contrasts, given their extremes, with which the index is not positive or beyond every medium's.
-
-    Raises:
-        ValueError: It is.
-    """
-    if least + ambient_index <= 0.0:
-        raise ValueError(
-            f"the index must be positive everywhere: the least contrast is {least:g}, the ambient index "
-            f"{ambient_index:g}"
-        )
-    if greatest > GREATEST_CONTRAST:
-        raise ValueError(f"no medium has the greatest contrast, {greatest:g}: give n - ambient_index")
 
 
 def warn_of_index(least: float, greatest: float) -> None:

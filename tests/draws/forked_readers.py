@@ -79,8 +79,6 @@ def _serve(asked: int, answers: int) -> None:
     os.dup2(null, 1)
     os.dup2(null, 2)
     gc.freeze()  # `fragile` collects garbage after each damaged file: exclude the objects inherited from the parent
-    inherited, limit = addresses(), fragile.limit
-    vars(fragile)["limit"] = lambda bounds: limit(bounds, inherited)
     try:
         fragile._serve(os.fdopen(asked, "rb"), os.fdopen(answers, "wb"))
         os._exit(0)

@@ -53,7 +53,7 @@ def test_a_cube_has_the_polynomial_of_least_squares(inside: tuple[int, int, int]
     """Over its cells in the grid, by Gauss points; deviations at nodes and middles, of value and of slope per metre."""
     window, spacing = np.random.default_rng(182).normal(size=(5, 5, 5)), np.array([0.5, 0.7, 0.9])
     operators, points = cubes._operators(inside, spacing)
-    made = operators.astype(float) @ window.ravel()
+    made = window.ravel() @ operators.astype(float)
     gauss, share = np.polynomial.legendre.leggauss(4)
     axes = [(np.arange(n)[:, None] + 0.5 * (gauss + 1)).ravel() for n in inside]
     place = np.array(list(product(*axes)))
@@ -123,7 +123,7 @@ def test_deviations_along_lines_are_means_over_cubes():
             place = start[row] + (k + 0.5) / 24 * length[row] * way[row]
             cube = np.clip((place - grid.origin) / (2 * grid.spacing), 0, np.array([4, 5, 7]) - 1).astype(int)
             window = grid.coefficients[tuple(slice(2 * c, 2 * c + 5) for c in cube)]
-            made = operators @ window.ravel().astype(np.float32)
+            made = window.ravel().astype(np.float32) @ operators
             total += 1.5 * np.abs(made[20 : 20 + points]).max() + 2.0**-8 * np.abs(made[10:20]).sum()
         assert found[row] == pytest.approx(total / 24 * length[row], rel=1e-4)
 

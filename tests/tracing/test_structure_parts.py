@@ -23,7 +23,7 @@ from aerokernels.tracing.step_bound import (
     roughness_of_blocks,
     smooth_step,
 )
-from aerokernels.tracing.straight_lines import Lines, lines_through, local_range, outermost, outermost_in_box
+from aerokernels.tracing.straight_lines import Lines, lines_through, local_range, outermost, outermost_rays
 from aerokernels.tracing.support import SUPPORT_SHARE, left_out
 from aerokernels.tracing.unresolved import Sampling
 
@@ -298,7 +298,10 @@ def test_lines_through_a_part_of_a_field(geometry: str, until):
     every = lines.every(7)
     np.testing.assert_array_equal(every.lever_arm, lines.lever_arm[::7])
     assert len(every.start) == len(every.tangent) == len(every.length) == -(-number // 7)
-    rows = outermost_in_box(geometry, position, direction, until, low, high)
+    rows = outermost_rays(geometry, position, direction, until, low, high)
+    for k, vectors in enumerate((position, direction)):
+        assert rows[6 * k : 6 * k + 6].tolist() == np.ravel([(c.argmin(), c.argmax()) for c in vectors.T]).tolist()
+    rows = rows[12:]
     both = (lines.start, lines.start + lines.length[:, None] * lines.direction)
     kept = [int(np.flatnonzero((lines.direction == direction[row]).all(axis=1))[0]) for row in rows]
     for k, place in enumerate(both):
@@ -306,9 +309,10 @@ def test_lines_through_a_part_of_a_field(geometry: str, until):
         local = np.c_[np.hypot(*place[:, :2].T), place[:, 2]] if local is None else local
         size = local.shape[1]
         chosen = local[kept[2 * size * k : 2 * size * (k + 1)]]
-        assert np.diag(chosen[:size]) == pytest.approx(local.min(axis=0), abs=1e-12)
-        assert np.diag(chosen[size:]) == pytest.approx(local.max(axis=0), abs=1e-12)
-    assert outermost(np.array([[1.0, 5.0], [0.0, 7.0], [4.0, 6.0]])).tolist() == [1, 0, 2, 1]
+        assert np.diag(chosen[::2]) == pytest.approx(local.min(axis=0), abs=1e-12)
+        assert np.diag(chosen[1::2]) == pytest.approx(local.max(axis=0), abs=1e-12)
+    assert lines.length[kept[-1]] == pytest.approx(lines.length.max())
+    assert outermost(np.array([[1.0, 5.0], [0.0, 7.0], [4.0, 6.0]])).tolist() == [1, 2, 0, 1]
 
 
 def test_lines_that_begin_in_a_body_are_taken_from_where_they_leave_it():
