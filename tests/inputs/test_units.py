@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from aerokernels.inputs.checks import check_tilt
 from aerokernels.inputs.units import DIMENSIONS, quantity
 
 
@@ -113,3 +114,11 @@ def test_any_text_gives_a_finite_number_or_a_value_error(text, dimension):
         assert math.isfinite(quantity(text, dimension))
     except ValueError as fault:
         assert repr(text) in str(fault)
+
+
+def test_a_tilt_is_below_a_quarter_turn():
+    for tilt in (1.57, -1.57, 0.0):
+        assert check_tilt(tilt) == tilt
+    for tilt in (1.58, -1.58, 3.0, math.nan):
+        with pytest.raises(ValueError, match=r"tilt must lie between -pi/2 and pi/2 rad"):
+            check_tilt(tilt)

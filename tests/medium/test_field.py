@@ -158,6 +158,7 @@ GOOD = {"contrast": np.zeros((4, 5)), "origin": (0.0, 0.0), "spacing": (1.0, 1.0
         ({"geometry": "volume"}, r"volume field needs an array of 3 axes, got shape \(4, 5\)"),
         ({"contrast": np.zeros(4)}, r"planar field needs an array of 2 axes, got shape \(4,\)"),
         ({"contrast": np.array([[0.0, np.nan], [np.nan, 0.0]])}, r"2 of 4 samples of the contrast.*\(0, 1\)"),
+        ({"contrast": np.eye(4, 5) - 1.0}, "index must be positive everywhere: the least contrast is -1"),
         ({"contrast": np.full((4, 5), -1.0)}, "index must be positive everywhere: the least contrast is -1"),
         ({"geometry": "axisymmetric", "origin": (0.5, 0.0)}, "starts at r = 0, got origin .*0.5"),
         ({"ambient_index": 0.0}, "ambient_index must be positive and finite, got 0.0"),
