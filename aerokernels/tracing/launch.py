@@ -11,7 +11,7 @@ from ..medium.grid_places import known
 from ..process.clock import stage, staged
 from ..rays import RayBundle
 from .coherence import coherent_order
-from .engines import OUTPUT_TYPES, Engine, Prepared, engine_of
+from .engines import OUTPUT_TYPES, Prepared, engine_of
 from .engines.device_memory import lacks_memory, memory_of
 from .plan import TracePlan
 from .status import RayStatus, is_any_rejected
@@ -53,31 +53,17 @@ def launch(
         with stage("kernel"):
             return trace(field, rays, plan, until, wavelength, outputs)
     engine = engine_of(plan.backend, plan.device)
-    with memory_of(engine.device):
-        return _launched(engine, field, rays, plan, until, wavelength, outputs, are_read)
-
-
-def _launched(
-    engine: Engine,
-    field: IndexField,
-    rays: RayBundle,
-    plan: TracePlan,
-    until,
-    wavelength: float,
-    outputs: frozenset,
-    are_read: bool,
-) -> dict[str, Any]:
-    """Launch rays on an engine; arguments as for `launch`."""
     # Step bounds are made for the directions of the rays; the leapfrog kernels of Warp need no step bounds.
     needs_none = plan.backend == "warp" and plan.sample_count > 0
-    directions = rays.held("direction")[:1] if needs_none else rays.direction
-    prepared = engine.prepare(field, plan, until, wavelength, outputs, directions)
-    if are_read and engine.is_gpu and rays.ray_count <= FEW and not engine.keeps(rays.ray_count * RAY_BYTES):
-        return _together(prepared, starts_of(rays), outputs)
-    order = coherent_order(field, rays.position, rays.direction) if prepared.is_packed else None
-    if order is None:
-        return in_chunks(prepared, starts_of(rays), outputs)
-    ordered = in_chunks(prepared, (rays.position[order], rays.direction[order]), outputs)
+    with memory_of(engine.device):
+        directions = rays.held("direction")[:1] if needs_none else rays.direction
+        prepared = engine.prepare(field, plan, until, wavelength, outputs, directions)
+        if are_read and engine.is_gpu and rays.ray_count <= FEW and not engine.keeps(rays.ray_count * RAY_BYTES):
+            return _together(prepared, starts_of(rays), outputs)
+        order = coherent_order(field, rays.position, rays.direction) if prepared.is_packed else None
+        if order is None:
+            return in_chunks(prepared, starts_of(rays), outputs)
+        ordered = in_chunks(prepared, (rays.position[order], rays.direction[order]), outputs)
     arrays = {name: np.empty_like(array) for name, array in ordered.items()}
     for name, array in ordered.items():
         arrays[name][order] = array

@@ -5,6 +5,7 @@ field is a cylinder: its side r = R and its two ends. A line p + t d touches the
 start inside the box there is no entry, and t_enter is 0.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -131,15 +132,25 @@ def face_text(field: IndexField, face: int) -> str:
     return f"{'xyz'[face // 2]} = {1e3 * (high if face % 2 else low)[face // 2]:.6g} mm"
 
 
+def _spans(
+    p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str
+) -> Iterator[tuple[int | None, np.ndarray, np.ndarray]]:
+    """Yield for each of the field's own axes where lines enter and leave a box along it.
+
+    Also yields the number of the Cartesian axis, or None for the radius.
+    """
+    for k in range(len(low)):
+        if geometry == "axisymmetric" and k == 0:
+            yield None, *cylinder_span(p, d, float(high[0]), 0.0)
+        else:
+            axis = k + 3 - len(low)
+            yield axis, *slab_span(p[:, axis], d[:, axis], low[k], high[k])
+
+
 def span_of_box(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str):
     """Return where rays enter and leave a box [m along them], given by its corners along the field's own axes."""
     enter, leave = np.zeros(len(p)), np.full(len(p), np.inf)
-    for k in range(len(low)):
-        if geometry == "axisymmetric" and k == 0:
-            first, last = cylinder_span(p, d, float(high[0]), 0.0)
-        else:
-            axis = k + 3 - len(low)
-            first, last = slab_span(p[:, axis], d[:, axis], low[k], high[k])
+    for _, first, last in _spans(p, d, low, high, geometry):
         np.maximum(enter, first, out=enter)
         np.minimum(leave, last, out=leave)
     return enter, leave
@@ -151,16 +162,12 @@ def crossing_of_box(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndar
     Like `box_span`, for any box, given by its corners along the field's own axes: r and z, y and z, or x, y and z.
     """
     enter, leave, cosine = np.zeros(len(p)), np.full(len(p), np.inf), np.ones(len(p))
-    is_round = geometry == "axisymmetric"
-    for k in range(len(low)):
-        axis = k + 3 - len(low)
-        if is_round and k == 0:
-            first, last = cylinder_span(p, d, float(high[0]), 0.0)
+    for axis, first, last in _spans(p, d, low, high, geometry):
+        if axis is None:
             with np.errstate(invalid="ignore", over="ignore"):  # for a line that never leaves it
                 out = p[:, :2] + last[:, None] * d[:, :2]
                 slope = np.abs((out * d[:, :2]).sum(axis=1)) / high[0]
         else:
-            first, last = slab_span(p[:, axis], d[:, axis], low[k], high[k])
             slope = np.abs(d[:, axis])
         enter, cosine = np.maximum(enter, first), np.where(last < leave, slope, cosine)
         leave = np.minimum(leave, last)
