@@ -104,12 +104,14 @@ class _Fit:
         scales: Scales of a ray's error estimate, quadrature and trajectory.
         worst: The pilot's greatest error [m].
         sampling: The distance of the samples, where structure between them counts.
+        searched: The number of samples that a search found, here or for a field like this one.
     """
 
     count: int
     scales: tuple[float, float]
     worst: float
     sampling: Sampling | None
+    searched: int
 
 
 def fit_leapfrog(
@@ -141,8 +143,9 @@ def fit_leapfrog(
     key = ("leapfrog", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
     fitting = _Fitting(field, pilot, plan, until, wavelength, spread)
     fit: _Fit | None = None
-    if like is not None and like.sample_count:
-        known_count = like.sample_count
+    if like is not None and like.searched_count:
+        # Not the number confirmed last, which may be a few samples more: each confirmation would add a few again.
+        known_count = like.searched_count
         fit = field.derive(("confirmed", *key[1:], known_count), lambda: fitting.confirm(known_count))
     if fit is None:
         fit = field.derive(key, fitting.search)
@@ -150,8 +153,8 @@ def fit_leapfrog(
         return None
     cubes: _Fit | None = None
     if _may_take_cubes(field, plan, ray_count * fit.count):
-        count = fit.count
-        cubes = field.derive(("cubes", *key, count), lambda: fitting.with_cubes(count))
+        by_spline = fit
+        cubes = field.derive(("cubes", *key, fit.count, fit.searched), lambda: fitting.with_cubes(by_spline))
     fit = cubes or fit
     reason = (
         f"method leapfrog: {fit.count} leapfrog samples a ray, bending included; a pilot of {pilot.ray_count} rays has "
@@ -165,6 +168,7 @@ def fit_leapfrog(
     return replace(
         plan,
         sample_count=fit.count,
+        searched_count=fit.searched,
         cubes=cubes is not None,
         quadrature_error_scale=fit.scales[0],
         trajectory_error_scale=fit.scales[1],
@@ -238,31 +242,31 @@ class _Fitting:
             if level.is_fit and worst <= budget:
                 bends = bends if count == least else greatest_bend(trials, count)
                 scales = error_scales(level, worst, bends)
-                return _Fit(count, scales, worst, self.structure.sampling(count))
+                return _Fit(count, scales, worst, self.structure.sampling(count), count)
             count = multiple_of_three(1.25 * count)
         return None
 
-    def confirm(self, count: int) -> _Fit | None:
+    def confirm(self, searched: int) -> _Fit | None:
         """This number of samples, or a few more; None if they are inaccurate or may miss structure."""
         prepare_grid(engine_of(self.plan.backend, self.plan.device), self.grid)
-        if count < self._least_samples():
+        if searched < self._least_samples():
             return None
-        count = self.structure.sufficient(count)
+        count = self.structure.sufficient(searched)
         if not count:
             return None
         level, finest, bends = level_pair(self._trials(replace(self.plan, sample_count=count, few_rays=True)), count)
         worst = level.error(finest)
         if not (level.is_fit and finest.is_fit and worst <= self.limit / MARGIN):
             return None
-        return _Fit(count, error_scales(level, worst, bends), worst, None)
+        return _Fit(count, error_scales(level, worst, bends), worst, None, searched)
 
-    def with_cubes(self, count: int) -> _Fit | None:
-        """At least so many samples of polynomials of cubes; None where the tolerance needs the spline.
+    def with_cubes(self, fit: _Fit) -> _Fit | None:
+        """At least as many samples of polynomials of cubes; None where the tolerance needs the spline.
 
         Two conditions must be met: the pilot agrees with the spline at three times as many samples, and so does each
         pilot ray's own bound of the polynomials' deviation from the spline where it samples them.
         """
-        structure = self.structure
+        structure, count = self.structure, fit.count
         some = structure.lines.every(max(1, len(structure.lines.length) // CUBES_LINES))
         rough = np.count_nonzero(approximate_deviation(self.grid, some) > self.limit) / max(1, len(some.length))
         if not self._may_retrace(rough, count):
@@ -280,7 +284,7 @@ class _Fitting:
         scales = error_scales(spline, worst, bends)
         final = self._trials(replace(by_cubes, sampling=sampling))
         again = float((final((count, *scales))[0]["step_error"] > self.limit).mean())
-        return _Fit(count, scales, worst, sampling) if self._may_retrace(again, count) else None
+        return _Fit(count, scales, worst, sampling, fit.searched) if self._may_retrace(again, count) else None
 
     def _may_retrace(self, share: float, count: int) -> bool:
         """Whether tracing this share of the rays again costs less than cubes save of so many samples."""

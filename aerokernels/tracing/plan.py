@@ -58,6 +58,8 @@ class TracePlan:
         tolerance: Requested OPD error [waves].
         reasons: One sentence for each choice.
         sample_count: Leapfrog samples of each ray, evenly spaced, see leapfrog.py; 0 for every other method.
+        searched_count: The number of samples that was found by a search; `sample_count` may be larger, because it was
+            confirmed for a field like the one of the search, or is that of cubes.
         cubes: Whether leapfrog samples evaluate polynomials of cubes of cells instead of the spline, see
             cube_polynomials.py.
         quadrature_error_scale: Estimated error of a ray's sum, as a share of its difference from the sum over every
@@ -72,7 +74,7 @@ class TracePlan:
         predicted_error: Predicted OPD error [waves]: the error of a pilot bundle, or the tolerance.
         bundle: How many rays were traced and how many interpolated; None where each was traced.
         few_rays: Whether so few rays follow the plan that tables which pay only for many rays are not made
-            (cell_polynomials of OpenCL).
+            (cell_polynomials of OpenCL), and that several threads of a GPU trace a ray together.
     """
 
     method: str
@@ -84,6 +86,7 @@ class TracePlan:
     tolerance: float
     reasons: tuple[str, ...] = field(default=())
     sample_count: int = 0
+    searched_count: int = 0
     cubes: bool = False
     quadrature_error_scale: float = 0.0
     trajectory_error_scale: float = 0.0

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from ..process.threads import in_background
 from ..rays import PILOT_RAYS, Pupil, RayBundle
 from .engines import engine_of
 from .engines.device_memory import memory_of
@@ -28,6 +29,8 @@ REPLICATES = 16
 PILOT_SEED = 0x1A771CE
 # Plans of pupils, and losses where the known air ends, that are cached on a field.
 CACHED = 4  # speed only
+# Up to so many rays through a volume leave most threads of a GPU idle, if each is traced by one.
+FEW_RAYS = 1 << 14  # speed only
 # The greatest reach of a pupil, over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
 # A known number of samples is confirmed by one in this many of the rays that were used to find it.
@@ -168,7 +171,7 @@ def make_job(
     tolerance = choices["tolerance"]
     check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
     pilot, air_rays = (None, None) if like is None else like.samples
-    begun = _begun(field, like)  # the device computes tables while the host examines the air at the faces
+    begun = _begun(field, like)  # the tables are computed while this thread examines the air at the faces
     seen = (weakref.ref(pupil), tuple(look.tolist()), like is None)  # cache key for the same pupil with other seeds
     try:
         air = field.derive(
@@ -205,7 +208,8 @@ def make_job(
             sure_count=rays,
             **choices,
         )
-        return replace(plan, reasons=(*plan.reasons, why), few_rays=is_sparse)
+        are_few = is_sparse or (field.geometry == "volume" and rays <= FEW_RAYS)
+        return replace(plan, reasons=(*plan.reasons, why), few_rays=are_few)
 
     def plan_of(rays: int) -> TracePlan:
         # `seen` separates plans confirmed from another job from plans searched for this one, so that no answer depends
@@ -247,10 +251,19 @@ def share_places(field: IndexField, other: IndexField) -> None:
 
 def _begun(field: IndexField, like: PupilJob | None) -> Callable[[], None]:
     """Start the tables of a grid that a job like this one needs; return a function that waits for them."""
-    if like is None or not like.plan.sample_count or not isinstance(field.samples, UniformGrid):
+    plan, grid = None if like is None else like.plan, field.samples
+    if plan is None or not plan.sample_count or not isinstance(grid, UniformGrid):
         return lambda: None
-    with memory_of(like.plan.device):
-        return begun_grid(engine_of(like.plan.backend, like.plan.device), field.samples)
+
+    def begin() -> Callable[[], None]:
+        with memory_of(plan.device):
+            return begun_grid(engine, grid)
+
+    engine = engine_of(plan.backend, plan.device)
+    if not engine.is_gpu:
+        return begin()
+    started = in_background(begin)  # the copy of the samples to a GPU takes as long as the air at the faces
+    return lambda: started()()
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:

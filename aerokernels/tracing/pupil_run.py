@@ -86,7 +86,7 @@ class PupilRun:
         together = self.widest * task.per_replicate
         kept = task.replicates * task.per_replicate if task.terms else together
         check_memory(engine.device, engine.memory, together, kept)
-        needed = ("sum_moments", "sum_phasors", "reduce_sums")  # rays along a radius are made on the host
+        needed = ("sum_rays", "reduce_sums")  # rays along a radius are made on the host
         self.kernels = engine.pupil_kernels(needed if task.is_radial else ("launch_pupil", *needed))
         with stage("upload"):
             self.one = self._constant("one", lambda: np.ones(1))
@@ -112,6 +112,7 @@ class PupilRun:
                 engine.clear(self.prepared.rejected)
         # A single batch, whose rays are made on the device, repeats the same launches for each seed.
         self.repeat = engine.recorded() if len(self.batches) == 1 and not task.is_radial else None
+        self.repeated: Batch | None = None
 
     def _starts(self, seeds: Any) -> list:
         """Arguments of the kernel launch_pupil ahead of the rays, including the seeds of a batch."""
@@ -143,7 +144,9 @@ class PupilRun:
         task = self.task
         sums = np.empty((task.replicates, SUM_COUNT))
         kept, rejected = [], 0
-        points = cache(partial(task.points, seed))
+        points: Callable[[], Any] = partial(task.points, seed)
+        if self.repeat is None:
+            points = cache(points)
         for number, rows in enumerate(self.batches):
             batch = self._place(rows, seed, points, self._buffers(number if task.terms else 0))
             if self.repeat is None:
@@ -158,8 +161,8 @@ class PupilRun:
             kept.append(batch)
         if task.terms:
             numbers = self._phasor_numbers(fit_surface(sums[:, :MOMENT_COUNT], task.terms))
-            for batch in kept:
-                sums[batch.rows] = self._sums(batch, numbers)
+            for batch in kept:  # batches share the memory of errors and counts, which would now be those of the last
+                sums[batch.rows, MOMENT_COUNT:] = self._sums(batch, numbers)[:, MOMENT_COUNT:]
         moments = moments_in_metres(sums[:, :MOMENT_COUNT], task, self.metres)
         phasors = sums[:, MOMENT_COUNT:].copy().view(np.complex128)[:, 0]
         return PupilSums(moments, phasors, task.replicates * task.per_replicate, rejected)
@@ -181,15 +184,21 @@ class PupilRun:
     def _place(self, rows: slice, seed: int | None, points: Callable[[], Any], buffers: dict[str, Any]) -> Batch:
         """Make a batch: upload the rays along a radius, or the seeds from which other rays are made on the device."""
         task = self.task
+        if self.seeds is not None:
+            self.seeds.array[: rows.stop - rows.start] = points()[rows]
+            if self.repeated is not None:
+                return self.repeated
         count = (rows.stop - rows.start) * task.per_replicate
         results = {name: buffers[name] for name in OUTPUT_TYPES}
         if self.seeds is None:
             position, place, weight = self._along_radius(rows, seed, points)
             return Batch(rows, count, position, self.headings, place, weight, count, results)
-        self.seeds.array[: rows.stop - rows.start] = points()[rows]
         position, direction, place = (buffers[name] for name in ("start", "heading", "place"))
         weight, weights = (buffers["weight"], count) if task.generator else (self.one, 1)
-        return Batch(rows, count, position, direction, place, weight, weights, results)
+        batch = Batch(rows, count, position, direction, place, weight, weights, results)
+        if self.repeat is not None:
+            self.repeated = batch
+        return batch
 
     def _along_radius(self, rows: slice, seed: int | None, points: Callable[[], Any]) -> list[Any]:
         """Upload positions, pupil coordinates and weights of rays along a radius; few rays stay for other fields."""
@@ -216,7 +225,7 @@ class PupilRun:
         self.reading.start()
 
     def _phasor_numbers(self, surface: np.ndarray) -> list:
-        """First arguments of the kernel sum_phasors; arguments that are the same objects need not be set again."""
+        """First arguments of the kernel sum_rays; arguments that are the same objects need not be set again."""
         return [2.0 * np.pi / self.task.wavelength, surface[:3], float(surface[3]), self.task.per_replicate]
 
     def _sums(self, batch: Batch, numbers: list) -> np.ndarray:
@@ -234,11 +243,9 @@ class PupilRun:
         per_replicate, engine, results = self.task.per_replicate, self.engine, batch.results
         replicates = batch.rows.stop - batch.rows.start
         groups = replicates * group_count(per_replicate)
-        shared = [batch.weight_count, batch.weight, batch.place]
         per_ray = [results[name] for name in ("opd", "step_error", "evaluation_count", "status")]
-        engine.launch(self.kernels["sum_moments"], [per_replicate], [*shared, *per_ray, self.sums[0]], groups)
-        per_ray = [results["opd"], results["status"]]
-        engine.launch(self.kernels["sum_phasors"], numbers, [*shared, *per_ray, self.sums[0]], groups)
+        given = [batch.weight_count, batch.weight, batch.place, *per_ray, self.sums[0]]
+        engine.launch(self.kernels["sum_rays"], numbers, given, groups)
         for (rows, joined), sums in zip(pairwise(joined_counts(per_replicate)), pairwise(self.sums), strict=True):
             engine.launch(self.kernels["reduce_sums"], [rows, joined], [*sums], replicates * joined * SUM_COUNT)
 

@@ -318,7 +318,8 @@ def _with_lobes(rest: np.ndarray, main: int | None) -> np.ndarray:
 def _joined(parts: list[np.ndarray]) -> np.ndarray:
     """Combine the axes' fourth derivatives to that of a structure with one normal: see step_bound.py."""
     some = [part for part in parts if part.any()] or parts[:1]  # powers of zeros are slow too
-    return reduce(np.add, [part**0.25 for part in some]) ** 4
+    root = reduce(np.add, [np.sqrt(np.sqrt(part)) for part in some])  # a tenth of the time of powers
+    return np.square(np.square(root))
 
 
 def _main_axis(steepness, geometry: str) -> int | None:

@@ -6,7 +6,7 @@
 #include "constants.h"
 #include "ray_status.h"
 
-// Work-items of a work-group, which the host sets; no fewer than MOMENT_COUNT.
+// Work-items of a work-group, which the host sets; no fewer than SUM_COUNT.
 #ifndef WORK_GROUP
 #define WORK_GROUP 64
 #endif

@@ -112,8 +112,8 @@ MUTATIONS = {
         "real place, int base, int last, real *fraction",
         "real place, int last, int base, real *fraction",
     ),
-    "arguments of its own": ("sum_phasors.cl", "SUM_PHASORS_ARGUMENTS", "__global double *sums_out"),
-    "kernel renamed": ("sum_phasors.cl", "__kernel void sum_phasors(", "__kernel void add_phasors("),
+    "arguments of its own": ("sum_rays.cl", "SUM_RAYS_ARGUMENTS", "__global double *sums_out"),
+    "kernel renamed": ("sum_rays.cl", "__kernel void sum_rays(", "__kernel void add_rays("),
 }
 
 
@@ -131,8 +131,8 @@ def test_a_changed_argument_is_reported(name: str, arguments: ModuleType, kernel
         "of another type": {"rising_root"},
         "of another width": {"deflection"},
         "swapped": {"split"},
-        "arguments of its own": {"sum_phasors"},
-        "kernel renamed": {"sum_phasors", "add_phasors"},
+        "arguments of its own": {"sum_rays"},
+        "kernel renamed": {"sum_rays", "add_rays"},
     }
     assert found and set(told) == expected[name]
 
@@ -199,9 +199,9 @@ def test_script_reports_and_refuses(root: Path, kernels: Path, tmp_path: Path):
     assert done.returncode == 2 and "include" in done.stderr
 
 
-def test_launches_of_the_pupil_take_one_work_item_a_moment():
-    """sum_moments writes its moments by one work-item each, and groups.h leaves the work-group's size to the host."""
+def test_launches_of_the_pupil_take_one_work_item_a_sum():
+    """sum_rays writes its sums by one work-item each, and groups.h leaves the work-group's size to the host."""
     from aerokernels.tracing.engines.opencl.program import WORK_GROUP
-    from aerokernels.tracing.pupil_sums import MOMENT_COUNT
+    from aerokernels.tracing.pupil_sums import SUM_COUNT
 
-    assert WORK_GROUP >= MOMENT_COUNT
+    assert WORK_GROUP >= SUM_COUNT

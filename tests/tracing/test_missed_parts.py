@@ -207,7 +207,10 @@ def test_the_number_found_meets_the_tolerance(tolerance: float):
     assert error <= budget * 1.01 and found.worst <= budget and error == pytest.approx(found.worst, rel=0.1, abs=1e-13)
     again = fit.confirm(found.count)
     assert again is not None and again.count >= found.count and again.worst <= budget
-    assert fit.confirm(33) is None  # fewer than the least
+    assert again.searched == found.count and fit.confirm(33) is None  # fewer than the least
+    # The rule's own bound falls with the fourth power of the number, which is not computed twice.
+    few, many = fit.structure._by_rule(45), fit.structure._by_rule(90)
+    assert many == pytest.approx(few / 16.0, rel=1e-12)
 
 
 def test_fits_become_plans():
@@ -275,15 +278,14 @@ def test_the_fewest_samples_by_a_power_law():
 
 
 def test_a_known_number_is_kept_or_a_few_are_added():
-    """By the rule's own bound if that suffices for up to a quarter more, by the sharper one else; 0 where none does."""
+    """By the rule's own bound if that suffices for up to a half more, by the sharper one else; 0 where none does."""
     law = Law(1.0, lambda count: (100.0 / count) ** 4)
     assert law.sufficient(120) == 120 and law.sufficient(90) == 3 * math.ceil(
         90 * (1.02 * law.rule(90) / 0.75) ** 0.25 / 3
     )
     assert law.sufficient(60) == 0
-    law.rule = lambda count: 9.0 + 0.0 * count  # says nothing
-    assert law.sufficient(120) == 120 and law.sufficient(90) == law.enough(90, 114) == 108
-    law.rule = lambda count: 0.75 if count == 105 else 0.76
-    assert law.sufficient(105) == 105 and law.sufficient(99) == law.enough(99, 126)
+    law.rule = lambda count: (300.0 / count) ** 4  # says too little
+    assert law.sufficient(120) == 120 and law.sufficient(90) == law.enough(90, 135) == 108
+    assert law.sufficient(69) == 0
     law.lines = Lines(*(np.zeros((0, 3)),) * 2, *(np.zeros(0),) * 3)
     assert law.sufficient(7) == 7

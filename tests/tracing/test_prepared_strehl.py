@@ -15,11 +15,11 @@ from aerokernels.tracing.lattice_quadrature import ENOUGH
 from .backends import ENGINES, on
 
 
-def lens(peak: float = 1e-6) -> IndexField:
+def lens(peak: float = 1e-6, fall: float = 12.0, count: int = 25) -> IndexField:
     """A blob in a volume that fades to nothing at the faces."""
-    axis = np.linspace(-1.0, 1.0, 25)
+    axis = np.linspace(-1.0, 1.0, count)
     x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
-    contrast = peak * np.exp(-12.0 * (x**2 + 1.3 * y**2 + z**2)) * (1.0 + 0.3 * x)
+    contrast = peak * np.exp(-fall * (x**2 + 1.3 * y**2 + z**2)) * (1.0 + 0.3 * x)
     return IndexField.from_samples(contrast, origin=(-1.0,) * 3, spacing=(axis[1] - axis[0],) * 3, geometry="volume")
 
 
@@ -110,6 +110,18 @@ def test_new_values_of_a_symmetric_field_begin_with_fewer_rays():
     assert again.plan.sample_count >= few.plan.sample_count
     assert abs(again.value - few.value) <= 1e-6
     assert seen.with_field(blob(1.7e-6))(seed=1).value == few.value
+
+
+def test_a_chain_of_new_values_takes_no_more_samples_than_one_step():
+    """At most half as many again as the search found, and as many as without the values in between."""
+    options = {"ray_count": 16 * 300, "allow_truncation": True, "backend": "opencl", "device": "cpu"}
+    first = prepare_strehl(lens(5e-5, 60.0, 33), PUPIL, **options)
+    seen, counts = first, [first.plan.sample_count]
+    for strength in (1.2, 1.4, 1.7, 2.0, 1.01):
+        seen = seen.with_field(lens(strength * 5e-5, 60.0, 33))
+        counts.append(seen.plan.sample_count)
+        assert counts[-1] == first.with_field(lens(strength * 5e-5, 60.0, 33)).plan.sample_count
+    assert counts[0] < max(counts) <= 1.5 * counts[0] and len(set(counts)) > 2
 
 
 def test_what_estimate_refuses_is_refused_when_it_is_prepared():

@@ -56,7 +56,7 @@ class Engine(Protocol):
         """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
 
     def pupil_kernels(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return the named pupil kernels: any of launch_pupil, sum_moments, sum_phasors and reduce_sums."""
+        """Return the named pupil kernels: any of launch_pupil, sum_rays and reduce_sums."""
 
     def grid_kernels(self, names: Iterable[str]) -> dict[str, Any]:
         """Return the named kernels of GRID_KERNELS, which prepare a grid."""

@@ -14,14 +14,6 @@ TRACED = (
     Value("direction_in", "double3*"),
     Value("outputs", "RayOutputs"),
 )
-SUMMED = (
-    Value("per_replicate", "int"),
-    Value("first_group", "int"),
-    Value("weight_count", "int"),
-    Value("weight_in", "double*"),
-    Value("pupil_in", "double2*"),
-    Value("opd_in", "double*"),
-)
 # Arguments of the kernels. In OpenCL the arrays of a struct are separate arguments, which follow the structs of values,
 # and the count that bounds a launch follows the number of its first ray, group or line: see BOUNDS.
 KERNELS: dict[str, tuple[Value, ...]] = {
@@ -65,18 +57,18 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("pupil_out", "double2*"),
         Value("weight_out", "double*"),
     ),
-    "sum_moments": (
-        *SUMMED,
-        Value("step_error_in", "double*"),
-        Value("evaluation_count_in", "int*"),
-        Value("status_in", "int*"),
-        Value("sums_out", "double*"),
-    ),
-    "sum_phasors": (
+    "sum_rays": (
         Value("wave_number", "double"),
         Value("plane", "double3"),
         Value("focus", "double"),
-        *SUMMED,
+        Value("per_replicate", "int"),
+        Value("first_group", "int"),
+        Value("weight_count", "int"),
+        Value("weight_in", "double*"),
+        Value("pupil_in", "double2*"),
+        Value("opd_in", "double*"),
+        Value("step_error_in", "double*"),
+        Value("evaluation_count_in", "int*"),
         Value("status_in", "int*"),
         Value("sums_out", "double*"),
     ),

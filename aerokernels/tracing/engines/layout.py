@@ -205,6 +205,7 @@ OPTIONS: dict[str, Option] = {
     "measured": Option(1, "whether the errors of steps are estimated; error control needs them"),
     "lanes": Option(1, "leapfrog: rays that a work-item moves in step"),
     "packets": Option(1, "leapfrog: packets of that many rays that a work-item interleaves"),
+    "threads": Option(1, "leapfrog, an NVIDIA GPU: threads that trace a ray together, 1 or scheme.RAY_THREADS"),
     "packed": Option(0, "leapfrog, two dimensions: whether coefficients are the polynomials of cells"),
     "cubes": Option(0, "leapfrog, volume: whether coefficients are the polynomials of cubes of cells"),
     "in_plane": Option(0, "leapfrog, two dimensions: whether all rays run along z"),

@@ -14,6 +14,7 @@ from ....medium import IndexField
 from ....process.clock import stage
 from ...bundle.table import BundleTable
 from ...plan import TracePlan
+from ...scheme import RAY_THREADS
 from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import REAL_TYPES, Value, arrays_of
@@ -38,7 +39,7 @@ REPEATED = 1 << 12
 # Positions of Control and of the coefficients among the arguments: after the structs Field and Bounds.
 CONTROL, FIRST_ARRAY = 2, 3
 # Kernels of a pupil: work-items per ray, group or number of a launch.
-PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "reduce_sums": 1}
+PUPIL_KERNELS = {"launch_pupil": 1, "sum_rays": WORK_GROUP, "reduce_sums": 1}
 
 
 class Engine(Uploads):
@@ -53,6 +54,7 @@ class Engine(Uploads):
         self.session = session(device)
         self.device = self.session.name
         self.is_gpu = bool(self.session.device.type & cl.device_type.GPU)
+        self.threads = RAY_THREADS if self.is_gpu and "nvidia" in self.session.device.vendor.lower() else 1
         self.grid_tables: tuple[str, ...] = GRID_TABLES if self.is_gpu else GRID_TABLES[:2]
         self.grid_key = "coefficients", "opencl", self.session
         self.memory = float(self.session.device.global_mem_size), float(self.session.device.max_mem_alloc_size)
@@ -71,6 +73,7 @@ class Engine(Uploads):
         lanes = lane_count(self.session, plan.precision) if leapfrog else 1
         packets = PACKETS if lanes > 1 else 1
         packs = leapfrog and not plan.few_rays and may_be_packed(field, REAL_TYPES[plan.precision], int(self.memory[1]))
+        threads = self.threads if leapfrog and plan.few_rays and not plan.looks_up_cubes else 1
         in_plane = leapfrog and field.geometry != "volume" and not np.any(directions[:, :2])
         with stage("upload"):
             arguments = self.arguments(field, plan, until, wavelength, outputs, directions)
@@ -87,6 +90,7 @@ class Engine(Uploads):
             measured="step_error" in outputs,
             lanes=lanes,
             packets=packets,
+            threads=threads,
             packed=packs,
             cubes=plan.looks_up_cubes,
             in_plane=in_plane,
@@ -95,7 +99,8 @@ class Engine(Uploads):
             options = (*options, FLUSH)
         with stage("compile"):
             program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
-            kernel = self._kernel(program, "leapfrog" if leapfrog else "trace_kernel", packets * lanes)
+            name = "leapfrog" if leapfrog else "trace_kernel"
+            kernel = self._kernel(program, name, packets * lanes, items=threads)
             if lanes > 1:
                 kernel.group = PACKET_GROUP
             rejected = self._counter() if leapfrog else None

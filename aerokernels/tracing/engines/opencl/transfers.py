@@ -1,5 +1,7 @@
 """Repeated copies to and from an OpenCL device, which wait only if necessary, and work that is started repeatedly."""
 
+import ctypes
+import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -7,6 +9,7 @@ from typing import Any
 import numpy as np
 import pyopencl as cl
 
+from ....device_arrays.pinned_memory import LEAST
 from .session import Session
 
 
@@ -51,7 +54,8 @@ class Fetched:
         for array in arrays:
             starts.append(end)
             end += -(-max(array.nbytes, 1) // unit) * unit
-        self.bytes, self.whole = np.empty(end, np.uint8), empty(end)
+        self.bytes, self.whole = _pinned(session, end, self), empty(end)
+        self.event: Any = None
         # A buffer from a pool cannot be divided itself.
         divided = cl.Buffer.from_int_ptr(self.whole.int_ptr, retain=True)
         self.buffers: Sequence[Any] = [
@@ -63,16 +67,20 @@ class Fetched:
         ]
 
     def start(self) -> None:
-        """Do nothing: `wait` reads in the order of the queue."""
+        """Start the copy; the queue is in order."""
+        self.session.do(self._start)
+
+    def _start(self) -> None:
+        self.event = cl.enqueue_copy(self.session.queue, self.bytes, self.whole, is_blocking=False)
 
     def wait(self) -> Sequence[np.ndarray]:
-        """Read the buffers, and return the arrays."""
-        cl.enqueue_copy(self.session.queue, self.bytes, self.whole, is_blocking=True)
+        """Wait for the copy, and return the arrays."""
+        self.event.wait()
         return self.arrays
 
     def taken(self) -> Sequence[np.ndarray]:
-        """Read the buffers for the last time, and return the arrays."""
-        return self.wait()
+        """Wait, and return copies: pinned memory is used again."""
+        return [array.copy() for array in self.wait()]
 
 
 @dataclass(eq=False)
@@ -94,6 +102,15 @@ class Shared:
     def taken(self) -> Sequence[np.ndarray]:
         """Wait, and return the arrays."""
         return self.wait()
+
+
+def _pinned(session: Session, size: int, owner: Any) -> np.ndarray:
+    """Return so many bytes on the host as long as the owner lives, pinned for fast copies if more may be pinned."""
+    taken = session.pinned.take(max(size, LEAST))
+    if taken is None:
+        return np.empty(size, np.uint8)
+    weakref.finalize(owner, session.pinned.give_back, taken).atexit = False
+    return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(taken.ptr))
 
 
 class Recorded:

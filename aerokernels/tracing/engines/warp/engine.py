@@ -18,7 +18,7 @@ from ....process.quiet_warp import start_warp
 from ....process.threads import in_threads
 from ...bundle.table import BundleTable
 from ...plan import TracePlan
-from ...scheme import GROUP
+from ...scheme import GROUP, RAY_THREADS
 from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import STRUCTS, Value
@@ -34,7 +34,7 @@ from .transfers import Fetched, Recorded, Sent, Shared
 from .types import types
 
 # Kernels in which a warp of a GPU shares one group of rays.
-SHARED = (pupil.sum_moments, pupil.sum_phasors)
+SHARED = (pupil.sum_rays,)
 # Kernels that take less time for each ray, or for each number, than tracing.
 SHORT = (pupil.launch_pupil, pupil.reduce_sums)
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the cost of the launch.
@@ -75,6 +75,7 @@ class Engine(Uploads):
         self.grid_key = "coefficients", "warp", device
         self.grid_tables: tuple[str, ...] = GRID_TABLES if found.is_cuda else ()
         self.outputs: tuple[list, Any] = [], None
+        self.threads = dict.fromkeys(SHARED, WARP)  # of a GPU, for each ray or group of rays; one for other kernels
         if found.is_cuda:
             OPENED.once(("memory kept", device), lambda: _keep_memory(found))
 
@@ -89,9 +90,12 @@ class Engine(Uploads):
         stop, has_body, library = stop_kind(until), field.body is not None, library_of(plan.precision)
         with stage("compile"):
             if plan.sample_count:
+                shared = self.is_gpu and plan.few_rays and not plan.looks_up_cubes
+                threads = RAY_THREADS if shared else 1
                 kernel = build_leapfrog_kernel(
-                    library, field.geometry, field.interpolation, stop, has_body, plan.looks_up_cubes
+                    library, field.geometry, field.interpolation, stop, has_body, plan.looks_up_cubes, threads
                 )
+                self.threads[kernel] = threads
             else:
                 on_mesh = not field.is_uniform
                 measured = "step_error" in outputs
@@ -223,8 +227,7 @@ class Engine(Uploads):
         before = [wp.vec3d(*value) if isinstance(value, np.ndarray) else value for value in before]
         after = [self._outputs(value) if isinstance(value, dict) else value for value in after]
         if self.device != "cpu":
-            threads = WARP if kernel in SHARED else 1
-            wp.launch(kernel, dim=threads * count, inputs=[*before, 0, *after], device=self.device)
+            wp.launch(kernel, dim=self.threads.get(kernel, 1) * count, inputs=[*before, 0, *after], device=self.device)
             return
 
         def run(first: int) -> None:

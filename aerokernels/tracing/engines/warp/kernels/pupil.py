@@ -160,8 +160,11 @@ def group_span(group: int, per_replicate: int):
 
 
 @wp.kernel(enable_backward=False)
-@takes("sum_moments")
-def sum_moments(
+@takes("sum_rays")
+def sum_rays(
+    wave_number,
+    plane,
+    focus,
     per_replicate,
     first_group,
     weight_count,
@@ -173,7 +176,7 @@ def sum_moments(
     status_in,
     sums_out,
 ):
-    """Sum the moments of the rays of one group that arrived; kernels/sum_moments.cl has the order of the sums."""
+    """Sum moments and phasors of the rays of one group that arrived; kernels/sum_rays.cl has the order of the sums."""
     group = wp.tid() // team_size() + first_group
     begin, stop = group_span(group, per_replicate)
     count = wp.float64(0.0)
@@ -192,6 +195,7 @@ def sum_moments(
     sqw = wp.float64(0.0)
     worst = wp.float64(0.0)
     looked = wp.float64(0.0)
+    phasor = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
     for ray in range(begin + place_in_team(), stop, team_size()):
         looked += wp.float64(evaluation_count_in[ray])
         if has_arrived(status_in[ray]):
@@ -214,6 +218,8 @@ def sum_moments(
             sqq += share * q * q
             sqw += share * q * w
             worst = wp.max(worst, step_error_in[ray])
+            phase = wave_number * (w - (plane[0] + plane[1] * p[0] + plane[2] * p[1] + focus * q))
+            phasor += share * wp.vec2d(wp.cos(phase), wp.sin(phase))
     count = sum_of_team(count)
     sx = sum_of_team(sx)
     sy = sum_of_team(sy)
@@ -230,6 +236,8 @@ def sum_moments(
     syq = sum_of_team(syq)
     sqq = sum_of_team(sqq)
     sqw = sum_of_team(sqw)
+    real_part = sum_of_team(phasor[0])
+    imaginary_part = sum_of_team(phasor[1])
     if place_in_team() == 0:
         sums_out[group * _SUMS + 0] = count
         sums_out[group * _SUMS + 1] = sx
@@ -247,36 +255,6 @@ def sum_moments(
         sums_out[group * _SUMS + 13] = syq
         sums_out[group * _SUMS + 14] = sqq
         sums_out[group * _SUMS + 15] = sqw
-
-
-@wp.kernel(enable_backward=False)
-@takes("sum_phasors")
-def sum_phasors(
-    wave_number,
-    plane,
-    focus,
-    per_replicate,
-    first_group,
-    weight_count,
-    weight_in,
-    pupil_in,
-    opd_in,
-    status_in,
-    sums_out,
-):
-    """Sum exp(i k (OPD - surface)) over the rays of one group that arrived."""
-    group = wp.tid() // team_size() + first_group
-    begin, stop = group_span(group, per_replicate)
-    total = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
-    for ray in range(begin + place_in_team(), stop, team_size()):
-        if has_arrived(status_in[ray]):
-            p = pupil_in[ray]
-            surface = plane[0] + plane[1] * p[0] + plane[2] * p[1] + focus * (p[0] * p[0] + p[1] * p[1])
-            phase = wave_number * (opd_in[ray] - surface)
-            total += weight_of(weight_count, weight_in, ray) * wp.vec2d(wp.cos(phase), wp.sin(phase))
-    real_part = sum_of_team(total[0])
-    imaginary_part = sum_of_team(total[1])
-    if place_in_team() == 0:
         sums_out[group * _SUMS + _MOMENTS] = real_part
         sums_out[group * _SUMS + _MOMENTS + 1] = imaginary_part
 
