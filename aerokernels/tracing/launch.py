@@ -161,14 +161,20 @@ class _Chunks:
                 self._fetch_one(name, results, rows)
         if "step_error" in self.prepared.outputs - self.outputs:
             if _is_any_rejected(self.prepared, self.arrays["status"][rows]):
+                if "step_error" not in self.arrays:
+                    self._make("step_error").fill(0.0)  # for the chunks whose rays are all within the tolerance
                 self._fetch_one("step_error", results, rows)
 
     def _fetch_one(self, name: str, results: dict[str, Any], rows: slice) -> None:
-        engine, ray_count = self.prepared.engine, len(self.starts[0])
-        if name not in self.arrays:
-            width, kind = OUTPUT_TYPES[name]
-            self.arrays[name] = engine.room((ray_count, width) if width > 1 else (ray_count,), kind)
-        engine.get(results[name], self.arrays[name][rows])
+        array = self.arrays[name] if name in self.arrays else self._make(name)
+        self.prepared.engine.get(results[name], array[rows])
+
+    def _make(self, name: str) -> np.ndarray:
+        """Add an uninitialised array for all rays."""
+        ray_count, (width, kind) = len(self.starts[0]), OUTPUT_TYPES[name]
+        made = self.prepared.engine.room((ray_count, width) if width > 1 else (ray_count,), kind)
+        self.arrays[name] = made
+        return made
 
 
 class Trials:

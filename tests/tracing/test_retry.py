@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from aerokernels import IndexField, Plane, RayBundle
-from aerokernels.device_arrays import on_host
+from aerokernels.device_arrays import on_host, rows_where
 from aerokernels.tracing import launch, retrace
-from aerokernels.tracing.engines import engine_of
+from aerokernels.tracing.engines import Prepared, engine_of
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.planning import make_plan
 from aerokernels.tracing.result import RAY_OUTPUTS
@@ -61,6 +61,25 @@ def in_pieces(engine, keeps: bool, monkeypatch) -> None:
     monkeypatch.setattr(engine, "bring", lambda starts: (bring(engine, starts)[0], pieces))
 
 
+def prepared(engine, name: str) -> list[Prepared]:
+    """The kernels of `plan` with cubes and with the spline."""
+    return [
+        engine.prepare(field(), replace(plan(name), cubes=cubes), STOP, WAVE, OUTPUTS, rays().direction)
+        for cubes in (True, False)
+    ]
+
+
+def refuse_above(engine, most: int, monkeypatch) -> None:
+    """Let larger buffers not fit, as Warp reports it."""
+
+    def empty(count: int, *given, **named):
+        if count > most:
+            raise RuntimeError(f"Failed to allocate {count} rows")
+        return type(engine).empty(engine, count, *given, **named)
+
+    monkeypatch.setattr(engine, "empty", empty)
+
+
 def like_a_gpu(name: str, monkeypatch) -> dict[str, str]:
     """`on`, for rays each on its own: a processor's may share roundings, and Warp's counters are not atomic there."""
     found = on(name)
@@ -79,13 +98,10 @@ def test_those_that_the_spline_holds_have_its_results(name: str, room: int, monk
     """
     engine, limit = engine_of(**like_a_gpu(name, monkeypatch)), TOLERANCE * WAVE
     chunk = np.arange(COUNT) // CHUNK
-    cubes, spline = (
-        engine.prepare(field(), replace(plan(name), cubes=cubes), STOP, WAVE, OUTPUTS, rays().direction)
-        for cubes in (True, False)
-    )
+    cubes, spline = prepared(engine, name)
 
-    def traced(prepared, retry=None) -> dict[str, np.ndarray]:
-        return on_host(launch.in_chunks(prepared, launch.starts_of(rays()), OUTPUTS, retry))
+    def traced(ready, retry=None) -> dict[str, np.ndarray]:
+        return on_host(launch.in_chunks(ready, launch.starts_of(rays()), OUTPUTS, retry))
 
     before, after = traced(cubes), traced(spline)
     error = before["step_error"]
@@ -134,3 +150,35 @@ def test_only_what_it_leaves_is_traced_again_afterwards(name: str, monkeypatch):
     assert attempts[0][0] > 900 and 0 < attempts[1][0] < 10
     for what, array in found[0].items():
         assert np.array_equal(array, found[1][what]), what
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_it_needs_no_more_memory_than_a_chunk(name: str, monkeypatch):
+    """Set-up: buffers of more than 100 rows do not fit. Expected: as many rays within the limit as with all room."""
+    engine, limit, left = engine_of(**like_a_gpu(name, monkeypatch)), TOLERANCE * WAVE, []
+    in_pieces(engine, False, monkeypatch)
+    cubes, spline = prepared(engine, name)
+    for most in (COUNT, 100):
+        refuse_above(engine, most, monkeypatch)
+        arrays = launch.in_chunks(
+            cubes, launch.starts_of(rays()), OUTPUTS, lambda size: Retry(spline, limit, limit, size)
+        )
+        left.append(((arrays["step_error"] > limit).sum(), cubes.take_rejected()))
+    assert left[0] == left[1] and 0 < left[0][0] == left[0][1] < 100
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_chunks_without_a_rejected_ray_have_no_error_left_to_chance(name: str, monkeypatch):
+    """Set-up: step_error is not asked for, and new memory holds NaN; one ray, of the last chunk, is rejected.
+
+    Expected: that ray alone is traced again.
+    """
+    engine = engine_of(**on(name))
+    in_pieces(engine, False, monkeypatch)
+    monkeypatch.setattr(engine, "room", lambda shape, kind: np.full(shape, np.nan if kind is np.float64 else -1, kind))
+    start, ahead = np.full((COUNT, 3), [2.0 * H, 2.0 * H, 0.0]), np.tile([0.0, 0.0, 1.0], (COUNT, 1))
+    start[-1] = 8.5 * H, 8.0 * H, 0.0  # along the needle
+    by_cubes = replace(plan(name), quadrature_error_scale=0.5)
+    ready = engine.prepare(field(), by_cubes, STOP, WAVE, frozenset(("opd",)), ahead)
+    arrays = launch.in_chunks(ready, (start, ahead), frozenset(("opd",)))
+    assert rows_where(arrays["status"], -1, arrays["step_error"], TOLERANCE * WAVE).tolist() == [COUNT - 1]
