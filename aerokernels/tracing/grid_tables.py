@@ -80,7 +80,7 @@ class _Tables:
     """A grid on a device, and the launches that reduce it."""
 
     def __init__(self, engine: Engine, grid: UniformGrid, names: tuple[str, ...]):
-        self.engine, self.grid, self.kernels = engine, grid, engine.grid_kernels(names)
+        self.engine, self.grid, self.kernels = engine, grid, engine.kernels(names)
         self.shape = grid.shape
         self.block = block_size(grid)
         self.samples = engine.share(grid.samples.reshape(-1))

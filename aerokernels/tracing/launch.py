@@ -1,6 +1,7 @@
 """Launch a bundle on the engine of its plan, in chunks that fit the device's memory: upload, trace and download."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,16 @@ from ..rays import RayBundle
 from .coherence import coherent_order
 from .engines import OUTPUT_TYPES, Prepared, engine_of
 from .engines.device_memory import lacks_memory, memory_of
+from .engines.layout import REAL_TYPES
+from .error_limit import error_limit
 from .plan import TracePlan
-from .status import RayStatus, is_any_rejected
+from .retry import ROOM, Retry
+from .status import RayStatus
 
 # Kernel arguments: an array on the host, or one on its device.
 Numbers = np.ndarray | DeviceArray
+# Returns the next attempt for rejected rays, for chunks of at most so many.
+MakeRetry = Callable[[int], Retry]
 
 # Bytes of a ray's start and of all its outputs.
 RAY_BYTES = 6 * 8 + sum(width * np.dtype(kind).itemsize for width, kind in OUTPUT_TYPES.values())
@@ -60,10 +66,18 @@ def launch(
         prepared = engine.prepare(field, plan, until, wavelength, outputs, directions)
         if are_read and engine.is_gpu and rays.ray_count <= FEW and not engine.keeps(rays.ray_count * RAY_BYTES):
             return _together(prepared, starts_of(rays), outputs)
+        retry: MakeRetry | None = None
+        if engine.is_gpu and plan.looks_up_cubes:  # a processor waits for launches in any case
+            limit, spline = error_limit(field, plan.tolerance * wavelength), replace(plan, cubes=False)
+
+            def retry(size: int) -> Retry:
+                other = engine.prepare(field, spline, until, wavelength, outputs, directions)
+                return Retry(other, limit, float(REAL_TYPES[plan.precision](limit)), min(size, ROOM))
+
         order = coherent_order(field, rays.position, rays.direction) if prepared.is_packed else None
         if order is None:
-            return in_chunks(prepared, starts_of(rays), outputs)
-        ordered = in_chunks(prepared, (rays.position[order], rays.direction[order]), outputs)
+            return in_chunks(prepared, starts_of(rays), outputs, retry)
+        ordered = in_chunks(prepared, (rays.position[order], rays.direction[order]), outputs, retry)
     arrays = {name: np.empty_like(array) for name, array in ordered.items()}
     for name, array in ordered.items():
         arrays[name][order] = array
@@ -75,7 +89,9 @@ def starts_of(rays: RayBundle) -> tuple[Numbers, Numbers]:
     return rays.held("position"), rays.held("direction")
 
 
-def in_chunks(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
+def in_chunks(
+    prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset, retry: MakeRetry | None = None
+) -> dict[str, Any]:
     """Launch a kernel over rays, chunk by chunk; return per-ray arrays by name.
 
     They stay on the device, as DeviceArrays, where the engine keeps them there.
@@ -84,17 +100,18 @@ def in_chunks(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozense
         prepared: The kernel.
         starts: Its per-ray arguments (position, direction), each of shape (ray_count, 3).
         outputs: Names of the arrays to fetch; the status always is, and "step_error" where rays are rejected.
+        retry: Makes the next attempt for rejected rays, which follows each chunk on the device.
     """
     engine, ray_count = prepared.engine, len(starts[0])
     if engine.keeps(ray_count * RAY_BYTES):
         try:
-            return _kept(prepared, starts, outputs)
+            return _kept(prepared, starts, outputs, retry)
         except Exception as fault:
             if not lacks_memory(fault):
                 raise
     # Other programs may use most of the device's memory: chunks become smaller until they fit.
     chunk = chunk_size(engine.memory, ray_count)
-    chunks = _Chunks(prepared, tuple(np.asarray(each) for each in starts), outputs)
+    chunks = _Chunks(prepared, tuple(np.asarray(each) for each in starts), outputs, retry)
     while not chunks.has_all:
         try:
             chunks.trace(chunk)
@@ -113,8 +130,8 @@ class _Chunks:
         has_all: Whether all rays are traced.
     """
 
-    def __init__(self, prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: frozenset):
-        self.prepared, self.starts, self.outputs = prepared, starts, outputs
+    def __init__(self, prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: frozenset, retry: MakeRetry | None):
+        self.prepared, self.starts, self.outputs, self.retry = prepared, starts, outputs, retry
         self.arrays: dict[str, np.ndarray] = {}
         self.done, self.has_all = 0, False
 
@@ -122,12 +139,16 @@ class _Chunks:
         """Trace the rays that are left, so many at a time."""
         prepared, engine, ray_count = self.prepared, self.prepared.engine, len(self.starts[0])
         results = prepared.allocate(min(size, ray_count))
+        retry = self.retry and self.retry(size)
         while not self.has_all:
             rows = slice(self.done, min(self.done + size, ray_count))
             with stage("upload"):
                 given = [engine.put(array[rows]) for array in self.starts]
             with stage("kernel"):
-                prepared.launch(given, results, rows.stop - rows.start)
+                count = rows.stop - rows.start
+                prepared.launch(given, results, count)
+                if retry is not None:
+                    retry.launch(prepared, given, results, slice(0, count))
                 engine.wait()
             with stage("download"):
                 self._fetch(results, rows)
@@ -139,15 +160,21 @@ class _Chunks:
             if name in self.outputs or name == "status":
                 self._fetch_one(name, results, rows)
         if "step_error" in self.prepared.outputs - self.outputs:
-            if self.prepared.take_rejected() or is_any_rejected(self.arrays["status"][rows]):
+            if _is_any_rejected(self.prepared, self.arrays["status"][rows]):
+                if "step_error" not in self.arrays:
+                    self._make("step_error").fill(0.0)  # for the chunks whose rays are all within the tolerance
                 self._fetch_one("step_error", results, rows)
 
     def _fetch_one(self, name: str, results: dict[str, Any], rows: slice) -> None:
-        engine, ray_count = self.prepared.engine, len(self.starts[0])
-        if name not in self.arrays:
-            width, kind = OUTPUT_TYPES[name]
-            self.arrays[name] = engine.room((ray_count, width) if width > 1 else (ray_count,), kind)
-        engine.get(results[name], self.arrays[name][rows])
+        array = self.arrays[name] if name in self.arrays else self._make(name)
+        self.prepared.engine.get(results[name], array[rows])
+
+    def _make(self, name: str) -> np.ndarray:
+        """Add an uninitialised array for all rays."""
+        ray_count, (width, kind) = len(self.starts[0]), OUTPUT_TYPES[name]
+        made = self.prepared.engine.room((ray_count, width) if width > 1 else (ray_count,), kind)
+        self.arrays[name] = made
+        return made
 
 
 class Trials:
@@ -219,7 +246,9 @@ def _empty(name: str, ray_count: int) -> np.ndarray:
     return np.empty((ray_count, width) if width > 1 else ray_count, dtype=kind)
 
 
-def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
+def _kept(
+    prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset, make_retry: MakeRetry | None
+) -> dict[str, Any]:
     """Launch rays on an engine that keeps all results, without waiting for copies that are under way to the host."""
     engine, ray_count = prepared.engine, len(starts[0])
     wanted = [name for name in OUTPUT_TYPES if name in outputs or name == "status"]
@@ -227,22 +256,29 @@ def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -
         results = prepared.allocate(ray_count)
         given, chunks = engine.bring(starts)
         fetching = engine.fetching({name: results[name] for name in wanted}, starts)
+    retry: Retry | None = None
     with stage("kernel"):
         for rows in staged("upload", chunks):
-            if rows == slice(0, ray_count):
-                prepared.launch(given, results, ray_count)
-            else:
-                some = {name: buffer[rows] if name in prepared.computed else buffer for name, buffer in results.items()}
-                prepared.launch([buffer[rows] for buffer in given], some, rows.stop - rows.start)
+            prepared.launch(given, results, rows.stop - rows.start, rows.start)
+            if make_retry is not None:
+                retry = retry or make_retry(rows.stop - rows.start)  # made while the first chunk is traced
+                retry.launch(prepared, given, results, rows)
             if fetching is not None:
                 fetching.rows(rows)
         engine.wait()
     coming = {} if fetching is None else fetching.coming()
     arrays = {name: DeviceArray(results[name], coming.get(name)) for name in wanted}
     if "step_error" in prepared.outputs - outputs:
-        if prepared.take_rejected() or len(rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET)):
+        if _is_any_rejected(prepared, arrays["status"]):
             arrays["step_error"] = DeviceArray(results["step_error"])
     return arrays
+
+
+def _is_any_rejected(prepared: Prepared, status: Numbers) -> bool:
+    """Whether a kernel rejected rays, by its counter since the last call, or else by the status that it gave them."""
+    if prepared.rejected is not None:
+        return prepared.take_rejected() > 0
+    return len(rows_where(status, RayStatus.TOLERANCE_NOT_MET)) > 0
 
 
 def chunk_size(memory: tuple[float, float], ray_count: int) -> int:

@@ -87,7 +87,7 @@ class PupilRun:
         kept = task.replicates * task.per_replicate if task.terms else together
         check_memory(engine.device, engine.memory, together, kept)
         needed = ("sum_rays", "reduce_sums")  # rays along a radius are made on the host
-        self.kernels = engine.pupil_kernels(needed if task.is_radial else ("launch_pupil", *needed))
+        self.kernels = engine.kernels(needed if task.is_radial else ("launch_pupil", *needed))
         with stage("upload"):
             self.one = self._constant("one", lambda: np.ones(1))
             self.seeds = None if task.is_radial else engine.sent(np.zeros((self.widest, 2), np.uint32))

@@ -81,8 +81,3 @@ def reached(status: np.ndarray) -> np.ndarray:
         for other in REACHED[1:]:
             found |= status == int(other)
     return np.asarray(found)
-
-
-def is_any_rejected(status: np.ndarray) -> bool:
-    """Whether any of the status codes is TOLERANCE_NOT_MET."""
-    return bool((status == RayStatus.TOLERANCE_NOT_MET).any())

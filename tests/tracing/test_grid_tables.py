@@ -86,7 +86,7 @@ def test_a_mirrored_end_is_solved_as_by_numpy(engine):
         values = np.random.default_rng(count).normal(size=(count, 3))
         made, found = device.empty((count + 2) * 3), np.empty((count + 2) * 3)
         before = [device.put(values.ravel()), device.put(spline.pivots(count, True)), count, 3, 1, 0.0]
-        device.launch(device.grid_kernels(["spline_lines"])["spline_lines"], before, [made], 3)
+        device.launch(device.kernels(["spline_lines"])["spline_lines"], before, [made], 3)
         device.get(made, found)
         assert close(found.reshape(count + 2, 3), spline.spline_along(values, 0, True))
 

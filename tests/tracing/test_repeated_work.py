@@ -123,7 +123,7 @@ def test_a_kernel_out_of_use_keeps_numbers_but_no_memory():
     from aerokernels.tracing.engines.opencl.launchers import give_back, take_kernel
 
     engine = engine_of(**on("opencl-cpu"))
-    kernel = engine.grid_kernels(["block_maxima"])["block_maxima"]
+    kernel = engine.kernels(["block_maxima"])["block_maxima"]
     values, made = engine.put(np.array([1.0, -5.0, 2.0, 3.0, 4.0])), engine.empty(2)
     engine.launch(kernel, [values, 5, 1, 2], [made], 2)
     engine.wait()

@@ -55,11 +55,8 @@ class Engine(Protocol):
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> "Prepared":
         """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
 
-    def pupil_kernels(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return the named pupil kernels: any of launch_pupil, sum_rays and reduce_sums."""
-
-    def grid_kernels(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return the named kernels of GRID_KERNELS, which prepare a grid."""
+    def kernels(self, names: Iterable[str]) -> dict[str, Any]:
+        """Return the named kernels, which have no options: those of a pupil, of a grid and of rejected rays."""
 
     def keeps(self, size: float) -> bool:
         """Whether results of `size` bytes, and the rays, stay on the device until they are read."""
@@ -116,8 +113,8 @@ class Engine(Protocol):
         A device that can replay the work as one graph does so from the second call on.
         """
 
-    def launch(self, kernel: Any, before: list, after: list, count: int) -> Any:
-        """Start a kernel over `count` rays, or groups of rays, without waiting for it.
+    def launch(self, kernel: Any, before: list, after: list, count: int, first: int = 0) -> Any:
+        """Start a kernel over `count` rays, or groups of rays, from number `first` on, without waiting for it.
 
         The kernel's arguments are `before`, the number of the first ray or group, and `after`; a dictionary of
         buffers stands for the struct of outputs.
@@ -189,10 +186,10 @@ class Prepared:
     is_packed: bool = False
     unused: dict[tuple[int, type], Any] = field(default_factory=dict)
 
-    def launch(self, starts: list, results: dict, count: int) -> Any:
+    def launch(self, starts: list, results: dict, count: int, first: int = 0) -> Any:
         """Start the kernel on rays whose `starts` are on the device; see `Engine.launch`."""
         counted = [] if self.rejected is None else [self.rejected]
-        return self.engine.launch(self.kernel, self.arguments, [*starts, results, *counted], count)
+        return self.engine.launch(self.kernel, self.arguments, [*starts, results, *counted], count, first)
 
     @property
     def computed(self) -> frozenset:

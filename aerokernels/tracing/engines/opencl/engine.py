@@ -38,8 +38,8 @@ PACKET_GROUP = 4  # speed only
 REPEATED = 1 << 12
 # Positions of Control and of the coefficients among the arguments: after the structs Field and Bounds.
 CONTROL, FIRST_ARRAY = 2, 3
-# Kernels of a pupil: work-items per ray, group or number of a launch.
-PUPIL_KERNELS = {"launch_pupil": 1, "sum_rays": WORK_GROUP, "reduce_sums": 1}
+# Kernels in which a work-group shares one group of rays: work-items per group.
+SHARED = {"sum_rays": WORK_GROUP}
 
 
 class Engine(Uploads):
@@ -142,17 +142,12 @@ class Engine(Uploads):
             kernel = self._kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle")
         return Prepared(self, kernel, arguments, outputs, None)
 
-    def pupil_kernels(self, names: Iterable[str]) -> dict[str, Kernel]:
-        """Return the named pupil kernels."""
+    def kernels(self, names: Iterable[str]) -> dict[str, Kernel]:
+        """Return the named kernels, which have no options."""
         with stage("compile"):
             return {
-                name: self._kernel(build(self.session, f"{name}.cl"), name, items=PUPIL_KERNELS[name]) for name in names
+                name: self._kernel(build(self.session, f"{name}.cl"), name, items=SHARED.get(name, 1)) for name in names
             }
-
-    def grid_kernels(self, names: Iterable[str]) -> dict[str, Kernel]:
-        """Return the named kernels that prepare a grid."""
-        with stage("compile"):
-            return {name: self._kernel(build(self.session, f"{name}.cl"), name) for name in names}
 
     def _options(self, **chosen: Any) -> tuple[str, ...]:
         """Return `build_options` of these choices, made once."""
@@ -270,10 +265,10 @@ class Engine(Uploads):
         """Return a callable that starts the same launches and copies again, without setting arguments."""
         return Recorded(self.session)
 
-    def launch(self, kernel: Kernel, before: list, after: list, count: int):
+    def launch(self, kernel: Kernel, before: list, after: list, count: int, first: int = 0):
         """Start a kernel over all rays, or groups of rays; return its event."""
         outputs = [buffer for value in after for buffer in (value.values() if isinstance(value, dict) else [value])]
-        arguments, size = [*before, 0, count, *outputs], kernel.size(count)
+        arguments, size = [*before, first, first + count, *outputs], kernel.size(count)
 
         def start() -> Any:
             kernel.set(arguments)

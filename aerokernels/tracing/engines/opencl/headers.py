@@ -23,7 +23,17 @@ from ..layout import OPTIONS, STRUCTS, Value, arrays_of, values_of
 # Structs that are passed to kernels: their arrays are separate arguments, which OpenCL gathers in struct Arrays.
 GIVEN = ("Field", "Bounds", "Control")
 # Numbers of scheme.py that are double in either precision: they are used for the ends of rays and for the body.
-DOUBLES = ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_TOLERANCE", "LEAST_SLOPE", "ENTRY_ROUNDING", "GRAZING_SQUARE")
+DOUBLES = (
+    "LEAST_COSINE",
+    "STEEPEST_COSINE",
+    "GRAZING_TOLERANCE",
+    "LEAST_SLOPE",
+    "ENTRY_ROUNDING",
+    "GRAZING_SQUARE",
+    "FAR_AWAY",
+)
+# Macros of the arrays of a struct RayOutputs, and suffixes of the arrays' names, by the argument's name.
+PER_RAY = {"outputs": ("RAY_OUTPUT", "_out"), "found": ("RETRACED_OUTPUT", "_found")}
 
 
 def in_c(name: str) -> str:
@@ -58,10 +68,11 @@ def types() -> list[str]:
 
 def arguments() -> list[str]:
     """Return the header with a macro for the arguments of each kernel, and macros for the structs of arrays."""
-    arrays = [member for name in GIVEN for member in arrays_of(name)]
-    outputs = [member._replace(name=f"{member.name}_out") for member in STRUCTS["RayOutputs"]]
+    structs = {"ARRAY": [member for name in GIVEN for member in arrays_of(name)]}
+    for macro, suffix in PER_RAY.values():
+        structs[macro] = [member._replace(name=member.name + suffix) for member in STRUCTS["RayOutputs"]]
     lines = ['#include "types.h"']
-    for name, members in {"ARRAY": arrays, "RAY_OUTPUT": outputs}.items():
+    for name, members in structs.items():
         lines += _macro(f"{name}_ARGUMENTS", map(_argument, members))
         lines += _macro(f"{name}S", [member.name for member in members], "{", "}")
     for name, values in KERNELS.items():
@@ -138,7 +149,7 @@ def _declared(values: Sequence[Value]) -> list[str]:
     found += ["ARRAY_ARGUMENTS"] if found else []
     for value in values:
         if value.kind not in GIVEN:
-            found.append("RAY_OUTPUT_ARGUMENTS" if value.kind == "RayOutputs" else _argument(value))
+            found.append(f"{PER_RAY[value.name][0]}_ARGUMENTS" if value.kind == "RayOutputs" else _argument(value))
         if value.name in BOUNDS:
             found.append(f"const int {BOUNDS[value.name]}")
     return found
@@ -148,7 +159,7 @@ def _argument(value: Value) -> str:
     """Declare an argument; arrays are of plain numbers, because OpenCL pads vectors of three."""
     if not value.parts[2]:
         return f"const {value.kind} {value.name}"
-    constant = "" if value.name.endswith("_out") else "const "
+    constant = "" if value.name.endswith(tuple(suffix for _, suffix in PER_RAY.values())) else "const "
     return f"__global {constant}{value.parts[0]} *{value.name}"
 
 

@@ -23,7 +23,7 @@ from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import STRUCTS, Value
 from ..uploads import Uploads
-from .kernels import grid_tables, pupil
+from .kernels import grid_tables, pupil, retry
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.team import WARP
@@ -33,6 +33,13 @@ from .loading import load_module
 from .transfers import Fetched, Recorded, Sent, Shared
 from .types import types
 
+# The kernels without options, by name.
+KERNELS = {
+    name: kernel
+    for file in (pupil, grid_tables, retry)
+    for name, kernel in vars(file).items()
+    if isinstance(kernel, wp.Kernel)
+}
 # Kernels in which a warp of a GPU shares one group of rays.
 SHARED = (pupil.sum_rays,)
 # Kernels that take less time for each ray, or for each number, than tracing.
@@ -74,7 +81,7 @@ class Engine(Uploads):
         self.is_gpu = bool(found.is_cuda)
         self.grid_key = "coefficients", "warp", device
         self.grid_tables: tuple[str, ...] = GRID_TABLES if found.is_cuda else ()
-        self.outputs: tuple[list, Any] = [], None
+        self.outputs: list[tuple[list, Any]] = []
         self.threads = dict.fromkeys(SHARED, WARP)  # of a GPU, for each ray or group of rays; one for other kernels
         if found.is_cuda:
             OPENED.once(("memory kept", device), lambda: _keep_memory(found))
@@ -131,17 +138,13 @@ class Engine(Uploads):
             self._load(kernel.module)
         return Prepared(self, kernel, arguments, outputs, None)
 
-    def pupil_kernels(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return the named pupil kernels; all pupil kernels are compiled together."""
+    def kernels(self, names: Iterable[str]) -> dict[str, Any]:
+        """Return the named kernels; all kernels of a file are compiled together."""
+        found = {name: KERNELS[name] for name in names}
         with stage("compile"):
-            self._load(pupil.launch_pupil.module)
-        return {name: getattr(pupil, name) for name in names}
-
-    def grid_kernels(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return the named kernels that prepare a grid; all of them are compiled together."""
-        with stage("compile"):
-            self._load(grid_tables.spline_lines.module)
-        return {name: getattr(grid_tables, name) for name in names}
+            for module in {kernel.module for kernel in found.values()}:
+                self._load(module)
+        return found
 
     def keeps(self, size: float) -> bool:
         """Whether results of `size` bytes take at most KEPT_SHARE of the device's memory."""
@@ -222,23 +225,24 @@ class Engine(Uploads):
         """Return a callable that records the work as a CUDA graph; on the CPU one that simply does the work."""
         return Recorded(self.device) if self.is_gpu else lambda work: work()
 
-    def launch(self, kernel, before: list, after: list, count: int) -> None:
+    def launch(self, kernel, before: list, after: list, count: int, first: int = 0) -> None:
         """Run a kernel over all rays: one launch on a GPU, without waiting; chunks over host threads on the CPU."""
         before = [wp.vec3d(*value) if isinstance(value, np.ndarray) else value for value in before]
         after = [self._outputs(value) if isinstance(value, dict) else value for value in after]
         if self.device != "cpu":
-            wp.launch(kernel, dim=self.threads.get(kernel, 1) * count, inputs=[*before, 0, *after], device=self.device)
+            dim = self.threads.get(kernel, 1) * count
+            wp.launch(kernel, dim=dim, inputs=[*before, first, *after], device=self.device)
             return
 
-        def run(first: int) -> None:
-            some = min(chunk, count - first)
-            wp.launch(kernel, dim=some, inputs=[*before, first, *after], device=self.device)
+        def run(begin: int) -> None:
+            some = min(chunk, first + count - begin)
+            wp.launch(kernel, dim=some, inputs=[*before, begin, *after], device=self.device)
 
         chunk = max(1, min(CHUNK, -(-count // core_count())))
         if kernel in SHARED or kernel in SHORT:
             # Threads would take longer to start than few rays take.
             chunk = max(chunk, CHUNK // GROUP if kernel in SHARED else CHUNK)
-        in_threads(run, range(0, count, chunk))
+        in_threads(run, range(first, first + count, chunk))
 
     def clear(self, buffer: wp.array) -> None:
         """Set the numbers of a buffer to 0 without waiting."""
@@ -253,11 +257,13 @@ class Engine(Uploads):
         """Do nothing: threads share a GPU's stream, and a launch on the CPU has ended when it returns."""
 
     def _outputs(self, results: dict[str, wp.array]):
-        """Return the struct of the buffers; that of the last launch if they are the same, as making one takes 20 us."""
+        """Return the struct of the buffers; one of the last two if they are the same, as making one takes 20 us."""
         buffers = list(results.values())
-        if len(self.outputs[0]) != len(buffers) or not all(map(is_, self.outputs[0], buffers)):
-            self.outputs = buffers, _filled("RayOutputs", results)
-        return self.outputs[1]
+        for known, struct in self.outputs:
+            if all(map(is_, known, buffers)):
+                return struct
+        self.outputs = [(buffers, _filled("RayOutputs", results)), *self.outputs[:1]]
+        return self.outputs[0][1]
 
     def _load(self, module) -> None:
         # The block size of a default launch on the CPU is 1; for another one, Warp would compile again at the launch.

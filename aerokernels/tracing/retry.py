@@ -1,0 +1,52 @@
+"""Trace rejected rays again on the device, right after their chunk and before its results are read.
+
+This is the first attempt of retrace.py, made early: the spline, for rays that polynomials of cubes reject. A ray that
+is still above the limit keeps its first results and is left to retrace.py, so results have the same bits with and
+without this attempt. The host does not wait for the number of such rays: a fixed number of places is traced, and those
+that hold no ray of the chunk hold one far from the field, which takes no samples.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from .engines import Prepared
+from .result import output_mask
+from .scheme import FAR_AWAY
+
+# Most rays of a chunk that are traced again here; the others are left to retrace.py.
+ROOM = 1 << 14  # speed only
+
+
+class Retry:
+    """Another attempt for the rays that a kernel rejects, on its engine.
+
+    Attributes:
+        prepared: The attempt's kernel.
+        limit: Error up to which its results are taken [m].
+        counted: Error above which the first kernel counts a ray as rejected [m].
+    """
+
+    def __init__(self, prepared: Prepared, limit: float, counted: float, room: int):
+        """Take the attempt's kernel, for the same outputs as the first one's, and the number of places."""
+        engine, self.room = prepared.engine, room
+        self.prepared, self.limit, self.counted = prepared, limit, counted
+        self.kernels = engine.kernels(("collect_rejected", "deliver_retraced"))
+        self.starts = [
+            engine.put(np.full((room, 3), FAR_AWAY)),
+            engine.put(np.tile([0.0, 0.0, 1.0], (room, 1))),
+        ]
+        self.rows, self.count = engine.empty(room, kind=np.int32), engine.empty(1, kind=np.int32)
+        self.results = prepared.allocate(room)
+        self.requested = output_mask(prepared.outputs)
+
+    def launch(self, first: Prepared, starts: list, results: dict[str, Any], rows: slice) -> None:
+        """Start the attempt on some rows of `starts` and `results`, on which the first kernel has been launched."""
+        engine = self.prepared.engine
+        engine.clear(self.count)
+        listed = [self.rows, self.count, *self.starts]
+        given, size = [*starts, results["step_error"], *listed], rows.stop - rows.start
+        engine.launch(self.kernels["collect_rejected"], [self.counted, self.room], given, size, rows.start)
+        self.prepared.launch(self.starts, self.results, self.room)
+        given = [self.count, self.rows, self.results, results, first.rejected, *self.starts]
+        engine.launch(self.kernels["deliver_retraced"], [self.limit, self.requested], given, self.room)
