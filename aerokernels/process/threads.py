@@ -3,8 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextvars import ContextVar, copy_context
-from threading import Thread
+from contextvars import ContextVar
 from typing import TypeVar
 
 from .machine import core_count
@@ -28,26 +27,6 @@ def in_threads(work: Callable[[T], None], pieces: Sequence[T]) -> None:
         return
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(work, pieces))
-
-
-def in_background(work: Callable[[], R]) -> Callable[[], R]:
-    """Start work in a thread of its own; return a function that waits for its result, or raises its error."""
-    result: Future[R] = Future()
-
-    def run() -> None:
-        try:
-            result.set_result(work())
-        except BaseException as error:
-            result.set_exception(error)
-
-    thread = Thread(target=copy_context().run, args=(run,))
-    thread.start()
-
-    def wait() -> R:
-        thread.join()  # a thread that still ends may not count as running
-        return result.result()
-
-    return wait
 
 
 def own_cores() -> int:

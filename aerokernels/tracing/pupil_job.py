@@ -9,7 +9,6 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from ..process.threads import in_background
 from ..rays import PILOT_RAYS, Pupil, RayBundle
 from .engines import engine_of
 from .engines.device_memory import memory_of
@@ -171,7 +170,7 @@ def make_job(
     tolerance = choices["tolerance"]
     check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
     pilot, air_rays = (None, None) if like is None else like.samples
-    begun = _begun(field, like)  # the tables are computed while this thread examines the air at the faces
+    begun = _begun(field, like)  # the device computes tables while the host examines the air at the faces
     seen = (weakref.ref(pupil), tuple(look.tolist()), like is None)  # cache key for the same pupil with other seeds
     try:
         air = field.derive(
@@ -251,19 +250,10 @@ def share_places(field: IndexField, other: IndexField) -> None:
 
 def _begun(field: IndexField, like: PupilJob | None) -> Callable[[], None]:
     """Start the tables of a grid that a job like this one needs; return a function that waits for them."""
-    plan, grid = None if like is None else like.plan, field.samples
-    if plan is None or not plan.sample_count or not isinstance(grid, UniformGrid):
+    if like is None or not like.plan.sample_count or not isinstance(field.samples, UniformGrid):
         return lambda: None
-
-    def begin() -> Callable[[], None]:
-        with memory_of(plan.device):
-            return begun_grid(engine, grid)
-
-    engine = engine_of(plan.backend, plan.device)
-    if not engine.is_gpu:
-        return begin()
-    started = in_background(begin)  # the copy of the samples to a GPU takes as long as the air at the faces
-    return lambda: started()()
+    with memory_of(like.plan.device):
+        return begun_grid(engine_of(like.plan.backend, like.plan.device), field.samples)
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:
