@@ -17,10 +17,17 @@ SHARE = 1e-3
 LEAST = 1e-24
 # Every so many of the lines along the last axis are summed first; relative difference of sums in another order.
 EVERY, ROUNDING = 4, 1e-9
+# Tolerances whose limits a field caches.
+CACHED = 4  # speed only
 
 
 def error_limit(field: IndexField, tolerance: float) -> float:
     """The OPD error [m] allowed to a ray, at most the requested `tolerance` [m]."""
+    limit: float = field.derive(("error limit", tolerance), lambda: _find_limit(field, tolerance), CACHED)
+    return limit
+
+
+def _find_limit(field: IndexField, tolerance: float) -> float:
     if path_exceeds(field, tolerance / SHARE):
         return tolerance
     greatest = greatest_path(field)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from ..medium.grid_places import known
 from ..rays import PILOT_RAYS, Pupil, RayBundle
 from .engines import engine_of
 from .engines.device_memory import memory_of
@@ -120,8 +121,8 @@ class PupilJob:
     @cached_property
     def finer_runs(self) -> list[Callable[[], PupilRun]]:
         """Runs with more rays than the first, up to the requested number; each is made when it is first called."""
-        known = {RADIAL_RAYS, self.per_replicate} if self.is_radial else {self.per_replicate}
-        sizes = sorted(size for size in known if self.run.task.per_replicate < size <= self.per_replicate)
+        possible = {RADIAL_RAYS, self.per_replicate} if self.is_radial else {self.per_replicate}
+        sizes = sorted(size for size in possible if self.run.task.per_replicate < size <= self.per_replicate)
         return [cache(partial(_finer_run, self.task, self.plan_of, size)) for size in sizes]
 
     @cached_property
@@ -185,7 +186,8 @@ def make_job(
         lambda: pilot or RayBundle.collimated(pupil, PILOT_RAYS, direction=look),
         CACHED,
     )
-    until = plane_beyond(field, pupil, look)
+    place = "plane beyond", field.geometry, weakref.ref(pupil), look.tobytes()
+    until = known(field.samples, place, lambda: plane_beyond(field, pupil, look), CACHED)
     per_replicate = -(-int(ray_count) // REPLICATES)  # rounded up
     sizes = lattice_sizes(field, pupil, per_replicate, REPLICATES, bundle)
     most = RADIAL_RAYS if like is None else fewer_rays(field, pupil, REPLICATES)
@@ -217,9 +219,9 @@ def make_job(
         plan: TracePlan = field.derive(key, lambda: make_plan(rays), CACHED)
         return plan
 
-    known = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
-    is_known = known in sizes and not radial_rays
-    sizes = () if radial_rays else (known,) if is_known else sizes
+    taken = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
+    is_known = taken in sizes and not radial_rays
+    sizes = () if radial_rays else (taken,) if is_known else sizes
     first = sizes[0] if sizes else radial_rays or per_replicate
     plan = plan_of(REPLICATES * first)
     task = PupilTask(

@@ -191,7 +191,7 @@ def test_threads_that_share_a_ray_trace_it_as_one_thread_does(name: str, geometr
         made, origin=(0.0,) * made.ndim, spacing=(H,) * made.ndim, geometry=geometry, wavelength=WAVE
     )
     bundle, until = rays(77), Plane((0.0, 0.0, 37.0 * H), (0.0, 0.1, 1.0))
-    bundle = RayBundle(bundle.position + [8.0 * H, 8.0 * H, 0.0], bundle.direction)
+    bundle = RayBundle(bundle.position + np.array([8.0 * H, 8.0 * H, 0.0]), bundle.direction)
     plan = replace(leapfrog_plan(name, blob(), bundle), cubes=False, sampling=None, precision=precision)
     plan = replace(plan, sample_count=60, tolerance=1.0, quadrature_error_scale=0.1, lever_arms=None)
     outputs = OUTPUTS | {"position", "evaluation_count"}
