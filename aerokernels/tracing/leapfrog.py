@@ -214,9 +214,6 @@ class _Fitting:
     def search(self) -> _Fit | None:
         """The least number of samples that meets the tolerance; None where none does, or error control is cheaper."""
         budget = self.limit / MARGIN
-        engine = engine_of(self.plan.backend, self.plan.device)
-        if engine.is_gpu:  # on a processor, to build the kernels takes as long as they save for several fields
-            prepare_grid(engine, self.grid)
         least = self._least_samples()
         if not self._is_worth_it(least):
             return None

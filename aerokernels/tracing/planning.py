@@ -12,11 +12,14 @@ import numpy as np
 
 from ..inputs.checks import check_choice, check_positive
 from ..medium import IndexField
+from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .allowance import step_allowance
+from .engines import engine_of
 from .engines.choice import choose_backend
 from .engines.device_memory import memory_of
 from .error_limit import error_limit
+from .grid_tables import prepare_grid
 from .leapfrog import fit_leapfrog, may_be_leapfrog, spread_of
 from .lever_arms import lever_arms_of
 from .lines import box_size
@@ -139,6 +142,15 @@ def make_plan(
         ValueError: A backend or device that is not available, or a number of steps that makes no sense.
     """
     backend = backend_for(field, backend)
+    if method == "fixed" and max_steps is None and step < 1e-8 * box_size(field):
+        raise ValueError(
+            f"a step of {step:g} m would take more than 1e8 steps through a box of {box_size(field):.3g} m: give a "
+            "longer one, or let method 'adaptive' choose"
+        )
+    if max_steps is not None and (not isinstance(max_steps, (int, np.integer)) or max_steps < 1):
+        raise ValueError(f"max_steps must be a whole number of at least 1, got {max_steps!r}")
+    chosen, device, why = choose_backend(backend, device)
+    _prepare_on_gpu(field, chosen, device)
     # Names taken from an array are NumPy strings, which the caches of kernels would treat as different keys.
     method, precision = str(method), str(precision)
     reasons = []
@@ -152,7 +164,6 @@ def make_plan(
         reasons.append(f"method adaptive: error control, about {predicted:.0f} evaluations a ray across the box")
     else:
         reasons.append(f"method {method}: requested{STRAIGHT if method == 'straight' else ''}")
-    backend, device, why = choose_backend(backend, device)
     if field.interpolation == "cells":
         why = "backend reference: it alone ends its steps at every edge between cells"
     reasons.append(why)
@@ -163,20 +174,13 @@ def make_plan(
     reasons.append("outside the field's box a ray flies in one step")
     if field.body is None:
         reasons.append("no body: no wall test in the kernel")
-    if method == "fixed" and max_steps is None and step < 1e-8 * box_size(field):
-        raise ValueError(
-            f"a step of {step:g} m would take more than 1e8 steps through a box of {box_size(field):.3g} m: give a "
-            "longer one, or let method 'adaptive' choose"
-        )
     if max_steps is None:
         max_steps = step_allowance(field, method, step, path_length)
-    elif not isinstance(max_steps, (int, np.integer)) or max_steps < 1:
-        raise ValueError(f"max_steps must be a whole number of at least 1, got {max_steps!r}")
     if predicted is None and method == "fixed":
         predicted = 3.0 * box_size(field) / step
     return TracePlan(
         method,
-        backend,
+        chosen,
         device,
         precision,
         int(max_steps),
@@ -186,3 +190,17 @@ def make_plan(
         predicted_evaluations=predicted,
         predicted_error=None if method in ("paper", "fixed") else float(tolerance),
     )
+
+
+def _prepare_on_gpu(field: IndexField, backend: str, device: str) -> None:
+    """Compute the tables that planning needs on a GPU, if rays are traced there.
+
+    On a processor, to build the kernels takes as long as they save for several fields.
+    """
+    grid = field.samples
+    if backend == "reference" or not (isinstance(grid, UniformGrid) and field.geometry == "volume"):
+        return
+    engine = engine_of(backend, device)
+    if engine.is_gpu:
+        with memory_of(device):
+            prepare_grid(engine, grid)
