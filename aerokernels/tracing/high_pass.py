@@ -17,11 +17,13 @@ This is the spectrum that rays meet: it falls off fast beyond the frequencies th
 two cells.
 """
 
+import math
+
 import numpy as np
 
 from ..medium.grid import UniformGrid
 from ..medium.grid_places import known
-from ..process.threads import own_cores
+from ..process.threads import in_threads, own_cores
 from .high_pass_along import PassAlong
 from .step_bound import block_size, potential_at_nodes
 
@@ -37,6 +39,8 @@ COARSE = 1.35
 LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
 # Weights of the last transforms are cached with a grid's node positions, if they are no more numbers than this.
 CACHED, MOST_CACHED = 6, 1 << 21  # speed only
+# Weights that a thread computes at once.
+ROWS_AT_ONCE = 1 << 17  # speed only
 # Nodes along an axis up to which matrices are faster than transforms, and number of pairs of matrices in the cache.
 MOST_ALONG, CACHED_ALONG = 512, 24  # speed only
 
@@ -115,15 +119,36 @@ def _shares(
         count = grid.shape[axis]
         shape = [count if other == axis else 1 for other in range(len(grid.shape))]
         cycles.append((np.arange(count) / (2.0 * (count - 1))).reshape(shape))
+    steps = np.array([spacing / grid.spacing[axis] for axis in axes])
+    size = [count if axis in axes else 1 for axis, count in enumerate(grid.shape)]
+    shares = [np.empty(size, kind) for _ in edges]
+    first = axes[0]
+
+    def fill(rows: slice) -> None:
+        here = [
+            along[(slice(None),) * first + (rows,)] if number == 0 else along for number, along in enumerate(cycles)
+        ]
+        for share, part in zip(shares, _shares_at(here, rates[axes], steps, edges, kind), strict=True):
+            share[(slice(None),) * first + (rows,)] = part
+
+    some = max(1, ROWS_AT_ONCE * size[first] // math.prod(size))
+    in_threads(fill, [slice(row, row + some) for row in range(0, size[first], some)])
+    return shares
+
+
+def _shares_at(
+    cycles: list[np.ndarray], rates: np.ndarray, steps: np.ndarray, edges: tuple[float, ...], kind: np.dtype
+) -> list[np.ndarray]:
+    """The weights at some frequencies [cycles a cell], one array along each axis; `steps` are H in cells."""
     shares = [np.zeros((), kind) for _ in edges]
     rest = np.ones((), kind)  # the share that is in no image
-    for imaged, image in (*_images(rates[axes]), (None, 0)):
+    for imaged, image in (*_images(rates), (None, 0)):
         square, along, weight = np.zeros((), kind), np.zeros((), kind), np.ones((), kind)
-        for number, axis in enumerate(axes):
+        for number, (rate, step) in enumerate(zip(rates, steps, strict=True)):
             here = np.abs(cycles[number] + image) if number == imaged else cycles[number]
-            square = square + ((spacing / grid.spacing[axis] * here) ** 2).astype(kind)
-            along = along + (rates[axis] * here).astype(kind)
-            if imaged is not None and rates[axis] > LEAST_IMAGED:
+            square = square + ((step * here) ** 2).astype(kind)
+            along = along + (rate * here).astype(kind)
+            if imaged is not None and rate > LEAST_IMAGED:
                 weight = weight * _held_share(here).astype(kind)
         weight, rest = (rest, rest) if imaged is None else (weight, rest - weight)
         along *= along
