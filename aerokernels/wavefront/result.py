@@ -224,7 +224,7 @@ class Wavefront(WavefrontMap):
 
         It counts all area above half of the peak, including spots apart from the one that holds the peak.
         """
-        return spot_width(self)
+        return spot_width(self)[0]
 
     def structure_function(self) -> StructureFunction:
         """Return the mean square OPD difference of pairs of points by their distance."""
