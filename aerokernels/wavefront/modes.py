@@ -7,6 +7,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ..display.shown import shown
+from ..inputs.checks import check_count
 from ..zernike import zernike_modes
 from .data import WavefrontMap
 from .pixel_errors import zernike_pixel_errors
@@ -80,7 +81,7 @@ def zernike_errors(wavefront: WavefrontMap, count: int) -> np.ndarray:
 
     Infinite if the pupil's samples cannot distinguish the polynomials.
     """
-    if count > len(wavefront.samples[0]):
+    if check_count(count, "count") > len(wavefront.samples[0]):
         return np.full(count, np.inf)
     basis = _weighted_modes(wavefront, count)
     _, size, rows = np.linalg.svd(basis, full_matrices=False)

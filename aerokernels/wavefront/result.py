@@ -272,7 +272,8 @@ class Wavefront(WavefrontMap):
         """
         return image_quantities(self, fried)
 
-    def over_wavelengths(self, wavelengths, angle=None, weights=None):
+    @checked
+    def over_wavelengths(self, wavelengths: Numbers, angle: Numbers | None = None, weights: Numbers | None = None):
         """Return image quantities at several wavelengths [m] as an xarray.Dataset with a wavelength axis.
 
         The OPD is the same at all wavelengths: dispersion of air is ignored, see `at_wavelength`. The dataset holds
