@@ -30,8 +30,9 @@ class Wave:
         ambient_index: Refractive index of the undisturbed air.
         incident: Sum of the initial amplitude, which `strehl` compares with.
         error: Error of the amplitude due to the steps, rms over the rms amplitude; NaN if not known.
-        strehl_error: Error of `strehl` due to the steps and the pixels, measured with half as many of either; NaN if
-            not known. It excludes light that re-enters through the sides of the periodic window.
+        strehl_error: Error of `strehl` due to the steps and the pixels, measured with half as many of either, and due
+            to the pixels on a pupil's edge; NaN if not known. It excludes light that re-enters through the sides of the
+            periodic window.
         step_count: Number of steps through a field.
         seconds: Wall time by stage: see STAGES in clock.py.
 
