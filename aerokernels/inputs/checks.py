@@ -116,7 +116,7 @@ def check_choice(value: str, name: str, choices: Collection[str]) -> str:
     Raises:
         ValueError: It is none of them.
     """
-    if value not in choices:
+    if not isinstance(value, str) or value not in choices:
         raise ValueError(f"{name} {value!r} is not known: choose one of {', '.join(choices)}")
     return value
 
@@ -186,5 +186,5 @@ def _as_number(value: Any, name: str) -> float:
         raise TypeError(f"{name} must be one number, got {value!r}")
     try:
         return float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} must be one number, got {value!r}") from None

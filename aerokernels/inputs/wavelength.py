@@ -24,7 +24,7 @@ def check_wavelength(wavelength: SupportsFloat) -> float:
         raise TypeError(f"wavelength must be a number of metres, got {wavelength!r}: give 905e-9 for 905 nm")
     try:
         length = float(wavelength)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise TypeError(f"wavelength must be a number of metres, got {wavelength!r}: give 905e-9 for 905 nm") from None
     if not (math.isfinite(length) and length > 0.0):
         raise ValueError(

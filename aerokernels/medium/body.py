@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..derived import Derived
 from ..display.shown import shown
-from ..inputs.arguments import checked
+from ..inputs.arguments import Numbers, checked
 from .crossings import crossings
 from .grid import as_points, check_finite
 from .wall_tree import WallTree, wall_tree
@@ -106,7 +106,8 @@ class Body(Derived):
         """Lowest and highest coordinates of the profile [m]."""
         return self.profile.min(axis=0), self.profile.max(axis=0)
 
-    def crossings(self, position, direction) -> np.ndarray:
+    @checked
+    def crossings(self, position: Numbers, direction: Numbers) -> np.ndarray:
         """Return distances [m] at which straight lines cross the body's surface, ascending, shape (line_count, m).
 
         They are exact to rounding. Rows with fewer than m crossings are padded with infinity. A line starts outside, at
@@ -124,7 +125,8 @@ class Body(Derived):
         """
         return crossings(*self.surface, self.geometry, position, direction)
 
-    def contains(self, points: np.ndarray) -> np.ndarray:
+    @checked
+    def contains(self, points: Numbers) -> np.ndarray:
         """Return whether each point (n, 2) is inside the body, by the crossing number along the first axis."""
         points = as_points(points, 2)
         # Sorted by the second coordinate, the points that an edge straddles are contiguous.
@@ -142,7 +144,8 @@ class Body(Derived):
         inside[order] = crossed
         return inside
 
-    def nearest_wall(self, points: np.ndarray) -> np.ndarray:
+    @checked
+    def nearest_wall(self, points: Numbers) -> np.ndarray:
         """Return the exact point of the surface nearest to each point (n, 2) [m], shape (n, 2).
 
         Points are processed in square tiles. A segment farther from a tile's middle than the nearest segment by more
@@ -170,8 +173,10 @@ class Body(Derived):
                 foot[rows] = _nearest_feet(points[rows], start[segments], end[segments])
         return foot
 
-    def signed_distance(self, points: np.ndarray) -> np.ndarray:
+    @checked
+    def signed_distance(self, points: Numbers) -> np.ndarray:
         """Return the distance to the surface [m], negative inside the body, at points (n, 2)."""
+        points = as_points(points, 2)
         distance = np.linalg.norm(points - self.nearest_wall(points), axis=1)
         return np.where(self.contains(points), -distance, distance)
 

@@ -15,7 +15,7 @@ from ..derived import Derived
 from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from .bilinear import EDGE_TOLERANCE, bilinear_point, contains, invert_bilinear
-from .grid import check_finite
+from .grid import as_points, check_finite
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
 # Pairs of points and cells that are tested together, which limits the size of arrays.
@@ -57,6 +57,7 @@ class Places:
         return self.mesh.local_coordinates(self.cell, self.points[self.rows])
 
 
+@checked
 @shown
 @dataclass(frozen=True, eq=False)
 class QuadMesh(Derived):
@@ -88,7 +89,7 @@ class QuadMesh(Derived):
         """Check the mesh and orient every cell counter-clockwise."""
         vertices = np.array(self.vertices, dtype=np.float64)
         cells = np.array(self.cells)
-        if self.geometry not in GEOMETRIES[1:]:
+        if not isinstance(self.geometry, str) or self.geometry not in GEOMETRIES[1:]:
             raise ValueError(f"a quadrilateral mesh is 'planar' or 'axisymmetric', got {self.geometry!r}")
         if vertices.ndim != 2 or vertices.shape[1] != 2:
             raise ValueError(f"vertices must have shape (vertex_count, 2), got {vertices.shape}")
@@ -235,12 +236,13 @@ class QuadMesh(Derived):
         x = self.corners.T  # (2, 4, cell_count)
         return np.ascontiguousarray(x.min(axis=1) - tolerance), np.ascontiguousarray(x.max(axis=1) + tolerance)
 
-    def locate(self, points: np.ndarray) -> np.ndarray:
+    @checked
+    def locate(self, points: Numbers) -> np.ndarray:
         """Return the index of the cell that contains each point (n, 2) [m], shape (n,); -1 where none does.
 
         For a point on an edge it is the cell with the lowest index.
         """
-        points = np.asarray(points, dtype=np.float64)
+        points = as_points(points, 2)
         bins = self.bins
         low, high = self.box
         tolerance = EDGE_TOLERANCE * (high - low)

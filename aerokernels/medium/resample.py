@@ -22,7 +22,7 @@ from .resample_grid import NODE_LIMIT, node_counts
 PROBE_COUNT = 4096
 LINE_COUNT = 64
 # Greatest and least factor by which halving the spacing is predicted to reduce the error.
-GREATEST_GAIN, LEAST_GAIN = 64.0, 2.0
+GREATEST_GAIN, LEAST_GAIN = 64.0, 4.0
 # Most nodes of a grid whose geometry is cached on the mesh that was resampled last: 100 bytes each, and 10 MB.
 KEPT_NODES = 1 << 18  # speed only
 
@@ -99,7 +99,8 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
                 f"more than the tolerance of {tolerance:g}: give a greater tolerance or a smaller region; no grid of "
                 "allowed size meets this one"
             )
-        step, before = 0.5 * step, error
+        # Steps above the field's own spacing do not show how fast the error decreases below it.
+        step, before = 0.5 * step, error if (step <= field.spacing * (1.0 + 1e-9)).all() else None
 
 
 def _halvings(excess: float, gained: float | None) -> int:
@@ -107,7 +108,7 @@ def _halvings(excess: float, gained: float | None) -> int:
 
     By the spline's order a halving reduces the error 16-fold; a factor of 64 does not occur repeatedly. If the last
     halving reduced it by less, at a shock or by rounding, each of the next is assumed to reduce it at most by the
-    square of that factor, but by no less than 2.
+    square of that factor, but by no less than 4, the order at kinks.
     """
     most = GREATEST_GAIN if gained is None else min(max(gained**2, LEAST_GAIN), GREATEST_GAIN)
     return max(1, int(np.ceil(np.log(excess) / np.log(most) - 1e-9)))

@@ -10,6 +10,8 @@ from typing import ClassVar
 import numpy as np
 
 from ..derived import Derived
+from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import check_count
 from .askew_lines import AskewLines
 from .body import Body
 from .grid import as_points, check_finite
@@ -19,6 +21,7 @@ from .triangle_distances import NearestTriangles
 from .wall_tree import WallTree, wall_tree
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class SolidBody(Derived):
     """A solid body in a volume field, bounded by triangles.
@@ -59,6 +62,7 @@ class SolidBody(Derived):
             object.__setattr__(self, name, value)
 
     @classmethod
+    @checked
     def of_revolution(cls, body: Body, count: int = 96) -> "SolidBody":
         """Return the body of an axisymmetric profile as triangles, `count` of them around the axis z.
 
@@ -67,9 +71,9 @@ class SolidBody(Derived):
         Raises:
             ValueError: A planar body, or fewer than three triangles around.
         """
-        if body.geometry != "axisymmetric" or count < 3:
-            raise ValueError(f"a body of revolution needs an axisymmetric profile and three triangles around it or "
-                             f"more, got a {body.geometry} one and {count}")  # fmt: skip
+        check_count(count, "count", 3)
+        if body.geometry != "axisymmetric":
+            raise ValueError(f"a body of revolution needs an axisymmetric profile, got a {body.geometry} one")
         angle = 2.0 * np.pi * np.arange(count) / count
         around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         points, number = np.unique(np.concatenate(body.surface), axis=0, return_inverse=True)
@@ -109,11 +113,13 @@ class SolidBody(Derived):
         """Lowest and highest corner [m]."""
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
 
-    def crossings(self, position, direction) -> np.ndarray:
+    @checked
+    def crossings(self, position: Numbers, direction: Numbers) -> np.ndarray:
         """Return distances [m] at which straight lines cross the surface: see `Body.crossings`."""
         return triangle_crossings(self.tree, position, direction)
 
-    def contains(self, points) -> np.ndarray:
+    @checked
+    def contains(self, points: Numbers) -> np.ndarray:
         """Return whether each point (n, 3) is inside the body."""
         points = as_points(points, 3)
         low, high = self.box
@@ -122,7 +128,8 @@ class SolidBody(Derived):
         inside[rows] = self._askew_lines.count_ahead(points[rows]) % 2 == 1
         return np.asarray(inside)
 
-    def nearest_wall(self, points) -> np.ndarray:
+    @checked
+    def nearest_wall(self, points: Numbers) -> np.ndarray:
         """Return the exact point of the surface nearest to each point (n, 3) [m], shape (n, 3).
 
         See triangle_distances.py.
@@ -131,8 +138,10 @@ class SolidBody(Derived):
         check_finite(points, "the points")
         return self._nearest(points)
 
-    def signed_distance(self, points) -> np.ndarray:
+    @checked
+    def signed_distance(self, points: Numbers) -> np.ndarray:
         """Return the distance to the surface [m], negative inside the body, at points (n, 3)."""
+        points = as_points(points, 3)
         distance = np.linalg.norm(points - self.nearest_wall(points), axis=1)
         return np.where(self.contains(points), -distance, distance)
 

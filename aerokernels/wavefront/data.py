@@ -80,7 +80,9 @@ class WavefrontMap:
             )
         opd[~lit] = np.nan
         radius = 0.5 * len(opd) * pixel if self.radius is None else check_positive(self.radius, "radius", "m")
-        intensity = weight**2 if self.intensity is None else np.where(lit, np.array(self.intensity, np.float64), 0.0)
+        intensity = weight**2 if self.intensity is None else np.array(self.intensity, dtype=np.float64)
+        if intensity.shape == weight.shape:
+            intensity[~lit] = 0.0
         if (
             intensity.shape != weight.shape
             or not np.isfinite(intensity).all()

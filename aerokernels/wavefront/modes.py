@@ -7,12 +7,16 @@ from functools import cached_property, partial
 import numpy as np
 
 from ..display.shown import shown
+from ..inputs.checks import check_count
 from ..zernike import zernike_modes
 from .data import WavefrontMap
 from .pixel_errors import zernike_pixel_errors
 from .pixel_weights import derivative_weights
 from .terms import weighted_mean
 from .transfer import autocorrelation
+
+# Parts of a ring of pairs of pixels that are compared.
+PARTS = 4
 
 
 @shown
@@ -25,22 +29,26 @@ class StructureFunction:
         value: <(OPD(x) - OPD(x + r))^2> [m2], shape (n,).
         pair_weight: Weight of the pairs behind each value, shape (n,); sums to 1.
         opd_error: Function that returns the error of the OPD [m]; `error` calls it.
+        pixel_error: Error of each value due to the pixels, whose pairs have few distances and directions [m2], shape
+            (n,); None if there is none.
     """
 
     separation: np.ndarray
     value: np.ndarray
     pair_weight: np.ndarray
     opd_error: Callable[[], float] | None = field(default=None, repr=False)
+    pixel_error: np.ndarray | None = field(default=None, repr=False)
 
     @cached_property
     def error(self) -> np.ndarray:
         """Error of each value [m2], shape (n,); NaN if it is not known. Computed when first read.
 
         With an OPD error e, a difference of two points is off by at most 2 e, and its mean square D by 4 e sqrt(D) + 4
-        e^2.
+        e^2. The error due to the pixels is added.
         """
         error = float("nan") if self.opd_error is None else self.opd_error()
-        return 4.0 * error * np.sqrt(self.value) + 4.0 * error**2
+        pixels = 0.0 if self.pixel_error is None else self.pixel_error
+        return np.hypot(4.0 * error * np.sqrt(self.value) + 4.0 * error**2, pixels)
 
     def plot(self, axes=None):
         """Draw the square root of the function [nm] over the distance on matplotlib axes; return the axes."""
@@ -73,7 +81,7 @@ def zernike_errors(wavefront: WavefrontMap, count: int) -> np.ndarray:
 
     Infinite if the pupil's samples cannot distinguish the polynomials.
     """
-    if count > len(wavefront.samples[0]):
+    if check_count(count, "count") > len(wavefront.samples[0]):
         return np.full(count, np.inf)
     basis = _weighted_modes(wavefront, count)
     _, size, rows = np.linalg.svd(basis, full_matrices=False)
@@ -101,7 +109,9 @@ def zernike_surface(wavefront: WavefrontMap, coefficients: np.ndarray) -> np.nda
 def structure_function(wavefront: WavefrontMap) -> StructureFunction:
     """Return the structure function over rings one pixel wide, by correlation: every pair of pixels counts.
 
-    D(r) = sum w w' (W - W')^2 / sum w w'.
+    D(r) = sum w w' (W - W')^2 / sum w w'. A ring has few distances and directions. The error due to them is the
+    standard error of D / r^2 over four parts of the ring, by the sum of a shift's rows and columns, which are alike
+    under quarter turns; and what the spread of the distances makes of a function that grows as r^2.
     """
     weight = wavefront.weight
     opd, share = wavefront.samples
@@ -112,16 +122,29 @@ def structure_function(wavefront: WavefrontMap) -> StructureFunction:
     total = square + square[::-1, ::-1] - 2.0 * cross
     shift = np.arange(1 - len(weight), len(weight))
     distance = np.hypot(shift[:, None], shift)
-    ring = np.rint(distance).astype(int).ravel()
-    there = pairs.ravel() > 1e-9 * pairs.max()
-    counts = np.bincount(ring[there], pairs.ravel()[there])
-    sums = np.bincount(ring[there], total.ravel()[there])
-    mean = np.bincount(ring[there], (pairs * distance).ravel()[there])
-    kept = counts > 0.0
-    counts = counts[kept]
-    value = np.maximum(sums[kept] / counts, 0.0)
-    distances, shares = wavefront.pixel * mean[kept] / counts, counts / counts.sum()
-    return StructureFunction(distances, value, shares, partial(getattr, wavefront, "opd_error"))
+    there = pairs > 1e-9 * pairs.max()
+    part = PARTS * np.rint(distance[there]).astype(int) + (np.abs(shift[:, None]) + np.abs(shift))[there] % PARTS
+    counts, sums, mean, squares = (
+        np.bincount(part, pairs[there] * one, 2 * PARTS * len(weight)).reshape(-1, PARTS)
+        for one in (1.0, total[there] / pairs[there], distance[there], distance[there] ** 2)
+    )
+    kept = counts.any(axis=1)
+    counts, sums, mean, squares = (one[kept] for one in (counts, sums, mean, squares))
+    whole = counts.sum(axis=1)
+    value = np.maximum(sums.sum(axis=1) / whole, 0.0)
+    place, spread = mean.sum(axis=1) / whole, squares.sum(axis=1) / whole
+    steep = np.divide(sums, squares, out=np.zeros_like(sums), where=squares > 0.0)
+    rest = steep - np.divide(value, spread, out=np.zeros_like(value), where=spread > 0.0)[:, None]
+    known = np.maximum(np.count_nonzero(counts, axis=1) - 1, 1)
+    by_parts = spread * np.sqrt(np.sum(counts * rest**2, axis=1) / whole / known)
+    by_distance = value * (np.divide(spread, place**2, out=np.ones_like(spread), where=place > 0.0) - 1.0)
+    return StructureFunction(
+        wavefront.pixel * place,
+        value,
+        whole / whole.sum(),
+        partial(getattr, wavefront, "opd_error"),
+        np.hypot(by_parts, by_distance),
+    )
 
 
 def centroid(wavefront: WavefrontMap) -> np.ndarray:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..zernike import zernike_modes
 from .pixel_weights import exact_weights
 from .terms import mean_phasor, weighted_mean
 
@@ -24,7 +25,8 @@ def pixel_errors(wavefront: Any) -> dict[str, float]:
     exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
 
     def read(weights: np.ndarray) -> np.ndarray:
-        return _numbers(opd[lit], weights[lit], wavefront.points, wavefront.wavelength, wavefront.removed)
+        flat = removed_again(wavefront, weights)[lit]
+        return _numbers(flat, weights[lit], wavefront.points, wavefront.wavelength)
 
     lacking = SAFETY * np.abs(read(exact) - read(weight))
     y, x = np.meshgrid(wavefront.coordinate, wavefront.coordinate, indexing="ij")
@@ -34,7 +36,7 @@ def pixel_errors(wavefront: Any) -> dict[str, float]:
         if there.any():
             points = np.stack([x[every][there], y[every][there]], axis=1)
             # Removed terms are not fitted again: a fit on each grid would remove the differences between the grids.
-            grids.append(_numbers(opd[every][there], weight[every][there], points, wavefront.wavelength, ()))
+            grids.append(_numbers(opd[every][there], weight[every][there], points, wavefront.wavelength))
     spread = np.std(grids, axis=0, ddof=1) / np.sqrt(len(grids)) if len(grids) > 1 else np.full(4, np.nan)
     names = ("strehl", "opd_rms", "tilt_x", "tilt_y")
     found = dict(zip(names, np.hypot(lacking, spread).tolist(), strict=True))
@@ -52,33 +54,57 @@ def zernike_pixel_errors(wavefront: Any, modes: np.ndarray) -> np.ndarray:
     weight = np.asarray(wavefront.weight)
     exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
 
-    def fit(weights: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-        return _fit(modes[pixels], opd[lit][pixels], weights[lit][pixels] / weights.sum())
+    def fit(values: np.ndarray, weights: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        return _fit(modes[pixels], values[pixels], weights[lit][pixels] / weights.sum())
 
-    every_pixel = np.ones(len(modes), dtype=bool)
-    lacking = SAFETY * np.abs(fit(exact, every_pixel) - fit(weight, every_pixel))
+    every_pixel, given = np.ones(len(modes), dtype=bool), opd[lit]
+    by_exact = fit(removed_again(wavefront, exact)[lit], exact, every_pixel)
+    lacking = SAFETY * np.abs(by_exact - fit(given, weight, every_pixel))
     grids = []
     for every in INTERLEAVED:
         some = np.zeros(lit.shape, dtype=bool)
         some[every] = True
         if np.count_nonzero(some[lit]) < modes.shape[1]:
             return np.full(modes.shape[1], np.nan)
-        grids.append(fit(weight, some[lit]))
+        grids.append(fit(given, weight, some[lit]))
     return np.hypot(lacking, np.std(grids, axis=0, ddof=1) / np.sqrt(len(grids)))
 
 
-def _numbers(opd: np.ndarray, weight: np.ndarray, points: np.ndarray, wavelength: float, removed) -> np.ndarray:
-    """Return Strehl ratio, rms and both slopes of samples; some weights may be negative."""
-    weight = weight / weight.sum()
-    centred = points - weighted_mean(weight, points)
-    columns = [*(centred.T if "tilt" in removed else ())]
+def removed_again(wavefront: Any, weights: np.ndarray) -> np.ndarray:
+    """Return the OPD map [m] with the removed terms fitted and removed again with other weights, shape (n, n).
+
+    A fit with one sample for each pixel leaves a part of the terms in the wavefront.
+    """
+    lit, removed = wavefront.lit, wavefront.removed
+    if not removed:
+        return np.asarray(wavefront.opd)
+    opd, points, weight = wavefront.opd[lit], wavefront.points, weights[lit] / weights[lit].sum()
+    mean = weighted_mean(weight, opd)
+    columns = [*((points - weighted_mean(weight, points)).T if "tilt" in removed else ())]
     if "focus" in removed:
         columns.append(np.sum(points**2, axis=1))
-    flat = opd - weighted_mean(weight, opd)
+    flat = opd - mean
     if columns:
         basis = np.stack([column - weighted_mean(weight, column) for column in columns], axis=1)
         basis /= np.abs(basis).max(axis=0) + 1e-300
         flat = flat - basis @ _fit(basis, flat, weight)
+    if "piston" not in removed:
+        flat = flat + mean
+    indices = [int(name[1:]) for name in removed if name[:1] == "Z" and name[1:].isdigit()]
+    if indices:
+        modes = zernike_modes(max(indices), *(points.T / wavefront.radius)).T
+        chosen = np.array(indices) - 1
+        flat = flat - modes[:, chosen] @ _fit(modes, flat, weight)[chosen]
+    found = np.full(lit.shape, np.nan)
+    found[lit] = flat
+    return found
+
+
+def _numbers(opd: np.ndarray, weight: np.ndarray, points: np.ndarray, wavelength: float) -> np.ndarray:
+    """Return Strehl ratio, rms and both slopes of samples; some weights may be negative."""
+    weight = weight / weight.sum()
+    centred = points - weighted_mean(weight, points)
+    flat = opd - weighted_mean(weight, opd)
     rms = np.sqrt(max(float(weighted_mean(weight, flat**2)), 0.0))
     scale = np.abs(centred).max() + 1e-300
     tilt = _fit(centred / scale, flat, weight) / scale

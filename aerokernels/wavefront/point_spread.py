@@ -16,6 +16,7 @@ import numpy as np
 from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.wavelength import check_wavelength
+from .half_maximum import width_at_half
 from .strehl_errors import strehl_errors
 
 COLUMNS_AT_ONCE = 64  # columns padded and transformed together; affects speed only
@@ -62,21 +63,7 @@ class PointSpread:
 
         NaN if that area reaches the edge of the computed angles.
         """
-        from contourpy import contour_generator
-
-        half = 0.5 * self.peak
-        edge = max(
-            self.intensity[0].max(), self.intensity[-1].max(), self.intensity[:, 0].max(), self.intensity[:, -1].max()
-        )
-        if edge >= half:
-            return float("nan")
-        lines = contour_generator(self.angle, self.angle, self.intensity).lines(half)
-        # Closed contour lines have the higher side to their left, so that holes count negative.
-        area = 0.0
-        for line in lines:
-            x, y = np.asarray(line).T
-            area += 0.5 * float(np.sum(x[:-1] * np.diff(y) - y[:-1] * np.diff(x)))
-        return 2.0 * float(np.sqrt(abs(area) / np.pi))
+        return width_at_half(self.angle, self.intensity)[0]
 
     def plot(self, axes=None, *, decades: float = 4.0):
         """Draw the intensity on matplotlib axes, on a logarithmic scale of so many decades; return the axes."""

@@ -224,7 +224,7 @@ class Wavefront(WavefrontMap):
 
         It counts all area above half of the peak, including spots apart from the one that holds the peak.
         """
-        return spot_width(self)
+        return spot_width(self)[0]
 
     def structure_function(self) -> StructureFunction:
         """Return the mean square OPD difference of pairs of points by their distance."""
@@ -272,7 +272,8 @@ class Wavefront(WavefrontMap):
         """
         return image_quantities(self, fried)
 
-    def over_wavelengths(self, wavelengths, angle=None, weights=None):
+    @checked
+    def over_wavelengths(self, wavelengths: Numbers, angle: Numbers | None = None, weights: Numbers | None = None):
         """Return image quantities at several wavelengths [m] as an xarray.Dataset with a wavelength axis.
 
         The OPD is the same at all wavelengths: dispersion of air is ignored, see `at_wavelength`. The dataset holds

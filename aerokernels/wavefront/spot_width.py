@@ -10,14 +10,19 @@ from typing import Any
 
 import numpy as np
 
+from .half_maximum import width_at_half
+
 # Samples per resolution element; most samples across the window; number of windows tried.
 SAMPLES, MOST_SAMPLES, TRIES = 64, 1024, 8
 # Samples of the coarse PSF per resolution element; share of its peak that may be half of the true peak.
 PADDING, NEAR_HALF = 4, 0.4
 
 
-def spot_width(wavefront: Any) -> float:
-    """Return the full width at half maximum of a `Wavefront` [rad]; NaN if all windows are too narrow for it."""
+def spot_width(wavefront: Any) -> tuple[float, float]:
+    """Return the full width at half maximum of a `Wavefront` [rad] and its error due to the sampling of the image.
+
+    NaN if all windows are too narrow for it.
+    """
     resolution = wavefront.wavelength / (len(wavefront.opd) * wavefront.pixel)
     coarse = wavefront.psf(padding=PADDING)
     place = np.unravel_index(int(np.argmax(coarse.intensity)), coarse.intensity.shape)
@@ -31,15 +36,19 @@ def spot_width(wavefront: Any) -> float:
         half_width *= 2.0
     for _ in range(TRIES):
         count = min(int(2.0 * SAMPLES * half_width / resolution), MOST_SAMPLES)
-        width = upright.psf(np.linspace(-half_width, half_width, count + 1)).fwhm
+        spread = upright.psf(np.linspace(-half_width, half_width, count + 1))
+        width, error = width_at_half(spread.angle, spread.intensity)
         if np.isfinite(width):
-            return float(width)
+            return width, error
         half_width *= 2.0
-    return float("nan")
+    return float("nan"), float("nan")
 
 
 def spot_width_error(wavefront: Any) -> float:
-    """Return the greatest change of the width [rad] under focus and astigmatism of the OPD error, of either sign."""
+    """Return the error of the width [rad] due to the OPD's error and the sampling of the image, as root sum of squares.
+
+    The former is the greatest change under focus and astigmatism of the OPD error, of either sign.
+    """
     error = wavefront.opd_error
     if not np.isfinite(error):
         return float("nan")
@@ -49,4 +58,4 @@ def spot_width_error(wavefront: Any) -> float:
     widths = [
         replace(wavefront, opd=wavefront.opd + sign * error * form).fwhm for form in forms for sign in (1.0, -1.0)
     ]
-    return float(np.max(np.abs(np.array(widths) - wavefront.fwhm)))
+    return float(np.hypot(np.max(np.abs(np.array(widths) - wavefront.fwhm)), spot_width(wavefront)[1]))

@@ -19,6 +19,8 @@ from functools import cached_property
 import numpy as np
 
 from ..display.shown import shown
+from ..inputs.arguments import checked
+from ..inputs.checks import check_at_least
 from ..pupils import Disc
 from .data import WavefrontMap
 from .point_spread import complex_amplitude, phase_and_pixels
@@ -53,10 +55,12 @@ class Transfer:
         phase, pixels = phase_and_pixels(self.phase_error, self.pixel_error)
         return np.hypot(np.minimum(2.0 * phase, 2.0) * self.perfect, pixels)
 
+    @checked
     def along(self, angle: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Return frequencies [cycles / rad] and values on the line at this angle from x toward y [rad], both (n,)."""
         from scipy.interpolate import RegularGridInterpolator
 
+        check_at_least(angle, "angle")
         middle = len(self.frequency) // 2
         frequency = self.frequency[middle:]
         line = np.stack([frequency * np.sin(angle), frequency * np.cos(angle)], axis=1)
@@ -95,6 +99,7 @@ class EncircledEnergy:
         phase, pixels = phase_and_pixels(self.phase_error, self.pixel_error)
         return np.minimum(np.hypot(np.full(np.shape(self.energy), 2.0 * phase), pixels), 1.0)
 
+    @checked
     def radius(self, share: float) -> float:
         """Return the angle that encircles this share of the light [rad], interpolated; NaN beyond the given angles."""
         order = np.argsort(self.angle, axis=None)

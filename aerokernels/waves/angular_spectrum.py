@@ -28,6 +28,20 @@ def transfer_exponent(
     return np.asarray(-1j * square / (root + wave_number))
 
 
+def as_amplitude(values) -> np.ndarray:
+    """Return complex or real numbers as a complex array.
+
+    Raises:
+        TypeError: They are not numbers.
+    """
+    try:
+        return np.asarray(values, dtype=np.complex128)
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(
+            f"the amplitude must be an array of complex or real numbers, got {type(values).__name__}"
+        ) from None
+
+
 @checked
 def angular_spectrum(
     amplitude,
@@ -56,7 +70,7 @@ def angular_spectrum(
     """
     from scipy.fft import fft2, ifft2
 
-    amplitude = np.asarray(amplitude, dtype=np.complex128)
+    amplitude = as_amplitude(amplitude)
     if amplitude.ndim != 2 or not np.isfinite(amplitude).all():
         raise ValueError(f"the amplitude must be finite and have two axes [y, x], got shape {amplitude.shape}")
     wavelength, distance = check_wavelength(wavelength), check_at_least(distance, "distance")

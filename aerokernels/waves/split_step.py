@@ -6,7 +6,8 @@ D is free propagation at the ambient index by the angular spectrum, m the contra
 straight lines, through the same interpolant as the rays (J. A. Fleck, J. R. Morris, M. D. Feit, Appl. Phys. 10 (1976)
 129). The splitting error is of second order in h; neglected terms are of the order of contrast times angle squared. The
 field is sampled once, in layers no thicker than its cells, and the layers of a step are summed: a run with half as many
-steps costs only its transforms, and its difference gives the error.
+steps costs only its transforms, and its difference gives the error. Edges of a pupil are accounted for to second order
+in the pixels in the error of the Strehl ratio.
 """
 
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from ..inputs.checks import check_choice, check_count, check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..pupils import Pupil
+from ..wavefront import SAFETY, exact_weights, mean_phasor
 from ..wavefront.grid import LEAST_COVER
 from .angular_spectrum import transfer_exponent
 from .layers import FEWEST_STEPS, check_memory, layer_count, mean_layers, path_range
@@ -115,8 +117,10 @@ def split_step(
                     for one, amplitude in ((start, found), (start, coarse), (rough, behind))
                 )
                 # The error due to the steps is estimated as in `_refined`. The order in the pixels is not known at an
-                # edge: the whole difference counts.
-                strehl_error = abs(fine - fewer) / 3.0 + abs(fine - larger)
+                # edge: the whole difference counts. It may vanish by chance.
+                strehl_error = abs(fine - fewer) / _gain(steps) + abs(fine - larger)
+                if isinstance(light, Pupil):
+                    strehl_error += _edge_error(light, wave, sampled[0].sum(axis=0))
     return replace(
         start,
         amplitude=found,
@@ -175,14 +179,38 @@ def _refined(
         if step_count % 2:
             return found, None, step_count, float("nan")
         coarse = propagate(step_count // 2)
-        return found, coarse, step_count, float(np.linalg.norm(found - coarse)) / 3.0 / size
+        return found, coarse, step_count, float(np.linalg.norm(found - coarse)) / _gain(step_count) / size
     steps = FEWEST_STEPS
     coarse, fine = propagate(steps // 2), propagate(steps)
-    # The difference of second-order results divided by 3 is the error of the finer one.
-    while (error := float(np.linalg.norm(fine - coarse)) / 3.0 / size) > tolerance and steps < most:
+    while (error := float(np.linalg.norm(fine - coarse)) / _gain(steps) / size) > tolerance and steps < most:
         steps *= 2
         coarse, fine = fine, propagate(steps)
     return fine, coarse, steps, error
+
+
+def _gain(steps: int) -> float:
+    """Return the quotient of the difference from half as many steps and the error.
+
+    It is 3 for results of second order. One step may be too thick for this order: then the whole difference counts.
+    """
+    return 3.0 if steps > FEWEST_STEPS else 1.0
+
+
+def _edge_error(pupil: Pupil, wave: Wave, path: np.ndarray) -> float:
+    """Return the change of a Strehl ratio by the second-order deficit of the shares of pixels on the pupil's edge.
+
+    It is that of the paths straight through the field [m]: see pixel_weights.py.
+    """
+    weight = wave.amplitude.real
+    # The pupil's centre is in the middle of a pixel: that of the map with one row and column more.
+    even = [(0, (count + 1) % 2) for count in weight.shape]
+    exact = exact_weights(np.pad(weight, even), wave.pixel, pupil)[: weight.shape[0], : weight.shape[1]]
+    lit = weight > 0.0
+    plain, corrected = (
+        abs(mean_phasor(path[lit].astype(np.float64), one[lit] / one[lit].sum(), wave.wavelength)) ** 2
+        for one in (weight, exact)
+    )
+    return SAFETY * abs(corrected - plain)
 
 
 def through_layers(

@@ -5,12 +5,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..display.shown import drawn_on, shown
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_positive
 from ..inputs.wavelength import check_wavelength
 from ..pupils import as_unit_vector, as_vector, transverse_axes
 from ..wavefront import PointSpread
 from ..wavefront.point_spread import far_field
-from .angular_spectrum import angular_spectrum
+from .angular_spectrum import angular_spectrum, as_amplitude
 
 
 @shown
@@ -29,8 +30,9 @@ class Wave:
         ambient_index: Refractive index of the undisturbed air.
         incident: Sum of the initial amplitude, which `strehl` compares with.
         error: Error of the amplitude due to the steps, rms over the rms amplitude; NaN if not known.
-        strehl_error: Error of `strehl` due to the steps and the pixels, measured with half as many of either; NaN if
-            not known. It excludes light that re-enters through the sides of the periodic window.
+        strehl_error: Error of `strehl` due to the steps and the pixels, measured with half as many of either, and due
+            to the pixels on a pupil's edge; NaN if not known. It excludes light that re-enters through the sides of the
+            periodic window.
         step_count: Number of steps through a field.
         seconds: Wall time by stage: see STAGES in clock.py.
 
@@ -53,7 +55,7 @@ class Wave:
 
     def __post_init__(self):
         """Check the values and store a read-only copy."""
-        amplitude = np.array(self.amplitude, dtype=np.complex128)
+        amplitude = np.array(as_amplitude(self.amplitude))
         if amplitude.ndim != 2 or not np.isfinite(amplitude).all() or not amplitude.any():
             raise ValueError(
                 f"the amplitude must be finite, not zero everywhere and have two axes [y, x], got {amplitude.shape}"
@@ -111,7 +113,8 @@ class Wave:
         rounding = 1e-12 * float(np.abs(self.amplitude).sum())
         return complex(self.incident) if abs(self.incident) > rounding else complex("nan")
 
-    def psf(self, angle) -> PointSpread:
+    @checked
+    def psf(self, angle: Numbers) -> PointSpread:
         """Return the far-field intensity at angles of rows and columns [rad], shape (m,), over the undisturbed peak.
 
         Raises:

@@ -17,7 +17,7 @@ import numpy as np
 from aerokernels import flow, zernike
 from aerokernels.compare import compare_waveforms
 from aerokernels.echo import estimate_range, plane_target_echo, range_statistics
-from aerokernels.medium import Body, IndexField, QuadMesh
+from aerokernels.medium import Body, IndexField, QuadMesh, SolidBody
 from aerokernels.rays import Annulus, Disc, Mask, Polygon, RayBundle, Rectangle
 from aerokernels.scene import Scene
 from aerokernels.schlieren import interferogram, shadowgraph
@@ -26,9 +26,9 @@ from aerokernels.strehl import strehl, strehl_marechal
 from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import ArcLength, Plane
 from aerokernels.tracing.trace import trace
-from aerokernels.wavefront import point_spread_function
+from aerokernels.wavefront import Wavefront, point_spread_function
 from aerokernels.wavefront.traced import wavefront
-from aerokernels.waves import split_step, validity
+from aerokernels.waves import Wave, angular_spectrum, split_step, validity
 
 from .refusals import attempt
 
@@ -107,6 +107,9 @@ def _right_calls() -> dict[str, tuple[Callable, dict[str, Any]]]:
     time = np.arange(64) * 1e-10
     pulse = np.exp(-(((time - 3e-9) / 5e-10) ** 2))
     opd = 1e-8 * np.add.outer(np.arange(8.0), np.arange(8.0))
+    wave = Wavefront(opd, np.ones((8, 8)), 1e-3, 905e-9)
+    body = Body([(0, 0), (1e-3, 0), (1e-3, 1e-3)], "axisymmetric")
+    solid = SolidBody.of_revolution(body, 8)
     rays = RayBundle.collimated(disc, 4)
     left = flow.GasState(1e5, 1.0, 0.0)
     target = {"peak_power": 75.0, "receiver_diameter": 0.012, "beam_radius": 0.01, "distance": 1.5, "tilt": 0.0,
@@ -127,6 +130,23 @@ def _right_calls() -> dict[str, tuple[Callable, dict[str, Any]]]:
             {"apex": (0, 0, 0), "axis": (0, 0, 1), "half_angle": 0.1, "ray_count": 4},
         ),
         "RayBundle.through": (RayBundle.through, {"pupil": disc, "from_point": (0, 0, -1), "ray_count": 4}),
+        "QuadMesh": (QuadMesh, {"vertices": mesh.vertices, "cells": mesh.cells, "geometry": "planar"}),
+        "QuadMesh.locate": (mesh.locate, {"points": [[1e-3, 1e-3]]}),
+        "Body.crossings": (body.crossings, {"position": [[0, 0, 0]], "direction": [[0, 0, 1]]}),
+        "Body.signed_distance": (body.signed_distance, {"points": [[1e-3, 1e-3]]}),
+        "SolidBody": (SolidBody, {"vertices": solid.vertices, "triangles": solid.triangles}),
+        "SolidBody.of_revolution": (SolidBody.of_revolution, {"body": body, "count": 8}),
+        "SolidBody.crossings": (solid.crossings, {"position": [[0, 0, 0]], "direction": [[0, 0, 1]]}),
+        "SolidBody.signed_distance": (solid.signed_distance, {"points": [[0, 0, 1e-3]]}),
+        "Wavefront.over_wavelengths": (wave.over_wavelengths, {"wavelengths": [905e-9], "angle": [0.0]}),
+        "Transfer.along": (wave.mtf().along, {"angle": 0.1}),
+        "EncircledEnergy.radius": (wave.encircled_energy().radius, {"share": 0.5}),
+        "Wave": (Wave, {"amplitude": np.ones((8, 8)), "pixel": 1e-3, "wavelength": 905e-9}),
+        "Wave.psf": (Wave(np.ones((8, 8)), 1e-3, 905e-9).psf, {"angle": [0.0]}),
+        "angular_spectrum": (
+            angular_spectrum,
+            {"amplitude": np.ones((8, 8)), "pixel": 1e-3, "wavelength": 905e-9, "distance": 0.1},
+        ),
         "QuadMesh.structured": (QuadMesh.structured, {"first": first, "second": second, "geometry": "planar"}),
         "IndexField.from_samples": (IndexField.from_samples, {"contrast": contrast, **grid, "wavelength": 905e-9}),
         "IndexField.from_mesh": (IndexField.from_mesh, {"mesh": mesh, "contrast": contrast, "wavelength": 905e-9}),

@@ -117,6 +117,19 @@ def test_public_calls_take_foreign_bodies_or_refuse_them_in_words():
     assert tally.faults == [] and tally.count == 500 and tally.answered > 10 and tally.refused > 300
 
 
+def test_paths_and_grids_of_files_are_refused_in_words(tmp_path):
+    path = tmp_path / "flow.npz"
+    np.savez(path, x=np.arange(4.0), y=np.arange(4.0), z=np.arange(4.0), rho=np.ones((4, 4, 4)))
+    with pytest.raises(TypeError, match="path must be a text or a Path, got list"):
+        flow.contents([])
+    with pytest.raises(ValueError, match=r"geometry array.*is not known"):
+        flow.read(path, geometry=np.ones(2))
+    with pytest.raises(TypeError, match="time must be 'latest', 'first'"):
+        flow.read(path, time=np.ones(2))
+    with pytest.raises(ValueError, match="spacing must be positive"):
+        flow.read(path, spacing=[[1.0, 2.0], [3.0]])
+
+
 def test_what_is_right_passes_unchanged():
     seen = []
 

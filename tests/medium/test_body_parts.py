@@ -245,5 +245,5 @@ def test_bodies_of_revolution(count: int):
         assert len(body.vertices) == sum(1 if r == 0.0 else count for r in profile[:, 0])
     with pytest.raises(ValueError, match="needs an axisymmetric profile"):
         SolidBody.of_revolution(Body(STAR, "planar"), 8)
-    with pytest.raises(ValueError, match="three triangles around it"):
+    with pytest.raises(ValueError, match="count must be a whole number of at least 3"):
         SolidBody.of_revolution(Body(STAR, "axisymmetric"), 2)

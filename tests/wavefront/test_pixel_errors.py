@@ -6,6 +6,7 @@ import pytest
 from aerokernels import Annulus, Disc, Polygon, Rectangle, Wavefront, flow, optical_series
 from aerokernels.series.pupil_grid import pupil_grid as series_grid
 from aerokernels.wavefront.grid import pupil_grid
+from aerokernels.zernike import zernike_modes
 
 WAVELENGTH, RADIUS = 1e-6, 0.05
 SURFACES = {
@@ -48,6 +49,34 @@ def test_errors_hold_what_the_pixels_make(pupil, surface, pixel_count=31):
         told = seen.quantities[name]
         assert abs(told.value - true) <= told.error + 1e-12, name
         assert told.error < 20.0 / pixel_count * {"strehl": 1.0, "opd_rms": WAVELENGTH}.get(name, WAVELENGTH / RADIUS)
+
+
+@pytest.mark.parametrize("pupil", PUPILS, ids=lambda pupil: type(pupil).__name__)
+@pytest.mark.parametrize("removed", [("piston", "tilt"), ("piston", "tilt", "focus"), 1, 3], ids=str)
+def test_errors_of_zernike_coefficients_hold_what_removed_terms_leave(pupil, removed, pixel_count=25):
+    """A cubic surface, which any pixels fit exactly: only the terms removed before, by the pixels, are off."""
+
+    def surface(x, y):
+        return WAVELENGTH * (0.1 * x + 0.2 * y + 0.3 * x**2 - 0.1 * x * y + 0.1 * y**2 + 0.2 * x**3 + 0.3 * x * y**2)
+
+    coordinate, pixel, weight, intensity = pupil_grid(pupil, pixel_count)
+    opd = surface(*np.meshgrid(coordinate / RADIUS, coordinate / RADIUS))
+    given = {"intensity": intensity, "pupil": pupil, "radius": RADIUS, "budget": lambda: {"total": 0.0}}
+    seen = Wavefront(opd, weight, pixel, WAVELENGTH, **given)
+    points, shares = pupil.sample(10_000, "gauss")
+    x, y = points[:, 0] / RADIUS, points[:, 1] / RADIUS
+    modes, root = zernike_modes(10, x, y).T, np.sqrt(shares / shares.sum())[:, None]
+    columns = {"piston": [0 * x + 1], "tilt": [x, y], "focus": [x**2 + y**2]}
+    if isinstance(removed, int):
+        seen, basis = seen.without_zernike(*range(1, removed + 1)), modes[:, :removed]
+    else:
+        seen, basis = seen.remove(*removed), np.stack([one for name in removed for one in columns[name]], axis=1)
+    fitted = np.linalg.lstsq(basis * root, surface(x, y) * root[:, 0])[0]
+    true = np.linalg.lstsq(modes * root, (surface(x, y) - basis @ fitted) * root[:, 0])[0]
+    off, error = np.abs(seen.zernike(10) - true), seen.zernike_errors(10)
+    assert off.max() > 1e-6 * WAVELENGTH
+    assert (off <= error + 1e-9 * WAVELENGTH).all()
+    assert (error < 0.02 * WAVELENGTH).all()
 
 
 def test_a_series_tells_what_its_pixels_make():

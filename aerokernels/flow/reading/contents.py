@@ -1,11 +1,11 @@
 """List what a flow file contains: zones, cells, extents, arrays and their ranges, times, patches."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ...inputs.checks import check_path
 from .dataset import Block, Dataset, ReadError
 from .formats import load
 
@@ -76,7 +76,7 @@ def contents(path, *, time: float | str | None = None, **options: Any) -> Conten
     Raises:
         ValueError: A file that cannot be read (`ReadError`: file, place and remedy).
     """
-    path = Path(path)
+    path = check_path(path, "path")
     dataset = load(path, time, options)
     points = np.concatenate([block.points for block in dataset.blocks]) if dataset.blocks else np.empty((0, 3))
     if not len(points):

@@ -58,7 +58,8 @@ def read_mesh(folder: Path) -> FoamMesh:
     if len(corners) and not (0 <= corners.min() and corners.max() < len(points)):
         raise ReadError(file.path, f"faces refer to points beyond the {len(points)} that there are", BAD_MESH)
     owner, neighbour = _cells_of_faces(folder, len(start) - 1)
-    cell_count = int(owner.max()) + 1 if len(owner) else 0
+    # The last cell owns no face if all of its neighbours have lower numbers.
+    cell_count = int(max(owner.max(), neighbour.max(initial=-1))) + 1 if len(owner) else 0
     if not cell_count:
         raise ReadError(folder, "the mesh has no cells", BAD_MESH)
     patches = _patches(folder / "boundary", len(neighbour), len(start) - 1)
@@ -73,9 +74,10 @@ def _cells_of_faces(folder: Path, face_count: int) -> tuple[np.ndarray, np.ndarr
     file = FoamFile(folder / "neighbour")
     neighbour = file.numbers(file.label).astype(np.int64)
     neighbour = neighbour[neighbour >= 0]  # old versions list -1 for the boundary
-    # Every cell owns a face: a greater cell number is damaged, and would set the size of arrays.
-    fits = len(neighbour) <= face_count and len(owner) and owner.min() >= 0 and owner.max() < face_count
-    if not fits or (len(neighbour) and neighbour.max() > owner.max()):
+    # A cell has four faces or more: a greater cell number is damaged, and would set the size of arrays.
+    most = (face_count + len(neighbour)) // 4
+    fits = len(neighbour) <= face_count and len(owner) and owner.min() >= 0
+    if not fits or max(owner.max(), neighbour.max(initial=-1)) >= most:
         raise ReadError(file.path, "owners and neighbours of faces do not agree", BAD_MESH)
     if (owner[: len(neighbour)] == neighbour).any():
         raise ReadError(file.path, "a face has the same cell on both sides", BAD_MESH)

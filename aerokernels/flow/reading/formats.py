@@ -148,7 +148,7 @@ def checked_time(time) -> float | str | None:
         TypeError: Neither a text nor a number.
         ValueError: A text that is none of these, or a number that is not finite.
     """
-    if time is None or time in ("latest", "first"):
+    if time is None or (isinstance(time, str) and time in ("latest", "first")):
         return time
     if isinstance(time, bool) or not isinstance(time, (str, int, float, np.integer, np.floating)):
         raise TypeError(f"time must be 'latest', 'first' or a time in seconds, got {type(time).__name__}")

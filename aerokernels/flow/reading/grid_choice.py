@@ -22,7 +22,7 @@ def choose_grid(path, blocks, moved, spacing, region):
     high = np.max([points.max(axis=0) for points in moved], axis=0)
     if region is not None:
         first, last = _metres(
-            region, (2, 3), "region must be the lowest and the highest corner [m], three numbers each"
+            region, "region must be the lowest and the highest corner [m], three numbers each", (2, 3)
         )
         if not (np.maximum(first, low) < np.minimum(last, high)).all():
             raise ValueError(f"region {region!r} is outside the flow of {path}, {low.tolist()} to {high.tolist()} m")
@@ -40,7 +40,7 @@ def choose_grid(path, blocks, moved, spacing, region):
         wanted = np.full(3, step)
     else:
         told = "spacing must be positive: metres along every axis, or three numbers"
-        wanted = np.broadcast_to(_metres(spacing, (3,) if np.ndim(spacing) else (), told), (3,))
+        wanted = np.broadcast_to(_metres(spacing, told, (), (3,)), (3,))
         if not (np.isfinite(wanted).all() and (wanted > 0.0).all()):
             raise ValueError(f"spacing must be positive, got {spacing!r}")
     nodes = np.maximum(np.ceil(extent / wanted * (1.0 - 1e-9)) + 1.0, LEAST_NODES)
@@ -52,13 +52,13 @@ def choose_grid(path, blocks, moved, spacing, region):
     return low, extent / (nodes - 1.0), shape
 
 
-def _metres(given, shape: tuple[int, ...], told: str) -> np.ndarray:
-    """Return numbers of a given shape; raise ValueError with the expected form otherwise."""
+def _metres(given, told: str, *shapes: tuple[int, ...]) -> np.ndarray:
+    """Return numbers of one of the shapes; raise ValueError with the expected form otherwise."""
     try:
         found = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
         raise ValueError(f"{told}, got {given!r}") from None
-    if found.shape != shape:
+    if found.shape not in shapes:
         raise ValueError(f"{told}, got {given!r}")
     return found
 

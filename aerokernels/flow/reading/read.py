@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...inputs.checks import check_positive
+from ...inputs.checks import check_choice, check_positive
 from ...inputs.units import quantity
 from ...inputs.written_units import DIMENSIONS, written_unit
 from ...medium import Body
@@ -170,8 +170,8 @@ def prepare(path, *, density=None, frame=None, length_unit=None, reference=None,
     path = Path(path)
     frame, reference = Frame.of(frame), Reference.of(reference)
     unit = length_unit_given(length_unit, reference)
-    if geometry is not None and geometry not in GEOMETRIES:
-        raise ValueError(f"geometry {geometry!r} is not known: choose one of {', '.join(GEOMETRIES)}")
+    if geometry is not None:
+        check_choice(geometry, "geometry", GEOMETRIES)
     if ambient_density is not None:
         check_density(ambient_density, "ambient_density")
     if unknown := set(options) - {"mesh", "solution", "variables"}:
