@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -250,7 +251,7 @@ class Law(MissedStructure):
     """Structure whose error follows a law of the number of samples, in place of a field's."""
 
     def __init__(self, limit: float, law):
-        self.limit, self.law, self.rule = limit, law, law
+        self.limit, self.law, self.rule, self.field = limit, law, law, SimpleNamespace(geometry="volume")
         self.lines = Lines(*(np.zeros((1, 3)),) * 2, *(np.ones(1),) * 3)
 
     def _greatest(self, count: int) -> float:
