@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..derived import Derived
+from ..inputs.checks import check_count
 from .askew_lines import AskewLines
 from .body import Body
 from .grid import as_points, check_finite
@@ -67,6 +68,7 @@ class SolidBody(Derived):
         Raises:
             ValueError: A planar body, or fewer than three triangles around.
         """
+        count = check_count(count, "count")
         if body.geometry != "axisymmetric" or count < 3:
             raise ValueError(f"a body of revolution needs an axisymmetric profile and three triangles around it or "
                              f"more, got a {body.geometry} one and {count}")  # fmt: skip

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from ..inputs.checks import check_choice, check_positive
+from ..inputs.checks import check_choice, check_count, check_positive
 from ..medium import IndexField
 from ..rays import RayBundle
 from .allowance import step_allowance
@@ -170,8 +170,8 @@ def make_plan(
         )
     if max_steps is None:
         max_steps = step_allowance(field, method, step, path_length)
-    elif not isinstance(max_steps, (int, np.integer)) or max_steps < 1:
-        raise ValueError(f"max_steps must be a whole number of at least 1, got {max_steps!r}")
+    else:
+        max_steps = check_count(max_steps, "max_steps")
     if predicted is None and method == "fixed":
         predicted = 3.0 * box_size(field) / step
     return TracePlan(
