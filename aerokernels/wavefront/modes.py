@@ -67,8 +67,8 @@ def fit_zernike(wavefront: WavefrontMap, count: int) -> np.ndarray:
         found, _, most, _ = np.linalg.lstsq(basis, opd * root, rcond=LEAST_SINGULAR)
     if most < count:
         raise ValueError(
-            f"the pupil's {len(opd)} samples cannot distinguish {count} Zernike polynomials, only about {most}: take fewer, "
-            "or a greater pixel_count"
+            f"the pupil's {len(opd)} samples cannot distinguish {count} Zernike polynomials, only about {most}: take "
+            "fewer, or a greater pixel_count"
         )
     return np.asarray(found)
 
@@ -104,7 +104,7 @@ def most_polynomials(wavefront: WavefrontMap, count: int) -> int:
         line, number = np.unique(place, return_inverse=True)
         root = np.sqrt(np.bincount(number, weight))
         if not _distinct(line, root, highest):
-            highest = bisect_left(range(highest), True, key=lambda n: not _distinct(line, root, n + 1))  # noqa: B023
+            highest = bisect_left(range(highest), True, key=lambda n: not _distinct(line, root, n + 1))
     return min(count, len(weight)) if highest == order else (highest + 1) * (highest + 2) // 2
 
 

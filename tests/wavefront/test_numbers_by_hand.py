@@ -321,7 +321,7 @@ def test_each_sample_is_predicted_from_seven_eighths_of_the_others(count: int):
 @pytest.mark.parametrize("pupil", [Disc(5e-3), Rectangle(1e-2, 4e-3), Annulus(5e-3, 3e-3)])
 def test_polynomials_that_columns_of_pixels_do_not_distinguish_are_refused_without_a_fit(pupil):
     """Never fewer than have singular values above 1e-9 of the greatest one, and no more than one order above."""
-    coordinate, pixel, weight, intensity = pupil_grid(pupil, 20)
+    _, pixel, weight, intensity = pupil_grid(pupil, 20)
     wave = Wavefront(np.zeros(weight.shape), weight, pixel, WAVELENGTH, intensity=intensity, radius=5e-3, pupil=pupil)
 
     def distinct(order: int) -> bool:
