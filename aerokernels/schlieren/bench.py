@@ -126,7 +126,7 @@ class Bench:
             return (cut_off - 0.5) * self.angle
         ends = 0.5 * self.angle * np.array([-1.0, 1.0])
         for _ in range(ROUNDS):
-            places = np.linspace(*ends, PARTS + 1)
+            places = np.linspace(ends[0], ends[1], PARTS + 1)
             beyond = np.clip(np.searchsorted(self.held_back(places), cut_off), 1, PARTS)
             ends = places[beyond - 1 : beyond + 1]
         return float(ends.mean())
