@@ -5,7 +5,6 @@ from functools import cached_property
 
 import numpy as np
 
-from ..inputs.arguments import checked
 from ..inputs.checks import check_choice, check_count
 from ..sobol import sobol_points
 from .square_map import SquareMap
@@ -101,7 +100,6 @@ class Pupil(ABC):
     def transmission(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return the transmission of the amplitude at coordinates along both axes [m], of their shape; 0 outside."""
 
-    @checked
     def sample(self, count: int, sampling: str = "sobol", seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Return points in the pupil [m], shape (n, 3), and weights with a sum of 1, shape (n,).
 

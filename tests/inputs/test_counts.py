@@ -44,7 +44,7 @@ CALLS = [
     ("pixel_count", 6, lambda n: wavefront(FIELD, PUPIL, pixel_count=n, **WAVE).opd),
     ("ray_count", 50, lambda n: RayBundle.divergent((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), 0.1, n).direction),
     ("seed", 7, lambda n: RayBundle.collimated(PUPIL, 50, seed=n).position),
-    ("count", 20, lambda n: PUPIL.sample(n)[0]),
+    ("ray_count", 20, lambda n: PUPIL.sample(n)[0]),
     ("rays_per_pixel", 2, lambda n: schlieren(FIELD, width=0.01, pixel_count=4, rays_per_pixel=n, view="x").intensity),
     ("pixel_count", 4, lambda n: schlieren(FIELD, width=0.01, pixel_count=n, view="x").intensity),
     ("source_points", 3, lambda n: Bench(1e-3, 1.0, source_points=n).points()[0]),
