@@ -52,7 +52,7 @@ def outcome(seed: int, asked: argparse.Namespace) -> Outcome:
     if case.kind["bundle"] == "spanwise" and "count" not in fixed:
         case = draw(seed, count="300", **fixed)  # a thousand boxes along x: one ray takes as long as a bundle
     try:
-        findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)
+        findings, compared, how = check(case, [{"backend": asked.backend}], asked.sample)
     except Exception:  # a case that cannot be traced is a finding too, unless the bundle misses the box
         return Outcome(seed, str(case), case.kind["geometry"], "", 0, [], traceback.format_exc().splitlines()[-1])
     return Outcome(seed, str(case), case.kind["geometry"], how, compared, findings)
@@ -199,7 +199,7 @@ def one(asked: argparse.Namespace) -> int:
     fixed = dict(entry.split("=", 1) for entry in asked.fix)
     case = draw(asked.only, **fixed)
     print(case, case.settings, f"box {case.field.box}, spacing {case.field.spacing}", sep="\n")
-    findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)
+    findings, compared, how = check(case, [{"backend": asked.backend}], asked.sample)
     print(f"{how}, {compared} rays compared, {len(findings)} findings")
     for finding in sorted(findings, key=lambda f: -f.size):
         print(f"  {finding.what} {finding.size:.2g} x, ray {finding.ray}: {finding.text}")

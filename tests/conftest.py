@@ -42,10 +42,40 @@ LONGEST = (
 )
 
 
+class _FromTheEnd:
+    """A folder of tests that is read from its last file to its first."""
+
+    def collect(self) -> list[pytest.Item | pytest.Collector]:
+        return list(super().collect())[::-1]  # type: ignore[misc]
+
+
+class _Folder(_FromTheEnd, pytest.Dir):
+    pass
+
+
+class _Package(_FromTheEnd, pytest.Package):
+    pass
+
+
+def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Every second process reads the files from the end.
+
+    Where nothing has been compiled yet, compiling all files takes a process twenty seconds: two that meet in the middle
+    compile half of them each.
+    """
+    number = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
+    if not number.isdecimal() or int(number) % 2 == 0:
+        return None
+    kind = _Package if (path / "__init__.py").is_file() else _Folder
+    return kind.from_parent(parent, path=path)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Longest files first, each as a whole; the others in their own order."""
+    """Longest files first, the others by their names; each as a whole."""
     rank = {name: place for place, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: rank.get(item.nodeid.split("::")[0], len(rank)))
+    files = [item.nodeid.split("::")[0] for item in items]
+    order = sorted(range(len(items)), key=lambda number: (rank.get(files[number], len(rank)), files[number]))
+    items[:] = [items[number] for number in order]
 
 
 def pytest_collection_finish() -> None:

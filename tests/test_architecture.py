@@ -1,6 +1,7 @@
 """The architecture as a test: imports run one way, heavy packages wait, names are documented, nothing reads outside."""
 
 import ast
+import functools
 import inspect
 import re
 import subprocess
@@ -61,6 +62,12 @@ MODULES = sorted(path for path in PACKAGE.rglob("*.py") if "__pycache__" not in 
 assert len(MODULES) > 10, "the package was not found"
 
 
+@functools.cache
+def tree(path: Path) -> ast.Module:
+    """The syntax tree of a file, one for all tests."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def dotted(path: Path) -> tuple[str, ...]:
     """("aerokernels", "medium", "mesh") for aerokernels/medium/mesh.py; a package's __init__ stands for the package."""
     parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
@@ -72,7 +79,7 @@ def imported(path: Path) -> set[tuple[int, str]]:
     here = dotted(path)
     package = here if path.name == "__init__.py" else here[:-1]
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             names = [alias.name.split(".") for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -105,7 +112,7 @@ def imported_modules(path: Path, modules: dict[tuple[str, ...], Path]) -> set[tu
     here = dotted(path)
     package = here if path.name == "__init__.py" else here[:-1]
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             names = [tuple(alias.name.split(".")) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

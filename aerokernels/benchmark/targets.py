@@ -52,8 +52,8 @@ class Settings:
         ):
             for name in names:
                 check_choice(name, what, known)
-        check_count(self.repeats, "repeats")
-        check_count(self.ray_count, "ray_count", 16)
+        for name, least in (("repeats", 1), ("ray_count", 16)):
+            object.__setattr__(self, name, check_count(getattr(self, name), name, least))
         check_positive(self.tolerance, "tolerance", "waves")
         if "reference" in self.backends and self.ray_count > REFERENCE_RAYS:
             raise ValueError(

@@ -55,7 +55,7 @@ class DetectorChain:
         """Check the numbers and the kinds of the parts."""
         check_positive(self.volts_per_watt, "volts_per_watt", "V/W")
         check_choice(self.response, "response", RESPONSES)
-        check_count(self.order, "order", 1, GREATEST_ORDER)
+        object.__setattr__(self, "order", check_count(self.order, "order", 1, GREATEST_ORDER))
         for name, part, kind in (
             ("sources", self.sources, NoiseSources),
             ("digitiser", self.digitiser or Digitiser(1), Digitiser),
@@ -103,7 +103,7 @@ class DetectorChain:
             ValueError: Uneven times, shapes that disagree, a stride that is not a positive whole number.
         """
         _, watts, period = as_waveform(time, power, least_count=2)
-        check_count(stride, "stride", 1)
+        stride = check_count(stride, "stride")
         volts = self.linear_voltage(time, power)
         if self.bandwidth is None:  # without a low-pass the noise fills the band of the samples
             volts = volts[::stride] + self.noise(watts[::stride], stride * period, seed)

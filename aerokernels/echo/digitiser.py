@@ -32,7 +32,7 @@ class Digitiser:
 
     def __post_init__(self):
         """Check the number of bits and the range."""
-        check_count(self.bit_count, "bit_count", 1, GREATEST_BIT_COUNT)
+        object.__setattr__(self, "bit_count", check_count(self.bit_count, "bit_count", 1, GREATEST_BIT_COUNT))
         if check_at_least(self.low, "low") >= check_at_least(self.high, "high"):
             raise ValueError(f"the digitiser's low {self.low:g} V must be below its high {self.high:g} V")
 

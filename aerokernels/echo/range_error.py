@@ -116,7 +116,7 @@ def range_statistics(
     """
     times, volts, period = as_waveform(time, voltage)
     bound = cramer_rao_range(times, volts, noise_rms)
-    check_trials(trial_count, confidence)
+    trial_count = check_trials(trial_count, confidence)
     if true_range is not None:
         true_range = check_at_least(true_range, "true_range")
 
@@ -166,7 +166,7 @@ def chain_range_statistics(
         ValueError: Arguments out of range, or fewer than two trials that gave a range.
     """
     times, watts, _ = as_waveform(time, power)
-    check_trials(trial_count, confidence)
+    trial_count = check_trials(trial_count, confidence)
     distance = check_at_least(true_range, "true_range")
     bound = chain.cramer_rao_range(times, watts)
     generator = np.random.default_rng(seed)
@@ -178,15 +178,16 @@ def chain_range_statistics(
     return summarise_ranges(ranges, trial_count, distance, bound, confidence)
 
 
-def check_trials(trial_count: int, confidence: float) -> None:
-    """Check that there are at least two trials, and that the confidence is between 0 and 1.
+def check_trials(trial_count: float, confidence: float) -> int:
+    """Return the number of trials, at least two; check that the confidence is between 0 and 1.
 
     Raises:
         ValueError: One of them is out of range.
     """
-    check_count(trial_count, "trial_count", 2)
+    trial_count = check_count(trial_count, "trial_count", 2)
     if not 0.0 < check_share(confidence, "confidence") < 1.0:
         raise ValueError(f"confidence must lie between 0 and 1, both excluded, got {confidence!r}")
+    return trial_count
 
 
 def _trials(read: Callable[[np.ndarray], float], record: Callable[[], np.ndarray], trial_count: int) -> list[float]:

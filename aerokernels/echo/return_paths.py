@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..inputs.kinds import as_whole
 from ..medium import IndexField
 from ..rays import Pupil
 from ..scene import Scene
@@ -70,13 +71,11 @@ def return_paths(
     Raises:
         ValueError: As `reduce_pupils`; also a `node_count` that is even or too small.
     """
-    if node_count != EVERY and (
-        isinstance(node_count, (bool, str))
-        or not isinstance(node_count, (int, np.integer))
-        or node_count < 3
-        or node_count % 2 == 0
-    ):
-        raise ValueError(f"strehl_node_count must be odd and at least 3, or {EVERY!r}, got {node_count!r}")
+    if node_count != EVERY:
+        whole = as_whole(node_count)
+        if whole is None or whole < 3 or whole % 2 == 0:
+            raise ValueError(f"strehl_node_count must be odd and at least 3, or {EVERY!r}, got {node_count!r}")
+        node_count = whole
     kind = scene.receiver.return_factor
     arrived = np.isfinite(intersection).all(axis=1)
     unknown = np.full(len(intersection), np.nan)

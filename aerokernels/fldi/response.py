@@ -18,6 +18,7 @@ import numpy as np
 from ..display.shown import drawn_on
 from ..flow import DensityField, Series
 from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import check_count
 from ..medium import IndexField
 from .grid_error import grid_error
 from .instrument import FLDI
@@ -158,10 +159,8 @@ def fldi_response(
     """
     if not isinstance(instrument, FLDI):
         raise TypeError(f"instrument must be an FLDI, got {type(instrument).__name__}")
-    if rays is not None and (
-        isinstance(rays, bool) or not isinstance(rays, (int, np.integer)) or not 3 <= rays <= MOST
-    ):
-        raise ValueError(f"rays must be a whole number from 3 to {MOST}, got {rays!r}")
+    if rays is not None:
+        rays = check_count(rays, "rays", 3, MOST)
     moved = np.zeros((1, 3)) if offsets is None else np.atleast_2d(np.asarray(offsets, dtype=np.float64))
     if moved.ndim != 2 or moved.shape[1] != 3 or not np.isfinite(moved).all():
         raise ValueError(f"offsets must be finite, shape (n, 3), got shape {np.asarray(offsets).shape}")

@@ -7,6 +7,8 @@ messages about casts:
     Disc("6 mm")            radius must be a number of metres, got '6 mm': give 0.006 (in Disc)
     zernike_modes("a", ...) count must be a whole number, got 'a' (in zernike_modes)
 
+Whole numbers (counts, sizes, seeds) may be given as floats: 1e6 arrives as 1000000, and 1.5 raises a ValueError.
+
 Numbers of the right kind that make a computation overflow (1e300) raise a ValueError that names them. The function
 itself checks whether a number makes sense, and checks parameters that are objects of a class.
 """
@@ -16,28 +18,19 @@ import inspect
 import math
 import re
 import traceback
-import types
 import typing
 from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
-from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, SupportsFloat, TypeVar, Union
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .binding import Binding
 from .dlpack import only_dlpack, read_by_numpy
 from .doubtful import refuse_half_precision, refuse_masked, refuse_shuffled
-
-if TYPE_CHECKING:
-    Numbers = ArrayLike
-else:
-
-    class Numbers:
-        """Annotation of a parameter: real numbers in an array of any shape, or anything NumPy converts to one."""
-
+from .kinds import Kinds, is_number, members_of, shown
+from .kinds import Numbers as Numbers  # public functions take both names from here
 
 F = TypeVar("F", bound=Callable[..., Any])
 # Beyond these, squares and products of four numbers leave float64's range; no physical quantity is near them.
@@ -45,7 +38,6 @@ GREAT, SMALL = 1e60, 1e-60
 _PACKAGE = str(Path(__file__).resolve().parents[1])
 # Numbers that need more digits than half precision has, beside all that have a unit.
 _PRECISE = ("opd", "direction")
-_SHOWN = 60  # characters of a value in a message
 _UNIT = re.compile(r"^\s*`{0,2}(\w+)`{0,2}:[^\[\n]*\[([^\]\d,][^\],]*)\]", re.MULTILINE)
 # Messages of Python and NumPy for numbers out of range, which name no argument.
 _BARE = re.compile(r"cannot convert float (NaN|infinity) to integer|int too large|Maximum allowed (size|dimension)|"
@@ -66,8 +58,8 @@ def _readable(function: Any) -> str:
 
 
 def _looking(function: Callable, name: str, described: Callable, documented: Any) -> Callable:
-    takes: dict[str, _Kinds] = {}  # parameters that are numbers, texts or booleans
-    objects: dict[str, _Kinds] = {}  # parameters that are objects of classes
+    takes: dict[str, Kinds] = {}  # parameters that are numbers, texts or booleans
+    objects: dict[str, Kinds] = {}  # parameters that are objects of classes
     binding: Binding | None = None
 
     @functools.wraps(function)
@@ -97,6 +89,15 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
                     raise TypeError(wrong)
                 if wrong := _out_of_proportion(value, takes[parameter].members, parameter, name):
                     raise ValueError(wrong)
+        whole = {}
+        for parameter, value in arguments.items():
+            known = takes.get(parameter) or objects.get(parameter)
+            if known is not None and (number := known.whole(value, parameter, name)) is not value:
+                whole[parameter] = number
+        if whole:
+            bound = binding.signature.bind(*given, **named)
+            bound.arguments.update(whole)
+            given, named, arguments = bound.args, bound.kwargs, arguments | whole
         try:
             return function(*given, **named)
         except (OverflowError, FloatingPointError, ZeroDivisionError) as error:
@@ -132,52 +133,26 @@ def _unknown_name(signature: inspect.Signature, named: Iterable[str]) -> str:
 
 
 def _out_of_range(name: str, arguments: dict[str, Any], error: Exception) -> str:
-    extreme = [f"{key} = {_shown(value)}" for key, value in arguments.items() if _is_extreme(value)]
+    extreme = [f"{key} = {shown(value)}" for key, value in arguments.items() if _is_extreme(value)]
     what = ", ".join(extreme) or "its arguments"
     return f"{name} cannot be computed from {what}: a number is out of all proportion ({error})"
 
 
 def _is_extreme(value: Any) -> bool:
-    if _is_number(value) or type(value) is int:
+    if is_number(value) or type(value) is int:
         return bool(value != value or abs(value) > GREAT or 0 < abs(value) < SMALL)
     if isinstance(value, (list, tuple)) and len(value) <= 16:
         return any(_is_extreme(one) for one in value)
     return False
 
 
-class _Kinds:
-    """The kinds of value that a parameter accepts; an annotation that is not known here accepts everything."""
-
-    def __init__(self, members: Iterable[Any], unit: str):
-        self.unit = unit
-        self.members = tuple(members)
-
-    @property
-    def has_classes(self) -> bool:
-        """Whether the parameter accepts objects of classes, or tuples."""
-        return any(isinstance(kind, tuple) for kind in self.members) or any(
-            isinstance(kind, type) and kind not in _NOUNS and kind not in (float, int) for kind in self.members
-        )
-
-    def mistake(self, value: Any, parameter: str, owner: str) -> str:
-        """Return a message for a value that none of the kinds accepts; empty for an accepted one."""
-        for kind in self.members:
-            if _takes(kind, value):
-                return ""
-        wanted = " or ".join(dict.fromkeys(_described(kind, self.unit) for kind in self.members))
-        given = f"{_shown(value)}{_remedy(value, self.members)}"
-        if np.ndarray in self.members and _are_complex(value):
-            given += ", which is complex"
-        return f"{parameter} must be {wanted}, got {given} (in {owner})"
-
-
 def _out_of_proportion(value: Any, members: Sequence[Any], parameter: str, owner: str) -> str:
-    """Return a message for a number too large for any computation, or for a seed that is broken or negative."""
-    if {float, int} & set(members) and _is_number(value):
+    """Return a message for a number too large for any computation, or for a seed that is negative."""
+    if {float, int} & set(members) and is_number(value):
         if math.isfinite(value) and abs(float(value)) > GREAT and parameter != "tolerance":  # may be any
-            return f"{parameter} = {_shown(value)} is out of all proportion (in {owner}): give at most {GREAT:g}"
-        if parameter == "seed" and not (value >= 0 and float(value).is_integer()):
-            return f"seed must be a whole number that is not negative, got {_shown(value)} (in {owner})"
+            return f"{parameter} = {shown(value)} is out of all proportion (in {owner}): give at most {GREAT:g}"
+        if parameter == "seed" and not value >= 0:
+            return f"seed must be a whole number that is not negative, got {shown(value)} (in {owner})"
     return ""
 
 
@@ -192,14 +167,14 @@ def units_in(text: str) -> dict[str, str]:
     return {name: unit for name, unit in _UNIT.findall(text) if len(unit) <= 24 and " of " not in unit}
 
 
-def _taken(function: Callable, documented: Any) -> dict[str, _Kinds]:
+def _taken(function: Callable, documented: Any) -> dict[str, Kinds]:
     """Return the kinds that each parameter accepts, if all of them are known."""
     units = units_in("\n".join(filter(None, [documented.__doc__, function.__doc__])))
     found = {}
     for name, annotation in _annotations(function, documented).items():
-        members = _members(annotation)
+        members = members_of(annotation)
         if name != "return" and members is not None:
-            found[name] = _Kinds(members, units.get(name, ""))
+            found[name] = Kinds(members, units.get(name, ""))
     return found
 
 
@@ -215,120 +190,6 @@ def _annotations(function: Callable, documented: Any) -> dict[str, Any]:
             except Exception:  # a name for type checkers only
                 found[name] = Any
     return found
-
-
-def _members(annotation: Any) -> list[Any] | None:
-    """Return the kinds of an annotation, a union as its members; None if one of them is not known here."""
-    if annotation in (Numbers, ArrayLike):
-        return [np.ndarray]
-    origin = typing.get_origin(annotation)
-    if origin in (Union, types.UnionType):
-        parts = [_members(part) for part in typing.get_args(annotation)]
-        return None if any(part is None for part in parts) else [kind for part in parts for kind in part or ()]
-    if origin is tuple:
-        parts_of = typing.get_args(annotation)
-        known = parts_of and all(part in (float, int) for part in parts_of)
-        return [(float,) * len(parts_of)] if known else None
-    if annotation in (None, type(None)):
-        return [type(None)]
-    if annotation is SupportsFloat or annotation is np.ndarray:
-        return [float if annotation is SupportsFloat else np.ndarray]
-    if annotation is Any or origin is not None or not isinstance(annotation, type):
-        return None
-    return None if getattr(annotation, "_is_protocol", False) else [annotation]
-
-
-def _takes(kind: Any, value: Any) -> bool:
-    if kind is float:
-        return _is_number(value)
-    if kind is int:
-        return _is_number(value)  # 1e4 may be a count: the function itself checks that it is whole
-    if kind is bool:
-        return isinstance(value, (bool, np.bool_)) or (type(value) is int and value in (0, 1))
-    if kind is np.ndarray:
-        return are_numbers(value)
-    if isinstance(kind, tuple):
-        sized = isinstance(value, (tuple, list)) or (isinstance(value, np.ndarray) and value.ndim == 1)
-        return sized and len(value) == len(kind) and all(_is_number(one) for one in value)
-    return value is None if kind is type(None) else isinstance(value, kind)
-
-
-def _is_number(value: Any) -> bool:
-    if isinstance(value, (bool, np.bool_)):
-        return False
-    if type(value) is int:
-        return abs(value) < 10**308
-    if isinstance(value, Real):
-        return True
-    return getattr(value, "shape", None) == () and getattr(getattr(value, "dtype", None), "kind", "") in "iuf"
-
-
-def are_numbers(value: Any) -> bool:
-    """Return whether NumPy converts a value to an array of real numbers."""
-    kind = getattr(getattr(value, "dtype", None), "kind", None)
-    if kind is None:
-        if hasattr(value, "__dlpack__"):  # an array of another library or device: the function that uses it checks it
-            return True
-        if isinstance(value, (str, bytes, dict, set, type)) or callable(value):
-            return False
-        try:
-            kind = np.asarray(value).dtype.kind
-        except (ValueError, TypeError, OverflowError):  # rows of different lengths, among others
-            return False
-    return kind in "iufb"
-
-
-def _are_complex(value: Any) -> bool:
-    try:
-        return np.asarray(value).dtype.kind == "c"
-    except (ValueError, TypeError, OverflowError):
-        return False
-
-
-_WORDS = {"m": "metres", "rad": "radians", "s": "seconds", "K": "kelvins", "Pa": "pascals", "W": "watts"}
-_NOUNS = {str: "a text", bool: "True or False", type(None): "None", np.ndarray: "real numbers"}
-
-
-def _described(kind: Any, unit: str) -> str:
-    of_unit = f" of {_WORDS.get(unit, unit)}" if unit else ""
-    if kind is float:
-        return f"a number{of_unit}"
-    if kind is int:
-        return "a whole number"
-    if kind is np.ndarray:
-        return f"an array of real numbers{of_unit}"
-    if isinstance(kind, tuple):
-        return f"{len(kind)} numbers{of_unit}"
-    return _NOUNS.get(kind) or f"{'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}"
-
-
-def _shown(value: Any) -> str:
-    """Return a value for a message: shortened, on one line, without ever raising."""
-    if isinstance(value, type):
-        return f"the class {value.__name__}"
-    if isinstance(value, np.ndarray):
-        return f"dtype {value.dtype} of shape {value.shape}"
-    if isinstance(value, int) and abs(value) >= 10**30:
-        return f"a whole number of {int(math.log10(abs(value))) + 1} digits"
-    try:
-        text = " ".join(repr(value).split())
-    except Exception:
-        text = f"a {type(value).__name__}"
-    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
-
-
-def _remedy(value: Any, members: Sequence[Any]) -> str:
-    """Return the SI number for a text with a unit, given where a number is needed, as a suggestion."""
-    if not (isinstance(value, str) and {float, int} & set(members)):
-        return ""
-    from .units import DIMENSIONS, quantity
-
-    for dimension in DIMENSIONS:
-        try:
-            return f": give {quantity(value, dimension):.9g}"
-        except ValueError:
-            continue
-    return ""
 
 
 def seconds(values: np.ndarray) -> np.ndarray:

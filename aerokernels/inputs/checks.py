@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from .kinds import as_whole
+
 # Deviation of the sample spacing, relative to the sample period, above which a record counts as uneven.
 UNEVENNESS = 1e-3
 # No rangefinder has a longer sample period [s]: the times are in nanoseconds, or are sample numbers.
@@ -58,17 +60,17 @@ def check_at_least(value: float, name: str, least: float = -math.inf) -> float:
     return number
 
 
-def check_count(count: int, name: str = "ray_count", least: int = 1, most: int | None = None) -> int:
-    """Return a whole number that is not below `least`, nor above `most`.
+def check_count(count: float, name: str = "ray_count", least: int = 1, most: int | None = None) -> int:
+    """Return a whole number, which may be given as a float, that is not below `least`, nor above `most`.
 
     Raises:
         ValueError: It is not.
     """
-    is_whole = isinstance(count, (int, np.integer)) and not isinstance(count, bool)
-    if not is_whole or count < least or (most is not None and count > most):
+    number = as_whole(count)
+    if number is None or number < least or (most is not None and number > most):
         limits = f"of at least {least}" if most is None else f"from {least} to {most}"
         raise ValueError(f"{name} must be a whole number {limits}, got {count!r}")
-    return int(count)
+    return number
 
 
 def check_share(value: float, name: str) -> float:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ..device_arrays import plain_array
-from ..inputs.arguments import are_numbers
+from ..inputs.kinds import are_numbers
 from ..inputs.warned import warn_caller
 from .grid import check_finite
 

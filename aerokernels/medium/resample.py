@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.arguments import are_numbers
 from ..inputs.checks import check_positive
+from ..inputs.kinds import are_numbers
 from ..sobol import sobol_points
 from .grid import UniformGrid
 from .resample_grid import NODE_LIMIT, node_counts

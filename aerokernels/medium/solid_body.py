@@ -71,7 +71,7 @@ class SolidBody(Derived):
         Raises:
             ValueError: A planar body, or fewer than three triangles around.
         """
-        check_count(count, "count", 3)
+        count = check_count(count, "count", 3)
         if body.geometry != "axisymmetric":
             raise ValueError(f"a body of revolution needs an axisymmetric profile, got a {body.geometry} one")
         angle = 2.0 * np.pi * np.arange(count) / count

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..display.shown import shown
-from ..inputs.arguments import GREAT, SMALL, are_numbers, checked
+from ..inputs.arguments import GREAT, SMALL, checked
 from ..inputs.checks import check_positive
+from ..inputs.kinds import are_numbers
 from .base import Pupil
 from .square_map import PIXELS, SquareMap, cumulative
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.arguments import are_numbers
+from ..inputs.kinds import are_numbers
 
 
 def as_vector(value, name: str) -> np.ndarray:

@@ -20,12 +20,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..inputs.arguments import checked
+from ..inputs.checks import check_count
 from ..pupils import Pupil
 from ..sensor import Sensor
 from .source_shape import check_source, light_below, light_in, shape_of
 
-# Bisections that find the position of an edge.
-HALVINGS = 60
+# An edge is sought in one of many equal parts of the source, then in one of as many parts of that: 2^60 in all.
+PARTS, ROUNDS = 64, 10
 
 
 @checked
@@ -69,9 +70,7 @@ class Bench:
                 raise ValueError(f"{name} = {value!r}: give a positive length in metres")
         if self.angle > 0.5:
             raise ValueError(f"a source of {self.angle:.3g} rad is too large: check source_size and focal_length")
-        count = self.source_points
-        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= 64:
-            raise ValueError(f"source_points {count!r}: give a whole number from 1 to 64")
+        check_count(self.source_points, "source_points", 1, 64)
         if not np.isfinite(self.focus):
             raise ValueError(f"focus = {self.focus}: give the plane in focus in metres from the field's middle")
         if self.sensor is not None and not isinstance(self.sensor, Sensor):
@@ -125,11 +124,12 @@ class Bench:
         """Return the position of the edge, as an angle from the source's middle [rad]."""
         if self._shape is None:
             return (cut_off - 0.5) * self.angle
-        low, high = -0.5 * self.angle, 0.5 * self.angle
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if float(self.held_back(np.asarray(middle))) < cut_off else (low, middle)
-        return 0.5 * (low + high)
+        ends = 0.5 * self.angle * np.array([-1.0, 1.0])
+        for _ in range(ROUNDS):
+            places = np.linspace(ends[0], ends[1], PARTS + 1)
+            beyond = np.clip(np.searchsorted(self.held_back(places), cut_off), 1, PARTS)
+            ends = places[beyond - 1 : beyond + 1]
+        return float(ends.mean())
 
     def _share_below(self, place: np.ndarray, ends: np.ndarray, strip: tuple[float, float] | None) -> np.ndarray:
         """Return the share of the light between two angles across the edge that comes from angles below `place`."""

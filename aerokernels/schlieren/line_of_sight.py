@@ -28,6 +28,7 @@ from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
 
 from ..inputs.arguments import checked
+from ..inputs.checks import check_count
 from .window import Window, make_window, ray_lines
 
 GREATEST_RAY_COUNT = 100_000_000  # some 20 GB of stored results
@@ -131,10 +132,9 @@ def line_of_sight(
         raise ValueError(f"tilt {tilt!r}: give two angles of at most 0.5 rad")
     if not np.isfinite(focus):
         raise ValueError(f"focus = {focus}: give the position of the plane in focus in metres from the field's middle")
-    if isinstance(rays_per_pixel, bool) or not isinstance(rays_per_pixel, (int, np.integer)) or rays_per_pixel < 1:
-        raise ValueError(f"rays_per_pixel {rays_per_pixel!r}: give a whole number of at least 1")
+    check_count(rays_per_pixel, "rays_per_pixel")
     window = make_window(field, view, extent, pixel_count, width)
-    ray_count = len(window.horizontal) * len(window.vertical) * int(rays_per_pixel) ** 2
+    ray_count = len(window.horizontal) * len(window.vertical) * rays_per_pixel**2
     if ray_count > GREATEST_RAY_COUNT:
         raise ValueError(
             f"{len(window.horizontal)} x {len(window.vertical)} pixels of {rays_per_pixel}^2 rays are {ray_count:.1e} "

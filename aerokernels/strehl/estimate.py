@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import check_count
 from ..inputs.warned import warn_caller
 from ..medium import IndexField
 from ..process.clock import clocked, stage
@@ -160,8 +161,7 @@ class PreparedStrehl:
         self.field, self.pupil, self.tolerance = field, pupil, tolerance
         self.wavelength = field.wavelength_for(wavelength)
         self.remove = check_terms(remove)
-        if not isinstance(ray_count, (int, np.integer)) or ray_count < REPLICATES:
-            raise ValueError(f"ray_count must be a whole number of at least {REPLICATES}, got {ray_count!r}")
+        ray_count = check_count(ray_count, "ray_count", REPLICATES)
         self.look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
         self.asked_wavelength, self.allow_truncation = wavelength, allow_truncation
         self.choices: dict[str, Any] = {

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from ..inputs.checks import check_choice, check_positive
+from ..inputs.checks import check_choice, check_count, check_positive
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
@@ -147,8 +147,8 @@ def make_plan(
             f"a step of {step:g} m would take more than 1e8 steps through a box of {box_size(field):.3g} m: give a "
             "longer one, or let method 'adaptive' choose"
         )
-    if max_steps is not None and (not isinstance(max_steps, (int, np.integer)) or max_steps < 1):
-        raise ValueError(f"max_steps must be a whole number of at least 1, got {max_steps!r}")
+    if max_steps is not None:
+        max_steps = check_count(max_steps, "max_steps")
     chosen, device, why = choose_backend(backend, device)
     _prepare_on_gpu(field, chosen, device)
     # Names taken from an array are NumPy strings, which the caches of kernels would treat as different keys.

@@ -81,9 +81,10 @@ LEAST_COSINE, STEEPEST_COSINE = 0.05, 0.002
 # A ray that meets a surface at a smaller angle is moved on to it by no more than this, in cells: the residue of
 # rounding.
 GRAZING_TOLERANCE = 1e-2
-# A ray that flies on to a plane must approach it by more than this per metre, and so must its undisturbed ray: the
-# rounding of a parallel ray.
-LEAST_SLOPE = 1e-15
+# A ray that flies to a plane must approach it by more than this per metre, and so must its undisturbed ray: others are
+# parallel to it. An undisturbed ray that meets a plane a thousand million times as far away as it is high above it
+# leaves no digits for a difference of paths: a rounding error of its direction moves that point by a hundred heights.
+LEAST_SLOPE = 1e-9
 # Event location: the remaining distance to a surface is flown by the last step's parabola if it is below this share of
 # that step, or below rounding of the ray's position, in cells (for the plane and the cylinder: times their distance
 # from the origin).

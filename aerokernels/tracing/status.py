@@ -36,7 +36,7 @@ _TEXT = {
         "aim the ray at the box, or stop on a Plane or at an ArcLength",
     ),
     RayStatus.STOP_NOT_REACHED: (
-        "the plane is behind the ray or parallel to it, or the ray was turned away from it",
+        "the plane is behind the ray or parallel to it (within 1e-9 rad), or the ray was turned away from it",
         "move the plane ahead of the rays, or turn its normal",
     ),
     RayStatus.HIT_BODY: (
@@ -49,7 +49,8 @@ _TEXT = {
     ),
     RayStatus.MAX_STEPS: (
         "the ray took as many steps as allowed and had not arrived",
-        "raise max_steps, loosen the tolerance, or look for a ray that is trapped in the field",
+        "raise max_steps, loosen the tolerance, turn a stop Plane that is almost parallel to the ray, or look for a "
+        "ray that is trapped in the field",
     ),
     RayStatus.NOT_FINITE: (
         "a number overflowed or was not a number",

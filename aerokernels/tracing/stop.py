@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..inputs.arguments import checked
 from ..rays import as_unit_vector, as_vector
+from .scheme import LEAST_SLOPE
 
 
 @checked
@@ -54,7 +55,7 @@ def stop_distance(position: np.ndarray, direction: np.ndarray, until) -> np.ndar
         return np.full(len(position), until.length)
     if not isinstance(until, Plane):
         return np.full(len(position), np.inf)
-    height = (until.point - position) @ until.normal
+    height, slope = (until.point - position) @ until.normal, direction @ until.normal
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        distance = height / (direction @ until.normal)
-    return np.where(distance >= 0.0, distance, np.inf)
+        distance = height / slope
+    return np.where((distance >= 0.0) & ((np.abs(slope) > LEAST_SLOPE) | (height == 0.0)), distance, np.inf)

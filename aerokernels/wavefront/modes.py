@@ -1,5 +1,7 @@
 """Zernike coefficients, structure function and centroid of a wavefront."""
 
+import math
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -7,7 +9,6 @@ from functools import cached_property, partial
 import numpy as np
 
 from ..display.shown import shown
-from ..inputs.checks import check_count
 from ..zernike import zernike_modes
 from .data import WavefrontMap
 from .pixel_errors import zernike_pixel_errors
@@ -17,6 +18,8 @@ from .transfer import autocorrelation
 
 # Parts of a ring of pairs of pixels that are compared.
 PARTS = 4
+# Singular values below this share of the greatest one are nil: polynomials that the samples do not tell apart.
+LEAST_SINGULAR = 1e-9
 
 
 @shown
@@ -64,14 +67,14 @@ def fit_zernike(wavefront: WavefrontMap, count: int) -> np.ndarray:
         ValueError: The pupil's samples cannot distinguish so many polynomials.
     """
     opd, weight = wavefront.samples
-    rank, found = len(opd), np.zeros(0)
-    if count <= len(opd):  # more cannot be distinguished, and a million would take hours to compute
+    most = most_polynomials(wavefront, count)
+    if most == count:
         basis, root = _weighted_modes(wavefront, count), np.sqrt(weight)
-        found, _, rank, _ = np.linalg.lstsq(basis, opd * root, rcond=1e-9)
-    if rank < count:
+        found, _, most, _ = np.linalg.lstsq(basis, opd * root, rcond=LEAST_SINGULAR)
+    if most < count:
         raise ValueError(
-            f"the pupil's {len(opd)} samples cannot distinguish {count} Zernike polynomials, only {rank}: take fewer, "
-            "or a greater pixel_count"
+            f"the pupil's {len(opd)} samples cannot distinguish {count} Zernike polynomials, only about {most}: take "
+            "fewer, or a greater pixel_count"
         )
     return np.asarray(found)
 
@@ -81,15 +84,44 @@ def zernike_errors(wavefront: WavefrontMap, count: int) -> np.ndarray:
 
     Infinite if the pupil's samples cannot distinguish the polynomials.
     """
-    if check_count(count, "count") > len(wavefront.samples[0]):
+    if most_polynomials(wavefront, count) < count:
         return np.full(count, np.inf)
     basis = _weighted_modes(wavefront, count)
     _, size, rows = np.linalg.svd(basis, full_matrices=False)
-    if len(size) < count or size[-1] <= 1e-9 * size[0]:
+    if len(size) < count or size[-1] <= LEAST_SINGULAR * size[0]:
         return np.full(count, np.inf)
     gains = np.linalg.norm(rows / size[:, None], axis=0)
     modes = basis / np.sqrt(wavefront.samples[1])[:, None]
     return np.hypot(wavefront.opd_error * gains, zernike_pixel_errors(wavefront, modes))
+
+
+def most_polynomials(wavefront: WavefrontMap, count: int) -> int:
+    """Return `count`, or how many Zernike polynomials the samples distinguish at most, if those are fewer.
+
+    Fitting thousands of polynomials takes a minute; this takes milliseconds. The polynomials of the orders up to n span
+    those of degree n in x alone, of which the Chebyshev polynomials U_0(x) to U_n(x) are an orthonormal basis over the
+    disc as well. So the least singular value of the fit is at most that of the U_k on the columns of pixels, and its
+    greatest one at least theirs; likewise for rows.
+    """
+    weight = wavefront.samples[1]
+    order = (math.isqrt(8 * min(count, len(weight)) + 1) - 3) // 2  # the greatest one that is complete
+    highest = order
+    for place in wavefront.points.T / wavefront.radius:
+        line, number = np.unique(place, return_inverse=True)
+        root = np.sqrt(np.bincount(number, weight))
+        if not _distinct(line, root, highest):
+            highest = bisect_left(range(highest), True, key=lambda n: not _distinct(line, root, n + 1))
+    return min(count, len(weight)) if highest == order else (highest + 1) * (highest + 2) // 2
+
+
+def _distinct(line: np.ndarray, root: np.ndarray, order: int) -> bool:
+    """Return whether points on a line with these roots of weights distinguish the Chebyshev polynomials U_0 to U_n."""
+    from scipy.special import eval_chebyu
+
+    if order >= len(line):
+        return False
+    size = np.linalg.svd(eval_chebyu(np.arange(order + 1), line[:, None]) * root[:, None], compute_uv=False)
+    return bool(size[-1] > LEAST_SINGULAR * size[0])
 
 
 def _weighted_modes(wavefront: WavefrontMap, count: int) -> np.ndarray:

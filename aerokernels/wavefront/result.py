@@ -91,8 +91,7 @@ class Wavefront(WavefrontMap):
         """
         if not indices:
             return self
-        for index in indices:
-            check_count(index, "a Noll index")
+        indices = tuple(check_count(index, "a Noll index") for index in indices)
         coefficients = self.zernike(max(indices))
         kept = np.zeros(len(coefficients))
         for index in indices:

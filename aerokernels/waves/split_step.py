@@ -75,8 +75,7 @@ def split_step(
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
     if isinstance(light, Pupil):
-        if isinstance(pixel_count, (int, np.integer)):
-            check_memory(FEWEST_STEPS, int(pixel_count) ** 2)
+        check_memory(FEWEST_STEPS, pixel_count**2)
         wave = plane_wave(light, field.wavelength_for(wavelength), pixel_count, window, field.ambient_index)
     elif isinstance(light, Wave):
         field.wavelength_for(light.wavelength)

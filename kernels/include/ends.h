@@ -25,7 +25,7 @@ APART int start_of(
     const double slope = dot(VECTOR64(bounds->plane_normal), d);
     stop_distance = 0.0;
     if (height != 0.0) {
-        has_stop = height * slope < 0.0;
+        has_stop = height * slope < 0.0 && fabs(slope) > LEAST_SLOPE;
         if (has_stop) {
             stop_distance = -height / slope;
         }

@@ -63,7 +63,7 @@ static inline Starts start_each(const Field *field, const Arrays *arrays, const 
 #if STOP == PLANE
     Triples normal;
     const doubles height = surface_each(bounds, FACE_COUNT, p, &normal), slope = inner(normal, d);
-    starts.has_stop = (height == 0.0) | (height * slope < 0.0);
+    starts.has_stop = (height == 0.0) | ((height * slope < 0.0) & (fabs(slope) > LEAST_SLOPE));
     starts.stop_distance = CHOOSE64((doubles)0.0, -height / slope, (height != 0.0) & starts.has_stop);
 #elif STOP == ARC
     starts.stop_distance = (doubles)bounds->length;

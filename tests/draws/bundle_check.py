@@ -1,6 +1,6 @@
 """Compare the trace of a random bundle with the reference engine.
 
-`check(case, engine)` compares status, end, direction, arc length and OPD. The limits are:
+`check(case, engines)` compares status, end, direction, arc length and OPD. The limits are:
 
     OPD         the tolerance, for every ray whose status does not say otherwise
     direction   100 tolerances over a length of the box (error control weights a direction by the path it costs), and
@@ -9,6 +9,7 @@
     status      the same, except where moving a start by 1e-5 cells changes the reference's
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,17 +47,23 @@ def sample_rows(result, count: int, seed: int) -> np.ndarray:
     return np.unique(np.concatenate(rows))
 
 
-def check(case: Case, engine: dict[str, str], sample: int = 300) -> tuple[list[Finding], int, str]:
+def check(case: Case, engines: Sequence[dict[str, str]], sample: int = 300) -> tuple[list[Finding], int, str]:
     """Return the errors of a case's rays, the number of rays compared, and the method that traced them.
 
-    `engine` holds the backend, and its device where that matters; `sample` rays are compared.
+    Each of `engines` holds a backend, and its device where that matters. `sample` rays of each are compared, all with
+    one trace of the reference.
     """
-    result = trace(case.field, case.rays, **engine, **case.settings)
-    rows = sample_rows(result, sample, case.seed)
-    rays = case.rays[rows]
+    results = [trace(case.field, case.rays, **engine, **case.settings) for engine in engines]
+    rows = np.unique(np.concatenate([sample_rows(result, sample, case.seed) for result in results]))
     settings = {**case.settings, "method": "adaptive", "precision": "float64"}
-    expected = trace(case.field, rays, backend="reference", **settings)
-    reported = result.status[rows]
+    expected = trace(case.field, case.rays[rows], backend="reference", **settings)
+    findings = [one for result in results for one in _findings(case, result, rows, expected, settings)]
+    return findings, len(rows), results[0].plan.method
+
+
+def _findings(case: Case, result, rows: np.ndarray, expected, settings) -> list[Finding]:
+    """Return the errors of one engine's rays."""
+    rays, reported = case.rays[rows], result.status[rows]
     findings = _statuses(case, rows, rays, reported, expected.status, settings)
     both = reached(reported) & reached(expected.status) & ~_hopeless(case, rays)
     low, high = box_of(case.field)
@@ -81,8 +88,8 @@ def check(case: Case, engine: dict[str, str], sample: int = 300) -> tuple[list[F
                 f"OPD off by {off / WAVE:.2e} wave of {expected.opd[k] / WAVE:.2e} (own estimate {own:.1e}), "
                 f"end by {np.linalg.norm(away):.1e} m"
             )
-            findings.append(Finding(what, int(rows[k]), float(size[k]), text))
-    return findings, len(rows), result.plan.method
+            findings.append(Finding(what, int(rows[k]), float(size[k]), f"{text}, {result.plan.backend}"))
+    return findings
 
 
 def _decided(case: Case, rays, opd, settings) -> np.ndarray:

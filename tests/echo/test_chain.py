@@ -197,7 +197,7 @@ def test_bad_values_are_refused():
     ):
         with pytest.raises(ValueError, match=words):
             DetectorChain(5000.0, **change)
-    for values, words in (((0,), "bit_count"), ((25,), "bit_count"), ((8, 1.0, 1.0), "below"), ((8.0,), "whole")):
+    for values, words in (((0,), "bit_count"), ((25,), "bit_count"), ((8, 1.0, 1.0), "below"), ((8.5,), "whole")):
         with pytest.raises(ValueError, match=words):
             Digitiser(*values)
     with pytest.raises(ValueError, match="dark_current"):

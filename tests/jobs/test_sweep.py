@@ -138,18 +138,17 @@ def test_a_finished_sweep_does_nothing(unbroken, monkeypatch: pytest.MonkeyPatch
         (["--zip"], ("--zip",)),
     ],
 )
-def test_a_changed_sweep_is_refused(unbroken, change, words):
+def test_a_changed_sweep_is_refused(unbroken, change, words, command_line):
     folder, _ = unbroken
     before = (folder / "out" / CASES_FILE).read_bytes()
-    process = started(folder, *COMMAND, *change)
-    _, faults = process.communicate(timeout=60)
-    assert process.returncode == 2 and faults.count("\n") == 1 and faults.startswith("error: ")
+    done = command_line(*COMMAND, *change, "--out", folder / "out")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and done.stderr.startswith("error: ")
     for word in words:
-        assert word in faults
+        assert word in done.stderr
     assert (folder / "out" / CASES_FILE).read_bytes() == before
 
 
-def test_another_version_is_refused(unbroken, tmp_path: Path):
+def test_another_version_is_refused(unbroken, command_line, tmp_path: Path):
     folder, _ = unbroken
     (tmp_path / "out").mkdir()
     for path in (folder / "out").glob("*.json*"):
@@ -157,9 +156,8 @@ def test_another_version_is_refused(unbroken, tmp_path: Path):
         if path.name == "sweep.json":
             text = text.replace(f'"version": "{aerokernels.__version__}"', '"version": "0.0.9"')
         (tmp_path / "out" / path.name).write_text(text)
-    process = started(tmp_path, *COMMAND)
-    _, faults = process.communicate(timeout=60)
-    assert process.returncode == 2 and "0.0.9" in faults and "--out" in faults
+    done = command_line(*COMMAND)
+    assert done.returncode == 2 and "0.0.9" in done.stderr and "--out" in done.stderr
 
 
 def test_killed_in_the_middle_it_goes_on(unbroken, tmp_path: Path):

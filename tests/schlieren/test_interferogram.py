@@ -95,7 +95,7 @@ def test_datasets_carry_units():
         ({"fringe_angle": 90.0}, r"fringe_angle = 90.0: .* radians .* is it in degrees\?"),
         ({"visibility": 2.0}, "visibility"),
         ({"exposure": math.nan}, "exposure"),
-        ({"rays_per_pixel": 0}, "rays_per_pixel 0"),
+        ({r"rays_per_pixel": 0}, "rays_per_pixel .* at least 1, got 0"),
     ],
 )
 def test_arguments_that_make_no_sense(options: dict, match: str):

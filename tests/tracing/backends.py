@@ -60,6 +60,14 @@ def on(engine: str) -> dict[str, str]:
     return dict(found)
 
 
+def all_on(kind: str) -> list[dict[str, str]]:
+    """`backend` and `device` of each engine that is there on a "cpu" or a "gpu"; the test is skipped without any."""
+    found = [_found(f"{backend}-{kind}") for backend in ("warp", "opencl")]
+    if not (there := [dict(one) for one in found if not isinstance(one, str)]):
+        pytest.skip("; ".join(map(str, found)))
+    return there
+
+
 @functools.cache
 def _found(engine: str) -> dict[str, str] | str:
     backend, _, kind = engine.partition("-")

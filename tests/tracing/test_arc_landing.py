@@ -8,6 +8,8 @@ Expected: every ray ends with the status OK where error control ends it, as exac
 distance falls by 8 when the step is halved, the third order of a cubic field. Found: 2.5e-7 and 3.2e-8 m.
 """
 
+import functools
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -33,16 +35,23 @@ def rays() -> RayBundle:
     return RayBundle(position, np.c_[rng.uniform(-0.1, 0.1, (2000, 2)), np.ones(2000)])
 
 
+@functools.cache
+def ends() -> np.ndarray:
+    """Where the rays end by error control, on the engine that "auto" takes [m]: one answer for all engines."""
+    exact = trace(strong_field(), rays(), until=ArcLength(LENGTH), precision="float64", tolerance=1e-6)
+    assert exact.ok.all()
+    return exact.position
+
+
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize("engine", ENGINES)
 def test_all_rays_end_at_the_arc_length(engine, precision):
     field, bundle, until = strong_field(), rays(), ArcLength(LENGTH)
-    exact = trace(field, bundle, until=until, backend=on(engine)["backend"], precision="float64", tolerance=1e-6)
     off = []
     for step in (1.5 * CELL, 0.75 * CELL):
         found = trace(field, bundle, until=until, method="fixed", step=step, precision=precision, **on(engine))
         assert found.ok.all(), found.status_summary()
-        off.append(np.linalg.norm(found.position - exact.position, axis=1).max())
+        off.append(np.linalg.norm(found.position - ends(), axis=1).max())
     assert off[1] < off[0] / 6.0
 
 
@@ -51,6 +60,5 @@ def test_so_does_the_reference_engine(method):
     some = rays()[::20]
     step = 1.5 * CELL if method == "fixed" else None
     found = trace(strong_field(), some, until=ArcLength(LENGTH), backend="reference", method=method, step=step)
-    exact = trace(strong_field(), some, until=ArcLength(LENGTH), precision="float64", tolerance=1e-6)
     assert found.ok.all()
-    assert np.linalg.norm(found.position - exact.position, axis=1).max() < 3e-7
+    assert np.linalg.norm(found.position - ends()[::20], axis=1).max() < 3e-7

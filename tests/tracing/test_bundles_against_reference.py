@@ -12,25 +12,25 @@ from tests.draws import bundle_check
 from tests.draws.bundle_check import check
 from tests.draws.bundle_draws import WAVE, draw
 
-from .backends import ENGINES, on
+from .backends import all_on
 
 PRECISION = {"volume": "float32", "planar": "float64", "axisymmetric": "float32"}
 BUNDLES = 10
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("kind", ["cpu", pytest.param("gpu", marks=pytest.mark.gpu)])
 @pytest.mark.parametrize("geometry", list(PRECISION))
-def test_bundles(geometry, engine):
-    """No ray of any bundle is beyond its tolerance without a status that says so."""
-    backend = on(engine)
+def test_bundles(geometry, kind):
+    """No ray of any bundle is beyond its tolerance without a status that says so; one reference for both engines."""
+    engines = all_on(kind)
     findings = []
     for seed in range(BUNDLES):
-        kind = {"geometry": geometry, "precision": PRECISION[geometry], "interpolation": "cubic"}
-        case = draw(1000 + seed, **kind)
+        chosen = {"geometry": geometry, "precision": PRECISION[geometry], "interpolation": "cubic"}
+        case = draw(1000 + seed, **chosen)
         if case.kind["bundle"] == "spanwise":  # a thousand boxes along x: each of them costs as much as a whole bundle
-            case = draw(1000 + seed, count="300", **kind)
+            case = draw(1000 + seed, count="300", **chosen)
         try:
-            found = check(case, backend, sample=40)[0]
+            found = check(case, engines, sample=40)[0]
         except ValueError as refusal:  # some draws miss the box with every ray
             assert "meets the field" in str(refusal), case
             continue
@@ -52,7 +52,7 @@ def test_an_error_that_is_planted_is_found(monkeypatch, name, amount, what):
         return result
 
     monkeypatch.setattr(bundle_check, "trace", spoiled)
-    findings, compared, _ = check(case, {"backend": "spoiled"})
+    findings, compared, _ = check(case, [{"backend": "spoiled"}])
     assert compared == 300 and [(f.what, f.ray) for f in findings] == [(what, 7)]
 
 

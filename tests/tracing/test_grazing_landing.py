@@ -10,7 +10,7 @@ from aerokernels.tracing.lines import FACES, box_span, crossing_of_box
 from tests.draws.bundle_check import check
 from tests.draws.bundle_draws import draw
 
-from .backends import ENGINES, WAVE, on
+from .backends import ENGINES, WAVE, all_on, on
 
 CELL = 1e-5
 HALF = 1.5e-4
@@ -46,12 +46,12 @@ def test_a_ray_that_rises_from_a_face_and_sinks_back_ends_on_it(engine, precisio
     assert np.abs(got.position - right.position)[~reported].max() < 1e-9
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("kind", ["cpu", pytest.param("gpu", marks=pytest.mark.gpu)])
 @pytest.mark.parametrize("seed", [44, 80])
-def test_rays_that_slide_along_a_face_are_right_or_say_so(engine, seed):
+def test_rays_that_slide_along_a_face_are_right_or_say_so(kind, seed):
     """Starts on the faces, slopes of 1e-8 to 1e-6: off by 0.17 and 3.3 waves once, own estimates of 1e-8 and less."""
-    findings, compared, _ = check(draw(seed), on(engine))
-    assert not findings and compared == 300
+    findings, compared, _ = check(draw(seed), all_on(kind))
+    assert not findings and compared >= 300
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -12,6 +12,8 @@ from tests.small_fields import oblique_rays
 from .backends import ENGINES, on
 
 UP = (0.0, 0.0, 1.0)
+BELL = np.sin(np.pi * np.arange(21) / 20.0) ** 4
+SMOOTH = 1e-6 * BELL[:, None, None] * BELL[:, None] * BELL
 
 
 def one(position, direction, field=None, **settings):
@@ -40,6 +42,25 @@ def test_a_plane_that_is_never_reached(normal, engine):
     result = one((0, 0, -1e-3), UP, until=Plane((5e-3, 0, -2e-3), normal), **backend)
     assert result.status[0] == RayStatus.STOP_NOT_REACHED
     assert np.isfinite(result.position).all() and np.isfinite(result.opd).all()
+
+
+@pytest.mark.parametrize("engine", [*ENGINES, "reference"])
+def test_a_plane_almost_parallel_to_the_rays_is_parallel(engine):
+    """Their straight lines meet it a thousand million times as far away as it is; took all steps before it gave up.
+
+    The plane lies beside the box: rays are those of a plane that is exactly parallel.
+    """
+    backend = {"backend": "reference"} if engine == "reference" else on(engine)
+    field = IndexField.from_samples(SMOOTH, origin=(-1e-3, -1e-3, 0.0), spacing=(1e-4,) * 3, geometry="volume")
+    rays = RayBundle([[-3e-4, 2e-4, -1e-3], [0.0, 0.0, -1e-3], [6e-4, 1e-4, -1e-3]], UP)
+    parallel, *almost = (
+        trace(field, rays, until=Plane((5e-3, 0.0, -2e-3), (1.0, 0.0, slope)), **backend)
+        for slope in (0.0, 1e-12, 0.99e-9)
+    )
+    assert (parallel.status == RayStatus.STOP_NOT_REACHED).all() and (parallel.step_count < 1000).all()
+    for result in almost:
+        assert np.array_equal(result.status, parallel.status)
+        np.testing.assert_allclose(result.opd, parallel.opd, rtol=1e-6)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -9,7 +9,7 @@ import pytest
 from aerokernels import Annulus, Disc, Mask, Rectangle, Wavefront
 from aerokernels.wavefront import fit_tilt, remove_terms
 from aerokernels.wavefront.grid import pupil_grid
-from aerokernels.wavefront.modes import fit_zernike, zernike_errors, zernike_surface
+from aerokernels.wavefront.modes import fit_zernike, most_polynomials, zernike_errors, zernike_surface
 from aerokernels.wavefront.pixel_errors import _steps_at_extremes, pixel_errors, zernike_pixel_errors
 from aerokernels.wavefront.pixel_weights import exact_weights
 from aerokernels.wavefront.scattered import _beyond, _check_cover, _interpolated
@@ -316,3 +316,30 @@ def test_each_sample_is_predicted_from_seven_eighths_of_the_others(count: int):
     turned = Wavefront.from_samples(space, values, pupil, WAVELENGTH, pixel_count=6)
     np.testing.assert_allclose(turned.opd[turned.lit], wave.opd[wave.lit], atol=1e-13)
     assert "samples" not in turned.error
+
+
+@pytest.mark.parametrize("pupil", [Disc(5e-3), Rectangle(1e-2, 4e-3), Annulus(5e-3, 3e-3)])
+def test_polynomials_that_columns_of_pixels_do_not_distinguish_are_refused_without_a_fit(pupil):
+    """Never fewer than have singular values above 1e-9 of the greatest one, and no more than one order above."""
+    _, pixel, weight, intensity = pupil_grid(pupil, 20)
+    wave = Wavefront(np.zeros(weight.shape), weight, pixel, WAVELENGTH, intensity=intensity, radius=5e-3, pupil=pupil)
+
+    def distinct(order: int) -> bool:
+        modes = zernike_modes((order + 1) * (order + 2) // 2, *(wave.points.T / 5e-3))
+        size = np.linalg.svd(modes * np.sqrt(wave.samples[1]), compute_uv=False)
+        return len(wave.points) >= len(modes) and size[-1] > 1e-9 * size[0]
+
+    greatest = max(order for order in range(1, 22) if distinct(order))
+    most = most_polynomials(wave, 10**6)
+    assert most in [(order + 1) * (order + 2) // 2 for order in (greatest, greatest + 1)]
+    assert most_polynomials(wave, most) == most and most_polynomials(wave, 10) == 10
+    assert most_polynomials(wave, len(wave.points) + 1) < len(wave.points)
+
+
+def test_too_many_polynomials_for_the_memory_are_refused():
+    """50,000 of them on 55,000 pixels: a matrix of 22 GB."""
+    weight = np.ones((235, 235))
+    wave = Wavefront(0.0 * weight, weight, 1e-4, WAVELENGTH)
+    with pytest.raises(ValueError, match="55225 samples cannot distinguish 50000 Zernike polynomials, only about"):
+        wave.zernike(50_000)
+    assert np.isinf(wave.zernike_errors(50_000)).all()

@@ -41,7 +41,7 @@ def worker_environments(workers: int | None, case_count: int, devices: set[str |
     """
     gpus = visible_gpus() if devices <= {None} else []
     cores = core_count()
-    count = workers if workers is not None else len(gpus) or min(cores, 8)
+    count = int(workers) if workers is not None else len(gpus) or min(cores, 8)
     count = max(1, min(count, case_count))
     share = str(max(1, cores // count))
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "POCL_CPU_MAX_CU_COUNT"), share)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from aerokernels.files.one_writer import only_writer
 from aerokernels.inputs.checks import check_path
+from aerokernels.inputs.kinds import as_whole
 from aerokernels.jobs.store import REPORT_FILE, check_output_folder, read_result, replace_result, write_text
 from aerokernels.jobs.sweeps.definition import Definition, checked_scenes, define
 from aerokernels.jobs.sweeps.records import (
@@ -233,7 +234,7 @@ def check_options(executor: str, workers: int | None, scheduler: Any) -> None:
         raise ValueError(f"--scheduler {scheduler} needs --executor dask: add it, or drop --scheduler")
     if scheduler is not None and workers is not None:
         raise ValueError("--workers are started on this machine, and --scheduler has its own: give one of them")
-    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
+    if workers is not None and (as_whole(workers) or 0) < 1:
         raise ValueError(f"--workers {workers}: give a whole number of at least 1, or leave it out")
 
 

@@ -110,7 +110,7 @@ class Ends:
         has_stop = np.ones(len(start), dtype=bool)
         if isinstance(self.until, Plane):
             height, slope = (start - self.until.point) @ self.until.normal, heading @ self.until.normal
-            has_stop = (height == 0.0) | (height * slope < 0.0)
+            has_stop = (height == 0.0) | ((height * slope < 0.0) & (np.abs(slope) > LEAST_SLOPE))
             stop = np.where(height == 0.0, 0.0, -height / np.where(slope != 0.0, slope, 1.0))
         elif isinstance(self.until, ArcLength):
             stop = np.full(len(start), self.until.length)

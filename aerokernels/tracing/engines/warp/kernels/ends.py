@@ -47,7 +47,7 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
             slope = wp.dot(bounds.plane_normal, d)
             stop_distance = none
             if height != none:
-                has_stop = bool(height * slope < none)
+                has_stop = bool(height * slope < none and wp.abs(slope) > wp.float64(LEAST_SLOPE))
                 if has_stop:
                     stop_distance = -height / slope
             if height > none:

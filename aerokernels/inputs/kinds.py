@@ -1,0 +1,193 @@
+"""The kinds of value that a parameter accepts: numbers, whole numbers, texts, arrays, tuples and objects."""
+
+import math
+import types
+import typing
+from collections.abc import Iterable, Sequence
+from numbers import Real
+from typing import TYPE_CHECKING, Any, SupportsFloat, Union
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    Numbers = ArrayLike
+else:
+
+    class Numbers:
+        """Annotation of a parameter: real numbers in an array of any shape, or anything NumPy converts to one."""
+
+
+_SHOWN = 60  # characters of a value in a message
+
+
+class Kinds:
+    """The kinds of value that a parameter accepts; an annotation that is not known here accepts everything."""
+
+    def __init__(self, members: Iterable[Any], unit: str):
+        """Keep the members of an annotation, and the unit of the parameter."""
+        self.unit = unit
+        self.members = tuple(members)
+
+    @property
+    def has_classes(self) -> bool:
+        """Whether the parameter accepts objects of classes, or tuples."""
+        return any(isinstance(kind, tuple) for kind in self.members) or any(
+            isinstance(kind, type) and kind not in _NOUNS and kind not in (float, int) for kind in self.members
+        )
+
+    def whole(self, value: Any, parameter: str, owner: str) -> Any:
+        """Return the value, with floats such as 1e6 as whole numbers where only whole ones make sense.
+
+        Raises:
+            ValueError: A float that is not whole.
+        """
+        if int in self.members and float not in self.members and _is_float(value):
+            return _whole(value, parameter, owner)
+        for kind in self.members:
+            if isinstance(kind, tuple) and int in kind and _takes(kind, value) and any(map(_is_float, value)):
+                return tuple(_whole(one, parameter, owner) for one in value)
+        return value
+
+    def mistake(self, value: Any, parameter: str, owner: str) -> str:
+        """Return a message for a value that none of the kinds accepts; empty for an accepted one."""
+        for kind in self.members:
+            if _takes(kind, value):
+                return ""
+        wanted = " or ".join(dict.fromkeys(_described(kind, self.unit) for kind in self.members))
+        given = f"{shown(value)}{_remedy(value, self.members)}"
+        if np.ndarray in self.members and _are_complex(value):
+            given += ", which is complex"
+        return f"{parameter} must be {wanted}, got {given} (in {owner})"
+
+
+def members_of(annotation: Any) -> list[Any] | None:
+    """Return the kinds of an annotation, a union as its members; None if one of them is not known here."""
+    if annotation in (Numbers, ArrayLike):
+        return [np.ndarray]
+    origin = typing.get_origin(annotation)
+    if origin in (Union, types.UnionType):
+        parts = [members_of(part) for part in typing.get_args(annotation)]
+        return None if any(part is None for part in parts) else [kind for part in parts for kind in part or ()]
+    if origin is tuple:
+        parts_of = typing.get_args(annotation)
+        known = parts_of and all(part in (float, int) for part in parts_of)
+        return [parts_of] if known else None
+    if annotation in (None, type(None)):
+        return [type(None)]
+    if annotation is SupportsFloat or annotation is np.ndarray:
+        return [float if annotation is SupportsFloat else np.ndarray]
+    if annotation is Any or origin is not None or not isinstance(annotation, type):
+        return None
+    return None if getattr(annotation, "_is_protocol", False) else [annotation]
+
+
+def _takes(kind: Any, value: Any) -> bool:
+    if kind is float:
+        return is_number(value)
+    if kind is int:
+        return is_number(value)  # 1e4 may be a count: see Kinds.whole
+    if kind is bool:
+        return isinstance(value, (bool, np.bool_)) or (type(value) is int and value in (0, 1))
+    if kind is np.ndarray:
+        return are_numbers(value)
+    if isinstance(kind, tuple):
+        sized = isinstance(value, (tuple, list)) or (isinstance(value, np.ndarray) and value.ndim == 1)
+        return sized and len(value) == len(kind) and all(is_number(one) for one in value)
+    return value is None if kind is type(None) else isinstance(value, kind)
+
+
+def is_number(value: Any) -> bool:
+    """Return whether a value is one real number, but not True or False."""
+    if isinstance(value, (bool, np.bool_)):
+        return False
+    if type(value) is int:
+        return abs(value) < 10**308
+    if isinstance(value, Real):
+        return True
+    return getattr(value, "shape", None) == () and getattr(getattr(value, "dtype", None), "kind", "") in "iuf"
+
+
+def _is_float(value: Any) -> bool:
+    return is_number(value) and not isinstance(value, (int, np.integer))
+
+
+def are_numbers(value: Any) -> bool:
+    """Return whether NumPy converts a value to an array of real numbers."""
+    kind = getattr(getattr(value, "dtype", None), "kind", None)
+    if kind is None:
+        if hasattr(value, "__dlpack__"):  # an array of another library or device: the function that uses it checks it
+            return True
+        if isinstance(value, (str, bytes, dict, set, type)) or callable(value):
+            return False
+        try:
+            kind = np.asarray(value).dtype.kind
+        except (ValueError, TypeError, OverflowError):  # rows of different lengths, among others
+            return False
+    return kind in "iufb"
+
+
+def _are_complex(value: Any) -> bool:
+    try:
+        return np.asarray(value).dtype.kind == "c"
+    except (ValueError, TypeError, OverflowError):
+        return False
+
+
+def as_whole(value: Any) -> int | None:
+    """Return a whole number, which may be given as a float such as 1e6; None for any other value, and for True."""
+    if not is_number(value) or not (isinstance(value, (int, np.integer)) or float(value).is_integer()):
+        return None
+    return int(value)
+
+
+def _whole(value: Any, parameter: str, owner: str) -> int:
+    if (number := as_whole(value)) is None:
+        raise ValueError(f"{parameter} must be a whole number, got {shown(value)} (in {owner})")
+    return number
+
+
+_WORDS = {"m": "metres", "rad": "radians", "s": "seconds", "K": "kelvins", "Pa": "pascals", "W": "watts"}
+_NOUNS = {str: "a text", bool: "True or False", type(None): "None", np.ndarray: "real numbers"}
+
+
+def _described(kind: Any, unit: str) -> str:
+    of_unit = f" of {_WORDS.get(unit, unit)}" if unit else ""
+    if kind is float:
+        return f"a number{of_unit}"
+    if kind is int:
+        return "a whole number"
+    if kind is np.ndarray:
+        return f"an array of real numbers{of_unit}"
+    if isinstance(kind, tuple):
+        return f"{len(kind)} {'whole ' if int in kind else ''}numbers{of_unit}"
+    return _NOUNS.get(kind) or f"{'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}"
+
+
+def shown(value: Any) -> str:
+    """Return a value for a message: shortened, on one line, without ever raising."""
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if isinstance(value, np.ndarray):
+        return f"dtype {value.dtype} of shape {value.shape}"
+    if isinstance(value, int) and abs(value) >= 10**30:
+        return f"a whole number of {int(math.log10(abs(value))) + 1} digits"
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
+
+
+def _remedy(value: Any, members: Sequence[Any]) -> str:
+    """Return the SI number for a text with a unit, given where a number is needed, as a suggestion."""
+    if not (isinstance(value, str) and {float, int} & set(members)):
+        return ""
+    from .units import DIMENSIONS, quantity
+
+    for dimension in DIMENSIONS:
+        try:
+            return f": give {quantity(value, dimension):.9g}"
+        except ValueError:
+            continue
+    return ""
