@@ -12,6 +12,8 @@ from aerokernels.flow.reading.dataset import ReadError
 from aerokernels.flow.reading.vtk_collections import collection
 
 from . import vtk_writers, writers
+
+pytest.importorskip("vtkmodules")
 from .test_vtk_data import named
 
 TIMES = (0.0, 2.5e-5, 1e-4)
