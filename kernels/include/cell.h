@@ -87,12 +87,12 @@ static inline Local in_cell(__global const real *coefficients, int node, const F
     const int k = PLACE_AT_RAY;
     const real weight = k < 2 ? (k ? last->value[1] : last->value[0]) : (k < 3 ? last->value[2] : last->value[3]);
     const real slope = k < 2 ? (k ? last->slope[1] : last->slope[0]) : (k < 3 ? last->slope[2] : last->slope[3]);
-    const real along = sum_at_ray(slope * total);
+    const real along = sum_of_threads(slope * total);
     Local out;
-    out.value = sum_at_ray(weight * total);
-    out.first = sum_at_ray(weight * first);
+    out.value = sum_of_threads(weight * total);
+    out.first = sum_of_threads(weight * first);
 #if GEOMETRY == VOLUME
-    out.second = sum_at_ray(weight * second);
+    out.second = sum_of_threads(weight * second);
     out.third = along;
 #else
     out.second = along;

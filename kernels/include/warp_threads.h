@@ -45,7 +45,7 @@ static inline float across_ray(float number, int mask)
 }
 
 // The sum of a number over the threads of a ray, the same in all of them.
-static inline real sum_at_ray(real part)
+static inline real sum_of_threads(real part)
 {
 #pragma unroll
     for (int mask = 1; mask < THREADS; mask *= 2) {
