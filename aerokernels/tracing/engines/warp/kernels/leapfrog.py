@@ -39,6 +39,7 @@ from .ends import build_end, build_last_surface, build_start
 from .grid import build_sample
 from .motion import advance
 from .outputs import build_write_outputs
+from .quadrature import quadrature_weight
 from .support import (
     build_exit,
     build_keep_support,
@@ -55,20 +56,6 @@ from .wall import build_has_clearance
 MOST_REGISTERS = 128
 # The same for few rays, which wait for each other's results and not for memory: as many as there are.
 MOST_OF_FEW = 255
-
-
-@wp.func
-def quadrature_weight(k: int, count: int):
-    """Weight of sample k of `count`: the end-corrected midpoint rule."""
-    end = wp.min(k, count - 1 - k)
-    weight = wp.float64(1.0)
-    if end == 0:
-        weight = wp.float64(13.0) / wp.float64(12.0)
-    elif end == 1:
-        weight = wp.float64(0.875)
-    elif end == 2:
-        weight = wp.float64(25.0) / wp.float64(24.0)
-    return weight
 
 
 @built_once
