@@ -125,11 +125,10 @@ def _shares(
     first = axes[0]
 
     def fill(rows: slice) -> None:
-        here = [
-            along[(slice(None),) * first + (rows,)] if number == 0 else along for number, along in enumerate(cycles)
-        ]
-        for share, part in zip(shares, _shares_at(here, rates[axes], steps, edges, kind), strict=True):
-            share[(slice(None),) * first + (rows,)] = part
+        place = (slice(None),) * first + (rows,)
+        found = _shares_at([cycles[0][place], *cycles[1:]], rates[axes], steps, edges, kind)
+        for share, part in zip(shares, found, strict=True):
+            share[place] = part
 
     some = max(1, ROWS_AT_ONCE * size[first] // math.prod(size))
     in_threads(fill, [slice(row, row + some) for row in range(0, size[first], some)])

@@ -23,7 +23,6 @@ from .between_samples import MARGIN, MissedStructure, Spread, multiple_of_three
 from .cube_polynomials import approximate_deviation, may_have_cubes
 from .engines import engine_of
 from .error_limit import error_limit
-from .grid_tables import prepare_grid
 from .launch import Trials
 from .lever_arms import lever_arms_of
 from .pilot_levels import error_scales, greatest_bend, level_pair, levels_of
@@ -248,7 +247,6 @@ class _Fitting:
 
     def confirm(self, searched: int) -> _Fit | None:
         """This number of samples, or a few more; None if they are inaccurate or may miss structure."""
-        prepare_grid(engine_of(self.plan.backend, self.plan.device), self.grid)
         if searched < self._least_samples():
             return None
         count = self.structure.sufficient(searched)

@@ -55,7 +55,8 @@ def spot_width_error(wavefront: Any) -> float:
     place = wavefront.coordinate / wavefront.radius
     x, y = place[None, :], place[:, None]
     forms = (2.0 * (x**2 + y**2) - 1.0, x**2 - y**2, 2.0 * x * y)
+    width, by_sampling = spot_width(wavefront)
     widths = [
         replace(wavefront, opd=wavefront.opd + sign * error * form).fwhm for form in forms for sign in (1.0, -1.0)
     ]
-    return float(np.hypot(np.max(np.abs(np.array(widths) - wavefront.fwhm)), spot_width(wavefront)[1]))
+    return float(np.hypot(np.max(np.abs(np.array(widths) - width)), by_sampling))

@@ -1,7 +1,6 @@
 """Set the arguments of kernels, and lay out numbers and structs passed by value as the kernels' compiler does."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -61,7 +60,6 @@ class Kernel:
         given: The arguments that are set, which are not set again if unchanged.
         last: The list of arguments of the last launch.
         group: Work-items of a work-group.
-        free: Called when the kernel is deleted.
     """
 
     kernel: Any
@@ -70,13 +68,6 @@ class Kernel:
     given: list = field(default_factory=list)
     last: list | None = None
     group: int = WORK_GROUP
-    free: Callable[[], None] | None = None
-
-    def __del__(self) -> None:
-        """Pass the kernel object on: a finalizer would take several times as long, for nine kernels a field."""
-        if self.free is not None:
-            with suppress(Exception):  # the process may be ending
-                self.free()
 
     def set(self, arguments: list) -> None:
         """Set the arguments that have changed since the last launch.

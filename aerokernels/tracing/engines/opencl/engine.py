@@ -1,8 +1,8 @@
 """The OpenCL engine: uploads a field once, builds kernels specialised for a plan, and launches them in order."""
 
 import math
+import weakref
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -160,8 +160,9 @@ class Engine(Uploads):
     def _kernel(self, program, name: str, lanes: int = 1, items: int = 1) -> Kernel:
         """Return a kernel of a program; its kernel object is reused after the kernel is garbage-collected."""
         taken, given = take_kernel(self.session, program, name)
-        free = partial(give_back, self.session, program, name, taken, given)
-        return Kernel(taken, lanes, items, given, free=free)
+        kernel = Kernel(taken, lanes, items, given)
+        weakref.finalize(kernel, give_back, self.session, program, name, taken, given).atexit = False
+        return kernel
 
     def keeps(self, size: float) -> bool:
         """Never: no other library can read OpenCL's buffers."""
