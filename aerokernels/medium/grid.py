@@ -15,7 +15,7 @@ from ..derived import Derived
 from ..display.shown import shown
 from ..inputs.checks import check_choice
 from . import spline
-from .grid_places import GridPlaces
+from .grid_places import GridPlaces, places_of
 
 # Radius in cells within which the gradient of a linear interpolant is smoothed about r = 0, where the interpolant may
 # have a kink: rays that oscillate about the axis would otherwise reverse at every crossing.
@@ -27,8 +27,6 @@ LEAST_STEP_SHARE = 1e-11
 
 # Key of a function that copies coefficients from a device.
 FETCH = "fetch coefficients"
-# Key of the GridPlaces that a grid shares with others.
-PLACES = "places"
 
 
 def check_finite(array: np.ndarray, what: str) -> None:
@@ -147,6 +145,7 @@ class UniformGrid(Derived):
             object.__setattr__(self, name, value)
         if not np.isfinite(self.extremes).all():
             check_finite(samples, "the contrast")
+        _ = self.places  # shared with grids that exist now
 
     @cached_property
     def extremes(self) -> tuple[float, float]:
@@ -170,21 +169,10 @@ class UniformGrid(Derived):
         high.setflags(write=False)
         return high
 
-    @property
-    def shared_places(self) -> GridPlaces | None:
-        """Positions of the nodes, with results computed from them for this and other grids; None until shared."""
-        places: GridPlaces | None = self.held(PLACES)
-        return places
-
-    def share_places(self, other: "UniformGrid") -> None:
-        """Share the other grid's positions if its nodes are where this grid's are; otherwise start this grid's own."""
-        alike = self.shape == other.shape and self.even_first_axis == other.even_first_axis
-        alike = alike and np.array_equal(self.origin, other.origin) and np.array_equal(self.spacing, other.spacing)
-
-        def own() -> GridPlaces:
-            return GridPlaces(self.shape, self.origin, self.spacing, self.even_first_axis)
-
-        self.derive(PLACES, lambda: other.derive(PLACES, own) if alike else own())
+    @cached_property
+    def places(self) -> GridPlaces:
+        """Positions of the nodes, with results computed from them for all grids that have nodes there."""
+        return places_of(self.shape, self.origin, self.spacing, self.even_first_axis)
 
     @property
     def coefficient_shape(self) -> tuple[int, ...]:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -26,16 +27,29 @@ class GridPlaces(Derived):
     even_first_axis: bool
 
 
+_in_use: WeakValueDictionary[tuple, GridPlaces] = WeakValueDictionary()
+
+
+def places_of(shape: tuple[int, ...], origin: np.ndarray, spacing: np.ndarray, even_first_axis: bool) -> GridPlaces:
+    """Return the positions of such nodes: one object for all grids that exist at the same time.
+
+    The results cached on it live as long as one of these grids. The arguments are the attributes of GridPlaces.
+    """
+    key = shape, origin.tobytes(), spacing.tobytes(), even_first_axis
+    found = _in_use.get(key)
+    return found or _in_use.setdefault(key, GridPlaces(shape, origin, spacing, even_first_axis))
+
+
 def known(samples: Any, key: Hashable, make: Callable[[], Any], most: int) -> Any:
-    """Return the result of `make()`, cached with the node positions of a grid that shares them with other grids.
+    """Return the result of `make()`, cached with the positions of a uniform grid's nodes.
 
     For other samples `make()` is called each time.
 
     Args:
-        samples: The samples of a field; grids share positions by `UniformGrid.share_places`.
+        samples: The samples of a field.
         key: Names the result, as in `Derived.derive`. A result that depends on node values needs them in its key.
         make: Computes the result.
         most: Greatest number of results of this kind that are cached, the latest.
     """
-    places = getattr(samples, "shared_places", None)
+    places: GridPlaces | None = getattr(samples, "places", None)
     return make() if places is None else places.derive(key, make, most)

@@ -151,11 +151,9 @@ def _slabs(cubes: slice, count: int) -> Iterator[slice]:
 
 
 def _operators_on(grid: UniformGrid, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
-    """The operators of `_operators`, cached with the grid's node positions, or on a grid that does not share them."""
+    """The operators of `_operators`, cached with the grid's node positions."""
     key = "operators of cubes", inside
-    found: tuple[np.ndarray, int] = (grid.shared_places or grid).derive(
-        key, lambda: _operators(inside, grid.spacing), CACHED
-    )
+    found: tuple[np.ndarray, int] = grid.places.derive(key, lambda: _operators(inside, grid.spacing), CACHED)
     return found
 
 

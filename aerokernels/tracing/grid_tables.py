@@ -58,8 +58,8 @@ def begun_grid(engine: Engine, grid: UniformGrid) -> Callable[[], None]:
     size = 8 * math.prod(count + 2 for count in shape)
     if is_known or not engine.grid_tables or size > engine.memory[1]:
         return _nothing
-    tables = _Tables(engine, grid, GRID_KERNELS[:1] if is_flat else GRID_KERNELS)
-    read = tables.started(() if is_flat else engine.grid_tables)
+    tables = _Tables(engine, grid)
+    read = tables.started(engine.grid_tables)
 
     def finish() -> None:
         found = read()
@@ -81,20 +81,19 @@ def _nothing() -> None:
 class _Tables:
     """A grid on a device, and the launches that reduce it."""
 
-    def __init__(self, engine: Engine, grid: UniformGrid, names: tuple[str, ...]):
-        self.engine, self.grid, self.kernels = engine, grid, engine.kernels(names)
-        self.shape = grid.shape
+    def __init__(self, engine: Engine, grid: UniformGrid):
+        self.engine, self.grid, self.kernels = engine, grid, engine.kernels(GRID_KERNELS)
         self.block = block_size(grid)
         self.samples = engine.share(grid.samples.reshape(-1))
         # On a CPU the coefficients share memory with the host: allocating memory takes as long as a spline.
         self.on_host = None if engine.is_gpu else np.empty(math.prod(grid.coefficient_shape))
-        *others, last = self.shape
+        *others, last = grid.shape
         self.spare = engine.empty(math.prod(count + 2 for count in others) * last)
         self.coefficients = self._spline()
 
     def _spline(self) -> Any:
         """Coefficients of the potential's spline, axis by axis."""
-        values, shape, engine = self.samples, list(self.shape), self.engine
+        values, shape, engine = self.samples, list(self.grid.shape), self.engine
         count = math.prod(self.grid.coefficient_shape)
         whole = engine.empty(count) if self.on_host is None else engine.share(self.on_host)
         for axis, made in enumerate((whole, self.spare, whole)[-len(shape) :]):
@@ -116,12 +115,10 @@ class _Tables:
 
     def started(self, names: tuple[str, ...]) -> Callable[[], dict[str, Any]]:
         """Start the launches of some tables; return a function that waits for the tables, by name."""
-        if not names:
-            return dict
-        first, second, third = (count + 2 for count in self.shape)
-        blocks = [_blocks(count, self.block) for count in self.shape]
+        blocks = [_blocks(count, self.block) for count in self.grid.shape]
         sizes = [4 * math.prod(blocks)]
         if "potential peaks" in names:
+            first, second, third = _three(self.grid.coefficient_shape)
             sizes += [second * third, first * third]
         reading = self.engine.fetched([np.empty(size) for size in sizes])
         in_blocks, *lines = reading.buffers
@@ -132,34 +129,37 @@ class _Tables:
 
         def read() -> dict[str, Any]:
             in_blocks, *lines = reading.taken()
-            *fourth, potential = in_blocks.reshape(4, *blocks)
+            *fourth, potential = in_blocks.reshape(4, *blocks)  # of a grid of two axes the first is of no axis
             found = {"roughness": self._by_axis(*fourth), "potential by blocks": potential}
             if lines:
-                found["potential peaks"] = _peaks_of(lines[0].reshape(second, third), lines[1].reshape(first, third))
+                peaks = _peaks_of(lines[0].reshape(second, third), lines[1].reshape(first, third))
+                found["potential peaks"] = peaks[-len(blocks) :]
             return found
 
         return read
 
     def _by_blocks(self, made: Any) -> None:
         """Launch the greatest fourth differences along each axis and potential in each block, into this buffer."""
-        first, second, third = self.shape
+        grid = self.grid
+        first, second, third = _three(grid.shape)
         columns = _blocks(first, self.block) * _blocks(second, self.block) * third
-        before = [self.coefficients, self.samples, *self.shape, self.block, self.grid.ambient_index]
+        even = int(grid.even_first_axis and first == 1)
+        before = [self.coefficients, self.samples, first, second, third, self.block, even, grid.ambient_index]
         self.engine.launch(self.kernels["column_maxima"], before, [self.spare], columns)
         self._maxima(self.spare, 1, 4 * columns // third, third, self.block, made)
 
     def _by_axis(self, *fourth: np.ndarray) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
         """Convert to the form of step_bound.roughness_of_blocks."""
         scales = [self.grid.ambient_index * spacing**4 for spacing in self.grid.spacing]
-        derivatives = [part / scale for part, scale in zip(fourth, scales, strict=True)]
-        return self.block, derivatives, [np.zeros_like(part) for part in fourth]
+        derivatives = [part / scale for part, scale in zip(fourth[-len(scales) :], scales, strict=True)]
+        return self.block, derivatives, [np.zeros(derivatives[0].shape)] * len(scales)
 
     def _peaks(self, planes: Any, rows: Any) -> None:
         """Launch the greatest absolute coefficients along the first axis, and along the second, into these buffers.
 
         Lines of the last axis are contiguous in memory, which would be slower.
         """
-        first, second, third = (count + 2 for count in self.shape)
+        first, second, third = _three(self.grid.coefficient_shape)
         self._maxima(self.coefficients, second * third, 1, first, first, planes)
         self._maxima(self.coefficients, third, first, second, second, rows)
 
@@ -185,6 +185,12 @@ def _peaks_of(over_first: np.ndarray, over_second: np.ndarray) -> list[np.ndarra
     return [over_second.max(axis=1), over_first.max(axis=1), over_first.max(axis=0)]
 
 
+def _three(shape: tuple[int, ...]) -> tuple[int, int, int]:
+    """The shape of a grid as that of a volume; one of two axes is a single layer."""
+    first, second, third = (1, *shape)[-3:]
+    return first, second, third
+
+
 def _blocks(count: int, block: int) -> int:
     """Number of blocks of the cells between so many nodes."""
-    return (count - 2) // block + 1
+    return max(count - 2, 0) // block + 1

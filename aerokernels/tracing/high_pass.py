@@ -38,11 +38,11 @@ COARSE = 1.35
 # second.
 LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
 # Weights of the last transforms are cached with a grid's node positions, if they are no more numbers than this.
-CACHED, MOST_CACHED = 6, 1 << 21  # speed only
+CACHED, MOST_CACHED = 3, 1 << 21  # speed only
 # Weights that a thread computes at once.
 ROWS_AT_ONCE = 1 << 17  # speed only
 # Nodes along an axis up to which matrices are faster than transforms, and number of pairs of matrices in the cache.
-MOST_ALONG, CACHED_ALONG = 512, 24  # speed only
+MOST_ALONG, CACHED_ALONG = 512, 12  # speed only
 
 
 def high_pass(
@@ -55,8 +55,7 @@ def high_pass(
 ) -> list[np.ndarray]:
     """For each edge, the potential over the ambient index without low frequencies along the rays [1].
 
-    A grid that shares its node positions takes matrices where all rays run along one axis: the same except for
-    rounding.
+    Where all rays run along one axis, matrices do what transforms do, except for rounding.
 
     Args:
         grid: The samples.
@@ -78,7 +77,7 @@ def high_pass(
     def find() -> list[np.ndarray]:
         return _shares(grid, rates, axes, spacing, edges, kind)
 
-    if len(axes) == 1 and grid.shared_places is not None and grid.shape[axes[0]] <= MOST_ALONG:
+    if len(axes) == 1 and grid.shape[axes[0]] <= MOST_ALONG:
         key = "high pass along an axis", rates.tobytes(), spacing, edges, kind
         passes = known(grid, key, lambda: [PassAlong.of_shares(share.ravel()) for share in find()], CACHED_ALONG)
         return _along(values, axes[0], passes, wanted, block_size(grid))

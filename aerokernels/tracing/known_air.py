@@ -97,8 +97,9 @@ def _find_face_strengths(field: IndexField) -> np.ndarray:
     samples = field.samples.samples
     first_axis = 3 - samples.ndim
     for axis in range(samples.ndim):
-        for side, layers in ((0, samples.take([0, 1], axis)), (1, samples.take([-2, -1], axis))):
-            found[2 * (first_axis + axis) + side] = np.abs(layers).max()
+        for side, layers in enumerate((slice(None, 2), slice(-2, None))):
+            outermost = samples[(slice(None),) * axis + (layers,)]
+            found[2 * (first_axis + axis) + side] = np.abs(outermost).max()
     if field.geometry == "axisymmetric":
         found[SIDE], found[:4] = found[3], 0.0
     return found
@@ -181,9 +182,9 @@ def _lost_by(field, position, direction, span, until, ends, weakest: float) -> t
         point = position[entering] + enter[:, None] * direction[entering]
         rest = stop[entering] - enter
         add(entering, point, direction[entering], chord, enter, span.entry_face[entering], rest, leaves=False)
-        for crossing in _exits(field, position, direction, span, stop, until, ends):
-            kept = strong[crossing[-1]]
-            rows, point, inward, chord, path, faces = (array[kept] for array in crossing)
+        for rows, point, inward, chord, path, faces in _exits(
+            field, position, direction, span, stop, until, ends, strong
+        ):
             add(rows, point, inward, chord, path, faces, distance=path, leaves=True)
     else:
         found = mesh_crossings(field, position, direction, stop, weakest)
@@ -199,10 +200,10 @@ def _lost_by(field, position, direction, span, until, ends, weakest: float) -> t
     return lost, face
 
 
-def _exits(field, position, direction, span, stop, until, ends):
+def _exits(field, position, direction, span, stop, until, ends, strong: np.ndarray):
     """Yield for rays that leave the box: rows, exit points, directions back, chords, path lengths outside, faces.
 
-    Where the traced ends are known, straight lines from the ends back to the box are used.
+    Only faces with disturbed air, `strong` by the number of the face, are examined. Where the traced ends are known, straight lines from the ends back to the box are used.
     """
     margin = ON_FACE * box_size(field)
     straight = span.meets & (span.exit_face >= 0) & (stop > span.leave + margin)
@@ -212,13 +213,13 @@ def _exits(field, position, direction, span, stop, until, ends):
         outside = back.meets & (back.entry_face >= 0) & span.meets
         if until is not None:
             outside &= back.enter > 2.0 * margin
-        rows = np.flatnonzero(outside)
+        rows = np.flatnonzero(outside & strong[back.entry_face])
         point = beyond[rows] - back.enter[rows, None] * ends[1][rows]
         path = np.full(len(rows), np.inf) if until is None else back.enter[rows] - margin
         chord = back.leave[rows] - back.enter[rows]
         yield rows, point, -ends[1][rows], chord, path, back.entry_face[rows]
         straight &= ~(outside if until is None else back.meets)
-    rows = np.flatnonzero(straight)
+    rows = np.flatnonzero(straight & strong[span.exit_face])
     point = position[rows] + span.leave[rows, None] * direction[rows]
     chord, path = span.leave[rows] - span.enter[rows], stop[rows] - span.leave[rows]
     yield rows, point, -direction[rows], chord, path, span.exit_face[rows]

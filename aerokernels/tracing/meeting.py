@@ -1,5 +1,6 @@
 """Reject a bundle of which no ray meets the field: its result would be that of empty air."""
 
+import weakref
 from itertools import chain
 
 import numpy as np
@@ -38,7 +39,8 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
     Raises:
         ValueError: No ray meets the box; the message gives the positions of box and rays and says what to check.
     """
-    if known(field.samples, ("meeting", field.geometry, rays), lambda: is_any_meeting(field, rays), CACHED):
+    place = "meeting", field.geometry, weakref.ref(rays)
+    if known(field.samples, place, lambda: is_any_meeting(field, rays), CACHED):
         return
     if greatest_contrast(field) == 0.0:
         return

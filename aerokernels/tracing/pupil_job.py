@@ -166,8 +166,6 @@ def make_job(
         ValueError: A name or number that makes no sense; symmetry=True without symmetry; no ray that meets the field.
     """
     _check_size(field, pupil)
-    if like is not None:
-        share_places(field, like.task.field)
     tolerance = choices["tolerance"]
     check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
     pilot, air_rays = (None, None) if like is None else like.samples
@@ -242,12 +240,6 @@ def make_job(
         is_radial=radial_rays > 0,
     )
     return PupilJob(plan, plan_of, until, per_replicate, task, air, pilot, sizes, is_known, like is not None)
-
-
-def share_places(field: IndexField, other: IndexField) -> None:
-    """Share results that depend only on the nodes' positions between two fields on the same uniform grid."""
-    if isinstance(field.samples, UniformGrid) and isinstance(other.samples, UniformGrid):
-        field.samples.share_places(other.samples)
 
 
 def _begun(field: IndexField, like: PupilJob | None) -> Callable[[], None]:

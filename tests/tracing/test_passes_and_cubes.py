@@ -322,7 +322,8 @@ def test_nothing_smooth_has_no_table():
 def test_the_greatest_displacement_of_lines():
     """Of the three numbers of the end point, of either sign, of lines that were traced; 0 where none was."""
     lattice = Lattice.empty(np.zeros(2), np.ones(2), (1, 1))
-    assert Refinement._bent(lattice) == 0.0
+    assert lattice.bent == 0.0
     lattice.values[1, 2] = [9.0, 8.0, 7.0, 6.0, 1.0, -3.0, 2.0, 5.0]
     lattice.values[3, 3] = [9.0, 8.0, 7.0, 6.0, 1.0, 0.5, -2.5, -5.0]
-    assert Refinement._bent(lattice) == 3.0
+    lattice.is_traced[1, 2] = lattice.is_traced[3, 3] = True
+    assert lattice.bent == 3.0

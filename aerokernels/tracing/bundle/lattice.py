@@ -1,4 +1,8 @@
-"""Traced lines on lattices of parameters, each twice as fine as the last, in blocks of four by four cells."""
+"""Traced lines on lattices of parameters, each twice as fine as the last, in blocks of four by four cells.
+
+Of a fine lattice only few lines are traced, but its arrays have room for all nodes. They are zero where none is traced
+and are read and written at traced nodes only, so that the system provides no memory for the rest.
+"""
 
 from dataclasses import dataclass
 
@@ -20,7 +24,7 @@ class Lattice:
         low: Parameters of the first node, shape (2,).
         step: Parameters from node to node, shape (2,).
         blocks: Blocks along each axis.
-        values: CHANNELS of each node, NaN where it was not traced or is not OK, shape (nu, nv, 8).
+        values: CHANNELS of each traced node, NaN where its line is not OK, shape (nu, nv, 8).
         line_class: Class of each node in nodes.FaceClasses, shape (nu, nv).
         costs: Step error [m], steps, evaluations, shape (nu, nv, 3).
         is_traced: Whether it was traced, shape (nu, nv).
@@ -38,15 +42,8 @@ class Lattice:
     def empty(cls, low: np.ndarray, step: np.ndarray, blocks: tuple[int, int]) -> "Lattice":
         """A lattice without traced nodes."""
         shape = tuple(CELLS * count + 1 for count in blocks)
-        return cls(
-            low,
-            step,
-            blocks,
-            np.full((*shape, CHANNELS), np.nan),
-            np.zeros(shape, np.int64),
-            np.zeros((*shape, 3)),
-            np.zeros(shape, bool),
-        )
+        values, costs = np.zeros((*shape, CHANNELS)), np.zeros((*shape, 3))
+        return cls(low, step, blocks, values, np.zeros(shape, np.int64), costs, np.zeros(shape, bool))
 
     @classmethod
     def coarsest(cls, low: np.ndarray, high: np.ndarray) -> "Lattice":
@@ -59,8 +56,9 @@ class Lattice:
     def halved(self) -> "Lattice":
         """Return the lattice of half the step, with the nodes that both share."""
         made = Lattice.empty(self.low, 0.5 * self.step, (2 * self.blocks[0], 2 * self.blocks[1]))
+        here = np.nonzero(self.is_traced)
         for name in ("values", "line_class", "costs", "is_traced"):
-            getattr(made, name)[::2, ::2] = getattr(self, name)
+            getattr(made, name)[::2, ::2][here] = getattr(self, name)[here]
         return made
 
     def take_over(self, finer_one: "Lattice") -> None:
@@ -86,23 +84,29 @@ class Lattice:
         self.values[at], self.line_class[at], self.costs[at] = traced.values, traced.line_class, traced.costs
         self.is_traced[at] = True
 
-    def _gather(self, name: str, blocks: np.ndarray, beside: int, fill) -> np.ndarray:
-        array = getattr(self, name)
-        if beside:
-            width = [(beside, beside)] * 2 + [(0, 0)] * (array.ndim - 2)
-            array = np.pad(array, width, constant_values=fill)
-        node = np.arange(NODES + 2 * beside)
-        rows = (CELLS * blocks[:, 0, None] + node)[:, :, None]
-        return np.asarray(array[rows, (CELLS * blocks[:, 1, None] + node)[:, None, :]])
+    @property
+    def bent(self) -> float:
+        """Greatest displacement of the traced lines from their undisturbed ends [m]."""
+        return float(np.nanmax(np.abs(self.values[self.is_traced, 4:7]), initial=0.0))
+
+    def _nodes_of(self, blocks: np.ndarray, beside: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Nodes of blocks (n, 2) and some beside them, as two arrays for indexing, and which of them are traced.
+
+        Of a node outside the lattice the nearest one is returned, and it counts as not traced.
+        """
+        node = np.arange(-beside, NODES + beside)
+        wanted = [CELLS * blocks[:, axis, None] + node for axis in (0, 1)]
+        inside = [np.clip(each, 0, size - 1) for each, size in zip(wanted, self.is_traced.shape, strict=True)]
+        rows, columns = inside[0][:, :, None], inside[1][:, None, :]
+        is_there = (wanted[0] == inside[0])[:, :, None] & (wanted[1] == inside[1])[:, None, :]
+        return rows, columns, is_there & self.is_traced[rows, columns]
 
     def are_uniform(self, blocks: np.ndarray) -> np.ndarray:
         """Whether all nodes of blocks (n, 2) are OK and of one class, shape (n,)."""
-        values, line_class = self._gather("values", blocks, 0, 0), self._gather("line_class", blocks, 0, 0)
-        return np.asarray(
-            np.isfinite(values[..., 0]).all(axis=(1, 2))
-            & (line_class == line_class[:, :1, :1]).all(axis=(1, 2))
-            & (line_class[:, 0, 0] >= 0)
-        )
+        *nodes, is_traced = self._nodes_of(blocks)
+        line_class = self.line_class[tuple(nodes)]
+        is_good = is_traced & np.isfinite(self.values[(*nodes, 0)]) & (line_class == line_class[:, :1, :1])
+        return np.asarray(is_good.all(axis=(1, 2)) & (line_class[:, 0, 0] >= 0))
 
     def block_classes(self, blocks: np.ndarray) -> np.ndarray:
         """Class of the lines of blocks (n, 2)."""
@@ -110,14 +114,16 @@ class Lattice:
 
     def block_costs(self, blocks: np.ndarray) -> np.ndarray:
         """Greatest step error [m], steps and evaluations of the nodes of blocks (n, 2), shape (n, 3)."""
-        return np.asarray(self._gather("costs", blocks, 0, 0).max(axis=(1, 2)))
+        *nodes, _ = self._nodes_of(blocks)
+        return np.asarray(self.costs[tuple(nodes)].max(axis=(1, 2)))
 
     def patches(self, blocks: np.ndarray, channels: int) -> np.ndarray:
         """Patches of uniform blocks (n, 2): see hermite.patches."""
-        line_class = self._gather("line_class", blocks, BESIDE, -1)
-        values = self._gather("values", blocks, BESIDE, np.nan)[..., :channels]
+        *nodes, is_traced = self._nodes_of(blocks, BESIDE)
+        line_class, values = self.line_class[tuple(nodes)], self.values[tuple(nodes)][..., :channels]
         middle = WINDOW // 2
-        usable = np.isfinite(values[..., 0]) & (line_class == line_class[:, middle, middle, None, None])
+        alike = line_class == line_class[:, middle, middle, None, None]
+        usable = is_traced & np.isfinite(values[..., 0]) & alike
         return patches(np.where(usable[..., None], values, 0.0), usable)
 
     def surplus(self, blocks: np.ndarray, made: np.ndarray, finer_one: "Lattice", scale: np.ndarray) -> np.ndarray:

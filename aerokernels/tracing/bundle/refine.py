@@ -134,7 +134,7 @@ class Refinement:
         nodes = finest.missing(_occupied(finest, counted))
         self._trace(finest, nodes)
         if not self.classes.are_all_alike:
-            self.classes = replace(self.classes, margin=MARGIN * self._bent(finest))
+            self.classes = replace(self.classes, margin=MARGIN * finest.bent)
             finest.line_class[tuple(nodes.T)] = self.classes.numbers(*family.rays(finest.parameters(nodes)))
         for coarse, fine in zip(lattices[-2::-1], lattices[:0:-1], strict=True):
             coarse.take_over(fine)
@@ -189,18 +189,13 @@ class Refinement:
     def _near_body(self, lattice: Lattice, blocks: np.ndarray) -> np.ndarray:
         if self.clearance is None or not len(blocks):
             return np.zeros(len(blocks), bool)
-        return ~self.clearance.of_blocks(*_middles(lattice, blocks), self._bent(lattice))
+        return ~self.clearance.of_blocks(*_middles(lattice, blocks), lattice.bent)
 
     def _bound(self, lattice: Lattice, blocks: np.ndarray) -> np.ndarray:
         if self.tubes is None or not len(blocks):
             return np.zeros(len(blocks))
         middle, half = _middles(lattice, blocks)
-        return self.tubes.missed(middle, half, lattice.step, np.full(len(blocks), self._bent(lattice)))
-
-    @staticmethod
-    def _bent(lattice: Lattice) -> float:
-        """Greatest displacement of the lines of a lattice from their undisturbed ends [m]."""
-        return float(np.nanmax(np.abs(lattice.values[..., 4:7]), initial=0.0))
+        return self.tubes.missed(middle, half, lattice.step, np.full(len(blocks), lattice.bent))
 
     def _until_resolved(self, lattice: Lattice, blocks: np.ndarray) -> np.ndarray:
         assert self.tubes is not None

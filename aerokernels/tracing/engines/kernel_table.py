@@ -125,6 +125,7 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("second_count", "int"),
         Value("third_count", "int"),
         Value("block", "int"),
+        Value("even", "int"),
         Value("ambient", "double"),
         Value("first_place", "int"),
         Value("maxima_out", "double*"),

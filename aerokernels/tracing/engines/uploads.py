@@ -116,7 +116,7 @@ class Uploads(ABC):
 
         if tables["step_bound_start"].max() >= 0:
             return upload()
-        holder = getattr(field.samples, "shared_places", None) or field
+        holder = getattr(field.samples, "places", field)
         arrays: dict[str, Any] = holder.derive((*self.grid_key[1:], "without step bounds", precision), upload)
         return arrays
 

@@ -76,14 +76,17 @@ def spline_lines(values_in, inverse_in, count, pitch, even, ambient, first_line,
 
 @wp.func
 def fourth_difference(
-    coefficients_in: wp.array(dtype=wp.float64), place: int, stride: int, is_inside: bool
+    coefficients_in: wp.array(dtype=wp.float64), place: int, stride: int, node: int, count: int, even: int
 ) -> wp.float64:
-    """Size of the fourth difference about an entry; 0 at the ends of an axis."""
-    if not is_inside:
+    """Size of the fourth difference about the entry of a node; 0 at an end of an axis that is not mirrored there."""
+    if node >= count - 1 or (node == 0 and even == 0):
         return wp.float64(0.0)
     four = wp.float64(4.0)
+    before = -2
+    if node == 0:
+        before = 2
     change = (
-        coefficients_in[place - 2 * stride]
+        coefficients_in[place + before * stride]
         - four * coefficients_in[place - stride]
         + wp.float64(6.0) * coefficients_in[place]
         - four * coefficients_in[place + stride]
@@ -95,9 +98,13 @@ def fourth_difference(
 @wp.kernel(enable_backward=False)
 @takes("column_maxima")
 def column_maxima(
-    coefficients_in, values_in, first_count, second_count, third_count, block, ambient, first_place, maxima_out
+    coefficients_in, values_in, first_count, second_count, third_count, block, even, ambient, first_place, maxima_out
 ):
-    """Greatest fourth differences and potential over the nodes of blocks along two axes, for nodes of the third."""
+    """Greatest fourth differences and potential over the nodes of blocks along two axes, for nodes of the third.
+
+    A grid of two axes has a first_count of 1 and one layer of coefficients. `even` is 1 where the second axis is
+    mirrored at its first node.
+    """
     place = wp.tid() + first_place
     blocks = (second_count - 2) // block + 1
     row = place // third_count
@@ -106,25 +113,20 @@ def column_maxima(
     second = (row - row // blocks * blocks) * block
     pitch = third_count + 2
     plane = (second_count + 2) * pitch
+    before_first = wp.min(first_count - 1, 1)
     along_first = wp.float64(0.0)
     along_second = wp.float64(0.0)
     along_third = wp.float64(0.0)
     potential = wp.float64(0.0)
     for i in range(first, wp.min(first + block, first_count - 1) + 1):
         for j in range(second, wp.min(second + block, second_count - 1) + 1):
-            c = (i + 1) * plane + (j + 1) * pitch + third + 1
+            c = (i + before_first) * plane + (j + 1) * pitch + third + 1
             value = value_at(values_in, (i * second_count + j) * third_count + third, ambient) / ambient
-            along_first = wp.max(
-                along_first, fourth_difference(coefficients_in, c, plane, i > 0 and i < first_count - 1)
-            )
-            along_second = wp.max(
-                along_second, fourth_difference(coefficients_in, c, pitch, j > 0 and j < second_count - 1)
-            )
-            along_third = wp.max(
-                along_third, fourth_difference(coefficients_in, c, 1, third > 0 and third < third_count - 1)
-            )
+            along_first = wp.max(along_first, fourth_difference(coefficients_in, c, plane, i, first_count, 0))
+            along_second = wp.max(along_second, fourth_difference(coefficients_in, c, pitch, j, second_count, even))
+            along_third = wp.max(along_third, fourth_difference(coefficients_in, c, 1, third, third_count, 0))
             potential = wp.max(potential, wp.abs(value))
-    table = ((first_count - 2) // block + 1) * blocks * third_count
+    table = (wp.max(first_count - 2, 0) // block + 1) * blocks * third_count
     maxima_out[place] = along_first
     maxima_out[table + place] = along_second
     maxima_out[2 * table + place] = along_third
