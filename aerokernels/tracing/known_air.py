@@ -203,7 +203,8 @@ def _lost_by(field, position, direction, span, until, ends, weakest: float) -> t
 def _exits(field, position, direction, span, stop, until, ends, strong: np.ndarray):
     """Yield for rays that leave the box: rows, exit points, directions back, chords, path lengths outside, faces.
 
-    Only faces with disturbed air, `strong` by the number of the face, are examined. Where the traced ends are known, straight lines from the ends back to the box are used.
+    Only faces with disturbed air, `strong` by the number of the face, are examined. Where the traced ends are known,
+    straight lines from the ends back to the box are used.
     """
     margin = ON_FACE * box_size(field)
     straight = span.meets & (span.exit_face >= 0) & (stop > span.leave + margin)

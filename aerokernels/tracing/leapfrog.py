@@ -35,6 +35,8 @@ from .unresolved import Sampling
 
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096
+# To search a field for structure between samples takes as long as tracing a ray under error control for so many nodes.
+NODES_OF_RAY = 16  # speed only
 # Greatest distance of samples in cells. Structure between the samples is bounded from the field as well.
 WIDEST = 6.0
 LEAST_SAMPLES = 36
@@ -69,6 +71,12 @@ def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
     if not (isinstance(field.samples, UniformGrid) and field.interpolation == "cubic"):
         return False
     return ray_count >= LEAST_RAYS and not isinstance(until, ArcLength)
+
+
+def pays_once(field: IndexField, ray_count: int) -> bool:
+    """Whether the plan of a bundle that is traced once takes less time than leapfrog saves."""
+    grid = field.samples
+    return isinstance(grid, UniformGrid) and ray_count >= max(LEAST_RAYS, grid.samples.size // NODES_OF_RAY)
 
 
 def spread_of(geometry: str, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> RayBundle:

@@ -20,7 +20,7 @@ from .engines.choice import choose_backend
 from .engines.device_memory import memory_of
 from .error_limit import error_limit
 from .grid_tables import prepare_grid
-from .leapfrog import fit_leapfrog, may_be_leapfrog, spread_of
+from .leapfrog import fit_leapfrog, may_be_leapfrog, pays_once, spread_of
 from .lever_arms import lever_arms_of
 from .lines import box_size
 from .plan import LEAPFROG, METHODS, PRECISIONS, TracePlan
@@ -75,6 +75,7 @@ def plan_rays(
     spread=None,
     like=None,
     sure_count: int | None = None,
+    is_once: bool = False,
     **choices,
 ) -> TracePlan:
     """Return the plan of a bundle: leapfrog where that meets the tolerance; `pilot()` makes some of its rays.
@@ -83,7 +84,7 @@ def plan_rays(
     corners; None if the pilot rays already show it.
     `like` is the plan of such rays through a field like this one; its number of samples is taken if the pilot confirms
     it. `sure_count` is the number of rays that are traced in any case, where others may not be: it decides whether a
-    table pays.
+    table pays. `is_once` tells that the plan has to pay for itself at the first trace.
 
     The other arguments are those of `make_plan`.
 
@@ -94,7 +95,8 @@ def plan_rays(
         # The box has no end in x: a ray may fly much farther in it than across its other axes.
         lever_arms = lever_arms_of(field, pilot(), until)
         choices["path_length"] = None if lever_arms is None else lever_arms.path_length
-    if method == "auto" and may_be_leapfrog(field, ray_count, until):
+    pays = not is_once or pays_once(field, ray_count)
+    if method == "auto" and pays and may_be_leapfrog(field, ray_count, until):
         # Its number of evaluations is not predicted: the pilot will show it.
         trial = make_plan(field, method="straight", wavelength=wavelength, **choices)
         if trial.backend != "reference":
@@ -107,8 +109,10 @@ def plan_rays(
     return make_plan(field, method=method, wavelength=wavelength, **choices)
 
 
-def plan_bundle(field: IndexField, rays: RayBundle, until, *, method="auto", step=None, **choices) -> TracePlan:
-    """Return the plan of a bundle whose rays are at hand; the other arguments are those of `make_plan`."""
+def plan_bundle(
+    field: IndexField, rays: RayBundle, until, *, method="auto", step=None, is_once=True, **choices
+) -> TracePlan:
+    """Return the plan of a bundle whose rays are at hand; the other arguments are those of `plan_rays`."""
     return plan_rays(
         field,
         lambda: rays.pilot,
@@ -117,6 +121,7 @@ def plan_bundle(field: IndexField, rays: RayBundle, until, *, method="auto", ste
         method=method,
         step=step,
         directions=rays.direction if rays.device is None else rays.pilot.direction,
+        is_once=is_once,
         spread=partial(spread_of, field.geometry, rays, until),
         **choices,
     )

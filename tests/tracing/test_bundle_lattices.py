@@ -10,7 +10,7 @@ from aerokernels.medium import Body
 from aerokernels.tracing.bundle.clearance import Clearance, Distances, distances_of
 from aerokernels.tracing.bundle.family import Family
 from aerokernels.tracing.bundle.hermite import WINDOW, finer, hermite_weights, patches, slope_matrix
-from aerokernels.tracing.bundle.lattice import Lattice
+from aerokernels.tracing.bundle.lattice import Lattice, no_lines
 from aerokernels.tracing.bundle.nodes import Traced
 from aerokernels.tracing.bundle.refine import _block_of, _middles, _occupied
 from aerokernels.tracing.bundle.roughness import _halved, roughness_of
@@ -27,33 +27,34 @@ def test_a_coarsest_lattice_has_about_square_cells():
     for extent, blocks in (((3.0, 3.0), (2, 2)), ((3.0, 1.0), (3, 1)), ((1.0, 9.0), (1, 6)), ((100.0, 1.0), (8, 1))):
         low = np.array([0.3, -0.7])
         made = Lattice.coarsest(low, low + extent)
-        assert made.blocks == blocks and made.is_traced.shape == tuple(4 * count + 1 for count in blocks)
+        assert made.blocks == blocks and made.row.shape == tuple(4 * count + 1 for count in blocks)
         np.testing.assert_allclose(made.step * 4 * np.array(blocks), extent)
-        last = np.array(made.is_traced.shape) - 1
+        last = np.array(made.row.shape) - 1
         np.testing.assert_allclose(made.parameters(np.array([[0, 0], last])), [low, low + extent])
-    lattice = Lattice.empty(np.zeros(2), np.array([0.5, 0.25]), (2, 1))
+    lattice = Lattice.empty(np.zeros(2), np.array([0.5, 0.25]), (2, 1), no_lines())
     nodes = np.array([[0, 0], [3, 2], [8, 4]])
     values = np.arange(24.0).reshape(3, 8)
     lattice.put(nodes, Traced(values, np.array([5, 6, 7]), np.arange(9.0).reshape(3, 3)))
     fine = lattice.halved()
-    assert fine.blocks == (4, 2) and fine.step.tolist() == [0.25, 0.125] and fine.is_traced.sum() == 3
-    np.testing.assert_array_equal(fine.values[tuple(2 * nodes.T)], values)
-    assert fine.line_class[tuple(2 * nodes.T)].tolist() == [5, 6, 7]
-    again = Lattice.empty(np.zeros(2), np.array([0.5, 0.25]), (2, 1))
+    assert fine.blocks == (4, 2) and fine.step.tolist() == [0.25, 0.125] and np.count_nonzero(fine.row) == 3
+    rows = fine.row[tuple(2 * nodes.T)]
+    np.testing.assert_array_equal(fine.lines.values[rows], values)
+    assert fine.lines.line_class[rows].tolist() == [5, 6, 7]
+    again = Lattice.empty(np.zeros(2), np.array([0.5, 0.25]), (2, 1), no_lines())
     again.take_over(fine)
-    np.testing.assert_array_equal(again.is_traced, lattice.is_traced)
-    np.testing.assert_array_equal(again.costs, lattice.costs)
+    np.testing.assert_array_equal(again.row, lattice.row)
+    np.testing.assert_array_equal(again.lines.costs, lattice.lines.costs)
     # Of the second block along the first axis all nodes but the two that were traced.
     missing = lattice.missing(np.array([[1, 0]]))
     expected = [(i, j) for i in range(4, 9) for j in range(5) if (i, j) != (8, 4)]
     assert [tuple(node) for node in missing.tolist()] == expected
-    assert np.isnan(lattice.values[1, 1]).all()
+    assert np.isnan(lattice.lines.values[lattice.row[1, 1]]).all()
 
 
 def filled(blocks: tuple[int, int], value) -> Lattice:
     """A lattice of which every node holds a function of its parameters, in one class."""
-    lattice = Lattice.empty(np.array([0.2, -0.3]), np.array([0.1, 0.15]), blocks)
-    nodes = np.argwhere(~lattice.is_traced)
+    lattice = Lattice.empty(np.array([0.2, -0.3]), np.array([0.1, 0.15]), blocks, no_lines())
+    nodes = np.argwhere(lattice.row == 0)
     u, v = lattice.parameters(nodes).T
     costs = np.c_[u + v, np.arange(len(nodes)), -np.arange(len(nodes))]
     lattice.put(
@@ -65,17 +66,19 @@ def filled(blocks: tuple[int, int], value) -> Lattice:
 def test_what_blocks_hold():
     """Classes, costs and whether all nodes are good, block by block, from slices of the arrays."""
     lattice = filled((3, 2), lambda u, v: u * v)
-    lattice.values[5, 6] = np.nan
-    lattice.line_class[9:, :4] = 4
-    lattice.line_class[9, 8] = -1
+    lines, row_of = lattice.lines, lattice.row
+    lines.values[row_of[5, 6]] = np.nan
+    lines.line_class[row_of[9:, :4]] = 4
+    lines.line_class[row_of[9, 8]] = -1
     blocks = np.argwhere(np.ones((3, 2), bool))
     uniform, costs = lattice.are_uniform(blocks), lattice.block_costs(blocks)
     for row, (i, j) in enumerate(blocks):
         part = slice(4 * i, 4 * i + 5), slice(4 * j, 4 * j + 5)
-        one_class = len(set(lattice.line_class[part].ravel())) == 1 and lattice.line_class[part].min() >= 0
-        assert uniform[row] == (one_class and np.isfinite(lattice.values[part]).all())
-        np.testing.assert_array_equal(costs[row], lattice.costs[part].max(axis=(0, 1)))
-        assert lattice.block_classes(blocks)[row] == lattice.line_class[4 * i, 4 * j]
+        there = lines.line_class[row_of[part]]
+        one_class = len(set(there.ravel())) == 1 and there.min() >= 0
+        assert uniform[row] == (one_class and np.isfinite(lines.values[row_of[part]]).all())
+        np.testing.assert_array_equal(costs[row], lines.costs[row_of[part]].max(axis=(0, 1)))
+        assert lattice.block_classes(blocks)[row] == there[0, 0]
     assert uniform.any() and not uniform.all()
     low, half = lattice.low, 2.0 * lattice.step
     middle, found = _middles(lattice, blocks)
@@ -107,13 +110,13 @@ def test_patches_of_a_lattice_are_exact_for_cubics():
             np.testing.assert_allclose(finer(made)[row, ..., channel], expected, rtol=1e-11)
     fine = filled((6, 4), cubic)
     fine.step = 0.5 * lattice.step
-    nodes = np.argwhere(fine.is_traced)
+    nodes = np.argwhere(fine.row)
     u, v = fine.parameters(nodes).T
-    fine.values[tuple(nodes.T)] = np.stack([(k + 1.0) * cubic(u, v) for k in range(8)], axis=1)
+    fine.lines.values[fine.row[tuple(nodes.T)]] = np.stack([(k + 1.0) * cubic(u, v) for k in range(8)], axis=1)
     scale = np.linspace(1.0, 2.0, 8)
-    fine.values[3, 5, 2] += 0.06
-    fine.values[21, 13] = np.nan
-    fine.is_traced[10, 10], fine.values[10, 10] = False, np.nan
+    fine.lines.values[fine.row[3, 5], 2] += 0.06
+    fine.lines.values[fine.row[21, 13]] = np.nan
+    fine.row[10, 10] = 0
     surplus = lattice.surplus(blocks, made, fine, scale)
     expected = np.zeros((6, 9, 9))
     expected[0, 3, 5] = 0.06 / scale[2]

@@ -11,7 +11,7 @@ from aerokernels.device_arrays import on_host
 from aerokernels.medium import Body, IndexField
 from aerokernels.process.clock import clocked
 from aerokernels.rays import Disc, RayBundle
-from aerokernels.strehl.estimate import estimate_strehl
+from aerokernels.strehl.estimate import estimate_strehl, plan_strehl
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
 from aerokernels.tracing.engines.opencl.tables import cell_polynomials
 from aerokernels.tracing.launch import launch
@@ -227,6 +227,21 @@ def test_who_is_sampled_evenly():
         noise((25, 25, 25), 0.4, width=1.0), origin=(-12e-4,) * 3, spacing=(CELL,) * 3, geometry="volume"
     )
     assert trace(wild, rays).plan.sample_count == 0
+
+
+def test_a_bundle_that_is_too_small_for_its_grid_is_not_searched_for_structure():
+    """A plan takes as long as tracing a ray for every sixteen nodes; a prepared pupil is planned once for many seeds."""
+    axis = np.linspace(-1.0, 1.0, 48)
+    bump = 1e-5 * np.exp(-4.0 * (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2))
+    field = IndexField.from_samples(bump, origin=(-24e-4,) * 3, spacing=(CELL,) * 3, geometry="volume")
+    few, many = bump.size // 16 - 1, bump.size // 16
+    assert few > LEAST_RAYS
+    rays = bundle(many)
+    assert trace(field, rays, bundle="off").plan.sample_count > 0
+    fewer = RayBundle(rays.position[:few], rays.direction[:few])
+    found = trace(field, fewer, bundle="off")
+    assert found.plan.sample_count == 0 and found.ok.all()
+    assert plan_strehl(field, Disc(4e-4, (0.0, 0.0, -3e-3)), ray_count=few)[0].sample_count > 0
 
 
 def test_a_smaller_tolerance_takes_more_samples_and_errs_less():

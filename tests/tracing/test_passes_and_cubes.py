@@ -13,7 +13,7 @@ from aerokernels.tracing.blocks import block_maxima, block_means
 from aerokernels.tracing.bundle.family import Family
 from aerokernels.tracing.bundle.hermite import hermite_weights
 from aerokernels.tracing.bundle.lattice import Lattice
-from aerokernels.tracing.bundle.nodes import FaceClasses
+from aerokernels.tracing.bundle.nodes import FaceClasses, Traced
 from aerokernels.tracing.bundle.refine import Limits, Refinement
 from aerokernels.tracing.bundle.tubes import Tubes
 from aerokernels.tracing.high_pass import _held_share, high_pass
@@ -321,9 +321,8 @@ def test_nothing_smooth_has_no_table():
 
 def test_the_greatest_displacement_of_lines():
     """Of the three numbers of the end point, of either sign, of lines that were traced; 0 where none was."""
-    lattice = Lattice.empty(np.zeros(2), np.ones(2), (1, 1))
+    lattice = Lattice.coarsest(np.zeros(2), np.ones(2))
     assert lattice.bent == 0.0
-    lattice.values[1, 2] = [9.0, 8.0, 7.0, 6.0, 1.0, -3.0, 2.0, 5.0]
-    lattice.values[3, 3] = [9.0, 8.0, 7.0, 6.0, 1.0, 0.5, -2.5, -5.0]
-    lattice.is_traced[1, 2] = lattice.is_traced[3, 3] = True
+    values = np.array([[9.0, 8.0, 7.0, 6.0, 1.0, -3.0, 2.0, 5.0], [9.0, 8.0, 7.0, 6.0, 1.0, 0.5, -2.5, -5.0]])
+    lattice.put(np.array([(1, 2), (3, 3)]), Traced(values, np.zeros(2, int), np.zeros((2, 3))))
     assert lattice.bent == 3.0

@@ -10,7 +10,7 @@ through the same faces, if the face matters: because it ends the trace, or becau
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -116,6 +116,12 @@ class Traced:
     values: np.ndarray
     line_class: np.ndarray
     costs: np.ndarray
+
+    @classmethod
+    def joined(cls, *parts: "Traced") -> "Traced":
+        """The lines of some lists, one list after the other."""
+        names = [entry.name for entry in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def trace_lines(family: Family, classes: FaceClasses, tracer: Tracer, parameters: np.ndarray) -> Traced:

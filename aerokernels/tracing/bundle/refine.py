@@ -135,7 +135,8 @@ class Refinement:
         self._trace(finest, nodes)
         if not self.classes.are_all_alike:
             self.classes = replace(self.classes, margin=MARGIN * finest.bent)
-            finest.line_class[tuple(nodes.T)] = self.classes.numbers(*family.rays(finest.parameters(nodes)))
+            numbers = self.classes.numbers(*family.rays(finest.parameters(nodes)))
+            finest.lines.line_class[finest.row[tuple(nodes.T)]] = numbers
         for coarse, fine in zip(lattices[-2::-1], lattices[:0:-1], strict=True):
             coarse.take_over(fine)
         blocks = _occupied(lattices[0], counted)
@@ -208,7 +209,7 @@ class Refinement:
         if not len(blocks):
             return np.zeros(0)
         nodes = (8 * blocks[:, None] + CHECKED).reshape(-1, 2)
-        nodes = nodes[~finer.is_traced[tuple(nodes.T)]]
+        nodes = nodes[finer.row[tuple(nodes.T)] == 0]
         self._trace(finer, nodes)
         made = lattice.patches(blocks, self.channels)
         return lattice.surplus(blocks, made, finer, self.limits.scale).max(axis=(1, 2))

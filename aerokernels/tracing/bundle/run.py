@@ -15,7 +15,7 @@ from ..engines.device_memory import memory_of
 from ..error_limit import error_limit
 from ..known_air import face_strengths
 from ..launch import in_chunks, starts_of
-from ..leapfrog import LEAST_RAYS
+from ..leapfrog import LEAST_RAYS, pays_once
 from ..lever_arms import lever_arms_of
 from ..lines import box_size
 from ..meeting import check_meeting
@@ -119,8 +119,8 @@ def _recognised(request: BundleRequest) -> tuple[Family, BundleTable, TracePlan]
     table = find_table(request, family)
     if table is None:
         return "no map between traced rays is smooth enough"
-    key = ("plan of lines", family.key, request.wavelength, tuple(request.choices.values()))
-    return family, table, request.field.derive(key, lambda: _line_plan(request, 1.0), CACHED)
+    tolerance = request.choices["tolerance"]
+    return family, table, replace(_line_plan(request), tolerance=tolerance, predicted_error=tolerance)
 
 
 def find_table(request: BundleRequest, family: Family) -> BundleTable | None:
@@ -163,29 +163,33 @@ class _Tracer:
 
     def __init__(self, request: BundleRequest):
         self.request = request
-        self.few = _line_plan(request, TRACED_SHARE)
+        self.few = _line_plan(request)
         self.many: TracePlan | None = None
 
     def __call__(self, rays: RayBundle) -> dict[str, np.ndarray]:
         request, plan = self.request, self.few
-        if rays.ray_count >= LEAST_RAYS:
+        if pays_once(request.field, rays.ray_count):
             self.many = self.many or _plan_many(request, rays, TRACED_SHARE)
             plan = self.many
         return on_host(request.run(request.field, rays, plan, request.until, request.wavelength, TRACED))
 
 
-def _line_plan(request: BundleRequest, share: float) -> TracePlan:
-    """The plan that traces rays with error control to a fraction `share` of the tolerance."""
-    choices = {**request.choices, "tolerance": share * request.choices["tolerance"]}
-    directions = request.rays.pilot.direction
-    return make_plan(
-        request.field, method="auto", step=None, wavelength=request.wavelength, directions=directions, **choices
+def _line_plan(request: BundleRequest) -> TracePlan:
+    """The plan that traces few lines, with error control to TRACED_SHARE of the tolerance; cached on the field."""
+    choices = {**request.choices, "tolerance": TRACED_SHARE * request.choices["tolerance"]}
+    given = {"method": "auto", "step": None, "wavelength": request.wavelength, **choices}
+    rays = request.rays
+    key = "plan of lines", weakref.ref(rays), tuple(given.values())
+    plan: TracePlan = request.field.derive(
+        key, lambda: make_plan(request.field, directions=rays.pilot.direction, **given), CACHED
     )
+    return plan
 
 
 def _plan_many(request: BundleRequest, rays: RayBundle, share: float) -> TracePlan:
     choices = {**request.choices, "tolerance": share * request.choices["tolerance"]}
-    return plan_bundle(request.field, rays, request.until, wavelength=request.wavelength, **choices)
+    # The plan is used for all lines of a table, or whenever rays of the family are traced.
+    return plan_bundle(request.field, rays, request.until, wavelength=request.wavelength, is_once=False, **choices)
 
 
 def _trace_left(request: BundleRequest, table: BundleTable, rows: Any, arrays: dict[str, Any]) -> None:
