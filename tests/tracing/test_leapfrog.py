@@ -230,7 +230,7 @@ def test_who_is_sampled_evenly():
 
 
 def test_a_bundle_that_is_too_small_for_its_grid_is_not_searched_for_structure():
-    """A plan takes as long as tracing a ray for every sixteen nodes; a prepared pupil is planned once for many seeds."""
+    """A plan takes as long as tracing a ray for every sixteen nodes; a prepared pupil is planned for many seeds."""
     axis = np.linspace(-1.0, 1.0, 48)
     bump = 1e-5 * np.exp(-4.0 * (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2))
     field = IndexField.from_samples(bump, origin=(-24e-4,) * 3, spacing=(CELL,) * 3, geometry="volume")
