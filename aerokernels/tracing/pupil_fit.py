@@ -52,7 +52,7 @@ def fit_moments(total: np.ndarray) -> tuple[float, np.ndarray, float, float]:
     count, *sums = total[:10].tolist()
     if count == 0:
         return 0.0, np.zeros(2), 0.0, 0.0
-    x, y, w, xx, xy, yy, xw, yw, ww = (number / count for number in sums)
+    x, y, w, xx, xy, yy, xw, yw, ww = [number / count for number in sums]
     a, b, c = xx - x * x, xy - x * y, yy - y * y
     right, up = xw - x * w, yw - y * w
     determinant = a * c - b * b
