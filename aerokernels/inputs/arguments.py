@@ -86,12 +86,12 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
         for parameter, value in arguments.items():
             if parameter in arrays:
                 refuse_masked(value, parameter)
-            if (kinds := takes.get(parameter)) is not None:
-                if parameter in arrays and (kinds.unit or parameter in _PRECISE):
+            if (taken := takes.get(parameter)) is not None:
+                if parameter in arrays and (taken.unit or parameter in _PRECISE):
                     refuse_half_precision(value, parameter)
-                if wrong := kinds.mistake(value, parameter, name):
+                if wrong := taken.mistake(value, parameter, name):
                     raise TypeError(wrong)
-                if kinds.are_numbers and (wrong := _out_of_proportion(value, parameter, name)):
+                if taken.are_numbers and (wrong := _out_of_proportion(value, parameter, name)):
                     raise ValueError(wrong)
         whole = {}
         for parameter, value in arguments.items():
