@@ -5,7 +5,17 @@ the host when they are first read, `pinned.py` the copies, `fetching.py` copies 
 checked or made on the device, `foreign.py` arrays of other libraries. Nothing here imports Warp before it is used.
 """
 
-from .array import DeviceArray, extremes_of, in_reach, is_one_row, on_host, rows_beside, rows_there, rows_where
+from .array import (
+    DeviceArray,
+    extremes_of,
+    in_reach,
+    is_one_row,
+    on_host,
+    rows_begun,
+    rows_beside,
+    rows_there,
+    rows_where,
+)
 from .foreign import device_array, host_array, plain_array
 from .on_touch import read_on_touch
 
@@ -19,6 +29,7 @@ __all__ = [
     "on_host",
     "plain_array",
     "read_on_touch",
+    "rows_begun",
     "rows_beside",
     "rows_there",
     "rows_where",

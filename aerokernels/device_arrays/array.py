@@ -1,5 +1,6 @@
 """Array on a device, one row per ray, that is copied to the host when it is first read there."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -183,11 +184,19 @@ def on_host(arrays: dict[str, Any]) -> dict[str, np.ndarray]:
 
 def rows_there(status: np.ndarray | DeviceArray, code: int) -> Any:
     """Return the numbers of the rays with a status, ascending, where `status` is: a warp.array or a NumPy array."""
-    if isinstance(status, DeviceArray):
-        from .selection import rows_on_device
+    return rows_begun(status, code)()
 
-        return rows_on_device(status.buffer, code)
-    return np.flatnonzero(np.asarray(status) == code)
+
+def rows_begun(status: np.ndarray | DeviceArray, code: int) -> Callable[[], Any]:
+    """Start to look for the rays with a status; return a function that waits for the result of `rows_there`.
+
+    A device searches as soon as it has done what was launched before.
+    """
+    if isinstance(status, DeviceArray):
+        from .selection import rows_begun as begun_there
+
+        return begun_there(status.buffer, code)
+    return lambda: np.flatnonzero(np.asarray(status) == code)
 
 
 def rows_beside(array: np.ndarray | DeviceArray, rows: np.ndarray) -> Any:

@@ -1,5 +1,6 @@
 """Selection of rays on the device: rays with a status, and rays at the extremes of a bundle."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,31 +14,46 @@ ROOM, THREADS = 1 << 12, 1 << 14
 
 def selected_rows(status: Any, code: int, error: Any, limit: float) -> np.ndarray:
     """Return the rows of `array.rows_where`; `status` and `error` are Warp arrays, `error` may be None."""
-    rows, found = _selected(status, code, error, limit, 1)
+    rows, found = _begun(status, code, error, limit, 1)()
     return np.sort(rows[:found].numpy()) if found else np.zeros(0, np.int32)
 
 
-def rows_on_device(status: Any, code: int) -> Any:
-    """Return the numbers of the rays with a status, ascending, as a warp.array on the device of `status`."""
-    rows, found = _selected(status, code, None, 0.0, 2)
-    if not found:
-        return wp.empty(0, dtype=wp.int32, device=status.device)
-    if found > 1:
-        wp.utils.radix_sort_pairs(rows, wp.empty(2 * found, dtype=wp.int32, device=status.device), found)
-    return rows[:found]
+def rows_begun(status: Any, code: int) -> Callable[[], Any]:
+    """Start to select the rays with a status; return a function that waits for `rows_there`, a warp.array."""
+    begun = _begun(status, code, None, 0.0, 2)
+
+    def wait() -> Any:
+        rows, found = begun()
+        if not found:
+            return wp.empty(0, dtype=wp.int32, device=status.device)
+        if found > 1:
+            wp.utils.radix_sort_pairs(rows, wp.empty(2 * found, dtype=wp.int32, device=status.device), found)
+        return rows[:found]
+
+    return wait
 
 
-def _selected(status: Any, code: int, error: Any, limit: float, copies: int) -> tuple[Any, int]:
-    """Return unordered numbers of rays, in an array with room for at least `copies` times as many, and their count."""
-    device, room = status.device, ROOM
-    while True:
+def _begun(status: Any, code: int, error: Any, limit: float, copies: int) -> Callable[[], tuple[Any, int]]:
+    """Start to select rays; return a function that waits for their unordered numbers and their count.
+
+    The array of numbers has room for at least `copies` times as many.
+    """
+    device = status.device
+
+    def launched(room: int) -> tuple[Any, Any]:
         rows, count = wp.empty(room, dtype=wp.int32, device=device), wp.zeros(1, dtype=wp.int32, device=device)
         given = [status, code, int(error is not None), error, limit, rows, count]
         wp.launch(select, dim=len(status), inputs=given, device=device)
-        found = int(count.numpy()[0])
-        if copies * found <= room:
-            return rows, found
-        room = copies * found
+        return rows, count
+
+    def wait() -> tuple[Any, int]:
+        rows, count = first
+        while copies * (found := int(count.numpy()[0])) > len(rows):
+            rows, count = launched(copies * found)
+        return rows, found
+
+    first = launched(ROOM)
+    return wait
 
 
 def extremes(values: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

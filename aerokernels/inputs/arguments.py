@@ -19,7 +19,7 @@ import math
 import re
 import traceback
 import typing
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
@@ -35,6 +35,8 @@ from .kinds import Numbers as Numbers  # public functions take both names from h
 F = TypeVar("F", bound=Callable[..., Any])
 # Beyond these, squares and products of four numbers leave float64's range; no physical quantity is near them.
 GREAT, SMALL = 1e60, 1e-60
+# Values that are no arrays of any library, by their exact type: most arguments.
+_PLAIN = frozenset((int, float, str, bool, type(None)))
 _PACKAGE = str(Path(__file__).resolve().parents[1])
 # Numbers that need more digits than half precision has, beside all that have a unit.
 _PRECISE = ("opd", "direction")
@@ -75,19 +77,21 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
             if wrong := _unknown_name(binding.signature, named):
                 raise TypeError(f"{name} has no argument {wrong}") from None
             return function(*given, **named)  # raises Python's own message for missing or extra arguments
-        if read := read_by_numpy(arguments.values()):
-            given = tuple(read.get(id(value), value) for value in given)
-            named = {key: read.get(id(value), value) for key, value in named.items()}
-            arguments = {key: read.get(id(value), value) for key, value in arguments.items()}
-        refuse_shuffled(arguments)
+        if arrays := {key: value for key, value in arguments.items() if type(value) not in _PLAIN and key != "self"}:
+            if read := read_by_numpy(arrays.values()):
+                given = tuple(read.get(id(value), value) for value in given)
+                named = {key: read.get(id(value), value) for key, value in named.items()}
+                arguments = {key: read.get(id(value), value) for key, value in arguments.items()}
+            refuse_shuffled(arrays)
         for parameter, value in arguments.items():
-            refuse_masked(value, parameter)
-            if parameter in takes:
-                if takes[parameter].unit or parameter in _PRECISE:
+            if parameter in arrays:
+                refuse_masked(value, parameter)
+            if (taken := takes.get(parameter)) is not None:
+                if parameter in arrays and (taken.unit or parameter in _PRECISE):
                     refuse_half_precision(value, parameter)
-                if wrong := takes[parameter].mistake(value, parameter, name):
+                if wrong := taken.mistake(value, parameter, name):
                     raise TypeError(wrong)
-                if wrong := _out_of_proportion(value, takes[parameter].members, parameter, name):
+                if taken.are_numbers and (wrong := _out_of_proportion(value, parameter, name)):
                     raise ValueError(wrong)
         whole = {}
         for parameter, value in arguments.items():
@@ -146,9 +150,9 @@ def _is_extreme(value: Any) -> bool:
     return False
 
 
-def _out_of_proportion(value: Any, members: Sequence[Any], parameter: str, owner: str) -> str:
+def _out_of_proportion(value: Any, parameter: str, owner: str) -> str:
     """Return a message for a number too large for any computation, or for a seed that is negative."""
-    if {float, int} & set(members) and is_number(value):
+    if is_number(value):
         if math.isfinite(value) and abs(float(value)) > GREAT and parameter != "tolerance":  # may be any
             return f"{parameter} = {shown(value)} is out of all proportion (in {owner}): give at most {GREAT:g}"
         if parameter == "seed" and not value >= 0:

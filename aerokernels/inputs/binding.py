@@ -23,6 +23,8 @@ class Binding:
         self._names = [each.name for each in parameters]
         self._known = set(self._names)
         self._needed = {each.name for each in parameters if each.default is inspect.Parameter.empty}
+        in_order = all(each.kind is PLAIN[0] for each in parameters if each.name in self._needed)
+        self._least = len(self._needed) if in_order else len(parameters) + 1  # positions that are enough without names
 
     def bind(self, given: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
         """Return the arguments by name, in the order of the parameters, without defaults.
@@ -32,6 +34,8 @@ class Binding:
         """
         if self._plain and len(given) <= len(self._in_order):
             arguments = dict(zip(self._in_order, given, strict=False))
+            if not named and len(given) >= self._least:
+                return arguments
             count = len(arguments) + len(named)
             arguments.update(named)
             if len(arguments) == count and self._needed <= arguments.keys() <= self._known:

@@ -184,6 +184,8 @@ def as_waveform(time, voltage, least_count: int = 4) -> Waveform:
 
 
 def _as_number(value: Any, name: str) -> float:
+    if type(value) is float:
+        return value
     if isinstance(value, (bool, str)) or isinstance(value, (list, tuple)) or np.ndim(value) != 0:
         raise TypeError(f"{name} must be one number, got {value!r}")
     try:

@@ -18,6 +18,8 @@ else:
         """Annotation of a parameter: real numbers in an array of any shape, or anything NumPy converts to one."""
 
 
+# Greater whole numbers are no float64; Python would compute a power at each use.
+_GREAT = 10**308
 _SHOWN = 60  # characters of a value in a message
 
 
@@ -28,6 +30,7 @@ class Kinds:
         """Keep the members of an annotation, and the unit of the parameter."""
         self.unit = unit
         self.members = tuple(members)
+        self.are_numbers = float in self.members or int in self.members
 
     @property
     def has_classes(self) -> bool:
@@ -42,6 +45,8 @@ class Kinds:
         Raises:
             ValueError: A float that is not whole.
         """
+        if type(value) is int:
+            return value
         if int in self.members and float not in self.members and _is_float(value):
             return _whole(value, parameter, owner)
         for kind in self.members:
@@ -102,7 +107,7 @@ def is_number(value: Any) -> bool:
     if isinstance(value, (bool, np.bool_)):
         return False
     if type(value) is int:
-        return abs(value) < 10**308
+        return abs(value) < _GREAT
     if isinstance(value, Real):
         return True
     return getattr(value, "shape", None) == () and getattr(getattr(value, "dtype", None), "kind", "") in "iuf"

@@ -18,7 +18,7 @@ from ..tracing.trace import retracer
 from ..wavefront.strehl_errors import STANDARD_ERRORS, strehl_error
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class StrehlBudget:
     """Compute the error budget of a StrehlEstimate when its `error` is read.
 

@@ -262,19 +262,19 @@ class PreparedStrehl:
         job, wavelength = self.job, self.wavelength
         run, why = job.run, []
         sums = run(seed)
-        traced, evaluations = job.traced_ray_count, sums.evaluation_count
+        traced, evaluations, standard_error = job.traced_ray_count, sums.evaluation_count, sums.standard_error
         for make in job.finer_runs:
             settled = job.settled(run)
-            if sums.standard_error <= settled:
+            if standard_error <= settled:
                 break
             run = make()
             sums, count = run(seed), run.task.per_replicate
+            standard_error = sums.standard_error
             traced += count * REPLICATES
             evaluations += sums.evaluation_count
             points = "radial quadrature" if job.is_radial else "lattice"
             finer = f"one of {REPLICATES} x {count}" if job.is_radial else "as many rays as requested"
             why.append(f"standard error of the {points} above {settled:g}, as at an edge: {finer}")
-        standard_error = sums.standard_error
         plan = job.planned_for(run, *why)
         if sums.rejected_count:
             plan = report_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
@@ -297,7 +297,7 @@ class PreparedStrehl:
         return StrehlEstimate(
             ray_count=job.per_replicate * REPLICATES,
             traced_ray_count=traced,
-            blocked=float(1.0 - np.add.reduce(sums.moments[:, 0]) / sums.ray_count),
+            blocked=1.0 - float(np.add.reduce(sums.moments[:, 0])) / sums.ray_count,
             plan=plan,
             budget=StrehlBudget(self.field, self.pupil, self.look, seed, job.until, wavelength, job.air),
             spread=spread,

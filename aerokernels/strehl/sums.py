@@ -7,7 +7,7 @@ import numpy as np
 from ..medium import IndexField
 from ..tracing.lines import box_size
 from ..tracing.meeting import greatest_contrast
-from ..tracing.pupil_fit import fit_terms
+from ..tracing.pupil_fit import rms_about
 
 # Fraction of the tolerance below which an optical path difference counts as zero.
 UNSEEN = 1e-3
@@ -28,7 +28,7 @@ def combined(
             "no ray of the pupil arrived beyond the field: all met the body or left their path; "
             "move the pupil, or turn its normal toward the flow"
         )
-    _, rms = fit_terms(total, remove, fit)
+    rms = rms_about(total, remove, fit)
     value = float(np.abs(np.add.reduce(phasor) / total[0]) ** 2)
     return {
         "value": value,

@@ -90,7 +90,11 @@ def starts_of(rays: RayBundle) -> tuple[Numbers, Numbers]:
 
 
 def in_chunks(
-    prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset, retry: MakeRetry | None = None
+    prepared: Prepared,
+    starts: tuple[Numbers, ...],
+    outputs: frozenset,
+    retry: MakeRetry | None = None,
+    then: Callable[[DeviceArray], None] | None = None,
 ) -> dict[str, Any]:
     """Launch a kernel over rays, chunk by chunk; return per-ray arrays by name.
 
@@ -101,11 +105,12 @@ def in_chunks(
         starts: Its per-ray arguments (position, direction), each of shape (ray_count, 3).
         outputs: Names of the arrays to fetch; the status always is, and "step_error" where rays are rejected.
         retry: Makes the next attempt for rejected rays, which follows each chunk on the device.
+        then: Starts further work on the statuses if they stay on the device: it is called before they are waited for.
     """
     engine, ray_count = prepared.engine, len(starts[0])
     if engine.keeps(ray_count * RAY_BYTES):
         try:
-            return _kept(prepared, starts, outputs, retry)
+            return _kept(prepared, starts, outputs, retry, then)
         except Exception as fault:
             if not lacks_memory(fault):
                 raise
@@ -247,7 +252,11 @@ def _empty(name: str, ray_count: int) -> np.ndarray:
 
 
 def _kept(
-    prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset, make_retry: MakeRetry | None
+    prepared: Prepared,
+    starts: tuple[Numbers, ...],
+    outputs: frozenset,
+    make_retry: MakeRetry | None,
+    then: Callable[[DeviceArray], None] | None,
 ) -> dict[str, Any]:
     """Launch rays on an engine that keeps all results, without waiting for copies that are under way to the host."""
     engine, ray_count = prepared.engine, len(starts[0])
@@ -265,6 +274,8 @@ def _kept(
                 retry.launch(prepared, given, results, rows)
             if fetching is not None:
                 fetching.rows(rows)
+        if then is not None:
+            then(DeviceArray(results["status"]))
         engine.wait()
     coming = {} if fetching is None else fetching.coming()
     arrays = {name: DeviceArray(results[name], coming.get(name)) for name in wanted}

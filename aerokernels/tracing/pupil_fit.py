@@ -36,7 +36,7 @@ def moments_in_metres(moments: np.ndarray, task: PupilTask, factors: np.ndarray 
     """Convert moments (replicates, MOMENT_COUNT), whose x and y are in units of the pupil's reach, to metres.
 
     Moments of radial quadrature, whose points all lie along x, are converted to those of the whole disc. `factors` are
-    those of `metres_of`, if they are known.
+    those of `metres_of`, if they are known, with more of them if the moments are followed by other sums.
     """
     moments = moments * (metres_of(task) if factors is None else factors)
     if task.is_radial:
@@ -52,30 +52,40 @@ def fit_moments(total: np.ndarray) -> tuple[float, np.ndarray, float, float]:
     count, *sums = total[:10].tolist()
     if count == 0:
         return 0.0, np.zeros(2), 0.0, 0.0
-    x, y, w, xx, xy, yy, xw, yw, ww = (number / count for number in sums)
+    x, y, w, xx, xy, yy, xw, yw, ww = [number / count for number in sums]
     a, b, c = xx - x * x, xy - x * y, yy - y * y
     right, up = xw - x * w, yw - y * w
     determinant = a * c - b * b
     if determinant > 1e-12 * max(a, c) ** 2:
-        tilt = np.array([(c * right - b * up) / determinant, (a * up - b * right) / determinant])
+        along, across = (c * right - b * up) / determinant, (a * up - b * right) / determinant
     else:  # all points on one line, or a single point
-        tilt = np.linalg.lstsq(np.array([[a, b], [b, c]]), np.array([right, up]), rcond=1e-12)[0]
+        along, across = np.linalg.lstsq(np.array([[a, b], [b, c]]), np.array([right, up]), rcond=1e-12)[0].tolist()
     variance = max(ww - w * w, 0.0)
-    about_plane = variance - float(tilt[0]) * right - float(tilt[1]) * up
-    return w, tilt, math.sqrt(variance), math.sqrt(max(about_plane, 0.0))
+    about_plane = variance - along * right - across * up
+    return w, np.array([along, across]), math.sqrt(variance), math.sqrt(max(about_plane, 0.0))
 
 
-def fit_terms(
+def rms_about(
     total: np.ndarray, terms: tuple[str, ...], fit: tuple[float, np.ndarray, float, float] | None = None
-) -> tuple[np.ndarray, float]:
+) -> float:
+    """Return the rms about the surface of these terms that `fit_terms` fits.
+
+    `fit` is the result of `fit_moments`, if it is known.
+    """
+    if "focus" in terms:
+        return fit_terms(total, terms)[1]
+    _, _, about_piston, about_plane = fit_moments(total) if fit is None else fit
+    return about_plane if "tilt" in terms else about_piston
+
+
+def fit_terms(total: np.ndarray, terms: tuple[str, ...]) -> tuple[np.ndarray, float]:
     """Fit a surface of these terms: slopes along x, y and x^2 + y^2, shape (3,), and the rms about the surface.
 
     Slopes of terms that are not named are 0. The mean is always fitted; whether "piston" is named changes nothing.
-    `fit` is the result of `fit_moments`, if it is known.
     """
     slopes = np.zeros(3)
     if "focus" not in terms:
-        _, tilt, about_piston, about_plane = fit_moments(total) if fit is None else fit
+        _, tilt, about_piston, about_plane = fit_moments(total)
         if "tilt" not in terms:
             return slopes, about_piston
         slopes[:2] = tilt

@@ -96,15 +96,16 @@ class PupilRun:
             if task.is_radial:
                 key = "headings", task.look.tobytes(), together
                 self.headings = self._constant(key, lambda: np.repeat(task.look[None], together, axis=0))
-        self.metres = metres_of(task)
+        self.metres = np.append(metres_of(task), np.ones(SUM_COUNT - MOMENT_COUNT))  # of a row of sums
         self.no_surface = self._phasor_numbers(np.zeros(4))
         *joined, _ = joined_counts(task.per_replicate)
         self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined]
-        self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
         arrays = [np.zeros(self.widest * SUM_COUNT)]
         if self.prepared.rejected is not None:
             arrays.append(np.zeros(1, np.int32))
         self.reading = engine.fetched(arrays)
+        self.found = self.reading.arrays[0].reshape(-1, SUM_COUNT)
+        self.rejected = None if self.prepared.rejected is None else self.reading.arrays[1]
         self.sums.append(self.reading.buffers[0])
         if self.prepared.rejected is not None:
             self.prepared.rejected = self.reading.buffers[1]
@@ -112,7 +113,8 @@ class PupilRun:
                 engine.clear(self.prepared.rejected)
         # A single batch, whose rays are made on the device, repeats the same launches for each seed.
         self.repeat = engine.recorded() if len(self.batches) == 1 and not task.is_radial else None
-        self.repeated: Batch | None = None
+        self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
+        self.made: list[Batch] = []  # the batches whose rays are made on the device
 
     def _starts(self, seeds: Any) -> list:
         """Arguments of the kernel launch_pupil ahead of the rays, including the seeds of a batch."""
@@ -142,30 +144,34 @@ class PupilRun:
 
     def _run(self, seed: int | None) -> PupilSums:
         task = self.task
-        sums = np.empty((task.replicates, SUM_COUNT))
-        kept, rejected = [], 0
-        points: Callable[[], Any] = partial(task.points, seed)
-        if self.repeat is None:
-            points = cache(points)
+        kept, parts, rejected = [], [], 0
+        # Of rays along a radius the points are needed only where the rays are not on the device already.
+        points = cache(partial(task.points, seed)) if self.seeds is None else task.points(seed)
         for number, rows in enumerate(self.batches):
-            batch = self._place(rows, seed, points, self._buffers(number if task.terms else 0))
+            batch = self._place(number, rows, seed, points)
             if self.repeat is None:
                 self._trace(batch)
             else:
                 self.repeat(partial(self._trace, batch))
-            found, *counted = self.reading.wait()
-            sums[rows] = found.reshape(-1, SUM_COUNT)[: rows.stop - rows.start]
-            if sum(self.prepared.taken(int(each[0])) for each in counted) or not holds_tolerance(sums[rows], task):
+            self.reading.wait()
+            found = self.found[: rows.stop - rows.start]
+            if self._has_rejected() or not holds_tolerance(found, task):
                 rejected += self._retrace(batch)
-                sums[rows] = self._sums(batch, self.no_surface)
+                found = self._sums(batch, self.no_surface)
+            parts.append(found if len(self.batches) == 1 else found.copy())  # the next batch overwrites it
             kept.append(batch)
+        sums = parts[0] if len(parts) == 1 else np.concatenate(parts)
         if task.terms:
             numbers = self._phasor_numbers(fit_surface(sums[:, :MOMENT_COUNT], task.terms))
             for batch in kept:  # batches share the memory of errors and counts, which would now be those of the last
                 sums[batch.rows, MOMENT_COUNT:] = self._sums(batch, numbers)[:, MOMENT_COUNT:]
-        moments = moments_in_metres(sums[:, :MOMENT_COUNT], task, self.metres)
-        phasors = sums[:, MOMENT_COUNT:].copy().view(np.complex128)[:, 0]
-        return PupilSums(moments, phasors, task.replicates * task.per_replicate, rejected)
+        in_metres = moments_in_metres(sums, task, self.metres)
+        phasors = in_metres[:, MOMENT_COUNT:].view(np.complex128)[:, 0]
+        return PupilSums(in_metres[:, :MOMENT_COUNT], phasors, task.replicates * task.per_replicate, rejected)
+
+    def _has_rejected(self) -> bool:
+        """Whether the kernel rejected rays of the last batch; resets its counter."""
+        return self.rejected is not None and self.prepared.taken(int(self.rejected[0])) > 0
 
     def _buffers(self, number: int) -> dict[str, Any]:
         """Buffers of a batch: later batches own only those that the second sum needs."""
@@ -181,24 +187,26 @@ class PupilRun:
             self.buffers.append({**(self.buffers[0] if number else {}), **fresh})
         return self.buffers[number]
 
-    def _place(self, rows: slice, seed: int | None, points: Callable[[], Any], buffers: dict[str, Any]) -> Batch:
-        """Make a batch: upload the rays along a radius, or the seeds from which other rays are made on the device."""
+    def _place(self, number: int, rows: slice, seed: int | None, points: Any) -> Batch:
+        """Make a batch: upload the rays along a radius, or the seeds from which other rays are made on the device.
+
+        `points` are those of the task, as a function for rays along a radius.
+        """
         task = self.task
         if self.seeds is not None:
-            self.seeds.array[: rows.stop - rows.start] = points()[rows]
-            if self.repeated is not None:
-                return self.repeated
+            self.seeds.array[: rows.stop - rows.start] = points[rows]
+            if number < len(self.made):
+                return self.made[number]
         count = (rows.stop - rows.start) * task.per_replicate
+        buffers = self._buffers(number if task.terms else 0)
         results = {name: buffers[name] for name in OUTPUT_TYPES}
         if self.seeds is None:
             position, place, weight = self._along_radius(rows, seed, points)
             return Batch(rows, count, position, self.headings, place, weight, count, results)
         position, direction, place = (buffers[name] for name in ("start", "heading", "place"))
         weight, weights = (buffers["weight"], count) if task.generator else (self.one, 1)
-        batch = Batch(rows, count, position, direction, place, weight, weights, results)
-        if self.repeat is not None:
-            self.repeated = batch
-        return batch
+        self.made.append(Batch(rows, count, position, direction, place, weight, weights, results))
+        return self.made[number]
 
     def _along_radius(self, rows: slice, seed: int | None, points: Callable[[], Any]) -> list[Any]:
         """Upload positions, pupil coordinates and weights of rays along a radius; few rays stay for other fields."""
@@ -229,11 +237,11 @@ class PupilRun:
         return [2.0 * np.pi / self.task.wavelength, surface[:3], float(surface[3]), self.task.per_replicate]
 
     def _sums(self, batch: Batch, numbers: list) -> np.ndarray:
-        """Sums of the replicates of a batch, (n, SUM_COUNT); `numbers` as for `_start_sums`."""
+        """Sums of the replicates of a batch, (n, SUM_COUNT), valid until the next; `numbers` as for `_start_sums`."""
         self._start_sums(batch, numbers)
         self.reading.start()
-        values: np.ndarray = self.reading.wait()[0].reshape(-1, SUM_COUNT)
-        return values[: batch.rows.stop - batch.rows.start]
+        self.reading.wait()
+        return self.found[: batch.rows.stop - batch.rows.start]
 
     def _start_sums(self, batch: Batch, numbers: list) -> None:
         """Sum groups of the replicates of a batch, then groups of groups.

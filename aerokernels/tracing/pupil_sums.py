@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,7 @@ def replicate_seeds(seed: int | None, replicates: int) -> np.ndarray:
     """Seeds of the scramble, uint32, shape (replicates, 2): one for each axis of each replicate."""
     # Both halves of each number of the generator, the lower first: what `Generator.integers` returns, in half the time.
     numbers = np.asarray(np.random.PCG64(seed).random_raw(replicates), "<u8")
-    return numbers.view("<u4").astype(np.uint32, copy=False).reshape(replicates, 2)
+    return numbers.view("<u4").reshape(replicates, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +79,7 @@ class PupilTask:
         return replicate_seeds(seed, self.replicates)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class PupilSums:
     """The sums over a pupil's rays.
 
@@ -89,6 +88,7 @@ class PupilSums:
         phasors: Sums of exp(i k (OPD - surface)) with the surface fitted to the task's `terms`, shape (replicates,).
         ray_count: Rays that were traced.
         rejected_count: Number of rays whose own error estimate is above the tolerance even after tracing them again.
+        total: Moments of all replicates together, shape (MOMENT_COUNT,).
     """
 
     moments: np.ndarray
@@ -96,11 +96,9 @@ class PupilSums:
     ray_count: int
     rejected_count: int = 0
 
-    @cached_property
-    def total(self) -> np.ndarray:
-        """Moments of all replicates together, shape (MOMENT_COUNT,)."""
-        total: np.ndarray = np.add.reduce(self.moments, axis=0)
-        return total
+    def __post_init__(self) -> None:
+        """Sum the replicates."""
+        self.total: np.ndarray = np.add.reduce(self.moments, axis=0)
 
     @property
     def evaluation_count(self) -> int:
@@ -112,7 +110,7 @@ class PupilSums:
         """The greatest error estimate of a ray that arrived [m]."""
         return float(self.moments[:, GREATEST_ERROR].max())
 
-    @cached_property
+    @property
     def standard_error(self) -> float:
         """Standard error of the Strehl ratio from the spread of the replicates; nan where no ray arrived."""
         counts = self.moments[:, 0].tolist()
@@ -127,7 +125,7 @@ class PupilSums:
 def holds_tolerance(sums: np.ndarray, task: PupilTask) -> bool:
     """Whether all rays that arrived are within the tolerance, by rows of sums; true without error control."""
     budget = task.plan.tolerance * task.wavelength
-    return not task.plan.controls_error or bool(np.maximum.reduce(sums[:, GREATEST_ERROR]) <= budget)
+    return not task.plan.controls_error or all(error <= budget for error in sums[:, GREATEST_ERROR].tolist())
 
 
 def point_order(count: int, by_radius: bool) -> np.ndarray:

@@ -30,7 +30,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..display.quantities import Quantity, root_sum_square
-from ..tracing.pupil_fit import fit_moments, fit_terms
+from ..tracing.pupil_fit import fit_moments, rms_about
 
 # The reported error of a mean over replicates is so many standard errors: two would be too few in one estimate of
 # sixteen, three are in one of a hundred (Student's t of 15 degrees of freedom).
@@ -116,7 +116,7 @@ def estimate_quantities(
     opd_error = phase_error(estimate.value, budget) / wave_number
     arrived = [row for row in moments if row[0] > 0.0]
     fits = [fit_moments(row) for row in arrived]
-    rms_error = math.hypot(opd_error, _likely_error([fit_terms(row, remove)[1] for row in arrived]))
+    rms_error = math.hypot(opd_error, _likely_error([rms_about(row, remove) for row in arrived]))
     rms = estimate.opd_rms
 
     def marechal(opd_rms: float) -> float:

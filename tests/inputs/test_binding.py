@@ -11,11 +11,15 @@ def plain(first, second=2, *, third, fourth=4):
     """Only parameters with names."""
 
 
+def by_position(first, second=2, *, third=3):
+    """None of the needed ones is by name only."""
+
+
 def open_ended(first, /, *rest, named=1, **others):
     """All other kinds."""
 
 
-@pytest.mark.parametrize("function", [plain, open_ended])
+@pytest.mark.parametrize("function", [plain, by_position, open_ended])
 @pytest.mark.parametrize("given", [(), (1,), (1, 2), (1, 2, 3), (1, 2, 3, 4, 5)])
 @pytest.mark.parametrize(
     "named",

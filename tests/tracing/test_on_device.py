@@ -176,6 +176,37 @@ def test_rays_on_a_device_are_traced_there_and_stay_there(engine, rays):
 
 
 @pytest.mark.parametrize("engine", WARP)
+def test_other_rays_of_a_known_bundle_repeat_no_preparation(engine, monkeypatch):
+    """Family, kernel arguments and unused buffers stay; rays left over are sought before the kernel is waited for."""
+    import aerokernels.tracing.bundle.run as run_module
+    import aerokernels.tracing.engines.uploads as uploads
+    import aerokernels.tracing.engines.warp.family_range as family_range
+    from aerokernels.tracing.engines.warp.engine import Engine
+
+    choices, field, done = {**on(engine), "until": FAR, "outputs": ("opd",)}, volume(), []
+    pupil = Disc(2e-4, PUPIL.center)
+    *earlier, last = (
+        RayBundle.collimated(pupil, COUNT, direction=SLANTED, seed=seed, device=choices["device"]) for seed in range(3)
+    )
+    for rays in earlier:  # the second ones are of a family that is known by then
+        assert trace(field, rays, **choices).plan.bundle.one_by_one == 0
+
+    def observe(holder, name: str) -> None:
+        seen = getattr(holder, name)
+        monkeypatch.setattr(
+            holder, name, lambda *given, **named: done.append((name, *given[1:])) or seen(*given, **named)
+        )
+
+    observe(family_range, "family_numbers"), observe(uploads, "kernel_numbers"), observe(Engine, "empty")
+    observe(run_module, "rows_begun"), observe(Engine, "wait")
+    assert trace(field, last, **choices).plan.bundle.one_by_one == 0
+    names = [name for name, *_ in done]
+    assert "family_numbers" not in names and "kernel_numbers" not in names
+    assert all(given[0] == COUNT for name, *given in done if name == "empty")
+    assert names[-2:] == ["rows_begun", "wait"]
+
+
+@pytest.mark.parametrize("engine", WARP)
 @pytest.mark.parametrize("kind", ["parallel", "through a point"])
 def test_known_families_are_recognised_on_a_device_as_on_the_host(engine, kind):
     """Other rays of a bundle are its family: the one that the host finds from them anew. Any other rays are not.

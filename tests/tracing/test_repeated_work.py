@@ -1,7 +1,9 @@
 """What a device does again and again: pilots by one preparation, pupils without waiting between, rows of cubes."""
 
 import gc
+import sys
 import weakref
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -115,6 +117,37 @@ def test_a_repeated_seed_sets_no_argument_of_a_kernel(monkeypatch):
         asked.clear()
         prepared(3)
         assert len(asked) <= most
+
+
+def test_batches_of_rays_made_on_a_device_are_made_once(monkeypatch):
+    """The next seed uses the batches of the last one, each with its own buffers where a tilt is removed."""
+    from aerokernels.tracing import pupil_run, pupil_sums
+
+    monkeypatch.setattr(pupil_sums, "BATCH_RAYS", 512)
+    made, batch = [], pupil_run.Batch
+    monkeypatch.setattr(pupil_run, "Batch", lambda *given: made.append(given) or batch(*given))
+    pupil = Disc(4e-4, (8.5 * H, 8.2 * H, -1e-3), (0.05, 0.02, 1.0))
+    options = {"wavelength": WAVE, "ray_count": 1 << 10, "allow_truncation": True, "bundle": "off", **on("opencl-cpu")}
+    for remove in ("piston", "tilt"):
+        prepared = prepare_strehl(blob(), pupil, remove=(remove,), **options)
+        first = prepared(1)
+        assert len(made) == 2
+        assert prepared(2).value != prepared(1).value == first.value and len(made) == 2
+        made.clear()
+
+
+def test_a_new_seed_takes_few_calls():
+    """Its kernels take less time than its Python: 174 calls of functions, C's included; it was 206."""
+    pupil, count = Disc(4e-4, (8.5 * H, 8.2 * H, -1e-3), (0.05, 0.02, 1.0)), Counter()
+    prepared = prepare_strehl(blob(), pupil, wavelength=WAVE, allow_truncation=True, **on("opencl-cpu"))
+    prepared(1), prepared(2)
+    before = sys.getprofile()
+    sys.setprofile(lambda frame, event, what: count.update([event]))
+    try:
+        prepared(3)
+    finally:
+        sys.setprofile(before)
+    assert count["call"] + count["c_call"] < 195
 
 
 def test_a_kernel_out_of_use_keeps_numbers_but_no_memory():

@@ -11,6 +11,7 @@ define.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -101,7 +102,7 @@ class Family:
         starts |= position @ self.axes[2] <= self.ahead
         return np.asarray(good & starts)
 
-    @property
+    @cached_property
     def key(self) -> bytes:
         """Bytes that identify the family."""
         start = b"" if self.start_point is None else self.start_point.tobytes()

@@ -13,7 +13,7 @@ from ...rays import RayBundle
 from ..stop import ArcLength
 from .family import SAMPLE, Family, some_rows
 
-# Ray counts for which a field caches the rows that are tested.
+# Ray counts for which a field caches the rows that are tested, and families whose numbers stay on a device.
 CACHED = 4
 
 
@@ -40,11 +40,16 @@ def parameter_range(field: IndexField, rays: RayBundle, family: Family) -> tuple
     rows = field.derive(("rows of a family", count), lambda: some_rows(count, SAMPLE), CACHED)
     position, direction = rays.held("position"), rays.held("direction")
     if isinstance(position, DeviceArray) and isinstance(direction, DeviceArray):
-        from ..engines.warp.family_range import range_on_device, rows_on_device
+        from ..engines.warp.family_range import family_on_device, range_on_device, rows_on_device
 
-        key = ("rows of a family on a device", position.device, count)
-        there = field.derive(key, lambda: rows_on_device(rows, position.device), CACHED)
-        return range_on_device(family, there, position.buffer, direction.buffer)
+        device = position.device
+        there = field.derive(
+            ("rows of a family on a device", device, count), lambda: rows_on_device(rows, device), CACHED
+        )
+        frame = field.derive(
+            ("family on a device", device, family.key), lambda: family_on_device(family, device), CACHED
+        )
+        return range_on_device(frame, family.converges, there, position.buffer, direction.buffer)
     some, along = np.asarray(position[rows]), np.asarray(direction[rows])
     if not family.holds_for(some, along).all():
         return None

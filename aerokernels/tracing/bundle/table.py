@@ -1,6 +1,7 @@
 """The patches of a family as kernels read them: from a ray's parameters to a block, and to one of its cells."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -41,7 +42,7 @@ class BundleTable(Derived):
     error: float
     refused: dict[str, float]
 
-    @property
+    @cached_property
     def precision(self) -> str:
         """The precision of `values`."""
         return str(self.values.dtype)

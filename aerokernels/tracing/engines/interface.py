@@ -150,9 +150,11 @@ class Fetched(Protocol):
 
     Attributes:
         buffers: One for each array; they are valid as long as this object.
+        arrays: Those that `wait` returns, always the same ones.
     """
 
     buffers: Sequence[Any]
+    arrays: Sequence[np.ndarray]
 
     def start(self) -> None:
         """Start to copy the buffers in the state that the kernels launched so far leave them in."""

@@ -17,6 +17,8 @@ from .layout import Value, arrays_of
 
 # Structs of a field that are cached for the last plans.
 STRUCTS_CACHED = 4  # speed only
+# Sets of outputs whose kernel arguments are cached with a bundle's table.
+NUMBERS_CACHED = 4  # speed only
 
 
 class Uploads(ABC):
@@ -79,7 +81,13 @@ class Uploads(ABC):
         """Return the arguments of the kernel deliver_bundle before the rays, with arrays on the device."""
         with stage("upload"):
             arrays = table.derive(self.grid_key[1:], lambda: [self.put(array) for array in kernel_arrays(table)])
-        return [*arrays, *kernel_numbers(table, outputs)]
+        key = "kernel numbers", outputs
+        return [*arrays, *table.derive(key, lambda: kernel_numbers(table, outputs), NUMBERS_CACHED)]
+
+    def bundle_unused(self, table: BundleTable) -> dict[tuple[int, type], Any]:
+        """Return the buffers for outputs of a bundle that are not requested, see `Prepared`, cached with the table."""
+        unused: dict[tuple[int, type], Any] = table.derive((*self.grid_key[1:], "unused"), dict)
+        return unused
 
     def _field_arrays(
         self, field: IndexField, data: FieldData, precision: str, with_paper_step: bool

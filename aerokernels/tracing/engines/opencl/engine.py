@@ -140,7 +140,7 @@ class Engine(Uploads):
         with stage("compile"):
             options = self._options(precision=table.precision, channels=table.channels)
             kernel = self._kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle")
-        return Prepared(self, kernel, arguments, outputs, None)
+        return Prepared(self, kernel, arguments, outputs, None, unused=self.bundle_unused(table))
 
     def kernels(self, names: Iterable[str]) -> dict[str, Kernel]:
         """Return the named kernels, which have no options."""

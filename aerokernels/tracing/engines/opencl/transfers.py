@@ -61,7 +61,7 @@ class Fetched:
         self.buffers: Sequence[Any] = [
             divided.get_sub_region(start, max(array.nbytes, 1)) for start, array in zip(starts, arrays, strict=True)
         ]
-        self.arrays = [
+        self.arrays: Sequence[np.ndarray] = [
             self.bytes[start : start + array.nbytes].view(array.dtype).reshape(array.shape)
             for start, array in zip(starts, arrays, strict=True)
         ]

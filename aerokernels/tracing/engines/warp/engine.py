@@ -136,7 +136,7 @@ class Engine(Uploads):
         with stage("compile"):
             kernel = build_bundle_kernel(library_of(table.precision), table.channels)
             self._load(kernel.module)
-        return Prepared(self, kernel, arguments, outputs, None)
+        return Prepared(self, kernel, arguments, outputs, None, unused=self.bundle_unused(table))
 
     def kernels(self, names: Iterable[str]) -> dict[str, Any]:
         """Return the named kernels; all kernels of a file are compiled together."""

@@ -1,4 +1,4 @@
-"""Find, on a device, the range of the parameters that rays on it have in a family: see bundle/known.py."""
+"""Find, on a device, the range of the parameters that rays on it have in a family: see bundle/known_family.py."""
 
 from typing import Any
 
@@ -18,21 +18,28 @@ def rows_on_device(rows: np.ndarray, device: str) -> Any:
     return wp.array(rows, dtype=wp.int32, device=device)
 
 
-def range_on_device(family: Family, rows: Any, position: Any, direction: Any) -> tuple[np.ndarray, np.ndarray] | None:
+def family_on_device(family: Family, device: str) -> Any:
+    """Upload the numbers that describe a family for `range_on_device`."""
+    return wp.array(family_numbers(family), dtype=wp.float64, device=device)
+
+
+def range_on_device(
+    frame: Any, converges: bool, rows: Any, position: Any, direction: Any
+) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the least and greatest parameters of some rays, each of shape (2,); None if some are not of the family.
 
     Args:
-        family: The family.
+        frame: The numbers of the family, a warp.array.
+        converges: Whether its lines pass through one point.
         rows: Numbers of the rays, a warp.array.
         position: Starts of all rays [m], a warp.array of vectors.
         direction: Directions of all rays, a warp.array of vectors.
     """
     device, threads = position.device, min(THREADS, len(rows))
-    frame = wp.array(family_numbers(family), dtype=wp.float64, device=device)
     made = wp.empty(NUMBERS * threads, dtype=wp.float64, device=device)
-    given = [frame, int(family.converges), rows, threads, position, direction, made]
+    given = [frame, int(converges), rows, threads, position, direction, made]
     wp.launch(find_range, dim=threads, inputs=given, device=device)
-    found = made.numpy().reshape(threads, NUMBERS)
-    if found[:, 0].any():
+    found = made.numpy().reshape(NUMBERS, threads)
+    if found[0].any():
         return None
-    return found[:, 1:3].min(axis=0), found[:, 3:5].max(axis=0)
+    return found[1:3].min(axis=1), found[3:5].max(axis=1)

@@ -49,15 +49,16 @@ class Fetched:
         self._there = _beside(self._whole, self)
         parts: list[wp.array] = []
         bytes_there = self._there.numpy().view(np.uint8)
-        self.arrays = []
+        arrays_there: list[np.ndarray] = []
         for array, start, (kind, count) in zip(arrays, starts, kinds, strict=True):
             part = wp.array(
                 ptr=self._whole.ptr + start, dtype=kind, shape=(count,), capacity=array.nbytes, device=device
             )
             part._ref = self._whole  # keeps the memory alive
             parts.append(part)
-            self.arrays.append(bytes_there[start : start + array.nbytes].view(array.dtype).reshape(array.shape))
+            arrays_there.append(bytes_there[start : start + array.nbytes].view(array.dtype).reshape(array.shape))
         self.buffers: Sequence[Any] = parts
+        self.arrays: Sequence[np.ndarray] = arrays_there
 
     def start(self) -> None:
         """Start the copy, on the stream of the launches."""

@@ -1,4 +1,4 @@
-"""The Warp kernel that finds the range of the parameters of rays in a family: see bundle/known.py."""
+"""The Warp kernel that finds the range of the parameters of rays in a family: see bundle/known_family.py."""
 
 import warp as wp
 
@@ -14,7 +14,7 @@ def find_range(
     frame: wp.array(dtype=wp.float64),
     converges: int,
     rows: wp.array(dtype=wp.int32),
-    stride: int,
+    threads: int,
     position_in: wp.array(dtype=wp.vec3d),
     direction_in: wp.array(dtype=wp.vec3d),
     found_out: wp.array(dtype=wp.float64),
@@ -35,9 +35,9 @@ def find_range(
                 high[axis] = wp.max(high[axis], parameters[axis])
         else:
             outside += wp.float64(1.0)
-        place += stride
-    first = wp.static(NUMBERS) * thread
-    found_out[first] = outside
+        place += threads
+    # All threads' first numbers, then their second ones, and so on: NumPy reduces rows several times faster.
+    found_out[thread] = outside
     for axis in range(2):
-        found_out[first + 1 + axis] = low[axis]
-        found_out[first + 3 + axis] = high[axis]
+        found_out[(1 + axis) * threads + thread] = low[axis]
+        found_out[(3 + axis) * threads + thread] = high[axis]
