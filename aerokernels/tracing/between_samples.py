@@ -10,10 +10,11 @@ from ..medium.grid_places import known
 from ..rays import RayBundle
 from .error_limit import path_exceeds
 from .lever_arms import LeverArms
+from .missed_on_lines import disturbed_ends, greatest_error, missed_along
 from .stop import stop_key
 from .straight_lines import lines_through
 from .support import support_box
-from .unresolved import Sampling, disturbed_ends, greatest_error, missed_along
+from .unresolved import Sampling
 
 # Returns rays that show the extent of a bundle in a part of the field, given by its corners.
 Spread = Callable[[np.ndarray, np.ndarray], RayBundle]

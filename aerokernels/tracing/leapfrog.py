@@ -46,6 +46,9 @@ LEAST_SAMPLES = 36
 CHEAP = {"opencl": 450, "warp": 120}
 WORTH = {"opencl": 5.0, "warp": 1.2}
 MOST_SAMPLES = 3000
+# Where neighbouring rays are further apart than this many cells at the end of their paths, the lanes of a CPU hardly
+# share lookups, and a sample costs this many times as much.
+APART, SCATTERED = 2.0, 4.0  # speed only
 
 # Polynomials of cubes are made where rays take this many samples for each node of the grid, on a CPU (False) and on a
 # GPU (True), where a sample costs less. They are used where retracing rays because of them costs less than the share
@@ -309,15 +312,29 @@ class _Fitting:
         """Field evaluations of a ray under error control."""
         return predict_evaluations(self.field, self.limit, self.pilot.direction)
 
+    @cached_property
+    def _sample_cost(self) -> float:
+        """The cost of a sample over that of a sample whose lookup the lanes of a CPU share."""
+        has_lanes = self.plan.backend == "opencl" and not engine_of(self.plan.backend, self.plan.device).is_gpu
+        return SCATTERED if has_lanes and self._are_scattered() else 1.0
+
+    def _are_scattered(self) -> bool:
+        """Whether rays side by side part: their directions are no linear function of their positions."""
+        place, along = self.pilot.position, self.pilot.direction
+        terms = np.column_stack([np.ones(len(place)), place - place.mean(axis=0)])
+        rest = along - terms @ np.linalg.lstsq(terms, along, rcond=None)[0]
+        angle = math.sqrt(float((rest**2).sum(axis=1).mean()))
+        return angle * self.structure.length > APART * float(np.min(self.grid.spacing))
+
     def _retrace_cost(self) -> float:
         """The cost of tracing a ray again, in samples."""
-        return max(CHEAP[self.plan.backend], WORTH[self.plan.backend] * self._predicted())
+        return max(CHEAP[self.plan.backend], WORTH[self.plan.backend] * self._predicted()) / self._sample_cost
 
     def _is_worth_it(self, count: int) -> bool:
         """Whether so many samples cost less than error control; that cost is predicted only where it may decide."""
-        if count <= CHEAP[self.plan.backend] or count > MOST_SAMPLES:
+        if count * self._sample_cost <= CHEAP[self.plan.backend] or count > MOST_SAMPLES:
             return count <= MOST_SAMPLES
-        return count <= WORTH[self.plan.backend] * self._predicted()
+        return count * self._sample_cost <= WORTH[self.plan.backend] * self._predicted()
 
     def _least_samples(self) -> int:
         """The number of samples that are WIDEST cells apart on the longest path through the field's support."""

@@ -16,10 +16,12 @@ over blocks is the integral. Across the rays the greatest value counts.
 
 Where a ray begins or ends in disturbed air, the convergence on whole lines does not apply: for a component
 a cos(2 pi phi t) the end corrections of the rule have an error of a H / 2 and, with x = phi H, of 9.5 a H x^3 where x
-is small.
+is small. This error belongs to the place where the ray ends, not to rays that pass there: it has a table of its own,
+which is looked up at both ends of a ray.
 
 Where a field is smooth the rule's own bound, H^4 / 720 int |f''''| dt, is often less than the bound by R, above all
-near the box's faces, where the even continuation has a kink: in each block the lesser of the two is taken.
+near the box's faces, where the even continuation has a kink: in each block the lesser of the two is taken. At an end
+the rule's weights differ over three samples, where its bound is up to 8 times as great.
 
 The deflection of a ray has an error from the slope of the same components. It changes the path in the second order of
 the contrast or, where the stop is met at an angle, by the lever arm from there to the stop. The slope is at most
@@ -34,17 +36,16 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from .blocks import block_maxima, block_means, greatest_around, greatest_of_neighbors
+from .blocks import block_maxima, block_means, greatest_around
 from .high_pass import high_pass
-from .path_through_blocks import along_axes, path_of
-from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
+from .path_through_blocks import along_axes
+from .scheme import MISSED_SLOPE
 from .step_bound import block_size, potential_at_nodes, roughness_of_blocks
-from .straight_lines import Lines, local_coordinates
 
 # Frequencies along a ray, times H, from which on components are passed: along the ray, and at its ends.
 EDGE, EDGE_AT_ENDS = 0.92, 0.4
-# The error at an end over H |R| there, and the rule's own bound at an end over the bound elsewhere.
-END, RULE_AT_ENDS = 0.5, 8.0
+# The error at an end over H |R| there, and over H times the rule's own bound elsewhere, which is for a metre of path.
+END, RULE_AT_END = 0.5, 3.0 * (8.0 - 1.0)
 # The error over int |R| dt: one for the sum, and one for the integral.
 BOTH = 2.0
 # With fewer cells than this between samples, R is computed for this many and scaled: a spline's images have no end.
@@ -62,8 +63,8 @@ LEAST_OBLIQUITY = 0.05
 LEAST_MAIN, LEVEL = 0.7, 0.25
 # Blocks along that axis over which a lookup averages; strides are shorter where a ray ends and find fewer of them.
 LOOKED_OVER, LOOKED_SHORT = 3, 1.1
-# Ends of rays count where the potential over the length of a block exceeds this share of the tolerance.
-ENDS_SHARE = 0.02
+# In place of the blocks in which rays end: all of them.
+EVERYWHERE = b"everywhere"
 
 # Tables of blocks cached on a grid: a few for each sample count that is tried for a bundle, and some bundles.
 CACHED = 32  # speed only
@@ -78,7 +79,8 @@ class Sampling:
         steepness: Greatest absolute value of each component of the rays' unit vectors.
         lever_arm: Change of the path by an error of direction where the stop is met at a right angle [m/rad].
         is_fine: Whether rounding to single precision would be visible in the bound.
-        ends: Blocks in which rays begin or end in disturbed air, see `disturbed_ends`; empty where they do not.
+        ends: Blocks in which rays begin or end in disturbed air, see `disturbed_ends`; empty where they do not, and
+            EVERYWHERE where nothing is saved by leaving out the others.
     """
 
     spacing: float
@@ -88,47 +90,22 @@ class Sampling:
     ends: bytes = b""
 
 
-def disturbed_ends(field: IndexField, lines: Lines, limit: float) -> bytes:
-    """Blocks around those in which lines begin or end in disturbed air, as packed bits; empty if there are none.
-
-    Args:
-        field: A field on a cubic uniform grid.
-        lines: The rays' straight lines through the support of the field.
-        limit: The OPD error allowed to them [m].
-    """
-    grid = field.samples
-    assert isinstance(grid, UniformGrid)
-    worth = _potential_by_blocks(grid) * float((block_size(grid) * np.asarray(grid.spacing)).max())
-    key = "blocks of ends", field.geometry, worth.shape, _nodes_key(grid)
-    near = lines.derive(key, lambda: _blocks_of_ends(grid, field.geometry, lines, worth.shape))
-    near = near * (worth > ENDS_SHARE * limit)
-    return np.packbits(near).tobytes() if near.any() else b""
+def with_neighbors(values: np.ndarray) -> np.ndarray:
+    """For each block the greatest value of it and of all adjacent blocks."""
+    for axis in range(values.ndim):
+        values = greatest_around(values, -1, 1, axis)
+    return values
 
 
-def _nodes_key(grid: UniformGrid) -> tuple[bytes, bytes]:
-    """What of a grid, besides its shape, decides which blocks a line crosses."""
-    return np.asarray(grid.low).tobytes(), np.asarray(grid.spacing).tobytes()
-
-
-def _blocks_of_ends(grid: UniformGrid, geometry: str, lines: Lines, shape: tuple[int, ...]) -> np.ndarray:
-    """1 in the blocks in which lines begin or end and in the adjacent blocks, 0 elsewhere."""
-    near = np.zeros(shape, dtype=np.uint8)
-    size = block_size(grid) * np.asarray(grid.spacing)
-    ends = np.concatenate([lines.start, lines.start + lines.length[:, None] * lines.direction])
-    entry = np.floor((local_coordinates(ends, geometry) - grid.low) / size).astype(int)
-    near[tuple(np.clip(entry, 0, np.array(near.shape) - 1).T)] = 1
-    for axis in range(near.ndim):
-        near = greatest_around(near, -1, 1, axis)
-    return near
-
-
-def _potential_by_blocks(grid: UniformGrid) -> np.ndarray:
+def potential_by_blocks(grid: UniformGrid) -> np.ndarray:
     """Greatest absolute potential over the ambient index in each block."""
     return grid.derive("potential by blocks", lambda: block_maxima(np.abs(potential_at_nodes(grid)), block_size(grid)))
 
 
 def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = False) -> tuple[int, np.ndarray]:
     """Cells in a block, and for each block the greatest error of a ray's path per metre of path in it [1].
+
+    What is missed where rays end is not in it: see `missed_at_ends`.
 
     Args:
         field: A field on a cubic uniform grid.
@@ -139,6 +116,32 @@ def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = Fals
     assert isinstance(grid, UniformGrid)
     key = ("missed by rule" if by_rule else "missed", field.geometry, sampling)
     return grid.derive(key, lambda: _missed(grid, field.geometry, sampling, by_rule), CACHED)
+
+
+def missed_at_ends(field: IndexField, sampling: Sampling, by_rule: bool = False) -> np.ndarray | None:
+    """For each block the greatest error of a ray's path by beginning or ending in it [m]; None for rays that do not.
+
+    The arguments are those of `missed_in_blocks`.
+    """
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    if not sampling.ends:
+        return None
+    key = ("missed by rule at ends" if by_rule else "missed at ends", field.geometry, sampling)
+    found: np.ndarray = grid.derive(key, lambda: _at_ends(grid, field.geometry, sampling, by_rule), CACHED)
+    return found
+
+
+def changes_missed(field: IndexField, sampling: Sampling) -> np.ndarray:
+    """Greatest change of the missed potential across the rays in each block, per metre of path [1/m].
+
+    The arguments are those of `missed_in_blocks`.
+    """
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    key = "changes missed", field.geometry, sampling
+    found: np.ndarray = grid.derive(key, lambda: _changes(grid, field.geometry, sampling), CACHED)
+    return found
 
 
 def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
@@ -157,87 +160,33 @@ def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray
     return block, missed
 
 
-def greatest_error(
-    field: IndexField, sampling: Sampling, lines: Lines, by_rule: bool = False, allowed: float = np.inf
-) -> float:
-    """Bound the path error of any ray by structure between its samples [m].
-
-    Args:
-        field: A field on a cubic uniform grid.
-        sampling: How its rays are sampled.
-        lines: Their straight lines through the support of the field.
-        by_rule: See `missed_in_blocks`.
-        allowed: A bound above this is refined: the change of the missed structure across the rays is computed.
-    """
-    grid = field.samples
-    assert isinstance(grid, UniformGrid)
-    block, missed = missed_in_blocks(field, sampling, by_rule)
-    changes = MISSED_SLOPE / float(np.min(field.spacing)) * missed if lines.lever_arm.any() else None
-    found = _greatest_on_lines(grid, block, missed, changes, lines, field.geometry)
-    if found > allowed and changes is not None and not (by_rule or sampling.ends):
-        key = "changes missed", field.geometry, sampling
-        sharper = grid.derive(key, lambda: _changes(grid, field.geometry, sampling), CACHED)
-        changes = np.minimum(sharper, changes)
-        found = min(found, _greatest_on_lines(grid, block, missed, changes, lines, field.geometry))
-    return found
-
-
-def _greatest_on_lines(
-    grid: UniformGrid, block: int, missed: np.ndarray, changes: np.ndarray | None, lines: Lines, geometry: str
-) -> float:
-    """Greatest sum along any line of the error `missed` in blocks, and of its `changes` times the lever arms.
-
-    None for `changes` means that no line has a lever arm.
-    """
-    key = "path", geometry, block, missed.shape, _nodes_key(grid)
-    path = lines.derive(key, lambda: path_of(grid, block, missed.shape, lines, geometry))
-    met, changing = missed[path.part], None if changes is None else changes[path.part]
-    found = float(met.max()) * path.longest
-    if changing is not None:
-        found += float(changing.max()) * path.lever_arm * path.longest
-    # Along an axis that all rays run along: layer by layer, as far to the side as a ray may get.
-    for layers in path.layers:
-        amount = met if changing is None else met + changing * layers.lever_arms
-        for other, count in layers.beside:
-            amount = greatest_of_neighbors(amount, count, other)
-        found = min(found, float(amount.sum(axis=layers.axis).max()) * layers.thickness / layers.least)
-    return found
-
-
-def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndarray:
-    """Error of straight rays by structure between samples, by the kernels' own lookup [m], shape (line_count,)."""
-    block, table = lookup_table(field, sampling)
-    size = block * np.asarray(field.samples.spacing)
-    count = max(1, int(np.ceil(float(lines.length.max(initial=0.0)) / (LOOKUP_STRIDE * float(size.min())))))
-    found = np.zeros(len(lines.length))
-    for k in range(count):
-        place = lines.start + ((k + 0.5) / count * lines.length)[:, None] * lines.direction
-        entry = np.floor((local_coordinates(place, field.geometry) - field.samples.low) / size).astype(int)
-        found += table[tuple(np.clip(entry, 0, np.array(table.shape) - 1).T)]
-    return found * lines.length / count * _with_lever_arm(field, lines)
-
-
-def _with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
-    """The factor by which an error of the path grows with the error of direction that comes with it."""
-    return 1.0 + MISSED_SLOPE / float(np.min(field.spacing)) * lines.lever_arm
-
-
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
     block = block_size(grid)
     missed = grid.derive(("missed by rule itself", geometry, sampling), lambda: _by_rule(grid, geometry, sampling), 2)
-    factor = 1.0 + MISSED_SLOPE * sampling.lever_arm / float(grid.spacing.min())
+    factor = _turned(grid, sampling)
     if by_rule:
-        return block, factor * missed * (RULE_AT_ENDS if sampling.ends else 1.0)
-    parts, spacing, share = _not_resolved(grid, geometry, sampling)
+        return block, factor * missed
+    parts, _, share = _not_resolved(grid, geometry, sampling)
     rest = _by_blocks(grid, geometry, sampling, np.abs(parts[0]))
     main = _main_axis(sampling.steepness, geometry)
-    if sampling.ends:
-        is_end = _ends_of(grid, sampling)
-        length = block * float(grid.spacing.min() if main is None else grid.spacing[main])
-        rest = rest + is_end * (END / BOTH * spacing / length) * block_maxima(np.abs(parts[1]), block)
-        missed = missed * np.where(is_end, RULE_AT_ENDS, 1.0)
-    missed = np.minimum(missed, BOTH * share * _with_lobes(rest, main))
-    return block, factor * missed
+    return block, factor * np.minimum(missed, BOTH * share * _with_lobes(rest, main))
+
+
+def _turned(grid: UniformGrid, sampling: Sampling) -> float:
+    """The factor by which an error grows with its error of direction where the stop is met at a right angle."""
+    return 1.0 + MISSED_SLOPE * sampling.lever_arm / float(grid.spacing.min())
+
+
+def _at_ends(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> np.ndarray:
+    rule = grid.derive(("missed by rule itself", geometry, sampling), lambda: _by_rule(grid, geometry, sampling), 2)
+    found = RULE_AT_END * sampling.spacing * rule
+    if not by_rule:
+        parts, spacing, share = _not_resolved(grid, geometry, sampling)
+        size = block_maxima(np.abs(parts[1]), block_size(grid))
+        if sampling.ends != EVERYWHERE:  # elsewhere the part is not known, but no greater than twice the whole
+            size = np.where(_ends_of(grid, sampling), size, 2.0 * potential_by_blocks(grid))
+        found = np.minimum(found, END * share * spacing * size)
+    return _turned(grid, sampling) * with_neighbors(found)
 
 
 def _by_rule(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
@@ -249,10 +198,6 @@ def _by_rule(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray
 
 
 def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
-    """Greatest change of the missed potential across the rays in each block, per metre of path [1/m].
-
-    It holds for rays that neither begin nor end in disturbed air.
-    """
     parts, _, share = _not_resolved(grid, geometry, sampling)
     main = _main_axis(sampling.steepness, geometry)
     obliquity = along_axes(sampling.steepness, geometry)
@@ -282,7 +227,8 @@ def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple
     key = ("not resolved", geometry, sampling)
 
     def find() -> list[np.ndarray]:
-        return high_pass(grid, obliquity, spacing, edges, sampling.is_fine, _ends_of(grid, sampling))
+        wanted = None if sampling.ends == EVERYWHERE else _ends_of(grid, sampling)
+        return high_pass(grid, obliquity, spacing, edges, sampling.is_fine, wanted)
 
     return grid.derive(key, find, 1), spacing, share
 

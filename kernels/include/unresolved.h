@@ -1,5 +1,5 @@
-// A bound of the error from features between a ray's leapfrog samples: a table summed along its path (see
-// aerokernels/tracing/unresolved.py).
+// A bound of the error from features between a ray's leapfrog samples: a table summed along its path, and one looked up
+// at its ends (see aerokernels/tracing/unresolved.py).
 #ifndef UNRESOLVED_H
 #define UNRESOLVED_H
 
@@ -12,6 +12,19 @@ static inline ints block_of(const Control *control, int axis, reals place)
 {
     const reals block = place * (R(1.0) / (real)control->block);
     return TO_INTS(min(max(block, (reals)R(0.0)), (reals)((real)control->block_count[axis] - R(0.5))));
+}
+
+// Entry of the table at a place in cells.
+static inline ints entry_at(const Control *control, reals x, reals y, reals z)
+{
+#if GEOMETRY == VOLUME
+    const ints column = block_of(control, 0, x) * control->block_count[1] + block_of(control, 1, y);
+    return column * control->block_count[2] + block_of(control, 2, z);
+#elif GEOMETRY == PLANAR
+    return block_of(control, 0, y) * control->block_count[1] + block_of(control, 1, z);
+#else
+    return block_of(control, 0, sqrt(x * x + y * y)) * control->block_count[1] + block_of(control, 1, z);
+#endif
 }
 
 // A bound of the error of a ray's path [m]. The ray starts at (x0, y0, z0), in cells from the grid's first node (x, y
@@ -52,21 +65,25 @@ static inline reals unresolved_of(
         const real deflected = share * share;
         const reals x = x0 + (t * dx + deflected * qx) * rate.x, y = y0 + (t * dy + deflected * qy) * rate.y;
         const reals z = z0 + (t * dz + deflected * qz) * rate.z;
-#if GEOMETRY == VOLUME
-        ints entry = block_of(control, 0, x) * control->block_count[1] + block_of(control, 1, y);
-        entry = entry * control->block_count[2] + block_of(control, 2, z);
-#elif GEOMETRY == PLANAR
-        const ints entry = block_of(control, 0, y) * control->block_count[1] + block_of(control, 1, z);
-#else
-        const reals radius = sqrt(x * x + y * y);
-        const ints entry = block_of(control, 0, radius) * control->block_count[1] + block_of(control, 1, z);
-#endif
+        const ints entry = entry_at(control, x, y, z);
         for (int lane = 0; lane < LANES; lane++) {
             REAL_AT(sum, lane) += arrays->step_bound[INT_AT(entry, lane)];
         }
     }
+    reals missed = sum * length * (R(1.0) / (real)count);
+    const int at_ends = arrays->step_bound_start[1];
+    if (at_ends >= 0) {
+        const ints first = entry_at(control, x0, y0, z0);
+        const ints last = entry_at(
+            control, x0 + (length * dx + qx) * rate.x, y0 + (length * dy + qy) * rate.y,
+            z0 + (length * dz + qz) * rate.z);
+        for (int lane = 0; lane < LANES; lane++) {
+            REAL_AT(missed, lane) +=
+                arrays->step_bound[at_ends + INT_AT(first, lane)] + arrays->step_bound[at_ends + INT_AT(last, lane)];
+        }
+    }
     const reals spacing = length * (R(1.0) / (real)control->sample_count);
-    return CHOOSE(sum * length * (R(1.0) / (real)count), (reals)INFINITY, spacing > R(1.001) * control->step);
+    return CHOOSE(missed, (reals)INFINITY, spacing > R(1.001) * control->step);
 }
 
 // Error of the path [m] including that from the error of direction, if the ray meets its stop `onward` metres further

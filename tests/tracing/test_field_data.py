@@ -14,7 +14,7 @@ from aerokernels.tracing.prediction import greatest_turn, predict_evaluations
 from aerokernels.tracing.result import output_mask
 from aerokernels.tracing.step_bound import CONES, cones_of, step_bound
 from aerokernels.tracing.support import left_out, support_box
-from aerokernels.tracing.unresolved import Sampling, lookup_table
+from aerokernels.tracing.unresolved import Sampling, lookup_table, missed_at_ends
 
 ORIGIN, SPACING, COUNTS = np.array([-1.0, -1.5, 1.0]), np.array([0.5, 0.75, 1.1]), (6, 5, 7)
 PLAN = TracePlan("adaptive", "warp", "cpu", "float32", 100, None, 1e-3, ())
@@ -228,6 +228,10 @@ def test_tables_of_step_bounds(geometry: str):
     assert arrays["step_bound_start"].tolist() == [0] + [-1] * (len(CONES) - 1)
     np.testing.assert_array_equal(arrays["step_bound"], table.ravel())
     assert members["block"] == block and members["block_count"].tolist() == [*table.shape, 1, 1][:3]
+    sampling = dataclasses.replace(sampling, ends=bytes([255] * (1 + table.size // 8)))
+    arrays, _ = made.step_bound_tables(field, dataclasses.replace(plan, sampling=sampling), 1e-6, way)
+    assert arrays["step_bound_start"].tolist() == [0, table.size] + [-1] * (len(CONES) - 2)
+    np.testing.assert_array_equal(arrays["step_bound"][table.size :], missed_at_ends(field, sampling).ravel())
     lax = dataclasses.replace(PLAN, tolerance=50.0)  # no structure is stepped over for more than 0.3 waves
     strict = dataclasses.replace(PLAN, tolerance=0.3)
     found = [made.step_bound_tables(field, one, 1e-6, way)[0]["step_bound"] for one in (lax, strict)]

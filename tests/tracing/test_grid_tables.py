@@ -13,7 +13,7 @@ from aerokernels.tracing.engines import engine_of
 from aerokernels.tracing.engines.interface import GRID_TABLES
 from aerokernels.tracing.step_bound import roughness_of_blocks
 from aerokernels.tracing.support import _potential_peaks
-from aerokernels.tracing.unresolved import _potential_by_blocks
+from aerokernels.tracing.unresolved import potential_by_blocks
 
 from .backends import ENGINES, on
 
@@ -45,7 +45,7 @@ def _check_equal(there: UniformGrid, here: UniformGrid) -> None:
     assert block == expected[0] and not np.any(kinks)
     for found, known in zip(fourth, expected[1], strict=True):
         assert close(found, known)
-    assert close(_potential_by_blocks(there), _potential_by_blocks(here))
+    assert close(potential_by_blocks(there), potential_by_blocks(here))
     for found, known in zip(_potential_peaks(there), _potential_peaks(here), strict=True):
         assert close(found, known)
 

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.ndimage import maximum_filter
 
 from aerokernels import IndexField, Plane, RayBundle
-from aerokernels.tracing import leapfrog, unresolved
+from aerokernels.tracing import leapfrog, missed_on_lines, unresolved
 from aerokernels.tracing.between_samples import NEGLIGIBLE, MissedStructure, multiple_of_three
 from aerokernels.tracing.blocks import block_maxima, greatest_around
 from aerokernels.tracing.error_limit import error_limit
@@ -48,7 +49,8 @@ def lines_in(lever: bool, count: int = 9) -> Lines:
 def test_the_bound_of_blocks(geometry: str, ends: bool):
     """The lesser of the rule's bound and twice the means of what is not resolved, with the splines' lobes.
 
-    In blocks in which rays end eight times the rule's bound, and the size at an end over the block's length on top.
+    At ends of rays three samples by seven times the rule's bound, or half a sample of what is passed there, whichever
+    is less; of the blocks in which no ray ends the whole potential stands for half of what is passed.
     Samples so dense that they resolve all but a spline's images count for the fourth power of their distance.
     """
     field = field_of(geometry)
@@ -71,15 +73,25 @@ def test_the_bound_of_blocks(geometry: str, ends: bool):
         parts = high_pass(grid, obliquity, used, edges, True)
         means = unresolved._by_blocks(grid, geometry, sampling, np.abs(parts[0]))
         rule = unresolved._by_rule(grid, geometry, sampling)
-        if ends:
-            means = means + marked * (0.25 * used / (4 * grid.spacing[-1])) * block_maxima(np.abs(parts[1]), 4)
-            rule = rule * np.where(marked, 8.0, 1.0)
         for axis in range(means.ndim - 1):  # beside the main axis, the last
             means = np.maximum(means, 0.15 * greatest_around(means, -1, 1, axis))
         factor = 1.0 + 2.0 * 0.4 / min(grid.spacing)
         block, found = unresolved.missed_in_blocks(field, sampling)
         np.testing.assert_allclose(found, factor * np.minimum(rule, 2.0 * share * means), rtol=1e-9)
         assert block == 4
+        at_ends = unresolved.missed_at_ends(field, sampling)
+        if not ends:
+            assert at_ends is None
+            continue
+        whole = block_maxima(np.abs(grid.samples * (grid.ambient_index + grid.samples / 2) / grid.ambient_index), 4)
+        size = np.where(marked, block_maxima(np.abs(parts[1]), 4), 2.0 * whole)
+        least = np.minimum(21.0 * spacing * rule, 0.5 * share * used * size)
+        np.testing.assert_allclose(at_ends, factor * maximum_filter(least, 3, mode="constant"), rtol=1e-9)
+        if geometry == "volume":
+            anywhere = dataclasses.replace(sampling, ends=unresolved.EVERYWHERE)
+            least = np.minimum(21.0 * spacing * rule, 0.5 * share * used * block_maxima(np.abs(parts[1]), 4))
+            at_ends = unresolved.missed_at_ends(field, anywhere)
+            np.testing.assert_allclose(at_ends, factor * maximum_filter(least, 3, mode="constant"), rtol=1e-9)
 
 
 @pytest.mark.parametrize("lever", [False, True])
@@ -92,7 +104,7 @@ def test_the_greatest_error_of_any_line(geometry: str, lever: bool):
     field, lines = field_of(geometry), lines_in(lever)
     grid, sampling = field.samples, Sampling(1.1, (0.1, 0.1, 1.0), 0.4)
     block, missed = unresolved.missed_in_blocks(field, sampling)
-    found = unresolved.greatest_error(field, sampling, lines)
+    found = missed_on_lines.greatest_error(field, sampling, lines)
     path = path_of(grid, block, missed.shape, lines, geometry)
     met = missed[path.part]
     change = 2.0 / min(field.spacing) * met * lever
@@ -107,9 +119,9 @@ def test_the_greatest_error_of_any_line(geometry: str, lever: bool):
         bounds.append(amount.sum(axis=layers.axis).max() * layers.thickness / layers.least)
     assert found == pytest.approx(min(bounds), rel=1e-9)
     assert path.longest == lines.length.max() and len(path.layers) >= 1
-    by_rule = unresolved.greatest_error(field, sampling, lines, by_rule=True)
+    by_rule = missed_on_lines.greatest_error(field, sampling, lines, by_rule=True)
     assert by_rule >= found
-    refined = unresolved.greatest_error(field, sampling, lines, allowed=0.0)
+    refined = missed_on_lines.greatest_error(field, sampling, lines, allowed=0.0)
     assert refined <= found * (1.0 + 1e-12) and (lever or refined == found)
 
 
@@ -144,11 +156,12 @@ def test_ends_count_where_the_air_there_is_disturbed(geometry: str):
     grid = field.samples
     potential = np.abs(grid.samples * (1.0 + grid.samples / 2.4))
     worth = block_maxima(potential, 4) * 4 * max(grid.spacing)
-    near = unresolved._blocks_of_ends(grid, geometry, lines, worth.shape) > 0
+    near = missed_on_lines._blocks_of_ends(grid, geometry, lines, worth.shape) > 0
     for limit in (np.median(worth[near]) / 0.02, 1e-9, 1e9):
         expected = near & (worth > 0.02 * limit)
-        found = unresolved.disturbed_ends(field, lines, limit)
-        assert found == (np.packbits(expected).tobytes() if expected.any() else b"")
+        found = missed_on_lines.disturbed_ends(field, lines, limit)
+        marked = unresolved.EVERYWHERE if geometry == "volume" else np.packbits(expected).tobytes()
+        assert found == (marked if expected.any() else b"")
 
 
 # --- counts ----------------------------------------------------------------------------------------------------------

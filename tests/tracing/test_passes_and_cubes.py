@@ -8,7 +8,7 @@ import pytest
 from aerokernels import IndexField, Plane
 from aerokernels.medium.spline import weights
 from aerokernels.tracing import cube_polynomials as cubes
-from aerokernels.tracing import unresolved
+from aerokernels.tracing import missed_on_lines, unresolved
 from aerokernels.tracing.blocks import block_maxima, block_means
 from aerokernels.tracing.bundle.family import Family
 from aerokernels.tracing.bundle.hermite import hermite_weights
@@ -187,7 +187,7 @@ def test_lookups_along_rays(geometry: str):
     lines = Lines(start, way, length, np.array([0.7, 0.0]), np.zeros(2))
     size = 4 * np.array(field.samples.spacing)
     count = int(np.ceil(20.0 / (1.5 * size.min())))
-    for row, got in enumerate(unresolved.missed_along(field, sampling, lines)):
+    for row, got in enumerate(missed_on_lines.missed_along(field, sampling, lines)):
         total = 0.0
         for k in range(count):
             place = start[row] + (k + 0.5) / count * length[row] * way[row]

@@ -6,10 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.ndimage import maximum_filter
 
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.tracing import Plane, unresolved
+from aerokernels.tracing import Plane, missed_on_lines, unresolved
 from aerokernels.tracing.blocks import block_maxima, block_means, greatest_of_neighbors
 from aerokernels.tracing.high_pass import _held_share, _images, _share_left
 from aerokernels.tracing.leapfrog import _greatest_cells
@@ -208,9 +209,12 @@ def test_the_rules_own_bound(geometry: str):
     total = sum(u * 1.7 * g**0.25 for u, g in zip(share, fourth, strict=True))
     factor = 1.0 + 2.0 * 0.6 / float(field.samples.spacing.min())
     np.testing.assert_allclose(found, factor * total**4 / 720.0, rtol=1e-10)
-    at_ends = unresolved.missed_in_blocks(field, Sampling(1.7, steep, 0.6, True, b"\x80"), by_rule=True)[1]
-    np.testing.assert_allclose(at_ends, 8.0 * found, rtol=1e-12)
-    assert block == 4
+    # At an end three samples have up to 8 times the bound; the greatest of the block and its neighbours counts.
+    with_ends = Sampling(1.7, steep, 0.6, True, unresolved.EVERYWHERE)
+    np.testing.assert_array_equal(unresolved.missed_in_blocks(field, with_ends, by_rule=True)[1], found)
+    at_ends = unresolved.missed_at_ends(field, with_ends, by_rule=True)
+    np.testing.assert_allclose(at_ends, maximum_filter(3.0 * 7.0 * 1.7 * found, 3, mode="constant"), rtol=1e-12)
+    assert block == 4 and unresolved.missed_at_ends(field, sampling, by_rule=True) is None
     # A line is told by its blocks: the mean along it times its length, and what its lever arm adds.
     whole = unresolved.missed_in_blocks(field, sampling)[1]
     assert (whole <= found * (1 + 1e-9)).all()
@@ -225,7 +229,7 @@ def test_blocks_in_which_lines_end(geometry: str):
     way = np.array([[0.0, 0.6, 0.8], [0.6, 0.0, 0.8]])
     lines = Lines(start, way, length, 0.0 * length, 0.0 * length)
     shape = tuple(-(-(count - 1) // 4) for count in grid.shape)
-    near = unresolved._blocks_of_ends(grid, geometry, lines, shape)
+    near = missed_on_lines._blocks_of_ends(grid, geometry, lines, shape)
     expected = np.zeros(shape)
     for place in (*start, *(start + length[:, None] * way)):
         local = {"volume": place, "planar": place[1:], "axisymmetric": [np.hypot(*place[:2]), place[2]]}[geometry]

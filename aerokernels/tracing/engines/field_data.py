@@ -20,7 +20,7 @@ from ..scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
 from ..step_bound import CONES, cones_of, step_bound
 from ..stop import ArcLength, Plane, stop_key
 from ..support import left_out, support_box
-from ..unresolved import lookup_table
+from ..unresolved import lookup_table, missed_at_ends
 
 # How many FieldData of recent bodies and precisions are cached for one set of grid nodes.
 KEPT = 16  # speed only
@@ -279,7 +279,8 @@ def step_bound_tables(
     """Return the tables of step bounds for the cones that contain the directions.
 
     There are none without error control or on a mesh. For leapfrog samples the table of the error from features between
-    samples (unresolved.py) takes their place if the plan has one: the first entry of "step_bound_start" is then 0.
+    samples (unresolved.py) takes their place if the plan has one: the first entry of "step_bound_start" is then 0. The
+    second one is where the table of the ends of rays starts, if there is one.
 
     Returns:
         Arrays "step_bound" [m], flat, and "step_bound_start", -1 for a cone without a table; members of Control.
@@ -290,6 +291,10 @@ def step_bound_tables(
     if plan.sample_count and plan.sampling is not None:
         block, missed = lookup_table(field, plan.sampling)
         start[0], lengths = 0, [missed.ravel()]
+        at_ends = missed_at_ends(field, plan.sampling)
+        if at_ends is not None:
+            start[1] = missed.size
+            lengths.append(at_ends.ravel())
         members = {"block_count": np.array([*missed.shape, *[1] * (3 - missed.ndim)]), "block": block}
     if isinstance(field.samples, UniformGrid) and plan.method in ("adaptive", "straight") and not plan.sample_count:
         budget = error_limit(field, min(plan.tolerance, LAXEST) * wavelength)

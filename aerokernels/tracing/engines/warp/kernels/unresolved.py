@@ -1,6 +1,6 @@
 """Device functions: a bound of the error from features between a ray's leapfrog samples.
 
-It is a table summed along the ray's path (see tracing/unresolved.py).
+It is a table summed along the ray's path, and one looked up at its ends (see tracing/unresolved.py).
 """
 
 import warp as wp
@@ -26,6 +26,20 @@ def build_unresolved(library: KernelLibrary, geometry: str):
         return wp.clamp(int(wp.floor(place / real(control.block))), 0, control.block_count[axis] - 1)
 
     @wp.func
+    def entry_at(control: Control, p: vec3):
+        """Entry of the table at a place in cells."""
+        entry = int(0)
+        if wp.static(geometry == "volume"):
+            entry = block_of(control, 0, p[0]) * control.block_count[1] + block_of(control, 1, p[1])
+            entry = entry * control.block_count[2] + block_of(control, 2, p[2])
+        elif wp.static(geometry == "planar"):
+            entry = block_of(control, 0, p[1]) * control.block_count[1] + block_of(control, 1, p[2])
+        else:
+            entry = block_of(control, 0, wp.sqrt(p[0] * p[0] + p[1] * p[1])) * control.block_count[1]
+            entry += block_of(control, 1, p[2])
+        return entry
+
+    @wp.func
     def unresolved_of(field: Field, control: Control, start: vec3, d: vec3, length: real, beside: vec3):
         if control.step_bound_start[0] < 0:
             return real(0.0)
@@ -40,17 +54,14 @@ def build_unresolved(library: KernelLibrary, geometry: str):
         for k in range(count):
             share = (real(k) + real(0.5)) / real(count)
             p = start + wp.cw_mul(share * length * d + share * share * beside, rate)
-            entry = int(0)
-            if wp.static(geometry == "volume"):
-                entry = block_of(control, 0, p[0]) * control.block_count[1] + block_of(control, 1, p[1])
-                entry = entry * control.block_count[2] + block_of(control, 2, p[2])
-            elif wp.static(geometry == "planar"):
-                entry = block_of(control, 0, p[1]) * control.block_count[1] + block_of(control, 1, p[2])
-            else:
-                entry = block_of(control, 0, wp.sqrt(p[0] * p[0] + p[1] * p[1])) * control.block_count[1]
-                entry += block_of(control, 1, p[2])
-            total += control.step_bound[entry]
-        return total * length / real(count)
+            total += control.step_bound[entry_at(control, p)]
+        missed = total * length / real(count)
+        at_ends = control.step_bound_start[1]
+        if at_ends >= 0:
+            end = start + wp.cw_mul(length * d + beside, rate)
+            missed += control.step_bound[at_ends + entry_at(control, start)]
+            missed += control.step_bound[at_ends + entry_at(control, end)]
+        return missed
 
     return unresolved_of
 
