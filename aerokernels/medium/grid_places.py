@@ -8,6 +8,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from ..derived import Derived
+from ..process.opened import OPENED
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,17 +28,14 @@ class GridPlaces(Derived):
     even_first_axis: bool
 
 
-_in_use: WeakValueDictionary[tuple, GridPlaces] = WeakValueDictionary()
-
-
 def places_of(shape: tuple[int, ...], origin: np.ndarray, spacing: np.ndarray, even_first_axis: bool) -> GridPlaces:
     """Return the positions of such nodes: one object for all grids that exist at the same time.
 
     The results cached on it live as long as one of these grids. The arguments are the attributes of GridPlaces.
     """
+    in_use: WeakValueDictionary[tuple, GridPlaces] = OPENED.once("positions of nodes in use", WeakValueDictionary)
     key = shape, origin.tobytes(), spacing.tobytes(), even_first_axis
-    found = _in_use.get(key)
-    return found or _in_use.setdefault(key, GridPlaces(shape, origin, spacing, even_first_axis))
+    return in_use.get(key) or in_use.setdefault(key, GridPlaces(shape, origin, spacing, even_first_axis))
 
 
 def known(samples: Any, key: Hashable, make: Callable[[], Any], most: int) -> Any:

@@ -1,7 +1,8 @@
 """Hold what this process keeps open between calls; the package's only global state.
 
 Opening a device, building a kernel and starting a child process each take much longer than using them, so each is done
-once per process. Anything that belongs to a field, a result or a prepared object is stored on that object, not here.
+once per process. Anything that belongs to a field, a result or a prepared object is stored on that object, not here;
+what fields share is found through weak references, which keep nothing.
 """
 
 import threading

@@ -27,28 +27,15 @@ from .launch import Trials
 from .lever_arms import lever_arms_of
 from .pilot_levels import error_scales, greatest_bend, level_pair, levels_of
 from .plan import TracePlan
-from .prediction import predict_evaluations
+from .sample_cost import LEAST_RAYS, SampleCost
 from .stop import ArcLength, stop_key
 from .straight_lines import outermost, outermost_rays
 from .support import support_box
 from .unresolved import Sampling
 
-# Fewer rays are traced under error control at once: a pilot would not pay.
-LEAST_RAYS = 4096
-# To search a field for structure between samples takes as long as tracing a ray under error control for so many nodes.
-NODES_OF_RAY = 16  # speed only
 # Greatest distance of samples in cells. Structure between the samples is bounded from the field as well.
 WIDEST = 6.0
 LEAST_SAMPLES = 36
-# Up to CHEAP samples leapfrog is always taken. Above that it is taken where the samples are at most WORTH times the
-# evaluations predicted for error control: a sample costs less than an evaluation, and much less on OpenCL, where the
-# lanes of a CPU share it.
-CHEAP = {"opencl": 450, "warp": 120}
-WORTH = {"opencl": 5.0, "warp": 1.2}
-MOST_SAMPLES = 3000
-# Where neighbouring rays are further apart than this many cells at the end of their paths, the lanes of a CPU hardly
-# share lookups, and a sample costs this many times as much.
-APART, SCATTERED = 2.0, 4.0  # speed only
 
 # Polynomials of cubes are made where rays take this many samples for each node of the grid, on a CPU (False) and on a
 # GPU (True), where a sample costs less. They are used where retracing rays because of them costs less than the share
@@ -74,12 +61,6 @@ def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
     if not (isinstance(field.samples, UniformGrid) and field.interpolation == "cubic"):
         return False
     return ray_count >= LEAST_RAYS and not isinstance(until, ArcLength)
-
-
-def pays_once(field: IndexField, ray_count: int) -> bool:
-    """Whether the plan of a bundle that is traced once takes less time than leapfrog saves."""
-    grid = field.samples
-    return isinstance(grid, UniformGrid) and ray_count >= max(LEAST_RAYS, grid.samples.size // NODES_OF_RAY)
 
 
 def spread_of(geometry: str, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> RayBundle:
@@ -225,7 +206,7 @@ class _Fitting:
         """The least number of samples that meets the tolerance; None where none does, or error control is cheaper."""
         budget = self.limit / MARGIN
         least = self._least_samples()
-        if not self._is_worth_it(least):
+        if not self.cost.is_worth_it(least):
             return None
         trials = self._trials(replace(self.plan, sample_count=least))
         level, finest, bends = level_pair(trials, least)
@@ -241,8 +222,8 @@ class _Fitting:
             if second > 0.0:
                 order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
             count = multiple_of_three(least * (first / budget) ** (1.0 / order))
-        count = self.structure.least_count(count, self._is_worth_it, self._retrace_cost)
-        while count and self._is_worth_it(count):
+        count = self.structure.least_count(count, self.cost.is_worth_it, self.cost.of_retraced)
+        while count and self.cost.is_worth_it(count):
             (level,) = [level for level in levels if level.count == count] or levels_of(trials, count)
             finest = levels[-1]
             if 2 * count > finest.count:
@@ -297,7 +278,7 @@ class _Fitting:
 
     def _may_retrace(self, share: float, count: int) -> bool:
         """Whether tracing this share of the rays again costs less than cubes save of so many samples."""
-        return share == 0.0 or share * self._retrace_cost() <= CUBES_GAIN * count
+        return share == 0.0 or share * self.cost.of_retraced() <= CUBES_GAIN * count
 
     def _trials(self, plan: TracePlan) -> Trials:
         outputs = frozenset(("opd", "step_error", "direction"))
@@ -308,33 +289,10 @@ class _Fitting:
         """The structure that the rays may miss between samples."""
         return MissedStructure(self.field, self.spread, self.until, self.limit, self.plan.lever_arms)
 
-    def _predicted(self) -> float:
-        """Field evaluations of a ray under error control."""
-        return predict_evaluations(self.field, self.limit, self.pilot.direction)
-
     @cached_property
-    def _sample_cost(self) -> float:
-        """The cost of a sample over that of a sample whose lookup the lanes of a CPU share."""
-        has_lanes = self.plan.backend == "opencl" and not engine_of(self.plan.backend, self.plan.device).is_gpu
-        return SCATTERED if has_lanes and self._are_scattered() else 1.0
-
-    def _are_scattered(self) -> bool:
-        """Whether rays side by side part: their directions are no linear function of their positions."""
-        place, along = self.pilot.position, self.pilot.direction
-        terms = np.column_stack([np.ones(len(place)), place - place.mean(axis=0)])
-        rest = along - terms @ np.linalg.lstsq(terms, along, rcond=None)[0]
-        angle = math.sqrt(float((rest**2).sum(axis=1).mean()))
-        return angle * self.structure.length > APART * float(np.min(self.grid.spacing))
-
-    def _retrace_cost(self) -> float:
-        """The cost of tracing a ray again, in samples."""
-        return max(CHEAP[self.plan.backend], WORTH[self.plan.backend] * self._predicted()) / self._sample_cost
-
-    def _is_worth_it(self, count: int) -> bool:
-        """Whether so many samples cost less than error control; that cost is predicted only where it may decide."""
-        if count * self._sample_cost <= CHEAP[self.plan.backend] or count > MOST_SAMPLES:
-            return count <= MOST_SAMPLES
-        return count * self._sample_cost <= WORTH[self.plan.backend] * self._predicted()
+    def cost(self) -> SampleCost:
+        """What samples cost beside error control."""
+        return SampleCost(self.field, self.pilot, self.plan, self.limit, lambda: self.structure.length)
 
     def _least_samples(self) -> int:
         """The number of samples that are WIDEST cells apart on the longest path through the field's support."""

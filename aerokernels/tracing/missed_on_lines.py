@@ -98,6 +98,7 @@ def greatest_error(
 def _missed_at_ends_of(field: IndexField, sampling: Sampling, lines: Lines, by_rule: bool = False) -> np.ndarray:
     """Error of straight rays by structure at both of their ends [m], shape (line_count,)."""
     grid, at_ends = field.samples, missed_at_ends(field, sampling, by_rule)
+    assert isinstance(grid, UniformGrid)
     if at_ends is None:
         return np.zeros(len(lines.length))
     key = "ends", field.geometry, at_ends.shape, _nodes_key(grid)
@@ -131,6 +132,7 @@ def _greatest_on_lines(
 def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndarray:
     """Error of straight rays by structure between samples, by the kernels' own lookup [m], shape (line_count,)."""
     grid, (block, table) = field.samples, lookup_table(field, sampling)
+    assert isinstance(grid, UniformGrid)
     size = block * np.asarray(grid.spacing)
     count = max(1, int(np.ceil(float(lines.length.max(initial=0.0)) / (LOOKUP_STRIDE * float(size.min())))))
     found = np.zeros(len(lines.length))

@@ -20,11 +20,12 @@ from .engines.choice import choose_backend
 from .engines.device_memory import memory_of
 from .error_limit import error_limit
 from .grid_tables import prepare_grid
-from .leapfrog import fit_leapfrog, may_be_leapfrog, pays_once, spread_of
+from .leapfrog import fit_leapfrog, may_be_leapfrog, spread_of
 from .lever_arms import lever_arms_of
 from .lines import box_size
 from .plan import LEAPFROG, METHODS, PRECISIONS, TracePlan
 from .prediction import predict_evaluations
+from .sample_cost import pays_once
 
 STRAIGHT = "; along the undisturbed line, with the second-order correction of the optical path"
 
@@ -95,11 +96,11 @@ def plan_rays(
         # The box has no end in x: a ray may fly much farther in it than across its other axes.
         lever_arms = lever_arms_of(field, pilot(), until)
         choices["path_length"] = None if lever_arms is None else lever_arms.path_length
-    pays = not is_once or pays_once(field, ray_count)
-    if method == "auto" and pays and may_be_leapfrog(field, ray_count, until):
+    if method == "auto" and may_be_leapfrog(field, ray_count, until):
         # Its number of evaluations is not predicted: the pilot will show it.
         trial = make_plan(field, method="straight", wavelength=wavelength, **choices)
-        if trial.backend != "reference":
+        pays = not is_once or pays_once(field, ray_count, trial.backend, trial.device)
+        if trial.backend != "reference" and pays:
             trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without the reason for the method
             examined = spread or (lambda low, high: pilot())
             with memory_of(trial.device):

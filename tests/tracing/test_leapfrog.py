@@ -15,10 +15,10 @@ from aerokernels.strehl.estimate import estimate_strehl, plan_strehl
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
 from aerokernels.tracing.engines.opencl.tables import cell_polynomials
 from aerokernels.tracing.launch import launch
-from aerokernels.tracing.leapfrog import LEAST_RAYS
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil_run import PupilRun
 from aerokernels.tracing.pupil_sums import BATCH_RAYS, PupilTask, batches_of, point_order
+from aerokernels.tracing.sample_cost import LEAST_RAYS
 from aerokernels.validation.random_fields import CELL, noise, uniform_field
 
 from .backends import ENGINES, WAVE, on

@@ -188,11 +188,29 @@ def test_counts_that_pay():
     for backend, cheap, worth in (("warp", 120, 1.2), ("opencl", 450, 5.0)):
         fit = fitting(backend=backend)
         predicted = predict_evaluations(fit.field, fit.limit, fit.pilot.direction)
-        assert fit._predicted() == predicted and fit._retrace_cost() == max(cheap, worth * predicted)
+        assert fit.cost.evaluations == predicted and fit.cost.of_retraced() == max(cheap, worth * predicted)
         most = min(max(cheap, int(worth * predicted)), 3000)
-        assert fit._is_worth_it(cheap) and fit._is_worth_it(most) and not fit._is_worth_it(max(most, cheap) + 1)
-        assert not fit._is_worth_it(3001)
+        assert fit.cost.is_worth_it(cheap) and fit.cost.is_worth_it(most)
+        assert not (fit.cost.is_worth_it(max(most, cheap) + 1) or fit.cost.is_worth_it(3001))
         assert fit.limit == error_limit(fit.field, 1e-8) and fit.grid is fit.field.samples
+
+
+@pytest.mark.parametrize("beam, cost", [("parallel", 1.0), ("divergent", 1.0), ("converging", 1.0), ("scattered", 4.0)])
+def test_samples_of_rays_that_part_share_no_lookups(beam: str, cost: float):
+    """Directions that are no linear function of positions, by more than two cells at the end of the longest path."""
+    rng = np.random.default_rng(216)
+    place = np.c_[np.zeros(64), rng.uniform(-8 * H, 8 * H, 64), np.full(64, -H)]
+    way = np.tile([0.0, 0.05, 1.0], (64, 1))
+    way[:, 1] += {"parallel": 0.0, "divergent": 40.0, "converging": -40.0}.get(beam, 0.0) * place[:, 1]
+    if beam == "scattered":
+        way[:, 1] += rng.normal(0.0, 0.1, 64)
+    pilot = RayBundle(place, way)
+    for backend, expected in (("opencl", cost), ("warp", 1.0)):
+        fit = fitting(backend=backend)
+        fit = leapfrog._Fitting(fit.field, pilot, fit.plan, fit.until, 1e-6, lambda low, high: pilot)
+        assert fit.cost.of_sample == expected
+        whole = max({"opencl": 450, "warp": 120}[backend], {"opencl": 5.0, "warp": 1.2}[backend] * fit.cost.evaluations)
+        assert fit.cost.of_retraced() == whole / expected
 
 
 def test_the_least_number_of_samples():

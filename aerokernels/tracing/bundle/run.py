@@ -15,12 +15,12 @@ from ..engines.device_memory import memory_of
 from ..error_limit import error_limit
 from ..known_air import face_strengths
 from ..launch import in_chunks, starts_of
-from ..leapfrog import LEAST_RAYS, pays_once
 from ..lever_arms import lever_arms_of
 from ..lines import box_size
 from ..meeting import check_meeting
 from ..plan import BundleCounts, TracePlan
 from ..planning import make_plan, plan_bundle
+from ..sample_cost import LEAST_RAYS, pays_once
 from ..status import NOT_DELIVERED
 from ..stop import stop_key
 from .clearance import Clearance
@@ -175,7 +175,7 @@ class _Tracer:
 
     def __call__(self, rays: RayBundle) -> dict[str, np.ndarray]:
         request, plan = self.request, self.few
-        if pays_once(request.field, rays.ray_count):
+        if pays_once(request.field, rays.ray_count, plan.backend, plan.device):
             self.many = self.many or _plan_many(request, rays, TRACED_SHARE)
             plan = self.many
         return on_host(request.run(request.field, rays, plan, request.until, request.wavelength, TRACED))

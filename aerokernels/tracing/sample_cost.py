@@ -1,0 +1,87 @@
+"""What the leapfrog samples of a bundle cost beside error control: it decides which of the two traces the rays."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..medium import IndexField
+from ..medium.grid import UniformGrid
+from ..rays import RayBundle
+from .engines import engine_of
+from .plan import TracePlan
+from .prediction import predict_evaluations
+
+# Fewer rays are traced under error control at once: a pilot would not pay.
+LEAST_RAYS = 4096
+# To search a field for structure between samples takes as long as tracing a ray under error control for so many nodes,
+# on a CPU (False); a GPU (True) traces many more rays in that time, but bundles of a million are traced repeatedly.
+NODES_OF_RAY = {False: 16, True: 2}  # speed only
+# Up to CHEAP samples leapfrog is always taken. Above that it is taken where the samples are at most WORTH times the
+# evaluations predicted for error control: a sample costs less than an evaluation, and much less on OpenCL, where the
+# lanes of a CPU share it.
+CHEAP = {"opencl": 450, "warp": 120}
+WORTH = {"opencl": 5.0, "warp": 1.2}
+MOST_SAMPLES = 3000
+# Where rays side by side are further apart than this many cells at the end of their paths, the lanes of a CPU hardly
+# share lookups, and a sample costs this many times as much.
+APART, SCATTERED = 2.0, 4.0  # speed only
+
+
+def pays_once(field: IndexField, ray_count: int, backend: str, device: str) -> bool:
+    """Whether the plan of a bundle that is traced once takes less time than leapfrog saves."""
+    grid = field.samples
+    if backend == "reference" or not isinstance(grid, UniformGrid):
+        return False
+    return ray_count >= max(LEAST_RAYS, grid.samples.size // NODES_OF_RAY[engine_of(backend, device).is_gpu])
+
+
+@dataclass(frozen=True, eq=False)
+class SampleCost:
+    """The cost of samples of a bundle.
+
+    Attributes:
+        field: A field on a uniform grid.
+        pilot: Some of the rays.
+        plan: Their backend and device.
+        limit: The OPD error allowed to a ray [m].
+        length: Returns the length of the longest ray through the field [m].
+    """
+
+    field: IndexField
+    pilot: RayBundle
+    plan: TracePlan
+    limit: float
+    length: Callable[[], float]
+
+    @cached_property
+    def of_sample(self) -> float:
+        """The cost of a sample over that of a sample whose lookup the lanes of a CPU share."""
+        has_lanes = self.plan.backend == "opencl" and not engine_of(self.plan.backend, self.plan.device).is_gpu
+        return SCATTERED if has_lanes and self._are_scattered() else 1.0
+
+    def _are_scattered(self) -> bool:
+        """Whether rays side by side part: their directions are no linear function of their positions."""
+        place, along = self.pilot.position, self.pilot.direction
+        terms = np.column_stack([np.ones(len(place)), place - place.mean(axis=0)])
+        rest = along - terms @ np.linalg.lstsq(terms, along, rcond=None)[0]
+        angle = math.sqrt(float((rest**2).sum(axis=1).mean()))
+        return angle * self.length() > APART * float(np.min(self.field.spacing))
+
+    @property
+    def evaluations(self) -> float:
+        """Field evaluations of a ray under error control, as predicted."""
+        return predict_evaluations(self.field, self.limit, self.pilot.direction)
+
+    def of_retraced(self) -> float:
+        """The cost of tracing a ray under error control, in samples."""
+        return max(CHEAP[self.plan.backend], WORTH[self.plan.backend] * self.evaluations) / self.of_sample
+
+    def is_worth_it(self, count: int) -> bool:
+        """Whether so many samples cost less than error control; that cost is predicted only where it may decide."""
+        size = count * self.of_sample
+        if size <= CHEAP[self.plan.backend] or count > MOST_SAMPLES:
+            return count <= MOST_SAMPLES
+        return size <= WORTH[self.plan.backend] * self.evaluations
