@@ -99,7 +99,12 @@ def plan_rays(
     if method == "auto" and may_be_leapfrog(field, ray_count, until):
         # Its number of evaluations is not predicted: the pilot will show it.
         trial = make_plan(field, method="straight", wavelength=wavelength, **choices)
-        pays = not is_once or pays_once(field, ray_count, trial.backend, trial.device)
+
+        def evaluations() -> float:
+            limit = error_limit(field, choices["tolerance"] * wavelength)
+            return predict_evaluations(field, limit, pilot().direction)
+
+        pays = not is_once or pays_once(field, ray_count, evaluations, trial.backend, trial.device)
         if trial.backend != "reference" and pays:
             trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without the reason for the method
             examined = spread or (lambda low, high: pilot())

@@ -16,9 +16,11 @@ from .prediction import predict_evaluations
 
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096
-# To search a field for structure between samples takes as long as tracing a ray under error control for so many nodes,
-# on a CPU (False); a GPU (True) traces many more rays in that time, but bundles of a million are traced repeatedly.
-NODES_OF_RAY = {False: 16, True: 2}  # speed only
+# To search a field for structure between samples takes as long as so many evaluations under error control for each node
+# of its grid, on a CPU (False). A GPU (True) makes many more in that time, but large bundles are traced repeatedly.
+EVALUATIONS_OF_NODE = {False: 6.0, True: 48.0}  # speed only
+# Error control hardly ever takes fewer evaluations for a ray.
+FEWEST_EVALUATIONS = 20.0  # speed only
 # Up to CHEAP samples leapfrog is always taken. Above that it is taken where the samples are at most WORTH times the
 # evaluations predicted for error control: a sample costs less than an evaluation, and much less on OpenCL, where the
 # lanes of a CPU share it.
@@ -30,12 +32,21 @@ MOST_SAMPLES = 3000
 APART, SCATTERED = 2.0, 4.0  # speed only
 
 
-def pays_once(field: IndexField, ray_count: int, backend: str, device: str) -> bool:
-    """Whether the plan of a bundle that is traced once takes less time than leapfrog saves."""
+def pays_once(field: IndexField, ray_count: int, evaluations: Callable[[], float], backend: str, device: str) -> bool:
+    """Whether the plan of a bundle that is traced once takes less time than leapfrog saves.
+
+    Args:
+        field: The refractive index.
+        ray_count: Number of rays.
+        evaluations: Predicts the field evaluations of a ray under error control.
+        backend: Where they are traced.
+        device: Its device.
+    """
     grid = field.samples
-    if backend == "reference" or not isinstance(grid, UniformGrid):
+    if backend == "reference" or not isinstance(grid, UniformGrid) or ray_count < LEAST_RAYS:
         return False
-    return ray_count >= max(LEAST_RAYS, grid.samples.size // NODES_OF_RAY[engine_of(backend, device).is_gpu])
+    least = EVALUATIONS_OF_NODE[engine_of(backend, device).is_gpu] * grid.samples.size
+    return ray_count * FEWEST_EVALUATIONS >= least or ray_count * evaluations() >= least
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,10 @@ from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl.estimate import estimate_strehl, plan_strehl
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
 from aerokernels.tracing.engines.opencl.tables import cell_polynomials
+from aerokernels.tracing.error_limit import error_limit
 from aerokernels.tracing.launch import launch
 from aerokernels.tracing.plan import TracePlan
+from aerokernels.tracing.prediction import predict_evaluations
 from aerokernels.tracing.pupil_run import PupilRun
 from aerokernels.tracing.pupil_sums import BATCH_RAYS, PupilTask, batches_of, point_order
 from aerokernels.tracing.sample_cost import LEAST_RAYS
@@ -230,18 +232,19 @@ def test_who_is_sampled_evenly():
 
 
 def test_a_bundle_that_is_too_small_for_its_grid_is_not_searched_for_structure():
-    """A plan takes as long as tracing a ray for every sixteen nodes; a prepared pupil is planned for many seeds."""
-    axis = np.linspace(-1.0, 1.0, 48)
+    """Six evaluations for each node are asked for at the first trace; a prepared pupil is planned for many seeds."""
+    axis = np.linspace(-1.0, 1.0, 64)
     bump = 1e-5 * np.exp(-4.0 * (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2))
-    field = IndexField.from_samples(bump, origin=(-24e-4,) * 3, spacing=(CELL,) * 3, geometry="volume")
-    few, many = bump.size // 16 - 1, bump.size // 16
-    assert few > LEAST_RAYS
-    rays = bundle(many)
-    assert trace(field, rays, bundle="off").plan.sample_count > 0
-    fewer = RayBundle(rays.position[:few], rays.direction[:few])
-    found = trace(field, fewer, bundle="off")
+    field = IndexField.from_samples(bump, origin=(-32e-4,) * 3, spacing=(CELL,) * 3, geometry="volume")
+    rays = bundle(50_000)
+    found = trace(field, rays[:LEAST_RAYS], bundle="off")
     assert found.plan.sample_count == 0 and found.ok.all()
-    assert plan_strehl(field, Disc(4e-4, (0.0, 0.0, -3e-3)), ray_count=few)[0].sample_count > 0
+    limit = error_limit(field, 1e-3 * WAVE)
+    enough = int(6.0 * bump.size / predict_evaluations(field, limit, rays.pilot.direction))
+    assert LEAST_RAYS < 0.8 * enough and 1.2 * enough < rays.ray_count
+    for count, is_sampled in ((int(0.8 * enough), False), (int(1.2 * enough), True)):
+        assert (trace(field, rays[:count], bundle="off").plan.sample_count > 0) == is_sampled
+    assert plan_strehl(field, Disc(4e-4, (0.0, 0.0, -4e-3)), ray_count=LEAST_RAYS)[0].sample_count > 0
 
 
 def test_a_smaller_tolerance_takes_more_samples_and_errs_less():

@@ -172,10 +172,14 @@ class _Tracer:
         self.request = request
         self.few = _line_plan(request)
         self.many: TracePlan | None = None
+        self.traced = 0
 
     def __call__(self, rays: RayBundle) -> dict[str, np.ndarray]:
         request, plan = self.request, self.few
-        if pays_once(request.field, rays.ray_count, plan.backend, plan.device):
+        self.traced += rays.ray_count
+        cost = plan.predicted_evaluations or 0.0
+        pays = pays_once(request.field, self.traced, lambda: cost, plan.backend, plan.device)
+        if pays and rays.ray_count >= LEAST_RAYS:
             self.many = self.many or _plan_many(request, rays, TRACED_SHARE)
             plan = self.many
         return on_host(request.run(request.field, rays, plan, request.until, request.wavelength, TRACED))
