@@ -105,8 +105,9 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             if (CONTROLLED) {
                 const real rounding = step_rounding(&control, h, direction_weight, rate, frac, pot, force, s3);
                 real ratio;
+                const real limit = attainable_error(&control, ambient, &to_stop, angle_now);
                 accept = step_acceptance(
-                    &control, error, rounding, used, h, h_cell, h_least, index, to_stop.reach, &ratio);
+                    limit, error, rounding, used, h, h_cell, h_least, index, to_stop.reach, &ratio);
                 if (accept) {
                     // A step cut short by a surface is no reason to shorten the next one.
                     h_next = greater(h * ratio, h_least);
@@ -161,17 +162,18 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 h_cap = control.extent / ambient;
                 steps++;
                 used += error;
+                real late = R(0.0), gain_rate = R(0.0);  // what may be behind a face, and its gain per length
                 if (CONTROLLED && (runs || undecided)) {
-                    const real late =
-                        undecided
-                            ? h
-                            : time_beyond_face(&control, rate, interval.side, cell, ray_frac, tangent, force, h);
-                    gain += late * possible_gain(ambient, &to_stop, angle_now, pot, force, s3);
+                    late = undecided
+                               ? h
+                               : time_beyond_face(&control, rate, interval.side, cell, ray_frac, tangent, force, h);
+                    gain_rate = possible_gain(ambient, &to_stop, angle_now, pot, force, s3);
+                    gain += late * gain_rate;
                     if (leaves_by_rounding(&control, event, rate, interval.side, cell, ray_frac, tangent)) {
                         gain = NO_ROOT;
                     }
                 }
-                undecided |= runs_on;
+                undecided |= runs_on || late > R(0.0);
                 displacement += step_displacement;
                 max_deflection = angle_now;
                 advance4(&sums, &sums_carry, step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4));
@@ -252,6 +254,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     if (done) {
                         running = 0;
                         ends_on = event;
+                        gain -= clamp(-back, R(0.0), late) * gain_rate;  // it is not flown after all
                     }
                 }
                 if (back != R(0.0)) {
@@ -273,10 +276,14 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             }
         }
         if (CONTROLLED) {
-            gain += turned * (obliquity + STRAIGHT_LEVER * max_deflection) * lever_arm;
+            used += turned * (obliquity + STRAIGHT_LEVER * max_deflection) * lever_arm;
+            // A stop met at a slant magnifies errors of place and direction; without a stop, the gain is a length.
+            if (STOP != NONE) {
+                used += gain;
+                gain = R(0.0);
+            }
             used = stop_error(
-                used + gain, &bounds, &control, d0, ambient, momentum, first_momentum, max_deflection, &to_stop,
-                displacement);
+                used, &bounds, &control, d0, ambient, momentum, first_momentum, max_deflection, &to_stop, displacement);
             obliquity_first = obliquity;
             opd_rate = (fabs(pot) + size3(force) * (obliquity + max_deflection) * lever_arm) / ambient;
         }
@@ -290,6 +297,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
         used = event_location_error(
             used, ambient, cell_size, ends_on, arrival.grazing, obliquity_first, opd_rate, displacement);
     }
+    used += gain;
     if (CONTROLLED && arrival.status == RAY_OK && !(used <= control.tolerance)) {
         arrival.status = RAY_TOLERANCE_NOT_MET;  // to be traced again, see retrace.py
     }

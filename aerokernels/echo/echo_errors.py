@@ -5,8 +5,8 @@ r"""Compute the errors of an echo's numbers.
                    error of the interpolation over the target, and the change of S when half of the pupil's rays are
                    left out
     peak power     P is proportional to the return factor: P x (error of the factor) / factor; the error of the pupil's
-                   open share if a body blocks a part of the pupil; and the change of the peak with the position of the
-                   samples on the pulse
+                   open share if a body blocks a part of the pupil; and the greatest error of the peak over positions of
+                   the samples on the pulse, against the pulse between them
     peak voltage   as for the power; and the standard deviation of the noise at the peak, and half a digitiser code
     range          systematic: the change of the reading with the error of the peak, read off the waveform scaled by
                    1 +- the relative error (range walk of a fixed threshold; every method if the peak is cut off); the
@@ -21,6 +21,7 @@ phases.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -41,7 +42,7 @@ from .waveform import SPEED_OF_LIGHT
 # Relative error of the sum over the beam's points (target_points.py).
 QUADRATURE = 1e-7
 # Fractions of a sample period by which the echo is delayed to measure the effect of the samples' position.
-SHIFTS = (0.25, 0.5, 0.75)
+SHIFTS = tuple(k / 8 for k in range(8))
 # Noise above this fraction of a code dithers the codes: their errors are then random.
 DITHER = 0.5
 # Target points at which the error of a partly blocked pupil is measured.
@@ -65,7 +66,6 @@ class EchoProbe:
         power: Received power at the times `fine` [W], shape (n,).
         clean: Voltage of the samples without noise [V].
         rangefinder: Reads ranges.
-        vacuum_peaks: Peak power [W] and voltage [V] of the echo in vacuum.
     """
 
     field: IndexField
@@ -77,7 +77,12 @@ class EchoProbe:
     power: np.ndarray
     clean: np.ndarray
     rangefinder: Rangefinder
-    vacuum_peaks: tuple[float, float]
+
+    @cached_property
+    def vacuum_peaks(self) -> tuple[float, float]:
+        """Peak power [W] and voltage [V] of the echo in vacuum, between its samples too."""
+        power = self.vacuum.power(self.fine)
+        return peak_height(power), peak_height(self.vacuum.chain.voltage(self.fine, power))
 
     @property
     def scene(self) -> Scene:
@@ -121,7 +126,7 @@ class EchoProbe:
         """Read the echo in vacuum when it arrives a fraction of a sample later, for each fraction.
 
         Returns:
-            Relative changes of its peak power and voltage, and the errors of its ranges by method [m].
+            Relative errors of its peak power and voltage, and the errors of its ranges by method [m].
         """
         shifts = [share * (self.time[1] - self.time[0]) for share in shares]
         fine = [self.vacuum.power(self.fine, shift) for shift in shifts]
@@ -165,7 +170,8 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
     blocked = _blocked_pupil_error(result, probe)
     share = math.hypot(factor_error / factor if factor > 0.0 else math.inf, blocked, QUADRATURE)
     moved = probe.read_shifted(*SHIFTS)
-    heights = [max(abs(change[kind]) for change, _ in moved) for kind in (0, 1)]
+    # Relative to the height that was read, which may be the lower one.
+    heights = [max(abs(change[kind]) / min(1.0 + change[kind], 1.0) for change, _ in moved) for kind in (0, 1)]
     power, voltage = (
         math.hypot(share, height) * peak
         for height, peak in zip(heights, (result.peak_power, result.peak_voltage), strict=True)

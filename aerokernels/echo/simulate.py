@@ -115,7 +115,6 @@ def echo_through(
         power=power,
         clean=clean,
         rangefinder=rangefinder,
-        vacuum_peaks=peaks,
     )
     return EchoResult(
         time=time,

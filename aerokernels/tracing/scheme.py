@@ -34,6 +34,9 @@ NOISE_STEP = 0.5
 NOISE = {"float32": 8.0 * 2.0**-24, "float64": 8.0 * 2.0**-53}
 # Rounding of a ray's momentum over its whole path, as a share of its greatest: an error of direction at a far stop.
 DIRECTION_NOISE = {"float32": 2.0**-23, "float64": 2.0**-52}
+# Rounding of the angle at which an undisturbed ray meets a plane [rad], four units in the last place of its direction
+# and of the plane's normal. Its share of that angle is the share of an optical path difference that is rounding.
+INCIDENCE_NOISE = 2.0**-50
 # The slope between nodes is a difference of rounded values: its rounding is this many times theirs, for each cell of
 # the path. It does not average out over the steps of a ray that keeps its position within the cells it crosses.
 SLOPE_NOISE = 0.15

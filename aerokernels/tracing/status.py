@@ -49,8 +49,7 @@ _TEXT = {
     ),
     RayStatus.MAX_STEPS: (
         "the ray took as many steps as allowed and had not arrived",
-        "raise max_steps, loosen the tolerance, turn a stop Plane that is almost parallel to the ray, or look for a "
-        "ray that is trapped in the field",
+        "raise max_steps, loosen the tolerance, or look for a ray that is trapped in the field",
     ),
     RayStatus.NOT_FINITE: (
         "a number overflowed or was not a number",

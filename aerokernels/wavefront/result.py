@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cached_property, partial
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
 from ..pupils import Pupil
 from .data import WavefrontMap
-from .image_errors import encircled_errors, transfer_errors
+from .image_errors import encircled_errors, otf_errors
 from .image_quantities import image_quantities
 from .modes import (
     StructureFunction,
@@ -179,7 +178,7 @@ class Wavefront(WavefrontMap):
 
     def otf(self) -> Transfer:
         """Return the complex optical transfer function."""
-        return replace(transfer_function(self), pixel_error=partial(transfer_errors, self, attrgetter("value")))
+        return replace(transfer_function(self), pixel_error=partial(otf_errors, self))
 
     def mtf(self) -> Transfer:
         """Return the modulation transfer function, the magnitude of the OTF."""
@@ -209,7 +208,7 @@ class Wavefront(WavefrontMap):
             raise ValueError("no pixel has a neighbour, so there is no centroid: give `center` or more pixels")
         if point.shape != (2,) or not np.isfinite(point).all():
             raise ValueError(f"center must be two angles along x and y [rad], got {center!r}")
-        errors = partial(encircled_errors, self, angle, point)
+        errors = partial(encircled_errors, self, angle, point, center is None)
         return EncircledEnergy(angle, encircled(self.otf(), angle, point), point, self.phase_error, errors)
 
     @property

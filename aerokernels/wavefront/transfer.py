@@ -28,6 +28,8 @@ from .point_spread import complex_amplitude, phase_and_pixels
 # Coefficient of the long-exposure transfer function exp(-3.44 (r / r0)^(5/3)): D. L. Fried, J. Opt. Soc. Am. 56 (1966)
 # 1372.
 KOLMOGOROV = 3.44
+# Samples of the atmosphere's transfer function per r0, and most samples between two frequencies.
+PARTS_OF_FRIED, MOST_PARTS = 8.0, 16
 
 
 @shown
@@ -185,9 +187,51 @@ def _in_corners(even: np.ndarray, half: float, angle: float) -> float:
     return float((light * (1.0 - Disc(angle).coverage(edges, edges))).sum())
 
 
-def normalised_sensitivity(transfer: Transfer, wavelength: float, fried: float) -> float:
-    """Return PSSn, 1 without aberrations; `fried` is the atmosphere's r0 [m], infinite without an atmosphere."""
-    separation = wavelength * np.hypot(transfer.frequency[None, :], transfer.frequency[:, None])
-    with np.errstate(divide="ignore"):
-        air = np.exp(-2.0 * KOLMOGOROV * (separation / fried) ** (5.0 / 3.0))
-    return float((np.abs(transfer.value) ** 2 * air).sum() / (transfer.perfect**2 * air).sum())
+def normalised_sensitivity(transfer: Transfer, wavelength: float, fried: float, cubic: bool = True) -> float:
+    """Return PSSn, 1 without aberrations; `fried` is the atmosphere's r0 [m], infinite without an atmosphere.
+
+    The atmosphere's part of both integrals may vanish within the spacing of the frequencies, so it is integrated
+    between them. The perfect part has a kink at frequency 0 and is interpolated linearly; what the aberrations change
+    has none.
+
+    Args:
+        transfer: The optical transfer function.
+        wavelength: Wavelength [m].
+        fried: The atmosphere's r0 [m].
+        cubic: Interpolate the latter by cubic convolution, instead of linearly.
+    """
+    separation = wavelength * transfer.frequency
+    air = _mean_air(separation, fried, False)
+    perfect = transfer.perfect**2
+    change = (np.abs(transfer.value) ** 2 - perfect) * (_mean_air(separation, fried, True) if cubic else air)
+    return 1.0 + float(change.sum() / (perfect * air).sum())
+
+
+def _mean_air(separation: np.ndarray, fried: float, cubic: bool) -> np.ndarray:
+    """Return the square of the atmosphere's transfer function, averaged between frequencies, shape (n, n).
+
+    The weight at a distance t from a frequency, over the spacing, is the one that interpolation gives its value: that
+    of linear interpolation, or of cubic convolution (R. G. Keys, IEEE Trans. ASSP 29 (1981) 1153).
+
+    Args:
+        separation: Wavelength times the frequencies of rows and columns [m], shape (n,).
+        fried: The atmosphere's r0 [m].
+        cubic: As for `normalised_sensitivity`.
+    """
+    spacing = float(separation[1] - separation[0]) if len(separation) > 1 else 0.0
+    parts = max(int(min(np.ceil(PARTS_OF_FRIED * spacing / fried), MOST_PARTS)), 1)
+    t = np.arange(1 - (1 + cubic) * parts, (1 + cubic) * parts) / parts
+    share = 1.0 - np.abs(t)
+    if cubic:
+        near, far = 1.5 * np.abs(t) ** 3 - 2.5 * t**2 + 1.0, -0.5 * np.abs(t) ** 3 + 2.5 * t**2 - 4.0 * np.abs(t) + 2.0
+        share = np.where(np.abs(t) < 1.0, near, far)
+    t, share = t[share != 0.0], share[share != 0.0] / parts
+    there = np.abs(separation) <= 4.0 * fried + 2.0 * spacing  # beyond, the function is below 1e-30
+    squares = [((separation[there] + move * spacing) / fried) ** 2 for move in t]
+    near = np.zeros((len(squares[0]), len(squares[0])))
+    for up, weight in zip(squares, share, strict=True):
+        for right, other in zip(squares, share, strict=True):
+            near += weight * other * np.exp(-2.0 * KOLMOGOROV * np.add.outer(up, right) ** (5.0 / 6.0))
+    found = np.zeros((len(separation), len(separation)))
+    found[np.ix_(there, there)] = near
+    return found

@@ -123,6 +123,11 @@ APART StopGeometry stop_geometry_of(
     StopGeometry out;
     out.reach = chord < 1.0e30 ? (real)chord : control->extent;  // along x a planar box has no end
     out.obliquity = CONTROLLED ? (real)obliquity_of(bounds, interval, p, d) : R(0.0);
+    out.resolution = DIRECTION_NOISE;
+    if (STOP == PLANE) {
+        const double cosine = greater64(fabs(dot(VECTOR64(bounds->plane_normal), d)), LEAST_SLOPE);
+        out.resolution += (real)(INCIDENCE_NOISE / cosine);
+    }
     const real beyond = STOP == PLANE ? (real)greater64(interval->stop_distance - interval->t_exit, 0.0) : R(0.0);
     out.lever_arm = out.reach + beyond;
     out.derating = R(1.0);

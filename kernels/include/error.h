@@ -92,6 +92,14 @@ static inline real step_rounding(
     return NOISE * h * (R(2.0) * size + steep * direction_weight);
 }
 
+// The error [m] to which steps are controlled: the tolerance, or what rounding of a deflection `angle` makes. Far stops
+// that are almost parallel to the ray magnify rounding beyond any tolerance: shorter steps are in vain.
+static inline real attainable_error(const Control *control, real ambient, const StopGeometry *to_stop, real angle)
+{
+    const real rounding = to_stop->resolution * ambient * angle * to_stop->obliquity * to_stop->lever_arm;
+    return greater(control->tolerance, rounding);
+}
+
 // Optical path that a ray may gain behind a face per length of its step; without a stop it may end there.
 static inline real possible_gain(real ambient, const StopGeometry *to_stop, real angle, real pot, real3 force, real4 s3)
 {

@@ -191,7 +191,9 @@ APART int overshoots(
 {
     const real4 ahead = oriented(control, k, side, cell, frac);
     const real speed = greater(dot(ahead.yzw, velocity), R(0.0));
-    const int is_far = ahead.x > R(2.5) * EVENT_LOCATION_SHARE * speed * h && ahead.x > rounding_of(control, k);
+    // A ray that runs in a face ends its step by the tolerance behind it.
+    const real least = rounding_of(control, k) + SURFACE_TOLERANCE * surface_unit(control, k);
+    const int is_far = ahead.x > greater(R(2.5) * EVENT_LOCATION_SHARE * speed * h, least);
     return is_far || ahead.x > close * surface_unit(control, k);
 }
 

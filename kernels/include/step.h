@@ -146,7 +146,7 @@ static inline real3 impulse_of(real h, real3 force, real4 s2, real4 s3, real4 s4
 
 // Whether a step with this error is accepted; `ratio` is the ratio of the next step's length to this.
 static inline int step_acceptance(
-    const Control *control,
+    real limit,
     real error,
     real rounding,
     real used,
@@ -157,8 +157,8 @@ static inline int step_acceptance(
     real reach,
     real *ratio)
 {
-    const real left = greater(control->tolerance - used, R(0.0));
-    real allowed = greater(STEP_SHARE * left, control->tolerance * h * index / reach);
+    const real left = greater(limit - used, R(0.0));
+    real allowed = greater(STEP_SHARE * left, limit * h * index / reach);
     if (h <= NOISE_STEP * h_cell) {
         allowed = greater(allowed, rounding);
     }

@@ -107,10 +107,28 @@ def test_few_samples_a_pulse_are_in_the_errors(rate):
     )
     for method, one in slow.errors.ranges.items():
         assert (
-            abs(slow.ranges[method] - fast.ranges[method]) <= one.systematic + fast.errors.ranges[method].systematic
+            abs(slow.ranges[method] - fast.ranges[method])
+            <= one.systematic + fast.errors.ranges[method].systematic + 1e-7
         ), method
     assert abs(slow.peak_voltage - fast.peak_voltage) <= slow.quantities["peak_voltage"].error
     assert fast.quantities["peak_voltage"].error < 1e-4 < slow.quantities["peak_voltage"].error
+
+
+def test_few_samples_a_pulse_are_in_the_error_of_its_peak_wherever_they_are():
+    """Samples 5.8 ns apart on a pulse of 10 ns, at three of their positions on it, against 0.1 ns.
+
+    Curves through such samples are 2 and 5 % too low; the error told of it was too small by a tenth and a seventh of
+    it: it was the change with the position of the samples, relative to the pulse and not to what was read.
+    """
+    off = []
+    for distance in (1.2, 1.55, 2.25):
+        slow, fast = (
+            echo(scene(**{"detector.sample_rate": at, "target.distance": distance}), field=lump(0.0), phase_error=0.0)
+            for at in ("0.173 GHz", "10 GHz")
+        )
+        told = [slow.quantities[name].error for name in ("peak_power", "peak_voltage")]
+        off.append(np.abs([slow.peak_power - fast.peak_power, slow.peak_voltage - fast.peak_voltage]) / told)
+    assert np.max(off) <= 1.01 and np.max(off) > 0.5
 
 
 def test_noise_is_the_random_part():

@@ -134,6 +134,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("lever_arm", "real", "length over which the error grows"),
         Value("reach", "real", "part of that length in the box"),
         Value("derating", "real", "share of the step bounds, which do not allow for a far stop"),
+        Value("resolution", "real", "rounding of a deflection at the stop, as a share of it"),
     ),
     # The next step.
     "Stride": (

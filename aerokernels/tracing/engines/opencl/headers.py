@@ -31,6 +31,7 @@ DOUBLES = (
     "ENTRY_ROUNDING",
     "GRAZING_SQUARE",
     "FAR_AWAY",
+    "INCIDENCE_NOISE",
 )
 # Macros of the arrays of a struct RayOutputs, and suffixes of the arrays' names, by the argument's name.
 PER_RAY = {"outputs": ("RAY_OUTPUT", "_out"), "found": ("RETRACED_OUTPUT", "_found")}

@@ -2,7 +2,15 @@
 
 import warp as wp
 
-from ....scheme import ARC_SURFACE, ENTRY_ROUNDING, LEAST_COSINE, LEAST_SLOPE, STEEPEST_COSINE
+from ....scheme import (
+    ARC_SURFACE,
+    DIRECTION_NOISE,
+    ENTRY_ROUNDING,
+    INCIDENCE_NOISE,
+    LEAST_COSINE,
+    LEAST_SLOPE,
+    STEEPEST_COSINE,
+)
 from ....status import RayStatus
 from ....tableau import NEARLY_STRAIGHT, has_consistent_gradient
 from ..library import KernelLibrary, built_once
@@ -152,6 +160,7 @@ def build_stop_geometry(library: KernelLibrary, geometry: str, stop: str, contro
     t = library.types
     real, StopGeometry, Bounds, Control, Interval = t.real, t.StopGeometry, t.Bounds, t.Control, t.Interval
     obliquity_of = build_obliquity(library, geometry, stop)
+    direction_noise = DIRECTION_NOISE[library.precision]
 
     @wp.func
     def stop_geometry_of(bounds: Bounds, control: Control, interval: Interval, p: wp.vec3d, d: wp.vec3d):
@@ -162,12 +171,15 @@ def build_stop_geometry(library: KernelLibrary, geometry: str, stop: str, contro
         if wp.static(controlled):
             obliquity = obliquity_of(bounds, interval, p, d)
         beyond = real(0.0)
+        resolution = real(direction_noise)
         if wp.static(stop == "plane"):
+            cosine = wp.max(wp.abs(wp.dot(bounds.plane_normal, d)), wp.float64(LEAST_SLOPE))
+            resolution += real(wp.float64(INCIDENCE_NOISE) / cosine)
             beyond = real(wp.max(interval.stop_distance - interval.t_exit, wp.float64(0.0)))
         derating = real(1.0)
         if beyond > real(0.0):
             derating = wp.pow(real(1.0) + real(0.25) * obliquity * beyond * wp.max(control.cell_rate), real(-0.25))
-        return StopGeometry(obliquity, reach + beyond, reach, derating)
+        return StopGeometry(obliquity, reach + beyond, reach, derating, resolution)
 
     return stop_geometry_of
 

@@ -39,7 +39,7 @@ from .motion import build_contrast
 
 @built_once
 def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, stop: str):
-    """Build functions for the error of a step, its rounding, the gain behind a face, and the errors at the stop."""
+    """Build functions: error of a step, its rounding and limit, gain behind a face, errors at the stop."""
     t = library.types
     real, vec3, vec4, Bounds, Control, StopGeometry = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.StopGeometry
     contrast = build_contrast(library)
@@ -149,6 +149,15 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         return real(noise) * h * (real(2.0) * size + steep * direction_weight)
 
     @wp.func
+    def attainable_error(control: Control, ambient: real, to_stop: StopGeometry, angle: real):
+        """The error [m] to which steps are controlled: the tolerance, or what rounding of a deflection `angle` makes.
+
+        Far stops that are almost parallel to the ray magnify rounding beyond any tolerance: shorter steps are in vain.
+        """
+        rounding = to_stop.resolution * ambient * angle * to_stop.obliquity * to_stop.lever_arm
+        return wp.max(control.tolerance, rounding)
+
+    @wp.func
     def possible_gain(ambient: real, to_stop: StopGeometry, angle: real, pot: real, force: vec3, s3: vec4):
         """Optical path that a ray may gain behind a face per length of its step; without a stop it may end there."""
         gain = ambient * ambient
@@ -220,4 +229,4 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
             rounded += displacement / cosine
         return used + opd_rate * (shortfall + rounded)
 
-    return step_error, step_rounding, possible_gain, stop_error, event_location_error
+    return step_error, step_rounding, attainable_error, possible_gain, stop_error, event_location_error

@@ -217,7 +217,9 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         """Whether a step of length h ends further behind surface k than `close` cells, or than a share of the step."""
         ahead = oriented(control, k, side, cell, frac)
         speed = wp.max(wp.dot(vec3(ahead[1], ahead[2], ahead[3]), velocity), real(0.0))
-        is_far = ahead[0] > real(most_behind) * speed * h and ahead[0] > rounding_of(control, k)
+        # A ray that runs in a face ends its step by the tolerance behind it.
+        least = rounding_of(control, k) + real(surface_tolerance) * surface_unit(control, k)
+        is_far = ahead[0] > wp.max(real(most_behind) * speed * h, least)
         return is_far or ahead[0] > close * surface_unit(control, k)
 
     @wp.func

@@ -192,12 +192,11 @@ def build_kick(library: KernelLibrary):
 @built_once
 def build_step_acceptance(library: KernelLibrary):
     """Build a function -> (whether a step with this error is accepted, ratio of the next step's length to this)."""
-    t = library.types
-    real, Control = t.real, t.Control
+    real = library.types.real
 
     @wp.func
     def step_acceptance(
-        control: Control,
+        limit: real,
         error: real,
         rounding: real,
         used: real,
@@ -207,8 +206,8 @@ def build_step_acceptance(library: KernelLibrary):
         index: real,
         reach: real,
     ):
-        left = wp.max(control.tolerance - used, real(0.0))
-        allowed = wp.max(real(STEP_SHARE) * left, control.tolerance * h * index / reach)
+        left = wp.max(limit - used, real(0.0))
+        allowed = wp.max(real(STEP_SHARE) * left, limit * h * index / reach)
         if h <= real(NOISE_STEP) * h_cell:
             allowed = wp.max(allowed, rounding)
         ratio = real(4.0)

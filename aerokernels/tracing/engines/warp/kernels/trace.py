@@ -70,15 +70,13 @@ def build_kernel(
     kick_of, impulse_of = build_kick(library)
     straight, consistent_gradient = method == "straight", has_consistent_gradient(interpolation)
     sample_at_stage, sample_neglected = build_sample_at_stage(library, sample, straight, geometry, interpolation)
-    step_error, step_rounding, possible_gain, stop_error, event_location_error = build_step_error(
-        library, geometry, interpolation, stop
-    )
+    errors = build_step_error(library, geometry, interpolation, stop)
+    step_error, step_rounding, attainable_error, possible_gain, stop_error, event_location_error = errors
     step_acceptance = build_step_acceptance(library)
     contrast, project_momentum = build_contrast(library), build_project_momentum(library)
     step_sums, tangent_sums = build_sums(library)
-    event_location, time_beyond_face, leaves_by_rounding, overshoots, passed_surface, *others = build_event_location(
-        library, geometry, stop
-    )
+    surfaces = build_event_location(library, geometry, stop)
+    event_location, time_beyond_face, leaves_by_rounding, overshoots, passed_surface, *others = surfaces
     face_margin, in_face, surface_intersection = others
     arc_event_location, passes_arc, arc_surface_intersection = build_arc_event_location(library)
     cone_of, place_of = build_cone(library, geometry), build_place(library)
@@ -95,8 +93,7 @@ def build_kernel(
     @takes("trace_kernel", library.precision)
     def trace_kernel(field, bounds, control, first_ray, position_in, direction_in, outputs):
         ray = wp.tid() + first_ray
-        p0 = position_in[ray]
-        d0 = direction_in[ray]
+        p0, d0 = position_in[ray], direction_in[ray]
         status, interval = start_of(field, bounds, p0, d0)
         d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
         ambient = real(bounds.ambient)
@@ -106,8 +103,7 @@ def build_kernel(
         momentum_carry = q
         sums = t.vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # sigma, S, M, B
         sums_carry = sums
-        used = real(0.0)
-        max_deflection = real(0.0)  # greatest angle with d so far
+        used, max_deflection = real(0.0), real(0.0)  # error; greatest angle with d so far
         steps, evaluations, ends_on = int(0), int(0), int(-1)
         obliquity_first, opd_rate = real(0.0), real(0.0)
         displacement = real(0.0)  # how far sideways the ray may be displaced
@@ -121,8 +117,7 @@ def build_kernel(
             current_cell = find_current_cell(field, frac, -1)  # the cell of a mesh
             s = sample(field, cell, frac, current_cell)
             evaluations += 1
-            pot = s[0]
-            force = vec3(s[1], s[2], s[3])
+            pot, force = s[0], vec3(s[1], s[2], s[3])
             momentum = contrast(ambient, pot) * d
             cone = cone_of(d0)
             to_stop = stop_geometry_of(bounds, control, interval, p0, d0)
@@ -132,8 +127,7 @@ def build_kernel(
                 # The table of step bounds weighs the kinks that a step may pass by their effect on the path alone.
                 if obliquity * lever_arm * wp.max(control.cell_rate) > real(1.0):
                     derating = real(0.0)
-            first_momentum = wp.length(momentum)
-            arc_left = real(bounds.length - interval.t_enter)
+            first_momentum, arc_left = wp.length(momentum), real(bounds.length - interval.t_enter)
             aside = real(0.0)  # sideways deviation within which the ray meets no body
             if wp.static(has_body):
                 near = real(WALL_ASIDE) / wp.max(control.cell_rate)
@@ -174,13 +168,13 @@ def build_kernel(
                 judged = step_error(
                     ambient, d, total, momentum, h, h <= ahead.safe, max_deflection, to_stop, pot, force, s2, s3, s4
                 )
-                error = judged[0]
-                angle_now = judged[1]
+                error, angle_now = judged[0], judged[1]
 
                 accept = bool(True)
                 if wp.static(controlled):
                     rounding = step_rounding(control, h, judged[2], rate, frac, pot, force, s3)
-                    accept, ratio = step_acceptance(control, error, rounding, used, h, h_cell, h_least, index, reach)
+                    limit = attainable_error(control, ambient, to_stop, angle_now)
+                    accept, ratio = step_acceptance(limit, error, rounding, used, h, h_cell, h_least, index, reach)
                     if accept:
                         # A step cut short by a surface is no reason to shorten the next one.
                         h_next = wp.max(h * ratio, h_least)
@@ -221,17 +215,18 @@ def build_kernel(
 
                 if accept:
                     h_cap = control.extent / ambient
-                    steps += 1
-                    used += error
+                    steps, used = steps + 1, used + error
+                    late, gain_rate = real(0.0), real(0.0)  # what may be behind a face, and its gain per length
                     if wp.static(controlled):
                         if runs or undecided:
                             late = h
                             if not undecided:
                                 late = time_beyond_face(control, rate, interval.side, cell, ray_frac, tangent, force, h)
-                            gain += late * possible_gain(ambient, to_stop, angle_now, pot, force, s3)
+                            gain_rate = possible_gain(ambient, to_stop, angle_now, pot, force, s3)
+                            gain += late * gain_rate
                             if leaves_by_rounding(control, event, rate, interval.side, cell, ray_frac, tangent):
                                 gain = real(1.0e30)
-                        undecided = undecided or runs_on
+                        undecided = undecided or runs_on or late > real(0.0)
                     displacement += judged[3]
                     max_deflection = angle_now
                     added = step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4)
@@ -309,6 +304,7 @@ def build_kernel(
                         if done:
                             running = bool(False)
                             ends_on = event
+                            gain -= wp.clamp(-back, real(0.0), late) * gain_rate  # it is not flown after all
                     if back != real(0.0):
                         added = tangent_sums(ambient, d, momentum, back, pot, force)
                         sums, sums_carry = advance(sums, sums_carry, added)
@@ -324,7 +320,10 @@ def build_kernel(
                     running = bool(False)
                     status = int(not_finite)
             if wp.static(controlled):
-                used += gain + turned * (obliquity + real(STRAIGHT_LEVER) * max_deflection) * lever_arm
+                used += turned * (obliquity + real(STRAIGHT_LEVER) * max_deflection) * lever_arm
+                # A stop met at a slant magnifies errors of place and direction; without a stop, the gain is a length.
+                if wp.static(stop != "none"):
+                    used, gain = used + gain, real(0.0)
                 used = stop_error(
                     used, bounds, control, d0, ambient, momentum, first_momentum, max_deflection, to_stop, displacement
                 )
@@ -341,6 +340,7 @@ def build_kernel(
                 used = event_location_error(
                     used, ambient, size, ends_on, arrival.grazing, obliquity_first, opd_rate, displacement
                 )
+            used += gain
             if arrival.status == ok and not (used <= control.tolerance):
                 arrival.status = int(rejected)  # to be traced again, see retrace.py
         if wp.static(measured):
