@@ -79,6 +79,8 @@ def split_step(
         check_memory(FEWEST_STEPS, pixel_count**2)
         wave = plane_wave(light, field.wavelength_for(wavelength), pixel_count, window, field.ambient_index)
     elif isinstance(light, Wave):
+        if wavelength is not None and wavelength != light.wavelength:
+            raise ValueError(f"wavelength {wavelength!r} is not that of the Wave, {light.wavelength!r}: leave it out")
         field.wavelength_for(light.wavelength)
         wave = replace(light, ambient_index=field.ambient_index, incident=None)
     else:
