@@ -147,7 +147,8 @@ def sample_layers(field: IndexField, wave: Wave, begin: float, end: float, count
     if field.is_uniform and abs(abs(float(wave.normal[2])) - 1.0) < 1e-15:
         low, high = sorted(float(wave.normal[2] * (place - wave.center[2])) for place in np.array(field.box)[:, 2])
         edges = np.clip(edges, low, high)
-        return _along_z(field, wave, 0.5 * (edges[:-1] + edges[1:])) * np.float32(np.diff(edges))[:, None, None]
+        parts = np.diff(edges).astype(np.float32)
+        return _along_z(field, wave, 0.5 * (edges[:-1] + edges[1:])) * parts[:, None, None]
     x, y = (axis.ravel() for axis in np.meshgrid(*wave.coordinates))
     first, second = wave.axes
     plane = wave.center + x[:, None] * first + y[:, None] * second

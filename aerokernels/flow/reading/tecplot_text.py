@@ -56,7 +56,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     except UnicodeDecodeError:
         text = data.decode("latin-1")
     variables, zones = _parts(path, text)
-    blocks = [zone_block(path, variables, *zone, number) for number, zone in enumerate(zones, start=1)]
+    blocks = [zone_block(path, variables, head, own, number) for number, (head, own) in enumerate(zones, start=1)]
     times = [head.get("SOLUTIONTIME") for head, _ in zones]
     strands = [head.get("STRANDID") for head, _ in zones]
     return at_time(path, variables, blocks, without_static(times, strands, "0"), "Tecplot ASCII", time)
