@@ -46,8 +46,8 @@ def open_series(
             a NetCDF file or a Zarr store with a time axis, or an xarray object: the density, with coordinates time and
             x, y, z, or y, z, or r, z, on even grids in metres or in the unit of their attribute `units`;
             a pattern such as "run/flow_*.vtu", or a list of paths: numbered files, read by `read`;
-            a ParaView collection (.pvd) or file series (.vtu.series), or an OpenFOAM case with time directories, read
-            by `read` at the times that they give;
+            a ParaView collection (.pvd) or file series (.vtu.series), an OpenFOAM case with time directories, or a
+            file of Tecplot, CGNS or NumPy (.npz) with several times, read by `read` at the times that they give;
             a list or an iterator of arrays (NumPy, or any with DLPack), or of density fields. The snapshots of an
             iterator can be read only once and in order.
         time: Time of each snapshot [s], for numbered files and arrays. A file with a time axis has its own.
@@ -95,6 +95,9 @@ def open_series(
         case = import_module(f"{__package__}.reading.foam_case")
         if path.exists() and case.may_be_case(path) and case.is_case(path):
             return _of_case(path, _reader(read, for_files, density))
+        times = import_module(f"{__package__}.reading.formats").times_in(path, for_files) if path.is_file() else None
+        if times is not None:
+            return _at_times(path, np.array(times), _reader(read, for_files, density), {"file": path.name})
         if options:
             raise TypeError(f"{path} is no file of `read`: it does not take {', '.join(options)}")
         return series_of_file(path, density, ambient_density, cell_averages, species, own)

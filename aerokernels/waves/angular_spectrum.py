@@ -71,7 +71,7 @@ def angular_spectrum(
     from scipy.fft import fft2, ifft2
 
     amplitude = as_amplitude(amplitude)
-    if amplitude.ndim != 2 or not np.isfinite(amplitude).all():
+    if amplitude.ndim != 2 or not amplitude.size or not np.isfinite(amplitude).all():
         raise ValueError(f"the amplitude must be finite and have two axes [y, x], got shape {amplitude.shape}")
     wavelength, distance = check_wavelength(wavelength), check_at_least(distance, "distance")
     pixel, ambient_index = check_positive(pixel, "pixel", "m"), check_positive(ambient_index, "ambient_index")

@@ -1,6 +1,7 @@
 """Sample a field in layers across a wave, through the same interpolant as the rays."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
@@ -77,9 +78,9 @@ def layer_count(field: IndexField, length: float, step_count: int | None, most: 
 
 
 def mean_layers(
-    field: IndexField, wave: Wave, begin: float, end: float, count: int
+    field: IndexField, wave: Wave, begin: float, end: float, count: int, cells_apart: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Sample layers as `sample_layers` does, with several samples in a layer that is thicker than a cell.
+    """Sample layers as `sample_layers` does, with several samples in a layer that is thicker than `cells_apart` cells.
 
     So a thin shock crossed at a slant is not missed between two samples. There is no air inside a body: light that
     starts inside it begins where it leaves the body, as rays do, and other light ends on it.
@@ -88,7 +89,7 @@ def mean_layers(
         Optical paths [m], float32, shape (count, rows, columns), and a mask of where layers are opaque, of that shape;
         None without a body.
     """
-    cell = float(cell_along(field, wave.normal[None])[0])
+    cell = cells_apart * float(cell_along(field, wave.normal[None])[0])
     parts = min(max(math.ceil((end - begin) / (count * cell) - 1e-9), 1), MOST_PARTS)
     if parts == 1 and field.body is None:
         return sample_layers(field, wave, begin, end, count), None
@@ -137,21 +138,30 @@ def check_memory(count: int, pixels: int) -> None:
 def sample_layers(field: IndexField, wave: Wave, begin: float, end: float, count: int) -> np.ndarray:
     """Return the optical paths [m] of layers between two distances along the normal [m], sampled at their middles.
 
+    Of a layer that a face of the box cuts, the part in the box counts: the contrast ends there.
+
     Returns:
         Paths, float32, shape (count, rows, columns).
     """
-    thickness = (end - begin) / count
-    depth = begin + thickness * (np.arange(count) + 0.5)
-    along_z = abs(abs(float(wave.normal[2])) - 1.0) < 1e-15
-    if field.is_uniform and along_z:
-        return _along_z(field, wave, depth) * np.float32(thickness)
+    edges = np.linspace(begin, end, count + 1)
+    if field.is_uniform and abs(abs(float(wave.normal[2])) - 1.0) < 1e-15:
+        low, high = sorted(float(wave.normal[2] * (place - wave.center[2])) for place in np.array(field.box)[:, 2])
+        edges = np.clip(edges, low, high)
+        parts = np.diff(edges).astype(np.float32)
+        return _along_z(field, wave, 0.5 * (edges[:-1] + edges[1:])) * parts[:, None, None]
     x, y = (axis.ravel() for axis in np.meshgrid(*wave.coordinates))
     first, second = wave.axes
     plane = wave.center + x[:, None] * first + y[:, None] * second
+    box = box_span(field, plane, np.broadcast_to(wave.normal, plane.shape).copy())
+    enter, leave = (np.where(box.meets, ends, 0.0) for ends in (box.enter, box.leave))
     layers = np.empty((count, *wave.amplitude.shape), dtype=np.float32)
-    for number in range(count):
-        contrast = field.contrast_at(plane + depth[number] * wave.normal)
-        layers[number] = (thickness * contrast).reshape(wave.amplitude.shape)
+    for number, (near, far) in enumerate(pairwise(edges)):
+        first = np.maximum(near, enter)
+        part = np.minimum(far, leave) - first
+        crossed = part > 0.0
+        inside = np.where(crossed, first + 0.5 * part, near)
+        contrast = field.contrast_at(plane + inside[:, None] * wave.normal)
+        layers[number] = np.where(crossed, part * contrast, 0.0).reshape(wave.amplitude.shape)
     return layers
 
 

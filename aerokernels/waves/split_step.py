@@ -6,8 +6,9 @@ D is free propagation at the ambient index by the angular spectrum, m the contra
 straight lines, through the same interpolant as the rays (J. A. Fleck, J. R. Morris, M. D. Feit, Appl. Phys. 10 (1976)
 129). The splitting error is of second order in h; neglected terms are of the order of contrast times angle squared. The
 field is sampled once, in layers no thicker than its cells, and the layers of a step are summed: a run with half as many
-steps costs only its transforms, and its difference gives the error. Edges of a pupil are accounted for to second order
-in the pixels in the error of the Strehl ratio.
+steps costs only its transforms, and its difference gives their error; that of the layers comes from half as many of
+them on every second pixel. Edges of a pupil are accounted for to second order in the pixels in the error of the Strehl
+ratio.
 """
 
 from collections.abc import Callable
@@ -78,6 +79,8 @@ def split_step(
         check_memory(FEWEST_STEPS, pixel_count**2)
         wave = plane_wave(light, field.wavelength_for(wavelength), pixel_count, window, field.ambient_index)
     elif isinstance(light, Wave):
+        if wavelength is not None and wavelength != light.wavelength:
+            raise ValueError(f"wavelength {wavelength!r} is not that of the Wave, {light.wavelength!r}: leave it out")
         field.wavelength_for(light.wavelength)
         wave = replace(light, ambient_index=field.ambient_index, incident=None)
     else:
@@ -106,7 +109,7 @@ def split_step(
                 partial(propagate, start, layers, opaque), size, len(layers), tolerance, step_count
             )
             sparse = every_second_pixel(light, wave, window)
-            strehl_error = float("nan")
+            strehl_error, path = float("nan"), sampled[0].sum(axis=0)
             if coarse is not None and sparse is not None:
                 rough = sparse.propagate(begin, paraxial=paraxial)
                 kept = every_second(wave.amplitude.shape)
@@ -119,7 +122,12 @@ def split_step(
                 # edge: the whole difference counts. It may vanish by chance.
                 strehl_error = abs(fine - fewer) / _gain(steps) + abs(fine - larger)
                 if isinstance(light, Pupil):
-                    strehl_error += _edge_error(light, wave, sampled[0].sum(axis=0))
+                    strehl_error += _edge_error(light, wave, path)
+            if sparse is not None:
+                # The order in the layers is not known where a face of the box is slanted: the whole difference counts.
+                fewer_layers = mean_layers(field, sparse, begin, end, max(count // 2, 1), cells_apart=2.0)
+                of_amplitude, of_strehl = _changes(sparse, path[every_second(path.shape)], fewer_layers[0].sum(axis=0))
+                error, strehl_error = error + of_amplitude, strehl_error + of_strehl
     return replace(
         start,
         amplitude=found,
@@ -210,6 +218,14 @@ def _edge_error(pupil: Pupil, wave: Wave, path: np.ndarray) -> float:
         for one in (weight, exact)
     )
     return SAFETY * abs(corrected - plain)
+
+
+def _changes(light: Wave, path: np.ndarray, other: np.ndarray) -> tuple[float, float]:
+    """Return how far two screens [m] differ in their amplitudes, rms over the rms amplitude, and Strehl ratios."""
+    wave_number = 2.0 * np.pi / light.wavelength
+    one, two = (light.amplitude * np.exp(1j * wave_number * own.astype(np.float64)) for own in (path, other))
+    of_amplitude = float(np.linalg.norm(one - two) / np.linalg.norm(light.amplitude))
+    return of_amplitude, abs(replace(light, amplitude=one).strehl() - replace(light, amplitude=two).strehl())
 
 
 def through_layers(

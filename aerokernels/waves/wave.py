@@ -29,9 +29,10 @@ class Wave:
         normal: Direction in which the wave travels, normalised, shape (3,).
         ambient_index: Refractive index of the undisturbed air.
         incident: Sum of the initial amplitude, which `strehl` compares with.
-        error: Error of the amplitude due to the steps, rms over the rms amplitude; NaN if not known.
-        strehl_error: Error of `strehl` due to the steps and the pixels, measured with half as many of either, and due
-            to the pixels on a pupil's edge; NaN if not known. It excludes light that re-enters through the sides of the
+        error: Error of the amplitude due to the steps and the layers in which the field is sampled, rms over the rms
+            amplitude; NaN if not known.
+        strehl_error: Error of `strehl` due to steps, layers and pixels, measured with half as many of each, and due to
+            the pixels on a pupil's edge; NaN if not known. It excludes light that re-enters through the sides of the
             periodic window.
         step_count: Number of steps through a field.
         seconds: Wall time by stage: see STAGES in clock.py.

@@ -135,6 +135,25 @@ def test_collections_and_cases_have_their_times(tmp_path: Path, monkeypatch: pyt
         flow.open_series(tmp_path / "bad.pvd")
 
 
+def test_a_file_of_several_times_is_read_at_each(tmp_path: Path):
+    """A Tecplot file and NumPy arrays over time. Expected: their times, and the densities at each."""
+    x, y = np.linspace(0.0, 2.0, 3), np.linspace(0.0, 1.0, 2)
+    density = 1.0 + 0.1 * np.arange(3.0)[:, None, None] + x[:, None] + 0.0 * y
+    np.savez(tmp_path / "a.npz", time=[0.5, 1.5, 2.5], x=x, y=y, rho=density)
+    lines = ["VARIABLES = X Y rho"]
+    for time, values in zip((0.5, 1.5, 2.5), density, strict=True):
+        lines.append(f"ZONE I=3, J=2, STRANDID=1, SOLUTIONTIME={time}, F=POINT")
+        lines += [f"{x[i]} {y[j]} {values[i, j]:.17g}" for j in range(2) for i in range(3)]
+    (tmp_path / "a.dat").write_text("\n".join(lines))
+    for name in ("a.npz", "a.dat"):
+        series = flow.open_series(tmp_path / name)
+        assert list(series.time) == [0.5, 1.5, 2.5]
+        assert series[1].density_at([[0.0, 0.5, -0.5]]) == pytest.approx(1.6, rel=1e-12)
+    (tmp_path / "once.dat").write_text("\n".join(lines[:8]).replace("SOLUTIONTIME=0.5", ""))
+    with pytest.raises(ValueError, match=r"once.dat: it states no times: open a series from a list or a pattern"):
+        flow.open_series(tmp_path / "once.dat")
+
+
 def test_cells_of_a_mesh():
     y, z = np.meshgrid(np.linspace(0, 1e-2, 5), np.linspace(0, 2e-2, 6), indexing="ij")
     mesh = QuadMesh.structured(y, z, "planar")

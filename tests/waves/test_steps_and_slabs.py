@@ -10,7 +10,7 @@ from aerokernels.validation.random_fields import uniform_field
 from aerokernels.wavefront import exact_weights
 from aerokernels.waves import angular_spectrum
 from aerokernels.waves.angular_spectrum import transfer_exponent
-from aerokernels.waves.layers import mean_layers, path_range
+from aerokernels.waves.layers import layer_count, mean_layers, path_range
 from aerokernels.waves.shadows import SlabsPastBody
 from aerokernels.waves.slabs import LookingAlong, SlabsAlongZ, is_summed, slabs_of
 from aerokernels.waves.split_step import _refined, every_second, every_second_pixel, plane_wave
@@ -111,7 +111,7 @@ def test_every_second_pixel_keeps_the_middle_one():
 
 @pytest.mark.parametrize("body", [False, True])
 def test_the_error_of_a_strehl_ratio_by_half_as_many_steps_and_pixels(body: bool):
-    """A third of the change by the steps, all of the change by the pixels, and the edge of straight paths."""
+    """A third of the change by the steps, all of the change by pixels and layers, and the edge of straight paths."""
     r, z = np.linspace(0.0, 4e-3, 17), np.linspace(0.0, 0.02, 17)
     samples = 1e-4 * np.cos(r[:, None] / 1.2e-3) * np.sin(np.pi * z / 0.02) ** 2
     solid = Body(np.array([[0.0, 0.005], [0.3e-3, 0.005], [0.3e-3, 0.009], [0.0, 0.009]]), "axisymmetric")
@@ -122,15 +122,19 @@ def test_the_error_of_a_strehl_ratio_by_half_as_many_steps_and_pixels(body: bool
     options = {"wavelength": WAVELENGTH, "window": 1.6, "pixel_count": 40, "step_count": 8}
     fine = split_step(field, pupil, **options)
     fewer = split_step(field, pupil, **options | {"step_count": 4})
-    assert fine.step_count == 8 and fine.error == pytest.approx(
-        np.linalg.norm(fine.amplitude - fewer.amplitude) / 3.0 / np.linalg.norm(fine.propagate(0.0).amplitude)
-        * np.linalg.norm(fine.amplitude) / np.linalg.norm(plane_wave(pupil, WAVELENGTH, 40, 1.6, 1.0).amplitude),
-        rel=1e-3, abs=0.0)  # fmt: skip
-    coarse = split_step(field, pupil, **options | {"pixel_count": 20})
-    expected = abs(fine.strehl() - fewer.strehl()) / 3.0 + abs(fine.strehl() - coarse.strehl())
     light = plane_wave(pupil, WAVELENGTH, 40, 1.6, 1.0)
     begin, end = path_range(field, light)
-    path = mean_layers(field, light, begin, end, 16)[0].sum(axis=0)
+    count = layer_count(field, end - begin, 8)
+    path = mean_layers(field, light, begin, end, count)[0].sum(axis=0)
+    half = plane_wave(pupil, WAVELENGTH, 20, 1.6, 1.0)
+    rough = mean_layers(field, half, begin, end, count // 2, cells_apart=2.0)[0].sum(axis=0)
+    layers = [half.amplitude * np.exp(2j * np.pi / WAVELENGTH * own) for own in (path[::2, ::2], rough)]
+    size = [np.linalg.norm(one) for one in (fine.amplitude - fewer.amplitude, light.amplitude, half.amplitude)]
+    by_layers = np.linalg.norm(layers[0] - layers[1]) / size[2]
+    assert fine.step_count == 8 and fine.error == pytest.approx(size[0] / 3.0 / size[1] + by_layers, rel=1e-3, abs=0.0)
+    coarse = split_step(field, pupil, **options | {"pixel_count": 20})
+    expected = abs(fine.strehl() - fewer.strehl()) / 3.0 + abs(fine.strehl() - coarse.strehl())
+    expected += abs(float(np.subtract(*(abs(one.sum() / half.amplitude.sum()) ** 2 for one in layers))))
     weight = light.amplitude.real
     # One row and column more: their middle is the pupil's.
     exact = exact_weights(np.pad(weight, [(0, 1), (0, 1)]), light.pixel, pupil)[:-1, :-1]

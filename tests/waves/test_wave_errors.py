@@ -56,3 +56,21 @@ def test_the_error_of_a_strehl_ratio_holds_the_edge_of_a_rectangle(count, window
     found = split_step(field, pupil, wavelength=WAVELENGTH, pixel_count=count, window=window, step_count=4)
     _, exact = wave_through(contrast, pupil, length, 512, window, steps=12)
     assert abs(found.strehl() - exact) <= found.strehl_error < 0.01
+
+
+@pytest.mark.parametrize("slant", [0.0, 0.1])
+def test_errors_contain_what_the_layers_lack(slant: float):
+    """Set-up: eight cells along the path, crossed straight or at a slant, with air that ends at the box's faces.
+
+    Expected: amplitude and Strehl ratio are as close to those of 32 times as many layers as the errors say. The steps
+    alone would say 1e-6 of the amplitude.
+    """
+    y, z = np.linspace(-4e-3, 4e-3, 33), np.linspace(0.0, 8e-3, 9)
+    samples = 2e-5 * np.cos(y[:, None] / 1e-3 + z / 2e-3)
+    field = IndexField.from_samples(samples, origin=(y[0], 0.0), spacing=(y[1] - y[0], z[1]), geometry="planar")
+    light = Rectangle(2e-3, 2e-3, (0.0, 0.0, -1e-3), (0.0, slant, 1.0))
+    options = {"wavelength": WAVELENGTH, "pixel_count": 32, "window": 1.5}
+    found, fine = (split_step(field, light, step_count=count, **options) for count in (8, 256))
+    off = np.linalg.norm(found.amplitude - fine.amplitude) / np.linalg.norm(fine.amplitude)
+    assert 1e-5 < off < found.error < 20.0 * off
+    assert abs(found.strehl() - fine.strehl()) < found.strehl_error

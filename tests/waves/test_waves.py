@@ -209,6 +209,10 @@ def test_what_is_refused():
     ):
         with pytest.raises(ValueError, match=message):
             split_step(field, pupil, **options)
+    with pytest.raises(ValueError, match=r"wavelength 1e-06 is not that of the Wave, 9.05e-07: leave it out"):
+        split_step(field, Wave(np.ones((8, 8)), 1e-4, WAVELENGTH), wavelength=1e-6)
+    with pytest.raises(ValueError, match=r"must be finite and have two axes \[y, x\], got shape \(0, 4\)"):
+        angular_spectrum(np.ones((0, 4)), 1e-4, WAVELENGTH, 1.0)
     with pytest.raises(ValueError, match="not zero everywhere"):
         Wave(np.zeros((8, 8)), 1e-5, WAVELENGTH)
     with pytest.raises(ValueError, match="limit must be positive"):

@@ -19,6 +19,7 @@ from .dataset import ReadError, whole_number
 _BLANK = re.compile(rb"(?:\s+|//[^\n]*\n?|/\*.*?\*/)*", re.DOTALL)
 _WORD = re.compile(rb'"[^"\n]*"|[^\s(){};"]+')
 _HEADER = re.compile(rb"FoamFile\s*\{(.*?)\}", re.DOTALL)
+_ENTRY = re.compile(r"""(\w+)\s+("[^"\n]*"|[^;]+);""")  # a text may contain semicolons, as arch's does
 _BRACKETS = bytes.maketrans(b"()", b"  ")
 PIECE = 1 << 24  # [bytes] unpacked at once
 REMEDY = "the file is damaged or was not written to its end: write it again, or read another time"
@@ -75,15 +76,17 @@ class FoamFile:
         header = _HEADER.search(self.data[:8192])
         if header is None:
             raise ReadError(found, "it has no FoamFile header", "give a case that OpenFOAM wrote")
-        entries = (entry.split(None, 1) for entry in header[1].decode("latin-1").split(";"))
-        self.header = {entry[0]: entry[1].strip().strip('"') for entry in entries if len(entry) == 2}
+        entries = _ENTRY.findall(header[1].decode("latin-1"))
+        self.header = {key: value.strip().strip('"') for key, value in entries}
         self.binary = self.header.get("format", "ascii") == "binary"
         self.at = header.end()
         arch = self.header.get("arch", "")
         order = ">" if "MSB" in arch else "<"
-        sizes = dict(re.findall(r"(label|scalar)=(\d+)", arch))
-        self.label = np.dtype(f"{order}i{int(sizes.get('label', 32)) // 8}")
-        self.scalar = np.dtype(f"{order}f{int(sizes.get('scalar', 64)) // 8}")
+        sizes = {"label": "32", "scalar": "64", **dict(re.findall(r"(label|scalar)=(\d+)", arch))}
+        if wrong := [f"{key}={bits}" for key, bits in sizes.items() if bits not in ("32", "64")]:
+            raise self.fault(f"its header states {wrong[0]}: numbers have 32 or 64 bits")
+        self.label = np.dtype(f"{order}i{int(sizes['label']) // 8}")
+        self.scalar = np.dtype(f"{order}f{int(sizes['scalar']) // 8}")
 
     def fault(self, what: str, remedy: str = REMEDY) -> ReadError:
         """Return an error at the cursor."""
@@ -151,7 +154,7 @@ class FoamFile:
         else:
             nested = rb"\)\s*\)" if width > 1 and count else rb"\)"
             values = self._text(self._until(nested), kind, count * width)
-        values = values.astype(kind.newbyteorder("="))
+        values = values.astype(values.dtype.newbyteorder("="))
         return values if width == 1 else values.reshape(count, width)
 
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
@@ -197,7 +200,7 @@ class FoamFile:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             try:
-                kind = kind.newbyteorder("=")
+                kind = np.dtype(f"{kind.kind}8")  # all digits of a text, whatever size `arch` states
                 values = np.fromstring(text.translate(_BRACKETS).decode("latin-1"), kind, sep=" ")
             except (DeprecationWarning, ValueError):
                 raise self.fault("a list contains something that is not a number") from None

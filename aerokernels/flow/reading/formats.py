@@ -6,7 +6,7 @@ libraries in C or C++ run in a child process (aerokernels/process/fragile.py), s
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -139,6 +139,27 @@ def load(path: Path, time, options: dict[str, Any]) -> Dataset:
     if not found.times:  # readers of formats without times do not check the requested time
         chosen_time(path, (), time)
     return found
+
+
+def times_in(path: Path, options: Mapping[str, Any]) -> Sequence[float] | None:
+    """Return the times of a file of which `load` reads one at a time, with `load`'s options among `options`.
+
+    None for NetCDF and HDF5, which are read in slices along their axis of time, and for unknown formats.
+
+    Raises:
+        ReadError: A file that cannot be read, or one without times.
+    """
+    own = {name: options[name] for name in OPTIONS if name in options}
+    try:
+        entry = format_of(path, own)
+    except ReadError:
+        return None
+    if entry.name in ("NetCDF", "HDF5"):
+        return None
+    times = load(path, None, own).times
+    if not times:
+        raise ReadError(path, "it states no times", "open a series from a list or a pattern of files, with their times")
+    return times
 
 
 def checked_time(time) -> float | str | None:

@@ -92,6 +92,8 @@ def _flat(block: Block, low: np.ndarray, axis: int, size: float) -> Block | None
 def _structured_layers(block: Block, low: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[int, int, int]] | None:
     """Return the points of both layers of a grid two points thick, in the same order, and the grid's shape."""
     assert block.shape is not None
+    if min(block.shape) < 2:
+        return None  # a plane already: one row of cells, as of a flow along one axis alone
     grid = np.arange(len(low)).reshape(block.shape[::-1])
     for along in range(3):
         if block.shape[along] != 2:

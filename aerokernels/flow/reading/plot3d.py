@@ -10,7 +10,6 @@ that fits none is damaged.
 """
 
 import math
-import warnings
 from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .dataset import Block, Dataset, ReadError
+from .text_tables import fortran_numbers
 
 DAMAGED = "the file is damaged, or no file of Plot3D: write it again"
 GRID_ENDS = (".xyz", ".x", ".g", ".p3d", ".grd", ".p2d")
@@ -122,12 +122,10 @@ def _meanings(path: Path, *more: tuple) -> Iterator[tuple]:
 
 
 def _ascii(path: Path, data: bytes) -> np.ndarray:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            return np.fromstring(data.decode("ascii"), sep=" ")
-        except (UnicodeDecodeError, DeprecationWarning, ValueError):
-            raise ReadError(path, f"its {len(data)} bytes fit no form of Plot3D", DAMAGED) from None
+    try:
+        return fortran_numbers(data.decode("ascii"))
+    except ValueError:
+        raise ReadError(path, f"its {len(data)} bytes fit no form of Plot3D", DAMAGED) from None
 
 
 def _sizes(stream: _Stream, several: bool, width: int) -> np.ndarray | None:

@@ -13,9 +13,13 @@ from typing import Any
 import numpy as np
 
 from .dataset import HEXAHEDRON, QUAD, TETRAHEDRON, TRIANGLE, UNFINISHED, Cells, Dataset, ReadError
-from .tecplot_text import assembled, at_time, element_cells
+from .tecplot_text import assembled, at_time, element_cells, without_static
 
-ZONE, END_OF_HEADER, AUXILIARY = 299.0, 357.0, 799.0
+ZONE, END_OF_HEADER = 299.0, 357.0
+# Other records of the header: of geometry and text, which are not read, and of words, which are passed over.
+DRAWN = {399.0: "a geometry", 499.0: "a text"}
+LABELS, USER, AUXILIARY, OF_VARIABLE = 599.0, 699.0, 799.0, 899.0
+STATIC = -1  # the strand of zones that belong to every time
 ELEMENTS = {2: (TRIANGLE, 3), 3: (QUAD, 4), 4: (TETRAHEDRON, 4), 5: (HEXAHEDRON, 8)}
 KINDS = {1: "f4", 2: "f8", 3: "i4", 4: "i2", 5: "u1"}
 GREATEST_VARIABLE_COUNT, LONGEST_NAME = 10_000, 10_000
@@ -26,6 +30,7 @@ class _Zone:
     """A zone's header, and later its arrays."""
 
     name: str
+    strand: int
     time: float
     kind: int
     in_cells: list[bool]
@@ -110,10 +115,8 @@ def _read(path: Path, data: bytes, version: int, packing: bool, time) -> Dataset
     while (marker := stream.real()) != END_OF_HEADER:
         if marker == ZONE:
             zones.append(_zone(stream, count, packing))
-        elif marker == AUXILIARY:
-            stream.text(), stream.whole(), stream.text()
         else:
-            raise stream.fault(f"the header contains {marker!r} in place of a zone")
+            _words(stream, marker)
     if not zones:
         raise stream.fault("it has no zones")
     for number, zone in enumerate(zones):
@@ -127,12 +130,31 @@ def _read(path: Path, data: bytes, version: int, packing: bool, time) -> Dataset
         name = f"zone {number + 1}" + (f" ({zone.name})" if zone.name else "")
         blocks.append(assembled(path, variables, zone.arrays, in_cells, shape, zone.cells, name))
     timed = len({zone.time for zone in zones}) > 1
-    return at_time(path, variables, blocks, [zone.time if timed else None for zone in zones], "Tecplot binary", time)
+    times = [zone.time if timed else None for zone in zones]
+    strands = [zone.strand for zone in zones]
+    return at_time(path, variables, blocks, without_static(times, strands, STATIC), "Tecplot binary", time)
+
+
+def _words(stream: _Bytes, marker: float) -> None:
+    """Move past a record of the header that is not a zone."""
+    if marker in DRAWN:
+        raise ReadError(stream.path, f"{DRAWN[marker]} is drawn in it", "write it again without texts and geometries")
+    if marker == LABELS:
+        for _ in range(stream.whole()):
+            stream.text()
+    elif marker == USER:
+        stream.text()
+    elif marker in (AUXILIARY, OF_VARIABLE):
+        if marker == OF_VARIABLE:
+            stream.whole()
+        stream.text(), stream.whole(), stream.text()
+    else:
+        raise stream.fault(f"the header contains {marker!r} in place of a zone")
 
 
 def _zone(stream: _Bytes, count: int, packing: bool) -> _Zone:
     name = stream.text()
-    stream.take("i4", 2)  # parent, strand
+    _, strand = (int(own) for own in stream.take("i4", 2))  # the first is the zone's parent
     time = float(stream.take("f8")[0])
     stream.whole()
     kind = stream.whole()
@@ -158,7 +180,7 @@ def _zone(stream: _Bytes, count: int, packing: bool) -> _Zone:
         raise stream.fault(f"zone {name!r} announces {counts} points")
     while stream.whole():
         stream.text(), stream.whole(), stream.text()
-    return _Zone(name, time, kind, in_cells, counts)
+    return _Zone(name, strand, time, kind, in_cells, counts)
 
 
 def _data(stream: _Bytes, zone: _Zone, before: list[_Zone], count: int) -> None:

@@ -5,7 +5,6 @@ VTK's reader returns single precision; this one keeps all digits.
 
 import math
 import re
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from .dataset import (
     chosen_time,
     whole_number,
 )
+from .text_tables import fortran_numbers
 
 ELEMENTS = {
     "TRIANGLE": (TRIANGLE, 3),
@@ -51,23 +51,30 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     data = path.read_bytes()
     if b"\0" in data:
         raise ReadError(path, "it is not a text: it contains zero bytes", UNFINISHED)
-    variables, zones = _parts(path, data.decode("latin-1"))
-    blocks: list[Block] = []
-    times: list[str | None] = []
-    for number, (head, numbers) in enumerate(zones):
-        blocks.append(zone_block(path, variables, head, numbers, number + 1))
-        times.append(head.get("SOLUTIONTIME"))
-    return at_time(path, variables, blocks, times, "Tecplot ASCII", time)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    variables, zones = _parts(path, text)
+    blocks = [zone_block(path, variables, head, own, number) for number, (head, own) in enumerate(zones, start=1)]
+    times = [head.get("SOLUTIONTIME") for head, _ in zones]
+    strands = [head.get("STRANDID") for head, _ in zones]
+    return at_time(path, variables, blocks, without_static(times, strands, "0"), "Tecplot ASCII", time)
+
+
+def without_static(times: list, strands: list, static: Any) -> list:
+    """Return times of zones, None for zones in the static strand if others are in strands that change in time."""
+    if all(strand in (static, None) for strand in strands):
+        return times
+    return [None if strand == static else time for time, strand in zip(times, strands, strict=True)]
 
 
 def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, name: str, asked) -> Dataset:
     """Return the zones of one solution time; zones without a time belong to every time."""
-    flows = [k for k, block in enumerate(blocks) if block.cells is None or (block.cells.types != LINE).any()]
+    flows = [k for k, block in enumerate(blocks) if not _is_line(block)]
     notes = []
     if 0 < len(flows) < len(blocks):
-        notes = [
-            f"zones of lines are left out: {', '.join(blocks[k].name for k in set(range(len(blocks))) - set(flows))}"
-        ]
+        notes = [f"zones of lines are left out: {', '.join(block.name for block in blocks if _is_line(block))}"]
         blocks, times = [blocks[k] for k in flows], [times[k] for k in flows]
     place, symmetry = coordinate_columns(variables)
     length, factors = length_of(path, {variables[k]: "" for k in place.values()})
@@ -81,6 +88,13 @@ def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, 
     return Dataset(
         kept, name, geometry, times=values, time=chosen, axis=symmetry, length=length, notes=notes
     )  # fmt: skip
+
+
+def _is_line(block: Block) -> bool:
+    """Return whether a zone is a line: the surface of a profile, say, beside the flow."""
+    if block.shape is not None:
+        return sum(count > 1 for count in block.shape) < 2
+    return block.cells is not None and bool((block.cells.types == LINE).all())
 
 
 def _parts(path: Path, text: str):
@@ -262,12 +276,10 @@ def _numbers(path: Path, name: str, text: str, expected: int) -> np.ndarray:
         if expected > MOST_REPEATED * len(words):
             raise ReadError(path, f"{name} repeats {len(words)} numbers until they are {expected}", UNFINISHED)
         counts, text = np.array(repeats), " ".join(word if isinstance(word, str) else word[2] for word in words)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            numbers = np.fromstring(text.replace("D", "E").replace("d", "e"), sep=" ")
-        except (DeprecationWarning, ValueError):
-            raise ReadError(path, f"{name} contains something that is not a number", UNFINISHED) from None
+    try:
+        numbers = fortran_numbers(text)
+    except ValueError:
+        raise ReadError(path, f"{name} contains something that is not a number", UNFINISHED) from None
     if counts is not None and len(counts) == len(numbers):
         numbers = np.repeat(numbers, counts)
     _check_count(path, name, len(numbers), expected)

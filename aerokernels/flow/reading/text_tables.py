@@ -2,6 +2,7 @@
 
 import csv
 import re
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from .dataset import ReadError
 
 DAMAGED = "write it again with a line of names and as many numbers in every line"
+_LETTER_LEFT_OUT = re.compile(r"(?<=[\d.])(?=[+-]\d{3}(?![\d.]))")
 
 
 def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
@@ -55,6 +57,25 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
         except ValueError:
             raise ReadError(path, f"line {number}: expected {len(names)} numbers, got {line[:60]!r}", DAMAGED) from None
     return {name: rows[:, k].copy() for k, name in enumerate(names)}
+
+
+def fortran_numbers(text: str) -> np.ndarray:
+    """Return the numbers of a text, separated by blanks, also with exponents as only Fortran writes them.
+
+    These have the letter D, or no letter before three digits: 1.5D+00, 1.5-101.
+
+    Raises:
+        ValueError: Something that is not a number.
+    """
+    text = text.replace("D", "E").replace("d", "e")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for written in (lambda: text, lambda: _LETTER_LEFT_OUT.sub("E", text)):  # the second takes longer
+            try:
+                return np.fromstring(written(), sep=" ")
+            except (DeprecationWarning, ValueError) as fault:
+                found = fault
+    raise ValueError(str(found))
 
 
 def _words(line: str) -> list[str]:

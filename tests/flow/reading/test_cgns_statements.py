@@ -44,3 +44,35 @@ def test_non_dimensional_data_are_noted(tmp_path):
     kind = "NormalizedByUnknownDimensional"
     file = cgns_writer.cgns(tmp_path / "a.cgns", (X, Y), DENSITY, [], more=[("C", "DataClass_t", kind)])
     assert f"the file calls data {kind}: without a reference" in flow.read(file).provenance
+
+
+def test_coordinates_of_a_cylinder_are_refused(tmp_path):
+    """Expected: their names; a plane of r and z was read as another plane, of x = 0."""
+    file = cgns_writer.cgns(tmp_path / "a.cgns", (X, Y), DENSITY, [])
+    with h5py.File(file, "r+", track_order=True) as opened:
+        grid = opened["Base/Zone/GridCoordinates"]
+        for old, new in (("CoordinateX", "CoordinateR"), ("CoordinateY", "CoordinateTheta")):
+            del grid[old]
+            cgns_writer.node(grid, new, "DataArray_t", X)
+    with pytest.raises(ValueError, match=r"zone 'Zone' has the coordinates CoordinateR, CoordinateTheta: write"):
+        flow.read(file)
+
+
+def test_several_solutions_need_to_say_which_counts(tmp_path):
+    """Two times without pointers to their solutions are refused: the first counted at both. With them each counts."""
+    file = cgns_writer.cgns(tmp_path / "a.cgns", (X, Y), DENSITY, [])
+    with h5py.File(file, "r+", track_order=True) as opened:
+        base, zone = opened["Base"], opened["Base/Zone"]
+        cgns_writer.node(cgns_writer.node(zone, "Later", "FlowSolution_t"), "Density", "DataArray_t", 2.0 * DENSITY)
+        times = cgns_writer.node(base, "Times", "BaseIterativeData_t", [2])
+        cgns_writer.node(times, "TimeValues", "DataArray_t", np.array([0.5, 1.5]))
+    with pytest.raises(ValueError, match=r"zone 'Zone' has Density in Flow and in Later, and no FlowSolutionPointers"):
+        flow.read(file)
+    with h5py.File(file, "r+", track_order=True) as opened:
+        held = cgns_writer.node(opened["Base/Zone"], "ZoneTimes", "ZoneIterativeData_t")
+        names = np.frombuffer(b"Flow".ljust(32) + b"Later".ljust(32), np.int8).reshape(2, 32)
+        cgns_writer.node(held, "FlowSolutionPointers", "DataArray_t", "text")
+        del held["FlowSolutionPointers/ data"]
+        held["FlowSolutionPointers"][" data"] = names
+    for time, factor in ((0.5, 1.0), (1.5, 2.0)):
+        assert flow.read(file, time=time).density.max() == pytest.approx(factor * DENSITY.max())

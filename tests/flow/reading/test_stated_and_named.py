@@ -143,3 +143,17 @@ def test_rows_of_a_text_restart_of_su2_are_put_in_the_order_of_its_points(tmp_pa
     np.savetxt(tmp_path / "restart.csv", rows, delimiter=",", header='"PointID","Density"', comments="", fmt="%.17g")
     with pytest.raises(ValueError, match="PointID does not number the 651 points from 0 on"):
         flow.read(tmp_path / "restart.csv")
+
+
+@pytest.mark.parametrize("across", ["y", "z"])
+def test_a_flow_along_one_axis_repeated_at_two_places_is_a_plane(tmp_path, across):
+    """Set-up: one row of cells, as of a shock tube, alike on both sides. Expected: 1 + x, nothing flattened further."""
+    np.savez(tmp_path / "a.npz", x=X, rho=np.repeat(1.0 + X[:, None], 2, axis=1), **{across: [0.0, 0.1]})
+    rows = [f"{x},{other},{1.0 + x}" for other in (0.0, 0.1) for x in X]
+    (tmp_path / "a.csv").write_text("\n".join([f"x,{across},rho", *rows]))
+    for name in ("a.npz", "a.csv"):
+        field = flow.read(tmp_path / name)
+        assert field.geometry == "planar"
+        inside = 0.5 * (X[1:] + X[:-1])
+        points = np.stack([0.0 * inside, 0.0 * inside + 0.05, -inside], axis=1)
+        assert field.density_at(points) == pytest.approx(1.0 + inside, rel=1e-12)

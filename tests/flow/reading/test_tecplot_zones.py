@@ -1,4 +1,4 @@
-"""Binary files of Tecplot in which zones share variables and elements, as its own programs write them; refusals."""
+"""Files of Tecplot as its own programs write them: zones that share variables, times, records of words; refusals."""
 
 import struct
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
-from aerokernels.flow.reading import tecplot_binary
+from aerokernels.flow.reading import tecplot_binary, tecplot_text
 from aerokernels.flow.reading.dataset import ReadError
 
 X, Y, RHO = np.tile([0.0, 1.0, 2.0], 2), np.repeat([0.0, 1.0], 3), np.array([1.0, 1.5, 2.0, 1.25, 1.75, 2.25])
@@ -25,10 +25,10 @@ def real(number: float, form: str = "<f") -> bytes:
     return struct.pack(form, number)
 
 
-def head(name: str = "one", time: float = 0.0, kind: int = 3, count: int = 6) -> bytes:
+def head(name: str = "one", time: float = 0.0, kind: int = 3, count: int = 6, strand: int = -1) -> bytes:
     """A zone's part of the header: two quadrilaterals, or 3 x 2 nodes in order, with a text of its own."""
     size = whole(count, 2, 0, 0, 0) if kind else whole(3, 2, 1)
-    return real(299.0) + text(name) + whole(-1, -1) + real(time, "<d") + whole(-1, kind, 0, 0, 0) + size + (
+    return real(299.0) + text(name) + whole(-1, strand) + real(time, "<d") + whole(-1, kind, 0, 0, 0) + size + (
         whole(1) + text("Common.Gas") + whole(0) + text("air") + whole(0)
     )  # fmt: skip
 
@@ -43,12 +43,14 @@ def data(arrays, passive=(0, 0, 0), shared=(-1, -1, -1), cells: int = -1, corner
     return body + (b"" if corners is None or cells >= 0 else corners.astype("<i4").tobytes())
 
 
-def written(path, heads, bodies, *, count: int = 3, begin: bytes = b"#!TDV112", kind: int = 0, order: int = 1):
+def written(
+    path, heads, bodies, *, count: int = 3, begin: bytes = b"#!TDV112", kind: int = 0, order: int = 1, more: bytes = b""
+):
     names = b"".join(map(text, ("X", "Y", "rho")))
     told = text("gas") + whole(0) + text("air")
     path.write_bytes(
         begin + whole(order, kind) + text("t") + whole(count) + names + real(799.0) + told + b"".join(heads)
-        + real(357.0) + b"".join(bodies)
+        + more + real(357.0) + b"".join(bodies)
     )  # fmt: skip
     return path
 
@@ -92,6 +94,8 @@ def test_a_variable_that_a_zone_has_not_is_zero(tmp_path):
          "zone 'two' shares a variable of another size"),
         ([head()], [data([X, Y, RHO], corners=QUADS + 1)], {}, "refer to nodes beyond the 6"),
         ([head()], [data([X, Y, RHO]) + b"more"], {}, "more follows the last zone"),
+        ([head()], [data([X, Y, RHO])], {"more": real(499.0)}, "a text is drawn in it: write it again without texts"),
+        ([head()], [data([X, Y, RHO])], {"more": real(1.0)}, "the header contains 1.0 in place of a zone"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_refused(tmp_path, heads, bodies, how, told):
@@ -121,3 +125,49 @@ def test_a_version_before_112_may_tell_its_packing(tmp_path):
                 tecplot_binary.read(path)
         else:
             assert tecplot_binary.read(path).blocks[0].point_data["rho"].tolist() == RHO.tolist()
+
+
+def test_words_of_a_header_are_passed_over(tmp_path):
+    """Labels of axes, a record of a user's program, and words about a variable, as Tecplot writes them."""
+    more = real(599.0) + whole(2) + text("cold") + text("hot") + real(699.0) + text("own")
+    more += real(899.0) + whole(2) + text("Unit") + whole(0) + text("kg/m3")
+    (block,) = tecplot_binary.read(written(tmp_path / "a.plt", [head()], [data([X, Y, RHO])], more=more)).blocks
+    assert block.point_data["rho"].tolist() == RHO.tolist()
+
+
+def test_zones_of_the_static_strand_belong_to_every_time(tmp_path):
+    """A zone beside one that changes in time. Expected: the box of both and two times, in either form of the file."""
+    heads = [head("still"), head("first", 0.5, strand=0), head("last", 1.5, strand=0)]
+    path = written(tmp_path / "a.plt", heads, [data([X, Y + k, RHO]) for k in (0.0, 1.0, 1.0)])
+    lines = ["VARIABLES = X Y rho"]
+    for strand, time, above in ((0, 0.0, 0.0), (1, 0.5, 1.0), (1, 1.5, 1.0)):
+        lines += [f"ZONE I=3, J=2, STRANDID={strand}, SOLUTIONTIME={time}, F=POINT"]
+        lines += [f"{x} {y + above} {rho}" for x, y, rho in zip(X, Y, RHO, strict=True)]
+    plain = tmp_path / "a.dat"
+    plain.write_text("\n".join(lines))
+    for file in (path, plain):
+        assert flow.contents(file).times == (0.5, 1.5)
+        for time in (0.5, 1.5):
+            np.testing.assert_array_equal(flow.read(file, time=time).box, [[0.0, -2.0], [2.0, 0.0]])
+
+
+def test_a_zone_of_a_line_beside_a_plane_is_left_out(tmp_path):
+    profile = head("profile", kind=0).replace(whole(3, 2, 1), whole(6, 1, 1))
+    bodies = [data([X, Y, RHO], corners=None), data([X, Y, RHO], corners=None)]
+    field = flow.read(written(tmp_path / "a.plt", [head(kind=0), profile], bodies))
+    assert "zones of lines are left out: zone 2 (profile)" in field.provenance
+    assert field.density_at([[0.0, 0.5, -1.0]]) == pytest.approx(1.625, rel=1e-14)
+
+
+def test_texts_of_tecplot_have_names_of_every_language_and_exponents_of_fortran(tmp_path):
+    """Expected: the names as they are, with Fortran's exponents without a letter, and the unit of length."""
+    lines = ['TITLE = "Düse"', 'VARIABLES = "X [mm]" "Y [mm]" "ρ" "µ"', "ZONE I=3, J=2, F=POINT"]
+    lines += [f"{x} {y} {rho} 1.5-101" for x, y, rho in zip(X, Y, RHO, strict=True)]
+    path = tmp_path / "a.dat"
+    for encoding in ("utf-8-sig", "utf-8"):
+        path.write_text("\n".join(lines), encoding=encoding)
+        (block,) = tecplot_text.read(path).blocks
+        assert list(block.point_data) == ["ρ", "µ"] and block.point_data["µ"].tolist() == [1.5e-101] * 6
+        assert flow.read(path, density="ρ").density_at([[0.0, 0.5e-3, -1e-3]]) == pytest.approx(1.625, rel=1e-14)
+    path.write_text("\n".join(lines).replace("ρ", "Größe"), encoding="latin-1")
+    assert list(tecplot_text.read(path).blocks[0].point_data) == ["Größe", "µ"]

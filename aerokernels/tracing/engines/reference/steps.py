@@ -133,6 +133,12 @@ class Integrator:
         hop = self.hops(value, turning, place, tolerance, root)
         chosen = root.argmin(axis=1)
         first = root[np.arange(len(rows)), chosen]
+        # At a corner take the face that is crossed most steeply: between two cells a ray could go to and fro.
+        alike = ~turning & (root <= (first + tolerance / a)[:, None])
+        alike[:, air.face_count :] = False
+        corner = alike[np.arange(len(rows)), chosen]
+        chosen = np.where(corner, np.where(alike, rate, -np.inf).argmax(axis=1), chosen)
+        first = root[np.arange(len(rows)), chosen]
         planned = np.minimum(self.planned[rows], self.cap[rows])
         lands = (first <= planned) & ~hop
         aim = self.aim[rows]
