@@ -292,7 +292,7 @@ class _Fitting:
     @cached_property
     def cost(self) -> SampleCost:
         """What samples cost beside error control."""
-        return SampleCost(self.field, self.pilot, self.plan, self.limit, lambda: self.structure.length)
+        return SampleCost(self.field, self.pilot, self.plan, self.limit, self.structure.length)
 
     def _least_samples(self) -> int:
         """The number of samples that are WIDEST cells apart on the longest path through the field's support."""

@@ -28,7 +28,7 @@ CHEAP = {"opencl": 450, "warp": 120}
 WORTH = {"opencl": 5.0, "warp": 1.2}
 MOST_SAMPLES = 3000
 # Where rays side by side are further apart than this many cells at the end of their paths, the lanes of a CPU hardly
-# share lookups, and a sample costs this many times as much.
+# share lookups, and a sample in a volume costs this many times as much.
 APART, SCATTERED = 2.0, 4.0  # speed only
 
 
@@ -58,20 +58,22 @@ class SampleCost:
         pilot: Some of the rays.
         plan: Their backend and device.
         limit: The OPD error allowed to a ray [m].
-        length: Returns the length of the longest ray through the field [m].
+        length: Length of the longest ray through the field's support [m].
     """
 
     field: IndexField
     pilot: RayBundle
     plan: TracePlan
     limit: float
-    length: Callable[[], float]
+    length: float
 
     @cached_property
     def of_sample(self) -> float:
         """The cost of a sample over that of a sample whose lookup the lanes of a CPU share."""
-        has_lanes = self.plan.backend == "opencl" and not engine_of(self.plan.backend, self.plan.device).is_gpu
-        return SCATTERED if has_lanes and self._are_scattered() else 1.0
+        if self.plan.backend != "opencl" or self.field.geometry != "volume":
+            return 1.0
+        is_gpu = engine_of(self.plan.backend, self.plan.device).is_gpu
+        return 1.0 if is_gpu or not self._are_scattered() else SCATTERED
 
     def _are_scattered(self) -> bool:
         """Whether rays side by side part: their directions are no linear function of their positions."""
@@ -79,7 +81,7 @@ class SampleCost:
         terms = np.column_stack([np.ones(len(place)), place - place.mean(axis=0)])
         rest = along - terms @ np.linalg.lstsq(terms, along, rcond=None)[0]
         angle = math.sqrt(float((rest**2).sum(axis=1).mean()))
-        return angle * self.length() > APART * float(np.min(self.field.spacing))
+        return angle * self.length > APART * float(np.min(self.field.spacing))
 
     @property
     def evaluations(self) -> float:

@@ -12,7 +12,7 @@ from aerokernels.medium import Body, IndexField
 from aerokernels.process.clock import clocked
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl.estimate import estimate_strehl, plan_strehl
-from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
+from aerokernels.tracing import ArcLength, Plane, RayStatus, sample_cost, trace
 from aerokernels.tracing.engines.opencl.tables import cell_polynomials
 from aerokernels.tracing.error_limit import error_limit
 from aerokernels.tracing.launch import launch
@@ -231,8 +231,9 @@ def test_who_is_sampled_evenly():
     assert trace(wild, rays).plan.sample_count == 0
 
 
-def test_a_bundle_that_is_too_small_for_its_grid_is_not_searched_for_structure():
+def test_a_bundle_that_is_too_small_for_its_grid_is_not_searched_for_structure(monkeypatch: pytest.MonkeyPatch):
     """Six evaluations for each node are asked for at the first trace; a prepared pupil is planned for many seeds."""
+    monkeypatch.setattr(sample_cost, "EVALUATIONS_OF_NODE", {False: 6.0, True: 6.0})
     axis = np.linspace(-1.0, 1.0, 64)
     bump = 1e-5 * np.exp(-4.0 * (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2))
     field = IndexField.from_samples(bump, origin=(-32e-4,) * 3, spacing=(CELL,) * 3, geometry="volume")

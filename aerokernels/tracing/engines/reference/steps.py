@@ -120,9 +120,8 @@ class Integrator:
         zero = np.zeros(len(rows))
         potential, force = self.sample(frame, rows, np.zeros_like(d), q0)
         wall, nearest = self.nearest_wall(flight, rows)
-        value, rate, curve = self.events(
-            frame, flight, rows, zero, q0, momentum0, flight.stretch[rows], potential, force, wall
-        )
+        stretch0 = flight.stretch[rows]
+        value, rate, curve = self.events(frame, flight, rows, zero, q0, momentum0, stretch0, potential, force, wall)
         tolerance = 16.0 * EPSILON * (np.abs(place).max(axis=1) + self.extent)
         turning = np.zeros_like(value, dtype=bool)
         turning[:, : air.face_count] = frame.turning()
@@ -131,23 +130,20 @@ class Integrator:
         if nearest is not None:
             root[~np.isfinite(nearest), -1] = np.inf
         hop = self.hops(value, turning, place, tolerance, root)
-        chosen = root.argmin(axis=1)
-        first = root[np.arange(len(rows)), chosen]
         # At a corner take the face that is crossed most steeply: between two cells a ray could go to and fro.
-        alike = ~turning & (root <= (first + tolerance / a)[:, None])
+        chosen, each = root.argmin(axis=1), np.arange(len(rows))
+        alike = ~turning & (root <= (root[each, chosen] + tolerance / a)[:, None])
         alike[:, air.face_count :] = False
-        corner = alike[np.arange(len(rows)), chosen]
-        chosen = np.where(corner, np.where(alike, rate, -np.inf).argmax(axis=1), chosen)
-        first = root[np.arange(len(rows)), chosen]
+        chosen = np.where(alike[each, chosen], np.where(alike, rate, -np.inf).argmax(axis=1), chosen)
+        first = root[each, chosen]
         planned = np.minimum(self.planned[rows], self.cap[rows])
         lands = (first <= planned) & ~hop
         aim = self.aim[rows]
         h = np.where(lands, np.where(np.isfinite(aim), aim, first), planned)
         if hop.any():
-            self.over_axis(
-                flight, rows[hop], -2.0 * value[turning & hop[:, None]] / rate[turning & hop[:, None]], potential[hop]
-            )
-        y0 = np.concatenate([q0, momentum0, flight.work[rows, None], flight.stretch[rows, None]], axis=1)
+            there = turning & hop[:, None]
+            self.over_axis(flight, rows[hop], -2.0 * value[there] / rate[there], potential[hop])
+        y0 = np.concatenate([q0, momentum0, flight.work[rows, None], stretch0[:, None]], axis=1)
         slopes = np.empty((STAGES + 1, len(rows), 8))
         slopes[0] = self.slope(momentum0, potential, force)
         for stage in range(1, STAGES + 1):
@@ -168,9 +164,8 @@ class Integrator:
         stays = (before < np.inf) & (error > 0.5 * h * np.where(before < np.inf, before, 0.0))
         short = (h <= self.least) | ((h < NOISE_STEP * air.size / a) & stays)
         good = finite & ((error <= allowed) | short)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            self.rejected_error[rows] = np.where(good, np.inf, error / h)
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            self.rejected_error[rows] = np.where(good, np.inf, error / h)
             factor = np.where(error > 0.0, np.clip(0.9 * (allowed / error) ** 0.125, 0.2, 6.0), 6.0)
 
         # If the parabola missed a face, come closer first.
