@@ -63,11 +63,10 @@ def retrace_rejected(
         some = part if len(chosen) == len(rows) else part.part(chosen)
         found = launch(field, some, attempt, until, wavelength, frozenset(arrays) - {"status"}, are_read=True)
         new_status, new_error = np.asarray(found["status"]), np.asarray(found["step_error"])
-        lost = ~reached(status[chosen]) | ~np.isfinite(error[chosen])
-        ended, had_ended = (
-            reached(codes) | (codes == RayStatus.STOP_NOT_REACHED) for codes in (new_status, status[chosen])
-        )
-        taken = np.flatnonzero((lost & ~had_ended) | (ended & (lost | (new_error < error[chosen]))))
+        flew_past = status[chosen] == RayStatus.STOP_NOT_REACHED
+        is_worth_keeping = flew_past | (reached(status[chosen]) & np.isfinite(error[chosen]))
+        ended = reached(new_status) | (new_status == RayStatus.STOP_NOT_REACHED)
+        taken = np.flatnonzero(~is_worth_keeping | (ended & (new_error < error[chosen])))
         replaced = chosen[taken]
         status[replaced], error[replaced] = new_status[taken], new_error[taken]
         for name in arrays.keys() - {"status", "step_error"}:
