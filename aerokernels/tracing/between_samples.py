@@ -43,17 +43,29 @@ SPACING_MARGIN, LENGTHS = 1.02, 64
 # than one of so many parts of their range.
 PARTS = 16.0
 # Lines cached with a grid's node positions: for the last pilots, supports and bodies.
-CACHED = 16  # speed only
+CACHED = 6  # speed only
 
 
 class MissedStructure:
     """The structure that the rays of a bundle may miss between their samples."""
 
-    def __init__(self, field: IndexField, spread: Spread, until, limit: float, lever_arms: LeverArms | None):
-        """Compute the lines of the rays that `spread` returns for the field's support; `limit` is their error [m]."""
+    def __init__(
+        self,
+        field: IndexField,
+        spread: Spread,
+        until,
+        limit: float,
+        lever_arms: LeverArms | None,
+        pilot: RayBundle | None = None,
+    ):
+        """Compute the lines of the rays that `spread` returns for the field's support; `limit` is their error [m].
+
+        If these are the `pilot`, they show where all rays begin and end, as those of a pupil do.
+        """
         self.field, self.limit = field, limit
         low, high = support_box(field, limit, lever_arms)
         rays = spread(low, high)
+        self.show_ends = rays is pilot
         place = "lines of rays", field.geometry, field.body, rays, stop_key(until), low.tobytes(), high.tobytes()
         self.lines = known(field.samples, place, lambda: lines_through(field, rays, until, low, high), CACHED)
         self.ends = disturbed_ends(field, self.lines, limit) if len(self.lines.length) else b""
@@ -130,7 +142,9 @@ class MissedStructure:
             return 0.0
         if count not in self._errors:
             allowed = NEGLIGIBLE * self.limit
-            self._errors[count] = greatest_error(self.field, self._sampled(count), self.lines, allowed=allowed)
+            self._errors[count] = greatest_error(
+                self.field, self._sampled(count), self.lines, allowed=allowed, show_ends=self.show_ends
+            )
         return self._errors[count]
 
     def sufficient(self, count: int) -> int:
@@ -150,7 +164,7 @@ class MissedStructure:
 
     def _by_rule(self, count: int) -> float:
         """The same by the rule's own bound, which is greater but faster to compute."""
-        return greatest_error(self.field, self._sampled(count), self.lines, by_rule=True)
+        return greatest_error(self.field, self._sampled(count), self.lines, by_rule=True, show_ends=self.show_ends)
 
     def sampling(self, count: int) -> Sampling | None:
         """How this many samples are distributed along the rays; None where they miss no structure."""

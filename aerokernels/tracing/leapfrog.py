@@ -287,7 +287,7 @@ class _Fitting:
     @cached_property
     def structure(self) -> MissedStructure:
         """The structure that the rays may miss between samples."""
-        return MissedStructure(self.field, self.spread, self.until, self.limit, self.plan.lever_arms)
+        return MissedStructure(self.field, self.spread, self.until, self.limit, self.plan.lever_arms, self.pilot)
 
     @cached_property
     def cost(self) -> SampleCost:

@@ -72,7 +72,12 @@ def _nodes_key(grid: UniformGrid) -> tuple[bytes, bytes]:
 
 
 def greatest_error(
-    field: IndexField, sampling: Sampling, lines: Lines, by_rule: bool = False, allowed: float = np.inf
+    field: IndexField,
+    sampling: Sampling,
+    lines: Lines,
+    by_rule: bool = False,
+    allowed: float = np.inf,
+    show_ends: bool = True,
 ) -> float:
     """Bound the path error of any ray by structure between its samples [m].
 
@@ -82,28 +87,50 @@ def greatest_error(
         lines: Their straight lines through the support of the field.
         by_rule: See `missed_in_blocks`.
         allowed: A bound above this is refined: the change of the missed structure across the rays is computed.
+        show_ends: Whether rays begin and end where the lines do; otherwise anywhere between the outermost of these.
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     block, missed = missed_in_blocks(field, sampling, by_rule)
     changes = MISSED_SLOPE / float(np.min(field.spacing)) * missed if lines.lever_arm.any() else None
     found = _greatest_on_lines(grid, block, missed, changes, lines, field.geometry)
-    ends = _missed_at_ends_of(field, sampling, lines, by_rule).max(initial=0.0)
+    ends = _greatest_at_ends(field, sampling, lines, by_rule, show_ends)
     if found + ends > allowed and changes is not None and not by_rule:
         changes = np.minimum(changes_missed(field, sampling), changes)
         found = min(found, _greatest_on_lines(grid, block, missed, changes, lines, field.geometry))
-    return found + float(ends)
+    return found + ends
+
+
+def _greatest_at_ends(field: IndexField, sampling: Sampling, lines: Lines, by_rule: bool, show_ends: bool) -> float:
+    """Greatest error by structure at both ends of any ray [m]; see `greatest_error`."""
+    if show_ends:
+        return float(_missed_at_ends_of(field, sampling, lines, by_rule).max(initial=0.0))
+    at_ends = missed_at_ends(field, sampling, by_rule)
+    if at_ends is None or not len(lines.length):
+        return 0.0
+    found = 0.0
+    for places in _known_ends(field, lines, at_ends.shape):
+        part = tuple(slice(int(place.min()), int(place.max()) + 1) for place in places)
+        found += float(at_ends[part].max())
+    return found * float(_with_lever_arm(field, lines).max())
 
 
 def _missed_at_ends_of(field: IndexField, sampling: Sampling, lines: Lines, by_rule: bool = False) -> np.ndarray:
     """Error of straight rays by structure at both of their ends [m], shape (line_count,)."""
-    grid, at_ends = field.samples, missed_at_ends(field, sampling, by_rule)
-    assert isinstance(grid, UniformGrid)
+    at_ends = missed_at_ends(field, sampling, by_rule)
     if at_ends is None:
         return np.zeros(len(lines.length))
-    key = "ends", field.geometry, at_ends.shape, _nodes_key(grid)
-    first, last = lines.derive(key, lambda: _ends_of_lines(grid, field.geometry, lines, at_ends.shape))
+    first, last = _known_ends(field, lines, at_ends.shape)
     found: np.ndarray = (at_ends[first] + at_ends[last]) * _with_lever_arm(field, lines)
+    return found
+
+
+def _known_ends(field: IndexField, lines: Lines, shape: tuple[int, ...]) -> list[tuple]:
+    """The blocks of a field in which lines begin, and in which they end; cached."""
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    key = "ends", field.geometry, shape, _nodes_key(grid)
+    found: list[tuple] = lines.derive(key, lambda: _ends_of_lines(grid, field.geometry, lines, shape))
     return found
 
 

@@ -69,7 +69,7 @@ def test_the_bound_of_blocks(geometry: str, ends: bool):
             sampling = dataclasses.replace(sampling, ends=np.packbits(marked).tobytes())
         finest = 0.8 / (obliquity / grid.spacing).max()
         used, share = max(spacing, finest), min(spacing / finest, 1.0) ** 4
-        edges = (0.92, 0.4) if ends else (0.92,)
+        edges = (0.92, 0.37) if ends else (0.92,)
         parts = high_pass(grid, obliquity, used, edges, True)
         means = unresolved._by_blocks(grid, geometry, sampling, np.abs(parts[0]))
         rule = unresolved._by_rule(grid, geometry, sampling)
