@@ -43,7 +43,7 @@ SPACING_MARGIN, LENGTHS = 1.02, 64
 # than one of so many parts of their range.
 PARTS = 16.0
 # Lines cached with a grid's node positions: for the last pilots, supports and bodies.
-CACHED = 6  # speed only
+CACHED = 12  # speed only
 
 
 class MissedStructure:

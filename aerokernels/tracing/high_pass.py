@@ -42,7 +42,7 @@ CACHED, MOST_CACHED = 3, 1 << 21  # speed only
 # Weights that a thread computes at once.
 ROWS_AT_ONCE = 1 << 17  # speed only
 # Nodes along an axis up to which matrices are faster than transforms, and number of pairs of matrices in the cache.
-MOST_ALONG, CACHED_ALONG = 512, 12  # speed only
+MOST_ALONG, CACHED_ALONG = 512, 16  # speed only
 
 
 def high_pass(
