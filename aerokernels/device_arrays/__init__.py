@@ -13,7 +13,6 @@ from .array import (
     on_host,
     rows_begun,
     rows_beside,
-    rows_there,
     rows_where,
 )
 from .foreign import device_array, host_array, plain_array
@@ -31,6 +30,5 @@ __all__ = [
     "read_on_touch",
     "rows_begun",
     "rows_beside",
-    "rows_there",
     "rows_where",
 ]

@@ -182,15 +182,11 @@ def on_host(arrays: dict[str, Any]) -> dict[str, np.ndarray]:
     return {name: np.asarray(array) for name, array in arrays.items()}
 
 
-def rows_there(status: np.ndarray | DeviceArray, code: int) -> Any:
-    """Return the numbers of the rays with a status, ascending, where `status` is: a warp.array or a NumPy array."""
-    return rows_begun(status, code)()
-
-
 def rows_begun(status: np.ndarray | DeviceArray, code: int) -> Callable[[], Any]:
-    """Start to look for the rays with a status; return a function that waits for the result of `rows_there`.
+    """Start to look for the rays with a status; return a function that waits for their numbers, ascending.
 
-    A device searches as soon as it has done what was launched before.
+    The numbers are where `status` is: in a warp.array or a NumPy array. A device searches as soon as it has done what
+    was launched before.
     """
     if isinstance(status, DeviceArray):
         from .selection import rows_begun as begun_there

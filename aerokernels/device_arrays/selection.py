@@ -19,7 +19,7 @@ def selected_rows(status: Any, code: int, error: Any, limit: float) -> np.ndarra
 
 
 def rows_begun(status: Any, code: int) -> Callable[[], Any]:
-    """Start to select the rays with a status; return a function that waits for `rows_there`, a warp.array."""
+    """Start to select the rays with a status; return a function that waits for their numbers, a warp.array."""
     begun = _begun(status, code, None, 0.0, 2)
 
     def wait() -> Any:
