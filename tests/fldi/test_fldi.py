@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from aerokernels import FLDI, IndexField, fldi_response
-from aerokernels.tracing.pupil_air import TruncationWarning
+from aerokernels.tracing.pupil.air import TruncationWarning
 from tests.draws.fldi_draws import check_reading, draw_reading
 
 THICKNESS, STRENGTH = 2e-4, 1e-7
@@ -137,7 +137,7 @@ def test_a_strong_gradient_turns_the_phase_by_many_fringes():
     assert float(fldi_response(field, backward).phase) == pytest.approx(-float(found.phase))
 
 
-@pytest.mark.filterwarnings("ignore::aerokernels.tracing.pupil_air.TruncationWarning")
+@pytest.mark.filterwarnings("ignore::aerokernels.tracing.pupil.air.TruncationWarning")
 @pytest.mark.parametrize("slant", [0.0, 0.3, -0.9])
 def test_a_slanted_way_through_a_slab_that_ends_abruptly(slant: float):
     """Index g y in a slab of the thickness L: k g s L / cos^2 of the slant, and the error told holds.
@@ -156,7 +156,7 @@ def test_a_slanted_way_through_a_slab_that_ends_abruptly(slant: float):
         assert abs(float(found.phase) - expected) < float(found.error) + 1e-9 * expected
 
 
-@pytest.mark.filterwarnings("ignore::aerokernels.tracing.pupil_air.TruncationWarning")
+@pytest.mark.filterwarnings("ignore::aerokernels.tracing.pupil.air.TruncationWarning")
 @pytest.mark.parametrize("interpolation", ["cubic", "linear", "monotone"])
 def test_the_error_told_holds_the_layers_along_the_beams(interpolation: str, monkeypatch):
     """Waves aslant of nine samples each, which end at the faces, against sums of many more layers."""

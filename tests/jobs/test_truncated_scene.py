@@ -7,7 +7,7 @@ from aerokernels import Disc, IndexField
 from aerokernels.jobs.run import scene_strehl
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
-from aerokernels.tracing.pupil_air import pupil_air
+from aerokernels.tracing.pupil.air import pupil_air
 
 
 def test_a_truncated_scene_is_refused_unless_it_is_allowed():

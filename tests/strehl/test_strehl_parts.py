@@ -11,9 +11,9 @@ from aerokernels.strehl.sums import combined, met_nothing
 from aerokernels.tracing import ArcLength, RayStatus
 from aerokernels.tracing.engines.reference.pupil import PupilRun
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.tracing.pupil_job import REPLICATES
-from aerokernels.tracing.pupil_sums import PupilTask, replicate_seeds
-from aerokernels.tracing.radial_quadrature import radial_points
+from aerokernels.tracing.pupil.job import REPLICATES
+from aerokernels.tracing.pupil.radial_quadrature import radial_points
+from aerokernels.tracing.pupil.sums import PupilTask, replicate_seeds
 from aerokernels.tracing.result import TraceResult, output_mask
 from aerokernels.wavefront.strehl_errors import STANDARD_ERRORS, strehl_error
 

@@ -7,10 +7,10 @@ import pytest
 
 import aerokernels
 from aerokernels import Body, Disc, IndexField, Plane, RayBundle, available_backends, flow, trace
-from aerokernels.tracing import pupil_run
 from aerokernels.tracing.engines.reference import pupil as reference_pupil
-from aerokernels.tracing.pupil_sums import PupilTask
-from aerokernels.tracing.radial_quadrature import LEAST_RAYS, RADIAL_RAYS, radial_points
+from aerokernels.tracing.pupil import run as pupil_run
+from aerokernels.tracing.pupil.radial_quadrature import LEAST_RAYS, RADIAL_RAYS, radial_points
+from aerokernels.tracing.pupil.sums import PupilTask
 
 # The lens of this page ends at the faces of its box: what lies beyond is known to be ambient.
 estimate_strehl = partial(aerokernels.estimate_strehl, allow_truncation=True)

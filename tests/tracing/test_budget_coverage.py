@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from aerokernels.tracing import Plane, available_backends, trace
-from aerokernels.tracing.sample_cost import LEAST_RAYS
+from aerokernels.tracing.leapfrog.sample_cost import LEAST_RAYS
 
 from .field_draws import KINDS, draw
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from aerokernels import ArcLength, IndexField, Plane, RayBundle
-from aerokernels.tracing import RayStatus, budget
-from aerokernels.tracing.budget_rays import COMPARED, PLACES, SHARPEST, SUBSET, roughness, subset
+from aerokernels.tracing import RayStatus
+from aerokernels.tracing.error_budget import budget
+from aerokernels.tracing.error_budget.rays import COMPARED, PLACES, SHARPEST, SUBSET, roughness, subset
 from aerokernels.tracing.lines import SIDE, box_span
 from aerokernels.tracing.plan import BundleCounts, TracePlan
 

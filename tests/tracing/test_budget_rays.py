@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels import IndexField, RayBundle, trace
 from aerokernels.tracing import Plane
-from aerokernels.tracing.budget_rays import SHARPEST, SUBSET, roughness, subset
+from aerokernels.tracing.error_budget.rays import SHARPEST, SUBSET, roughness, subset
 
 CELL = 0.25e-3
 UP = (0.0, 0.0, 1.0)

@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels import IndexField, Plane, RayBundle, trace
 from aerokernels.medium.spline import weights
-from aerokernels.tracing.cube_polynomials import OFTEN, POWERS, WHOLE, cube_polynomials
+from aerokernels.tracing.leapfrog.cube_polynomials import OFTEN, POWERS, WHOLE, cube_polynomials
 from aerokernels.tracing.scheme import CUBE_SIDE
 
 from .backends import WAVE

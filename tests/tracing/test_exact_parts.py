@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, estimate_strehl
-from aerokernels.tracing.pupil_sums import _reverse_bits
+from aerokernels.tracing.pupil.sums import _reverse_bits
 
 
 def test_bits_are_reversed():

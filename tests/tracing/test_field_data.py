@@ -8,13 +8,13 @@ import pytest
 from aerokernels import ArcLength, Body, IndexField, Plane, QuadMesh
 from aerokernels.tracing.engines import field_data as made
 from aerokernels.tracing.error_limit import error_limit, greatest_path, path_exceeds
+from aerokernels.tracing.leapfrog.unresolved import Sampling, lookup_table, missed_at_ends
 from aerokernels.tracing.lever_arms import LeverArms
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.prediction import greatest_turn, predict_evaluations
 from aerokernels.tracing.result import output_mask
 from aerokernels.tracing.step_bound import CONES, cones_of, step_bound
 from aerokernels.tracing.support import left_out, support_box
-from aerokernels.tracing.unresolved import Sampling, lookup_table, missed_at_ends
 
 ORIGIN, SPACING, COUNTS = np.array([-1.0, -1.5, 1.0]), np.array([0.5, 0.75, 1.1]), (6, 5, 7)
 PLAN = TracePlan("adaptive", "warp", "cpu", "float32", 100, None, 1e-3, ())

@@ -13,7 +13,7 @@ import pytest
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.grid_error import greatest, grid_error, spread
+from aerokernels.tracing.error_budget.grid_error import greatest, grid_error, spread
 from tests.draws.coarse_draws import draw
 
 

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels.medium.grid import UniformGrid
-from aerokernels.tracing import high_pass as module
-from aerokernels.tracing.high_pass import high_pass
+from aerokernels.tracing.leapfrog import high_pass as module
+from aerokernels.tracing.leapfrog.high_pass import high_pass
 from aerokernels.tracing.step_bound import block_size
 
 

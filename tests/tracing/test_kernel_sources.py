@@ -202,6 +202,6 @@ def test_script_reports_and_refuses(root: Path, kernels: Path, tmp_path: Path):
 def test_launches_of_the_pupil_take_one_work_item_a_sum():
     """sum_rays writes its sums by one work-item each, and groups.h leaves the work-group's size to the host."""
     from aerokernels.tracing.engines.opencl.program import WORK_GROUP
-    from aerokernels.tracing.pupil_sums import SUM_COUNT
+    from aerokernels.tracing.pupil.sums import SUM_COUNT
 
     assert WORK_GROUP >= SUM_COUNT

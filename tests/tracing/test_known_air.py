@@ -15,10 +15,10 @@ from aerokernels import Disc, IndexField, QuadMesh, estimate_strehl, trace
 from aerokernels.medium import Body
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, RayStatus
-from aerokernels.tracing.budget import SAFETY
-from aerokernels.tracing.known_air import may_be_lost
+from aerokernels.tracing.error_budget.budget import SAFETY
+from aerokernels.tracing.error_budget.known_air import may_be_lost
+from aerokernels.tracing.error_budget.tails import contrast_in
 from aerokernels.tracing.lines import FACES, box_span
-from aerokernels.tracing.tails import contrast_in
 
 from .backends import ENGINES, on
 from .known_air_boxes import CONTRAST, GEOMETRIES, HALF, LENGTH, UP, WAVE, box

@@ -5,11 +5,11 @@ import pytest
 
 from aerokernels import ArcLength, IndexField, Plane, QuadMesh, RayBundle
 from aerokernels.medium import Body
-from aerokernels.tracing import known_air
-from aerokernels.tracing.known_air import BESIDE, KnownAir, face_strengths, may_be_lost, may_bend
+from aerokernels.tracing.error_budget import known_air
+from aerokernels.tracing.error_budget.known_air import BESIDE, KnownAir, face_strengths, may_be_lost, may_bend
+from aerokernels.tracing.error_budget.mesh_rim import mesh_crossings, mesh_rim, rim_contrast
+from aerokernels.tracing.error_budget.tails import extent
 from aerokernels.tracing.lines import SIDE, box_size, box_span
-from aerokernels.tracing.mesh_rim import mesh_crossings, mesh_rim, rim_contrast
-from aerokernels.tracing.tails import extent
 
 CONTRAST = 3e-4
 LOW, HIGH, RADIUS = np.array([-1.0, -1.5, 1.0]), np.array([0.75, 2.0, 4.5]), 1.7

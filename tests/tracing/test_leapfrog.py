@@ -12,15 +12,16 @@ from aerokernels.medium import Body, IndexField
 from aerokernels.process.clock import clocked
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl.estimate import estimate_strehl, plan_strehl
-from aerokernels.tracing import ArcLength, Plane, RayStatus, sample_cost, trace
+from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
 from aerokernels.tracing.engines.opencl.tables import cell_polynomials
 from aerokernels.tracing.error_limit import error_limit
 from aerokernels.tracing.launch import launch
+from aerokernels.tracing.leapfrog import sample_cost
+from aerokernels.tracing.leapfrog.sample_cost import LEAST_RAYS
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.prediction import predict_evaluations
-from aerokernels.tracing.pupil_run import PupilRun
-from aerokernels.tracing.pupil_sums import BATCH_RAYS, PupilTask, batches_of, point_order
-from aerokernels.tracing.sample_cost import LEAST_RAYS
+from aerokernels.tracing.pupil.run import PupilRun
+from aerokernels.tracing.pupil.sums import BATCH_RAYS, PupilTask, batches_of, point_order
 from aerokernels.validation.random_fields import CELL, noise, uniform_field
 
 from .backends import ENGINES, WAVE, on

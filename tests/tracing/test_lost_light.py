@@ -6,9 +6,9 @@ import pytest
 from aerokernels import IndexField, RayBundle
 from aerokernels.medium import Body
 from aerokernels.tracing import ArcLength, Plane
-from aerokernels.tracing.known_air import may_be_lost
+from aerokernels.tracing.error_budget.known_air import may_be_lost
 from aerokernels.tracing.lever_arms import LeverArms
-from aerokernels.tracing.pupil_air import meets_wall
+from aerokernels.tracing.pupil.air import meets_wall
 from aerokernels.tracing.support import support_box
 
 CELL, HALF, LENGTH, SCALE, GREATEST = 2.5e-4, 2e-3, 8e-3, 1.5e-3, 1e-5

@@ -9,16 +9,17 @@ import pytest
 from scipy.ndimage import maximum_filter
 
 from aerokernels import IndexField, Plane, RayBundle
-from aerokernels.tracing import leapfrog, missed_on_lines, unresolved
-from aerokernels.tracing.between_samples import NEGLIGIBLE, MissedStructure, multiple_of_three
 from aerokernels.tracing.blocks import block_maxima, greatest_around
 from aerokernels.tracing.error_limit import error_limit
-from aerokernels.tracing.high_pass import high_pass
-from aerokernels.tracing.path_through_blocks import path_of
+from aerokernels.tracing.leapfrog import missed_on_lines, unresolved
+from aerokernels.tracing.leapfrog import sample_count as leapfrog
+from aerokernels.tracing.leapfrog.between_samples import NEGLIGIBLE, MissedStructure, multiple_of_three
+from aerokernels.tracing.leapfrog.high_pass import high_pass
+from aerokernels.tracing.leapfrog.path_through_blocks import path_of
+from aerokernels.tracing.leapfrog.unresolved import Sampling
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.prediction import predict_evaluations
 from aerokernels.tracing.straight_lines import Lines
-from aerokernels.tracing.unresolved import Sampling
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
 

@@ -7,8 +7,6 @@ import pytest
 
 from aerokernels import IndexField, Plane
 from aerokernels.medium.spline import weights
-from aerokernels.tracing import cube_polynomials as cubes
-from aerokernels.tracing import missed_on_lines, unresolved
 from aerokernels.tracing.blocks import block_maxima, block_means
 from aerokernels.tracing.bundle.family import Family
 from aerokernels.tracing.bundle.hermite import hermite_weights
@@ -16,9 +14,11 @@ from aerokernels.tracing.bundle.lattice import Lattice
 from aerokernels.tracing.bundle.nodes import FaceClasses, Traced
 from aerokernels.tracing.bundle.refine import Limits, Refinement
 from aerokernels.tracing.bundle.tubes import Tubes
-from aerokernels.tracing.high_pass import _held_share, high_pass
+from aerokernels.tracing.leapfrog import cube_polynomials as cubes
+from aerokernels.tracing.leapfrog import missed_on_lines, unresolved
+from aerokernels.tracing.leapfrog.high_pass import _held_share, high_pass
+from aerokernels.tracing.leapfrog.unresolved import Sampling
 from aerokernels.tracing.straight_lines import Lines
-from aerokernels.tracing.unresolved import Sampling
 
 UP = np.array([0.0, 0.0, 1.0])
 

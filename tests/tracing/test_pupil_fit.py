@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from aerokernels.pupils import Disc
-from aerokernels.tracing import Plane, pupil_fit
-from aerokernels.tracing.pupil_sums import MOMENT_COUNT, PupilTask
+from aerokernels.tracing import Plane
+from aerokernels.tracing.pupil import fit as pupil_fit
+from aerokernels.tracing.pupil.sums import MOMENT_COUNT, PupilTask
 from aerokernels.validation.random_fields import uniform_field
 
 
 def moments(x, y, w) -> np.ndarray:
-    """Sums in the order of pupil_sums.py."""
+    """Sums in the order of pupil/sums.py."""
     q = x * x + y * y
     return np.array([np.sum(one) for one in (1 + 0 * x, x, y, w, x * x, x * y, y * y, x * w, y * w, w * w, 0 * x, 0 * x,
                                              x * q, y * q, q * q, q * w)])  # fmt: skip

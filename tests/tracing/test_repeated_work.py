@@ -14,7 +14,7 @@ from aerokernels.tracing import grid_tables
 from aerokernels.tracing.engines import engine_of
 from aerokernels.tracing.launch import Trials, launch
 from aerokernels.tracing.planning import plan_rays
-from aerokernels.tracing.pupil_sums import replicate_seeds
+from aerokernels.tracing.pupil.sums import replicate_seeds
 
 from .backends import ENGINES, WAVE, on
 
@@ -121,7 +121,8 @@ def test_a_repeated_seed_sets_no_argument_of_a_kernel(monkeypatch):
 
 def test_batches_of_rays_made_on_a_device_are_made_once(monkeypatch):
     """The next seed uses the batches of the last one, each with its own buffers where a tilt is removed."""
-    from aerokernels.tracing import pupil_run, pupil_sums
+    from aerokernels.tracing.pupil import run as pupil_run
+    from aerokernels.tracing.pupil import sums as pupil_sums
 
     monkeypatch.setattr(pupil_sums, "BATCH_RAYS", 512)
     made, batch = [], pupil_run.Batch

@@ -10,10 +10,12 @@ from scipy.ndimage import maximum_filter
 
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.tracing import Plane, missed_on_lines, unresolved
+from aerokernels.tracing import Plane
 from aerokernels.tracing.blocks import block_maxima, block_means, greatest_of_neighbors
-from aerokernels.tracing.high_pass import _held_share, _images, _share_left
-from aerokernels.tracing.leapfrog import _greatest_cells
+from aerokernels.tracing.leapfrog import missed_on_lines, unresolved
+from aerokernels.tracing.leapfrog.high_pass import _held_share, _images, _share_left
+from aerokernels.tracing.leapfrog.sample_count import _greatest_cells
+from aerokernels.tracing.leapfrog.unresolved import Sampling
 from aerokernels.tracing.lever_arms import LeverArms
 from aerokernels.tracing.step_bound import (
     CONES,
@@ -26,7 +28,6 @@ from aerokernels.tracing.step_bound import (
 )
 from aerokernels.tracing.straight_lines import Lines, lines_through, local_range, outermost, outermost_rays
 from aerokernels.tracing.support import SUPPORT_SHARE, left_out
-from aerokernels.tracing.unresolved import Sampling
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
 AMBIENT = 1.2

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.sample_cost import LEAST_RAYS
+from aerokernels.tracing.leapfrog.sample_cost import LEAST_RAYS
 from aerokernels.tracing.support import SUPPORT_SHARE, support_box
 
 from .backends import ENGINES, WAVE, on

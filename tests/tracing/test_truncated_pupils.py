@@ -8,7 +8,7 @@ import pytest
 from aerokernels import Disc, IndexField, estimate_strehl, flow, trace
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import RayStatus
-from aerokernels.tracing.pupil_air import PupilAir
+from aerokernels.tracing.pupil.air import PupilAir
 
 from .known_air_boxes import CONTRAST, HALF, WAVE, box
 

@@ -8,15 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from ..medium.grid_places import known
-from ..process.clock import stage
-from ..rays import RayBundle
-from .engines import OUTPUT_TYPES, engine_of
-from .engines.device_memory import memory_of
+from ...medium.grid_places import known
+from ...process.clock import stage
+from ...rays import RayBundle
+from ..engines import OUTPUT_TYPES, engine_of
+from ..engines.device_memory import memory_of
+from ..launch import RAY_BYTES
+from ..retrace import retrace_rejected
+from ..status import RayStatus
+from .fit import fit_surface, metres_of, moments_in_metres
 from .lattice_quadrature import smoothed_axes
-from .launch import RAY_BYTES
-from .pupil_fit import fit_surface, metres_of, moments_in_metres
-from .pupil_sums import (
+from .sums import (
     MOMENT_COUNT,
     PUPIL_OUTPUTS,
     SUM_COUNT,
@@ -28,8 +30,6 @@ from .pupil_sums import (
     joined_counts,
     radial_rays,
 )
-from .retrace import retrace_rejected
-from .status import RayStatus
 
 # Bytes of a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
 KEPT_BYTES = 16 + 8 + 4

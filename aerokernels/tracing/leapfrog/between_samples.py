@@ -5,15 +5,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..medium import IndexField
-from ..medium.grid_places import known
-from ..rays import RayBundle
-from .error_limit import path_exceeds
-from .lever_arms import LeverArms
+from ...medium import IndexField
+from ...medium.grid_places import known
+from ...rays import RayBundle
+from ..error_limit import path_exceeds
+from ..lever_arms import LeverArms
+from ..stop import stop_key
+from ..straight_lines import lines_through
+from ..support import support_box
 from .missed_on_lines import disturbed_ends, greatest_error, missed_along
-from .stop import stop_key
-from .straight_lines import lines_through
-from .support import support_box
 from .unresolved import Sampling
 
 # Returns rays that show the extent of a bundle in a part of the field, given by its corners.

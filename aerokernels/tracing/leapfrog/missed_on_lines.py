@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from ..medium import IndexField
-from ..medium.grid import UniformGrid
-from .blocks import greatest_of_neighbors
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ..blocks import greatest_of_neighbors
+from ..scheme import LOOKUP_STRIDE, MISSED_SLOPE
+from ..step_bound import block_size
+from ..straight_lines import Lines, local_coordinates
 from .path_through_blocks import path_of
-from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
-from .step_bound import block_size
-from .straight_lines import Lines, local_coordinates
 from .unresolved import (
     EVERYWHERE,
     Sampling,

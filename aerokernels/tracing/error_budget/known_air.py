@@ -21,16 +21,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..medium import IndexField
-from ..medium.grid import UniformGrid
-from ..medium.grid_places import known
-from ..process.threads import in_threads
-from ..rays import RayBundle
-from .lever_arms import lever_arms_of, obliquity
-from .lines import FACES, SIDE, BoxSpan, box_size, box_span
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ...medium.grid_places import known
+from ...process.threads import in_threads
+from ...rays import RayBundle
+from ..lever_arms import lever_arms_of, obliquity
+from ..lines import FACES, SIDE, BoxSpan, box_size, box_span
+from ..prediction import greatest_turn
+from ..stop import ArcLength, Plane, stop_distance
 from .mesh_rim import mesh_crossings, mesh_rim
-from .prediction import greatest_turn
-from .stop import ArcLength, Plane, stop_distance
 from .tails import contrast_tail, drift_beyond, extent, path_beyond, slope_tail
 
 # No ray is examined if the greatest possible loss is below this share of the tolerance, or of GREATEST_TOLERANCE [m] if

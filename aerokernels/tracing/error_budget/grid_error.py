@@ -6,12 +6,12 @@ or leaves the body in which it begins, to its stop or the end of the box. It is 
 
 import numpy as np
 
-from ..medium import IndexField
-from ..medium.grid import UniformGrid
-from ..medium.next_order import next_order_error
-from ..rays import RayBundle
-from .lines import box_span, cell_along
-from .stop import stop_distance
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ...medium.next_order import next_order_error
+from ...rays import RayBundle
+from ..lines import box_span, cell_along
+from ..stop import stop_distance
 
 # Gauss points of a piece as shares of its length.
 GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)

@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..medium import IndexField
-from .lines import box_size, cylinder_span, slab_span
+from ...medium import IndexField
+from ..lines import box_size, cylinder_span, slab_span
 
 # Pairs of rays and edges that are tested together.
 PAIRS = 1_000_000  # speed only

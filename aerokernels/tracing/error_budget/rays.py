@@ -11,10 +11,10 @@ this is the error of the field's coarser versions there. For a field on a mesh t
 
 import numpy as np
 
-from ..medium import IndexField
-from ..medium.grid import UniformGrid
-from ..rays import RayBundle
-from .lines import box_span
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ...rays import RayBundle
+from ..lines import box_span
 
 # Rays that a budget traces, and how many of them are the rays in the sharpest air.
 SUBSET = 192

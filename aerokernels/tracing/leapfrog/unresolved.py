@@ -34,13 +34,13 @@ from functools import reduce
 
 import numpy as np
 
-from ..medium import IndexField
-from ..medium.grid import UniformGrid
-from .blocks import block_maxima, block_means, greatest_around
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ..blocks import block_maxima, block_means, greatest_around
+from ..scheme import MISSED_SLOPE
+from ..step_bound import block_size, potential_at_nodes, roughness_of_blocks
 from .high_pass import high_pass
 from .path_through_blocks import along_axes
-from .scheme import MISSED_SLOPE
-from .step_bound import block_size, potential_at_nodes, roughness_of_blocks
 
 # Frequencies along a ray, times H, from which on components are passed: along the ray, and at its ends, where half of
 # the share that is passed (high_pass.py) is then 9.9 x^3 for small x.

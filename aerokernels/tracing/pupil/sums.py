@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from ..medium import IndexField
-from ..rays import Pupil
+from ...medium import IndexField
+from ...rays import Pupil
+from ..plan import TracePlan
+from ..scheme import GROUP, REDUCTION_WIDTH
+from ..stop import Plane
 from .lattice_quadrature import lattice_order
-from .plan import TracePlan
 from .radial_quadrature import radial_points
-from .scheme import GROUP, REDUCTION_WIDTH
-from .stop import Plane
 
 # Per replicate: count, x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, then the greatest step error and
 # the field evaluations of all rays, and over those that arrived xq, yq, qq and qW with q = xx + yy.

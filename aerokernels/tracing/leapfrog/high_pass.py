@@ -21,11 +21,11 @@ import math
 
 import numpy as np
 
-from ..medium.grid import UniformGrid
-from ..medium.grid_places import known
-from ..process.threads import in_threads, own_cores
+from ...medium.grid import UniformGrid
+from ...medium.grid_places import known
+from ...process.threads import in_threads, own_cores
+from ..step_bound import block_size, potential_at_nodes
 from .high_pass_along import PassAlong
-from .step_bound import block_size, potential_at_nodes
 
 # The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at
 # x = 0.8 and 0.99 at x = 0.98.

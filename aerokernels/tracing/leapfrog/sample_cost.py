@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ..medium import IndexField
-from ..medium.grid import UniformGrid
-from ..rays import RayBundle
-from .engines import engine_of
-from .plan import TracePlan
-from .prediction import predict_evaluations
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ...rays import RayBundle
+from ..engines import engine_of
+from ..plan import TracePlan
+from ..prediction import predict_evaluations
 
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..medium import IndexField
-from ..rays import Pupil, RayBundle
-from .known_air import BESIDE, may_be_lost
-from .lines import box_span, face_text
-from .meeting import check_meeting
+from ...medium import IndexField
+from ...rays import Pupil, RayBundle
+from ..error_budget.known_air import BESIDE, may_be_lost
+from ..lines import box_span, face_text
+from ..meeting import check_meeting
 
 SAMPLE_RAYS = 4096
 # The greatest share of a pupil's weight that may look through the ends of the known air without allow_truncation.

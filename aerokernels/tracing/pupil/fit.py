@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from .pupil_sums import MOMENT_COUNT, PupilTask
+from .sums import MOMENT_COUNT, PupilTask
 
 # Coordinates of the surfaces are x, y and q = x^2 + y^2; these are the coordinates of each term.
 COLUMNS = {"piston": (), "tilt": (0, 1), "focus": (2,)}

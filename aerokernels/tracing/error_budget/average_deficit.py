@@ -7,10 +7,10 @@ error of the line integral, as far as averages define one: they do not say where
 
 import numpy as np
 
-from ..medium import IndexField
-from ..medium.mesh_columns import mesh_columns
-from ..rays import RayBundle
-from .stop import stop_distance
+from ...medium import IndexField
+from ...medium.mesh_columns import mesh_columns
+from ...rays import RayBundle
+from ..stop import stop_distance
 
 
 def deficit_integrals(field: IndexField, rays: RayBundle, until) -> np.ndarray:

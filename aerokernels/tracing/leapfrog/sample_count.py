@@ -14,23 +14,23 @@ from typing import Any
 
 import numpy as np
 
-from ..device_arrays import extremes_of, is_one_row
-from ..medium import IndexField
-from ..medium.grid import UniformGrid
-from ..medium.grid_places import known
-from ..rays import RayBundle
+from ...device_arrays import extremes_of, is_one_row
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ...medium.grid_places import known
+from ...rays import RayBundle
+from ..engines import engine_of
+from ..error_limit import error_limit
+from ..launch import Trials
+from ..lever_arms import lever_arms_of
+from ..plan import TracePlan
+from ..stop import ArcLength, stop_key
+from ..straight_lines import outermost, outermost_rays
+from ..support import support_box
 from .between_samples import MARGIN, MissedStructure, Spread, multiple_of_three
 from .cube_polynomials import approximate_deviation, may_have_cubes
-from .engines import engine_of
-from .error_limit import error_limit
-from .launch import Trials
-from .lever_arms import lever_arms_of
 from .pilot_levels import error_scales, greatest_bend, level_pair, levels_of
-from .plan import TracePlan
 from .sample_cost import LEAST_RAYS, SampleCost
-from .stop import ArcLength, stop_key
-from .straight_lines import outermost, outermost_rays
-from .support import support_box
 from .unresolved import Sampling
 
 # Greatest distance of samples in cells. Structure between the samples is bounded from the field as well.

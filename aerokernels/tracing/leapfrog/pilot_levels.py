@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from .launch import Trials
-from .status import reached
+from ..launch import Trials
+from ..status import reached
 
 # A ray's estimate is scaled to SAFETY times the pilot's greatest error.
 SAFETY = 3.0

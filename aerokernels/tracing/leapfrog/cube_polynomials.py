@@ -17,13 +17,13 @@ from itertools import product
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial, legendre
 
-from ..medium import IndexField
-from ..medium.grid import UniformGrid
-from ..medium.spline import SUPPORT, weights
-from ..process.threads import in_threads
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ...medium.spline import SUPPORT, weights
+from ...process.threads import in_threads
+from ..scheme import CUBE_ROW, CUBE_SIDE
+from ..straight_lines import Lines
 from .matrix_product import matrix_product
-from .scheme import CUBE_ROW, CUBE_SIDE
-from .straight_lines import Lines
 
 DEGREE = 3
 # Powers of the three coordinates of each coefficient, in the kernels' order: the third degree last, each group ordered

@@ -20,10 +20,10 @@ taken only if its rays are so close that each of the field's cells is met.
 
 import numpy as np
 
-from ..medium import IndexField
-from ..pupils import SquareMap
-from ..pupils.square_map import RING
-from ..rays import Pupil
+from ...medium import IndexField
+from ...pupils import SquareMap
+from ...pupils.square_map import RING
+from ...rays import Pupil
 
 # Points of a replicate's lattices, each with its generator; in steps of 1.6 and 2.6.
 LATTICES = {144: 89, 233: 144, 610: 377, 1597: 987, 4181: 2584, 10946: 6765, 28657: 17711}

@@ -30,17 +30,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..medium import IndexField
-from ..rays import RayBundle
-from .allowance import step_allowance
+from ...medium import IndexField
+from ...rays import RayBundle
+from ..allowance import step_allowance
+from ..lines import SIDE, box_span
+from ..plan import TracePlan
+from ..status import reached
+from ..stop import Plane
 from .average_deficit import deficit_integrals
-from .budget_rays import subset
 from .grid_error import greatest, grid_error
 from .known_air import may_be_lost
-from .lines import SIDE, box_span
-from .plan import TracePlan
-from .status import reached
-from .stop import Plane
+from .rays import subset
 
 SAFETY = 3.0
 # The tolerance of the trace that serves as the truth, as a share of the requested one; a requested tolerance above

@@ -19,10 +19,10 @@ from itertools import product
 
 import numpy as np
 
-from ..medium import IndexField
-from ..medium.grid import UniformGrid
-from .lever_arms import obliquity
-from .lines import box_size, box_span, cell_along
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ..lever_arms import obliquity
+from ..lines import box_size, box_span, cell_along
 from .mesh_rim import rim_contrast
 
 WINDOW_CELLS = 2.0

@@ -14,8 +14,8 @@ such substitutions: I. H. Sloan, S. Joe, Lattice Methods for Multiple Integratio
 
 import numpy as np
 
-from ..medium import IndexField
-from ..rays import Pupil, RayBundle
+from ...medium import IndexField
+from ...rays import Pupil, RayBundle
 
 # Rays of a replicate: on the shipped fields their sampling error is below that of a million rays over the disc.
 RADIAL_RAYS = 512

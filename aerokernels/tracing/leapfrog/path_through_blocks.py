@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..medium.grid import UniformGrid
-from .straight_lines import Lines, local_range
+from ...medium.grid import UniformGrid
+from ..straight_lines import Lines, local_range
 
 # Blocks by which a ray may be deflected sideways, in addition to the drift of its straight line.
 DEFLECTED = 0.5

@@ -7,22 +7,22 @@ from functools import cache, cached_property, partial
 
 import numpy as np
 
-from ..medium import IndexField
-from ..medium.grid import UniformGrid
-from ..medium.grid_places import known
-from ..rays import PILOT_RAYS, Pupil, RayBundle
-from .engines import engine_of
-from .engines.device_memory import memory_of
-from .grid_tables import begun_grid
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ...medium.grid_places import known
+from ...rays import PILOT_RAYS, Pupil, RayBundle
+from ..engines import engine_of
+from ..engines.device_memory import memory_of
+from ..grid_tables import begun_grid
+from ..lines import box_size
+from ..plan import TracePlan
+from ..planning import check_choices, plan_rays
+from ..stop import Plane
+from .air import SAMPLE_RAYS, PupilAir, pupil_air
 from .lattice_quadrature import ACCEPTED, ENOUGH, LATTICES, lattice_sizes, may_still_settle
-from .lines import box_size
-from .plan import TracePlan
-from .planning import check_choices, plan_rays
-from .pupil_air import SAMPLE_RAYS, PupilAir, pupil_air
-from .pupil_run import PupilRun
-from .pupil_sums import PupilTask
 from .radial_quadrature import RADIAL_RAYS, SETTLED, choose_radial, fewer_rays, radial_bundle
-from .stop import Plane
+from .run import PupilRun
+from .sums import PupilTask
 
 REPLICATES = 16
 # The seed of the points that decide which lattice is taken.
@@ -267,7 +267,7 @@ def _check_size(field: IndexField, pupil: Pupil) -> None:
 def _runner(task: PupilTask):
     """Prepare a task on the backend of its plan."""
     if task.plan.backend == "reference":
-        from .engines.reference.pupil import PupilRun as ReferencePupilRun
+        from ..engines.reference.pupil import PupilRun as ReferencePupilRun
 
         return ReferencePupilRun(task)
     with memory_of(task.plan.device):
