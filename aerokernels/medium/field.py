@@ -14,16 +14,16 @@ from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_choice, check_positive
 from ..inputs.wavelength import check_wavelength, field_wavelength
-from .body import Body
-from .cell_averages import node_values
+from .averages.cell_averages import node_values
+from .averages.kept_averages import conserving_values, cut_and_kept
+from .averages.rows_of_cells import AveragesLacking
+from .averages.vertex_values import vertex_values
+from .bodies.body import Body
+from .bodies.solid_body import SolidBody
 from .given_contrast import checked_walls, contrast_array, warn_of_index
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite, check_starts_on_axis
-from .kept_averages import conserving_values, cut_and_kept
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
-from .rows_of_cells import AveragesLacking
-from .solid_body import SolidBody
-from .vertex_values import vertex_values
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from .crossings import as_lines, crossings
+from .bodies.crossings import as_lines, crossings
 from .mesh import QuadMesh
 
 LINES = 64  # lines that are cut together; speed only

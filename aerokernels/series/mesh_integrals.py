@@ -14,7 +14,7 @@ from scipy import sparse
 
 from ..device_arrays import host_array
 from ..medium import QuadMesh
-from ..medium.kept_averages import conserving_values, cut_and_kept
+from ..medium.averages.kept_averages import conserving_values, cut_and_kept
 from ..medium.refined import cells_of_four, quarters
 from .line_integrals import NotLinearError
 

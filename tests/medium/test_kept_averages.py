@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from aerokernels import trace
-from aerokernels.flow.reading.polygon_cells import Polygons
-from aerokernels.flow.reading.polygons import quad_mesh
+from aerokernels.flow.reading.planes.polygon_cells import Polygons
+from aerokernels.flow.reading.planes.polygons import quad_mesh
 from aerokernels.medium import IndexField, QuadMesh
-from aerokernels.medium.kept_averages import cut_and_kept
-from aerokernels.medium.vertex_values import of_parents
+from aerokernels.medium.averages.kept_averages import cut_and_kept
+from aerokernels.medium.averages.vertex_values import of_parents
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
 

@@ -8,13 +8,14 @@ from scipy.optimize import lsq_linear
 from scipy.sparse import csr_array
 
 from aerokernels import flow
-from aerokernels.medium import IndexField, QuadMesh, kept_averages
-from aerokernels.medium.bounded import least_change
-from aerokernels.medium.edge_lines import edge_lines
+from aerokernels.medium import IndexField, QuadMesh
+from aerokernels.medium.averages import kept_averages
+from aerokernels.medium.averages.bounded import least_change
+from aerokernels.medium.averages.edge_lines import edge_lines
+from aerokernels.medium.averages.row_sums import REACH
+from aerokernels.medium.averages.vertex_values import of_parents
+from aerokernels.medium.averages.vertex_weights import vertex_weights
 from aerokernels.medium.refined import cells_of_four
-from aerokernels.medium.row_sums import REACH
-from aerokernels.medium.vertex_values import of_parents
-from aerokernels.medium.vertex_weights import vertex_weights
 
 from .test_kept_averages import skewed, triangles
 

@@ -5,9 +5,9 @@ import pytest
 
 from aerokernels import flow, trace
 from aerokernels.medium import IndexField, QuadMesh
-from aerokernels.medium.rows_of_cells import averages_lacking
-from aerokernels.medium.vertex_values import of_parents
-from aerokernels.medium.vertex_weights import vertex_weights
+from aerokernels.medium.averages.rows_of_cells import averages_lacking
+from aerokernels.medium.averages.vertex_values import of_parents
+from aerokernels.medium.averages.vertex_weights import vertex_weights
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from aerokernels import QuadMesh
-from aerokernels.medium import vertex_values as made
+from aerokernels.medium.averages import vertex_values as made
+from aerokernels.medium.averages.vertex_weights import vertex_weights
 from aerokernels.medium.bilinear import EDGE_TOLERANCE, bilinear_point, contains, invert_bilinear
-from aerokernels.medium.vertex_weights import vertex_weights
-from aerokernels.medium.wall_tree import LEAF, MARGIN, wall_tree
+from aerokernels.medium.bodies.wall_tree import LEAF, MARGIN, wall_tree
 
 
 def skewed(ni: int = 6, nj: int = 7, geometry: str = "planar", first: float = 0.5) -> QuadMesh:

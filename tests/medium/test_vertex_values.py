@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels import IndexField, QuadMesh, flow
-from aerokernels.medium.kept_averages import cell_deficits, conserving_values
-from aerokernels.medium.vertex_values import of_parents, vertex_gradients, vertex_values
+from aerokernels.medium.averages.kept_averages import cell_deficits, conserving_values
+from aerokernels.medium.averages.vertex_values import of_parents, vertex_gradients, vertex_values
 
 WAVELENGTH = 905e-9
 

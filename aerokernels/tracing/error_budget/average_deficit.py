@@ -1,8 +1,8 @@
 """Integrate the deficit of an interpolant of cell averages along undisturbed rays.
 
-A continuous interpolant does not keep the average of every cell exactly (medium/kept_averages.py): the deficit is large
-beside a captured shock, and nearly zero elsewhere. The deficit of each cell times the length of the ray in it is the
-error of the line integral, as far as averages define one: they do not say where in a cell the gas is.
+A continuous interpolant does not keep the average of every cell exactly (medium/averages/kept_averages.py): the deficit
+is large beside a captured shock, and nearly zero elsewhere. The deficit of each cell times the length of the ray in it
+is the error of the line integral, as far as averages define one: they do not say where in a cell the gas is.
 """
 
 import numpy as np

@@ -11,12 +11,12 @@ from typer.testing import CliRunner
 
 from aerokernels import flow
 from aerokernels.cli import app
-from aerokernels.flow.reading import foam_file
 from aerokernels.flow.reading.dataset import Block, Dataset, ReadError
 from aerokernels.flow.reading.density import Reference
 from aerokernels.flow.reading.formats import format_of
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.read import field_of, reading_of
+from aerokernels.flow.reading.readers import foam_file
 from aerokernels.flow.series_sources import open_series
 from aerokernels.flow.wall_density import WallDensity
 

@@ -14,9 +14,9 @@ from aerokernels.flow.reading.dataset import (
     Cells,
     Faces,
 )
-from aerokernels.flow.reading.point_values import PointValues
-from aerokernels.flow.reading.reconstruction import cell_corners
-from aerokernels.flow.reading.solids import solid_chunks
+from aerokernels.flow.reading.volumes.point_values import PointValues
+from aerokernels.flow.reading.volumes.reconstruction import cell_corners
+from aerokernels.flow.reading.volumes.solids import solid_chunks
 
 KINDS = [HEXAHEDRON, PRISM, PYRAMID, TETRAHEDRON, POLYHEDRON]
 QUADS = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]

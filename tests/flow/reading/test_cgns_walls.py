@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
-from aerokernels.flow.reading import cgns_walls
+from aerokernels.flow.reading.readers import cgns_walls
 
 pytest.importorskip("h5py")
 pytest.importorskip("vtkmodules")

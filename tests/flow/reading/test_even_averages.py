@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import DensityField
-from aerokernels.flow.reading.even_averages import integral_weights
+from aerokernels.flow.reading.volumes.even_averages import integral_weights
 from aerokernels.medium import spline
 
 

@@ -120,7 +120,7 @@ def foam_case(case, points, corners, is_wall=lambda middle: np.zeros(len(middle)
     (mesh / "boundary").write_bytes(head("polyBoundaryMesh", "boundary", False) + patch.encode())
     (case / "1").mkdir()
     # Averages over skewed cells: the density at the centroid, which for the linear one is exact.
-    from aerokernels.flow.reading.solids import solid_chunks
+    from aerokernels.flow.reading.volumes.solids import solid_chunks
 
     block = Block(points, Cells.of_one_type(HEXAHEDRON, corners))
     middle = np.concatenate([made().middle.T for made in solid_chunks(block, np.ascontiguousarray(points.T))])

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ....medium.crossings import PARALLEL
+from ....medium.bodies.crossings import PARALLEL
+from ....medium.bodies.triangle_crossings import LEAST_SIDE
 from ....medium.grid import AXIS_CORE
-from ....medium.triangle_crossings import LEAST_SIDE
 from ....pupils import square_map
 from ... import scheme, tableau
 from ...pupil.sums import MOMENT_COUNT, SUM_COUNT
