@@ -20,6 +20,7 @@ import numpy as np
 from aerokernels.display.plain_text import cut
 from aerokernels.files.drafts import FULL, OutputError
 from aerokernels.files.one_writer import only_writer
+from aerokernels.process.fault_text import fault_text
 
 if TYPE_CHECKING:
     import xarray
@@ -200,8 +201,7 @@ class ZarrStore:
         except Exception as fault:
             if isinstance(fault, OSError) and fault.errno in FULL:
                 raise
-            said = " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
-            raise self._damaged(f"the store is damaged ({said})") from fault
+            raise self._damaged(f"the store is damaged ({fault_text(fault)})") from fault
 
     @contextmanager
     def writing(self) -> Iterator["ZarrStore"]:

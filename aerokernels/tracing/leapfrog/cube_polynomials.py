@@ -20,10 +20,10 @@ from numpy.polynomial import Legendre, Polynomial, legendre
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...medium.spline import SUPPORT, weights
+from ...process.one_core import product_on_one_core
 from ...process.threads import in_threads
 from ..scheme import CUBE_ROW, CUBE_SIDE
 from ..straight_lines import Lines
-from .matrix_product import matrix_product
 
 DEGREE = 3
 # Powers of the three coordinates of each coefficient, in the kernels' order: the third degree last, each group ordered
@@ -91,7 +91,7 @@ def _cube_polynomials(grid: UniformGrid) -> np.ndarray:
 
         def fill(first: slice, place=place, operators=operators, points=points) -> None:
             some = first, *place[1:]
-            made = matrix_product(windows[some].reshape(-1, width**3), operators).T
+            made = product_on_one_core(windows[some].reshape(-1, width**3), operators).T
             numbers, deviation = made[: len(POWERS)], np.abs(made[len(POWERS) :])
             value, cut = _value_bound(numbers, deviation[:points])
             slope = OFTEN * (deviation[points:].max(axis=0) + cut * steepest)
@@ -122,7 +122,7 @@ def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
     operators, points = _operators_on(grid, (CUBE_SIDE,) * 3)
     # Without lines the arrays are empty: the rays meet no disturbed air.
     tested = np.ascontiguousarray(operators[:, : len(POWERS) + points])
-    made = matrix_product(windows.reshape(len(cube), width**3).astype(np.float32), tested).T
+    made = product_on_one_core(windows.reshape(len(cube), width**3).astype(np.float32), tested).T
     value, _ = _value_bound(made[: len(POWERS)], np.abs(made[len(POWERS) :]))
     return value.reshape(-1, PLACES).mean(axis=1) * lines.length
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .matrix_product import matrix_product
+from ...process.one_core import product_on_one_core
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +46,8 @@ class PassAlong:
         mirrored = rows[:, ::-1]
         sums = rows[:, : count - half].copy()
         sums[:, :half] += mirrored[:, :half]
-        both = matrix_product(sums, self.even)
-        sided = matrix_product(rows[:, :half] - mirrored[:, :half], self.odd)
+        both = product_on_one_core(sums, self.even)
+        sided = product_on_one_core(rows[:, :half] - mirrored[:, :half], self.odd)
         found = np.empty_like(rows)
         found[:, : count - half] = both
         found[:, :half] += sided
@@ -58,5 +58,5 @@ class PassAlong:
         """Return the passed part at some nodes of the last axis, given by number, and 0 at the others."""
         rows = values.reshape(-1, values.shape[-1])
         found = np.zeros_like(rows)
-        found[:, nodes] = matrix_product(rows, np.ascontiguousarray(self.whole[:, nodes]))
+        found[:, nodes] = product_on_one_core(rows, np.ascontiguousarray(self.whole[:, nodes]))
         return found.reshape(values.shape)

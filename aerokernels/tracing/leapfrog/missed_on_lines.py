@@ -3,11 +3,11 @@
 import numpy as np
 
 from ...medium import IndexField
-from ...medium.grid import UniformGrid
+from ...medium.grid import UniformGrid, local_coordinates
 from ..blocks import greatest_of_neighbors
 from ..scheme import LOOKUP_STRIDE, MISSED_SLOPE
 from ..step_bound import block_size
-from ..straight_lines import Lines, local_coordinates
+from ..straight_lines import Lines
 from .path_through_blocks import path_of
 from .unresolved import (
     EVERYWHERE,

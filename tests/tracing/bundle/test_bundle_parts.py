@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from aerokernels import ArcLength, Plane
+from aerokernels.medium.grid import local_coordinates
 from aerokernels.tracing import RayStatus
 from aerokernels.tracing.bundle import family as families
 from aerokernels.tracing.bundle.family import Family, some_rows
 from aerokernels.tracing.bundle.nodes import FaceClasses, channels_of, trace_lines, undisturbed_length
 from aerokernels.tracing.bundle.roughness import Roughness
-from aerokernels.tracing.bundle.tubes import RESOLVED, Tubes, _local_sizes
+from aerokernels.tracing.bundle.tubes import RESOLVED, Tubes
 from aerokernels.tracing.lines import FACES, box_span
 
 from .box_of_air import UP, field_of
@@ -233,5 +234,5 @@ def test_lines_toward_an_apex_are_widest_at_their_entry():
     scale = 19.5 / direction[2]
     assert found[0] == pytest.approx(max(scale * 0.03 / 0.2, scale * 0.04 / 0.25), rel=1e-9)
     sizes = np.array([[3.0, 4.0, 7.0]])
-    assert _local_sizes(sizes, "axisymmetric").tolist() == [[5.0, 7.0]]
-    assert _local_sizes(sizes, "planar").tolist() == [[4.0, 7.0]] and _local_sizes(sizes, "volume") is sizes
+    assert local_coordinates(sizes, "axisymmetric").tolist() == [[5.0, 7.0]]
+    assert local_coordinates(sizes, "planar").tolist() == [[4.0, 7.0]] and local_coordinates(sizes, "volume") is sizes

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels.medium import IndexField
+from aerokernels.medium.grid import local_coordinates
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.error_limit import error_limit
@@ -11,7 +12,7 @@ from aerokernels.tracing.leapfrog.between_samples import NEGLIGIBLE, SPACING_MAR
 from aerokernels.tracing.leapfrog.path_through_blocks import path_of
 from aerokernels.tracing.leapfrog.sample_count import SPREAD_RAYS, spread_of
 from aerokernels.tracing.lever_arms import lever_arms_of
-from aerokernels.tracing.straight_lines import lines_through, local_coordinates, outermost_rays
+from aerokernels.tracing.straight_lines import lines_through, outermost_rays
 from aerokernels.tracing.support import support_box
 from aerokernels.validation.random_fields import CELL
 

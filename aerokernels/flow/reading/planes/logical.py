@@ -7,6 +7,8 @@ cells, and steps from each row to the next.
 
 import numpy as np
 
+from ....medium.mesh import cells_across
+
 
 def logical_rectangle(cells: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray] | None:
     """Return vertices, shape (ni, nj), and cells, shape (ni - 1, nj - 1), of a structured mesh, or None.
@@ -20,7 +22,7 @@ def logical_rectangle(cells: np.ndarray, vertex_count: int) -> tuple[np.ndarray,
     alone = np.flatnonzero(degree == 1)
     if degree.max() > 4 or len(alone) != 4:
         return None  # a logical rectangle has four corners
-    behind = _behind(cells, vertex_count)
+    behind = cells_across(cells, vertex_count)
     holder, place = np.argwhere(cells == alone[0])[0]
     row, turn = [int(holder)], [int(place)]
     while len(row) <= count:
@@ -59,18 +61,3 @@ def logical_rectangle(cells: np.ndarray, vertex_count: int) -> tuple[np.ndarray,
 
 def _corner(cells: np.ndarray, cell: np.ndarray, start: np.ndarray, k: int) -> np.ndarray:
     return np.asarray(cells[cell, (start + k) % 4])
-
-
-def _behind(cells: np.ndarray, vertex_count: int) -> np.ndarray:
-    """Return the cell across each edge of each cell, shape (cell_count, 4); -1 at the boundary.
-
-    Edge k runs from corner k to corner k + 1.
-    """
-    edge = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
-    key = edge[:, 0] * np.int64(vertex_count) + edge[:, 1]
-    order = np.argsort(key, kind="stable")
-    pair = np.flatnonzero(key[order][1:] == key[order][:-1])
-    result = np.full(len(key), -1, dtype=np.int64)
-    result[order[pair]] = order[pair + 1] // 4
-    result[order[pair + 1]] = order[pair] // 4
-    return result.reshape(-1, 4)
