@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from aerokernels import IndexField, echo
+from aerokernels import echo
 from aerokernels.echo.prediction import predict_echo
 from aerokernels.echo.pulse_curve import peak_height
 from aerokernels.scene import Scene
+from tests.echo.lump_of_gas import lump
 from tests.echo.test_return_paths import blob_field, washer
 
 FEW = {"beam.ray_count": 64, "receiver.ray_count": 64, "detector.volts_per_watt": 5558.7, "detector.threshold": 1.0}
@@ -16,13 +17,6 @@ FEW = {"beam.ray_count": 64, "receiver.ray_count": 64, "detector.volts_per_watt"
 
 def scene(**changes):
     return Scene.load("wind-tunnel-static", {**FEW, **changes})
-
-
-def lump(strength: float) -> IndexField:
-    """A lump of gas ahead of the pupil, off the axis, in a planar field."""
-    y, z = np.arange(-0.04, 0.0401, 0.001), np.arange(-0.01, 0.0601, 0.001)
-    contrast = strength * np.exp(-((y[:, None] - 0.004) ** 2 + (z - 0.02) ** 2) / 0.01**2)
-    return IndexField.from_samples(contrast, origin=(-0.04, -0.01), spacing=(0.001, 0.001), geometry="planar")
 
 
 def test_a_phase_error_walks_the_leading_edge():

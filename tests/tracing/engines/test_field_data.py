@@ -15,6 +15,7 @@ from aerokernels.tracing.prediction import greatest_turn, predict_evaluations
 from aerokernels.tracing.result import output_mask
 from aerokernels.tracing.step_bound import CONES, cones_of, step_bound
 from aerokernels.tracing.support import left_out, support_box
+from tests.random_air import random_air
 
 ORIGIN, SPACING, COUNTS = np.array([-1.0, -1.5, 1.0]), np.array([0.5, 0.75, 1.1]), (6, 5, 7)
 PLAN = TracePlan("adaptive", "warp", "cpu", "float32", 100, None, 1e-3, ())
@@ -24,12 +25,9 @@ GEOMETRIES = ("volume", "planar", "axisymmetric")
 def grid_field(
     geometry: str, interpolation: str = "cubic", scale: float = 1e-4, body: Body | None = None
 ) -> IndexField:
-    axes = [0, 1, 2] if geometry == "volume" else [1, 2]
-    samples = scale * np.random.default_rng(121).uniform(-1.0, 2.0, [COUNTS[k] for k in axes])
-    origin = np.where((geometry == "axisymmetric") & (np.arange(3) == 1), 0.0, ORIGIN)[axes]
-    return IndexField.from_samples(
-        samples, origin=origin, spacing=SPACING[axes], geometry=geometry, ambient_index=1.25,
-        interpolation=interpolation, body=body,
+    return random_air(
+        geometry, 121, lambda random, shape: scale * random.uniform(-1.0, 2.0, shape), COUNTS, ORIGIN, SPACING,
+        ambient_index=1.25, interpolation=interpolation, body=body,
     )  # fmt: skip
 
 

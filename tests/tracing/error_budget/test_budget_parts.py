@@ -11,18 +11,16 @@ from aerokernels.tracing.error_budget import budget
 from aerokernels.tracing.error_budget.rays import COMPARED, PLACES, SHARPEST, SUBSET, roughness, subset
 from aerokernels.tracing.lines import SIDE, box_span
 from aerokernels.tracing.plan import BundleCounts, TracePlan
+from tests.random_air import random_air
 
 PLAN = TracePlan("adaptive", "warp", "cpu", "float32", 100, None, 1e-2, ())
 OK = int(RayStatus.OK)
 
 
 def field_of(geometry: str = "volume", interpolation: str = "cubic", seed: int = 131) -> IndexField:
-    axes = [0, 1, 2] if geometry == "volume" else [1, 2]
-    samples = 1e-4 * np.random.default_rng(seed).normal(size=[(9, 8, 10)[k] for k in axes])
-    origin = [(-1.0, 0.0 if geometry == "axisymmetric" else -1.0, 0.5)[k] for k in axes]
-    return IndexField.from_samples(
-        samples, origin=origin, spacing=[(0.25, 0.3, 0.4)[k] for k in axes], geometry=geometry,
-        interpolation=interpolation,
+    return random_air(
+        geometry, seed, lambda random, shape: 1e-4 * random.normal(size=shape), (9, 8, 10), (-1.0, -1.0, 0.5),
+        (0.25, 0.3, 0.4), interpolation=interpolation,
     )  # fmt: skip
 
 

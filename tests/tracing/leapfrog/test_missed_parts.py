@@ -20,18 +20,17 @@ from aerokernels.tracing.leapfrog.unresolved import Sampling
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.prediction import predict_evaluations
 from aerokernels.tracing.straight_lines import Lines
+from tests.random_air import random_air
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
 
 
 def field_of(geometry: str, counts=(10, 13, 22), scale: float = 1e-2) -> IndexField:
     """Random air on cells of 0.5, 0.7 and 0.9 m."""
-    axes = [0, 1, 2] if geometry == "volume" else [1, 2]
-    samples = scale * np.random.default_rng(211).normal(size=[counts[k] for k in axes])
-    origin = [0.0 if geometry == "axisymmetric" and k == 1 else -2.0 + k for k in axes]
-    return IndexField.from_samples(
-        samples, origin=origin, spacing=[0.5 + 0.2 * k for k in axes], geometry=geometry, ambient_index=1.2
-    )
+    return random_air(
+        geometry, 211, lambda random, shape: scale * random.normal(size=shape), counts, (-2.0, -1.0, 0.0),
+        (0.5, 0.7, 0.9), ambient_index=1.2,
+    )  # fmt: skip
 
 
 def lines_in(lever: bool, count: int = 9) -> Lines:

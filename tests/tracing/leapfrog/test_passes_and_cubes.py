@@ -19,19 +19,17 @@ from aerokernels.tracing.leapfrog import missed_on_lines, unresolved
 from aerokernels.tracing.leapfrog.high_pass import _held_share, high_pass
 from aerokernels.tracing.leapfrog.unresolved import Sampling
 from aerokernels.tracing.straight_lines import Lines
+from tests.random_air import random_air
 
 UP = np.array([0.0, 0.0, 1.0])
 
 
 def field_of(geometry: str = "volume", counts=(10, 12, 15), samples=None, seed: int = 181) -> IndexField:
-    """Cells of 0.5, 0.7 and 0.9 m."""
-    axes = [0, 1, 2] if geometry == "volume" else [1, 2]
-    if samples is None:
-        samples = 1e-2 * np.random.default_rng(seed).normal(size=[counts[k] for k in axes])
-    origin = [0.0 if geometry == "axisymmetric" and k == 1 else -2.0 + k for k in axes]
-    return IndexField.from_samples(
-        samples, origin=origin, spacing=[0.5 + 0.2 * k for k in axes], geometry=geometry, ambient_index=1.2
-    )
+    """Cells of 0.5, 0.7 and 0.9 m; random air unless `samples` are given."""
+    return random_air(
+        geometry, seed, lambda random, shape: 1e-2 * random.normal(size=shape) if samples is None else samples, counts,
+        (-2.0, -1.0, 0.0), (0.5, 0.7, 0.9), ambient_index=1.2,
+    )  # fmt: skip
 
 
 # --- cubes -----------------------------------------------------------------------------------------------------------

@@ -28,6 +28,7 @@ from aerokernels.tracing.step_bound import (
 )
 from aerokernels.tracing.straight_lines import Lines, lines_through, local_range, outermost, outermost_rays
 from aerokernels.tracing.support import SUPPORT_SHARE, left_out
+from tests.random_air import random_air
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
 AMBIENT = 1.2
@@ -35,12 +36,9 @@ AMBIENT = 1.2
 
 def field_of(geometry: str, counts=(10, 12, 15), interpolation: str = "cubic", seed: int = 81) -> IndexField:
     """Random air on cells of 0.5, 0.7 and 0.9 m."""
-    axes = [0, 1, 2] if geometry == "volume" else [1, 2]
-    samples = 1e-2 * np.random.default_rng(seed).normal(size=[counts[k] for k in axes])
-    origin = [0.0 if geometry == "axisymmetric" and k == 1 else -2.0 + k for k in axes]
-    return IndexField.from_samples(
-        samples, origin=origin, spacing=[0.5 + 0.2 * k for k in axes], geometry=geometry, ambient_index=AMBIENT,
-        interpolation=interpolation,
+    return random_air(
+        geometry, seed, lambda random, shape: 1e-2 * random.normal(size=shape), counts, (-2.0, -1.0, 0.0),
+        (0.5, 0.7, 0.9), ambient_index=AMBIENT, interpolation=interpolation,
     )  # fmt: skip
 
 

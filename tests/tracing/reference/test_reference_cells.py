@@ -15,6 +15,7 @@ from aerokernels.tracing.engines.reference.medium import (
     radius_increment,
 )
 from aerokernels.tracing.engines.reference.mesh import MeshAir
+from tests.random_air import random_air
 
 AMBIENT = 1.2
 H = 1e-4
@@ -92,17 +93,10 @@ SPACING, ORIGIN, COUNTS = np.array([0.5, 0.75, 1.1]), np.array([-1.0, -1.5, 1.0]
 
 
 def grid_field(geometry: str, interpolation: str = "cubic") -> IndexField:
-    axes = [0, 1, 2] if geometry == "volume" else [1, 2]
-    samples = np.random.default_rng(52).uniform(-0.1, 0.2, [COUNTS[k] for k in axes])
-    origin = np.where((geometry == "axisymmetric") & (np.arange(3) == 1), 0.0, ORIGIN)[axes]
-    return IndexField.from_samples(
-        samples,
-        origin=origin,
-        spacing=SPACING[axes],
-        geometry=geometry,
-        ambient_index=AMBIENT,
-        interpolation=interpolation,
-    )
+    return random_air(
+        geometry, 52, lambda random, shape: random.uniform(-0.1, 0.2, shape), COUNTS, ORIGIN, SPACING,
+        ambient_index=AMBIENT, interpolation=interpolation,
+    )  # fmt: skip
 
 
 def places_in(geometry: str, count: int = 60) -> np.ndarray:

@@ -13,6 +13,7 @@ from aerokernels.tracing.engines.reference.ends import Ends
 from aerokernels.tracing.engines.reference.flight import Flight
 from aerokernels.tracing.engines.reference.medium import GridAir
 from aerokernels.tracing.engines.reference.steps import Integrator
+from tests.random_air import random_air
 
 AMBIENT = 1.3
 COUNT = 7
@@ -23,13 +24,10 @@ STOPS = {"plane": Plane((0.3, -0.2, 4.0), (0.2, -0.6, -1.0)), "arc": ArcLength(3
 
 def field_of(geometry: str = "volume", body: Body | None = None) -> IndexField:
     """Random air of a strong contrast in five cells along each axis."""
-    axes = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (1, 2)}[geometry]
-    samples = np.random.default_rng(5).uniform(-0.1, 0.2, (6,) * len(axes))
-    origin = [0.0 if geometry == "axisymmetric" and axis == 1 else ORIGIN[axis] for axis in axes]
-    spacing = [SPACING[axis] for axis in axes]
-    return IndexField.from_samples(
-        samples, origin=origin, spacing=spacing, geometry=geometry, ambient_index=AMBIENT, body=body
-    )
+    return random_air(
+        geometry, 5, lambda random, shape: random.uniform(-0.1, 0.2, shape), (6, 6, 6), ORIGIN, SPACING,
+        ambient_index=AMBIENT, body=body,
+    )  # fmt: skip
 
 
 def integrator(geometry: str = "volume", until=None, straight: bool = False, body: Body | None = None) -> Integrator:

@@ -9,6 +9,7 @@ from aerokernels.tracing.engines.reference.ends import Ends
 from aerokernels.tracing.engines.reference.rule import ARC, LAG, PATH, _longitudinal_deficit, _Rule, march
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.tableau import PAIR
+from tests.random_air import random_air
 
 AMBIENT = 1.1
 ORIGIN, SPACING = np.array([-1.0, -1.5, 1.0]), np.array([0.5, 0.75, 1.1])
@@ -17,12 +18,10 @@ PLANE = Plane((0.2, 0.1, 5.0), (0.1, -0.3, -1.0))
 
 
 def field_of(geometry: str = "volume") -> IndexField:
-    axes = [0, 1, 2] if geometry == "volume" else [1, 2]
-    samples = np.random.default_rng(61).uniform(-0.05, 0.1, [6] * len(axes))
-    origin = np.where((geometry == "axisymmetric") & (np.arange(3) == 1), 0.0, ORIGIN)[axes]
-    return IndexField.from_samples(
-        samples, origin=origin, spacing=SPACING[axes], geometry=geometry, ambient_index=AMBIENT
-    )
+    return random_air(
+        geometry, 61, lambda random, shape: random.uniform(-0.05, 0.1, shape), (6, 6, 6), ORIGIN, SPACING,
+        ambient_index=AMBIENT,
+    )  # fmt: skip
 
 
 def rule_of(geometry: str = "volume", until=None, field: IndexField | None = None, step: float = 0.05) -> _Rule:

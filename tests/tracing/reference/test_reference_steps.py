@@ -10,6 +10,7 @@ from aerokernels.tracing.engines.reference.ends import Ends
 from aerokernels.tracing.engines.reference.flight import Flight
 from aerokernels.tracing.engines.reference.medium import GridAir
 from aerokernels.tracing.engines.reference.steps import Integrator
+from tests.random_air import random_air
 
 AMBIENT = 1.2
 UP = Plane((0.0, 0.0, 9.0), (0.0, 0.1, 1.0))
@@ -17,12 +18,9 @@ UP = Plane((0.0, 0.0, 9.0), (0.0, 0.1, 1.0))
 
 def field_of(geometry: str = "volume", body: Body | None = None, scale: float = 0.05) -> IndexField:
     """Random air in cells of 0.5, 0.75 and 1.1 m."""
-    axes = [0, 1, 2] if geometry == "volume" else [1, 2]
-    samples = scale * np.random.default_rng(241).uniform(-1.0, 2.0, [6] * len(axes))
-    origin = [0.0 if geometry == "axisymmetric" and k == 1 else (-1.0, -1.5, 1.0)[k] for k in axes]
-    return IndexField.from_samples(
-        samples, origin=origin, spacing=[(0.5, 0.75, 1.1)[k] for k in axes], geometry=geometry,
-        ambient_index=AMBIENT, body=body,
+    return random_air(
+        geometry, 241, lambda random, shape: scale * random.uniform(-1.0, 2.0, shape), (6, 6, 6), (-1.0, -1.5, 1.0),
+        (0.5, 0.75, 1.1), ambient_index=AMBIENT, body=body,
     )  # fmt: skip
 
 

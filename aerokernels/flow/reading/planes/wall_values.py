@@ -32,9 +32,9 @@ def wall_density(
     for patch in wall_patches(path, dataset.patches, names):
         if patch.values is None or not len(patch.edges):
             continue
-        told = {name: patch.values(name) for name in choice.names}
-        known = {name: pair for name, pair in told.items() if pair is not None}
-        if len(known) == len(told):
+        pairs = {name: patch.values(name) for name in choice.names}
+        known = {name: pair for name, pair in pairs.items() if pair is not None}
+        if len(known) == len(pairs):
             pair = [_density(path, {n: own[k] for n, own in known.items()}, choice, reference, dataset) for k in (0, 1)]
             found.setdefault(patch.name, []).append((plane.local(patch.edges), np.stack(pair)))
     points, values = [], []

@@ -43,8 +43,8 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     names = [block.name for block in blocks]
     twice = next((name for name in names if name and names.count(name) > 1), None)
     if reader.GetNumberOfBaseArrays() > 1 and twice is not None:
-        told = f"{reader.GetNumberOfBaseArrays()} of its bases contain a zone {twice!r}: moments or cases of one flow"
-        raise ReadError(path, told, "write each base to a file of its own")
+        fault = f"{reader.GetNumberOfBaseArrays()} of its bases contain a zone {twice!r}: moments or cases of one flow"
+        raise ReadError(path, fault, "write each base to a file of its own")
     blocks = [replace(block, name=block.name or f"zone {k}") for k, block in enumerate(blocks, start=1)]
     found, notes = patches(path)
     length, stated = units(path)

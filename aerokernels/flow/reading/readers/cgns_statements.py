@@ -33,8 +33,8 @@ def _check_coordinates(path: Path, zone: Node) -> None:
     for grid in children(zone, "GridCoordinates_t"):
         names = [array.name for array in children(grid, "DataArray_t")]
         if names and sum(f"Coordinate{axis}" in names for axis in "XYZ") < 2:
-            told = f"zone {zone.name!r} has the coordinates {', '.join(names)}"
-            raise ReadError(path, told, "write CoordinateX, CoordinateY and CoordinateZ")
+            fault = f"zone {zone.name!r} has the coordinates {', '.join(names)}"
+            raise ReadError(path, fault, "write CoordinateX, CoordinateY and CoordinateZ")
 
 
 def _check_solutions(path: Path, zone: Node) -> None:

@@ -65,8 +65,8 @@ def _unit(above: list[Node], known: tuple[float, ...] | None) -> str:
             words = np.asarray(data_of(own)).tobytes().decode("latin-1")
     if words is None or kind not in ("", "Dimensional", "DataClassNull"):
         return ""
-    told = next(iter(children(above[-1], "DimensionalExponents_t")), None)
-    exponents = known if told is None else tuple(float(power) for power in data_of(told))
+    stated = next(iter(children(above[-1], "DimensionalExponents_t")), None)
+    exponents = known if stated is None else tuple(float(power) for power in data_of(stated))
     if exponents is None:
         return ""
     said = []

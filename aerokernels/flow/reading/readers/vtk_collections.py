@@ -58,8 +58,8 @@ def collection(path: Path) -> list[Entry]:
     missing = [entry.file for entry in entries if not _is_there(entry.file)]
     if missing:
         name = os.path.relpath(missing[0], path.parent)
-        told = f"it lists {name}, which is not there ({len(missing)} of {len(entries)} files are missing)"
-        raise ReadError(path, told, "restore the files, or take them out of the list")
+        fault = f"it lists {name}, which is not there ({len(missing)} of {len(entries)} files are missing)"
+        raise ReadError(path, fault, "restore the files, or take them out of the list")
     return sorted(entries, key=lambda entry: entry.time)
 
 
@@ -74,9 +74,9 @@ def _within(path: Path, name: str) -> Path:
     """Return the path of a file of a list, after checking that it is within the list's folder."""
     plain = os.path.normpath(name)
     if "\0" in name or os.path.isabs(plain) or plain.split(os.sep)[0] == os.pardir:
-        told = f"it lists {name!r}, which is outside of its own folder"
+        fault = f"it lists {name!r}, which is outside of its own folder"
         remedy = "lists may not open files there: move the list to a folder that contains them all"
-        raise ReadError(path, told, remedy)
+        raise ReadError(path, fault, remedy)
     if Path(plain).suffix.lower() not in LISTED:
         raise ReadError(path, f"it lists {name!r}, which is not a VTK file", f"take one of {', '.join(LISTED)}")
     return path.parent / plain

@@ -39,8 +39,8 @@ def choose_grid(path, blocks, moved, spacing, region):
             step = max(step, float((long.prod() * LEAST_NODES ** thin.sum() / DEFAULT_NODES) ** (1.0 / len(long))))
         wanted = np.full(3, step)
     else:
-        told = "spacing must be positive: metres along every axis, or three numbers"
-        wanted = np.broadcast_to(_metres(spacing, told, (), (3,)), (3,))
+        form = "spacing must be positive: metres along every axis, or three numbers"
+        wanted = np.broadcast_to(_metres(spacing, form, (), (3,)), (3,))
         if not (np.isfinite(wanted).all() and (wanted > 0.0).all()):
             raise ValueError(f"spacing must be positive, got {spacing!r}")
     nodes = np.maximum(np.ceil(extent / wanted * (1.0 - 1e-9)) + 1.0, LEAST_NODES)
@@ -52,14 +52,14 @@ def choose_grid(path, blocks, moved, spacing, region):
     return low, extent / (nodes - 1.0), shape
 
 
-def _metres(given, told: str, *shapes: tuple[int, ...]) -> np.ndarray:
+def _metres(given, form: str, *shapes: tuple[int, ...]) -> np.ndarray:
     """Return numbers of one of the shapes; raise ValueError with the expected form otherwise."""
     try:
         found = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ValueError(f"{told}, got {given!r}") from None
+        raise ValueError(f"{form}, got {given!r}") from None
     if found.shape not in shapes:
-        raise ValueError(f"{told}, got {given!r}")
+        raise ValueError(f"{form}, got {given!r}")
     return found
 
 
