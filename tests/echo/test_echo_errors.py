@@ -92,7 +92,7 @@ def test_an_edge_near_the_threshold_may_be_lost():
 
 @pytest.mark.parametrize("rate", ["0.2 GHz", "0.12 GHz"])
 def test_few_samples_a_pulse_are_in_the_errors(rate):
-    """Set-up: samples 5 and 8.3 ns apart on a pulse of 10 ns, against 0.1 ns. Expected: the difference is told.
+    """Set-up: samples 5 and 8.3 ns apart on a pulse of 10 ns, against 0.1 ns. Expected: the difference is reported.
 
     Tolerance: 0.1 um, the rounding of interpolated curves, beside errors of millimetres.
     """
@@ -111,8 +111,8 @@ def test_few_samples_a_pulse_are_in_the_errors(rate):
 def test_few_samples_a_pulse_are_in_the_error_of_its_peak_wherever_they_are():
     """Samples 5.8 ns apart on a pulse of 10 ns, at three of their positions on it, against 0.1 ns.
 
-    Curves through such samples are 2 and 5 % too low; the error told of it was too small by a tenth and a seventh of
-    it: it was the change with the position of the samples, relative to the pulse and not to what was read.
+    Curves through such samples are 2 and 5 % too low; the error reported for it was too small by a tenth and a seventh
+    of it: it was the change with the position of the samples, relative to the pulse and not to what was read.
     """
     off = []
     for distance in (1.2, 1.55, 2.25):

@@ -139,7 +139,7 @@ def test_layers_at_walls(share):
     """Set-up: averages of 1 + exp(-y / d) / 2, d some cells, light along the wall within the first cell, 40 lines.
 
     Formula: the density at the line's y. Expected: with the wall's values the error is less than half of that without
-    them (but for d of a tenth of a cell, which no average shows: there it is told all the same), and told.
+    them (but for d of a tenth of a cell, which no average shows: there it is reported all the same), and told.
     """
     step, scale = 1.0 / 12.0, 1e-9
     axis = np.linspace(0.0, 1.0, 13)

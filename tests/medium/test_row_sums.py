@@ -116,7 +116,7 @@ def test_triangles_keep_strips(monkeypatch):
 
 
 def test_a_shock_along_a_row_is_left_to_the_columns(monkeypatch):
-    """Set-up: a row of 1.1 between 1 and 2, all along. Expected: columns kept, rows as they were, and that told."""
+    """Set-up: a row of 1.1 between 1 and 2, all along. Expected: columns kept, rows as they were, and that reported."""
     count = 30
     mesh = skewed(count + 1, "planar")
     average = np.ones((count, count))

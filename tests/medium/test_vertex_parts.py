@@ -167,7 +167,7 @@ def test_slopes_are_least_squares():
 
 @pytest.mark.parametrize("parents", [False, True])
 def test_values_at_vertices_of_cells_without_order(parents: bool):
-    """Inverse-distance means of linear reconstructions, constant beside shocks, within the range told."""
+    """Inverse-distance means of linear reconstructions, constant beside shocks, within the stated range."""
     mesh = unordered(skewed(9, 10), parents=parents)
     rng = np.random.default_rng(174)
     count = 36 if parents else 72

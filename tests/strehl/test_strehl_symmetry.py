@@ -112,7 +112,7 @@ def test_the_error_falls_as_said(shape, order):
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize("remove", ["piston", "tilt"])
 def test_a_lens_against_its_exact_strehl_ratio(name, precision, remove):
-    """Error sources told by the estimate: steps, spline, precision, sampling; 1e-7 for what the formula leaves out.
+    """Error sources reported by the estimate: steps, spline, precision, sampling; 1e-7 for what the formula leaves out.
 
     No tilt at all is found.
     """

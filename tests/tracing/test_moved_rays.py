@@ -1,4 +1,4 @@
-"""Air and rays that are moved, mirrored or turned together: what is told of them before any is traced stays the same.
+"""Air and rays that are moved, mirrored or turned together: predictions made before any ray is traced stay equal.
 
 Numbers that depend on an order of sums are compared to 1e-9 of the greatest.
 """

@@ -1,4 +1,4 @@
-"""Tables of air that is moved, mirrored or turned: what is told of rays before any is traced turns with it.
+"""Tables of air that is moved, mirrored or turned: what is predicted of rays before any is traced turns with it.
 
 Numbers that depend on an order of sums are compared to 1e-9 of the greatest.
 """

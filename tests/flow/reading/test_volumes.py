@@ -1,4 +1,4 @@
-"""Volumes: uniform grids are kept, meshes of any solid cells are resampled, and the error told is the error made."""
+"""Volumes: uniform grids are kept, meshes of any solid cells are resampled, and the reported error is the true one."""
 
 import numpy as np
 import pytest
@@ -70,7 +70,8 @@ def test_cell_averages_keep_their_columns_and_the_error_is_told():
     """Set-up: averages of a smooth density in skewed hexahedra, 24 a side; resampled at the cells' size.
 
     Expected: integrals along z within second order of the exact ones, 1/24^2 times the second derivatives (below 10)
-    over 12: 1.5e-3; and what is told of the resampling is of the size of the true pointwise error, within a factor 4.
+    over 12: 1.5e-3; and what is reported of the resampling is of the size of the true pointwise error, within a factor
+    4.
     """
 
     def rho(p):

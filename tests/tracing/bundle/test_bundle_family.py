@@ -96,7 +96,7 @@ def test_what_is_no_smooth_map_is_refused(position, direction, until, why: str):
 
 
 def test_rays_that_do_not_belong_are_told():
-    """Rays that miss the apex, or start elsewhere, are told from the family of all the others."""
+    """Rays that miss the apex, or start elsewhere, are distinguished from the family of all the others."""
     apex = np.array([1e-4, 2e-4, -30e-3])
     direction = through(apex, PLACES)
     family = found(PLACES, direction)

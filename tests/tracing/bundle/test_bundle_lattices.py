@@ -93,7 +93,8 @@ def test_what_blocks_hold():
 def test_patches_of_a_lattice_are_exact_for_cubics():
     """Products of cubics come back at all nodes of half the step, with nodes beside a block or without: surplus 0.
 
-    A node off by d on the finer lattice is told as d over the scale, an untraced one as 0, one that failed as infinite.
+    A node off by d on the finer lattice is reported as d over the scale, an untraced one as 0, one that failed as
+    infinite.
     """
 
     def cubic(u, v):

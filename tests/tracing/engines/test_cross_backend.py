@@ -240,7 +240,7 @@ def test_each_precision_has_its_own_numbers_on_the_device(engine):
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("method", ["adaptive", "fixed"])
 def test_every_status_in_one_bundle(engine, method):
-    """Rays that arrive, fly past, run away from the plane and run out of steps, side by side; each is told alone."""
+    """Rays that arrive, fly past, run away from the plane and run out of steps; each has its own status."""
     backend, field = on(engine), field_of("volume", "cubic")
     step = {"step": 4e-5} if method == "fixed" else {}
     behind = (0.0, 0.0, 11e-3)

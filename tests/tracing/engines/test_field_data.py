@@ -1,4 +1,4 @@
-"""What kernels are told of a field, a plan and a stop, number by number."""
+"""What kernels get from a field, a plan and a stop, number by number."""
 
 import dataclasses
 

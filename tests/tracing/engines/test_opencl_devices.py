@@ -232,7 +232,7 @@ def unknown_device(kept: list, name: str = "generic"):
 
 @pytest.mark.skipif(sys.platform != "linux" or platform.machine() != "x86_64", reason="the work-around is for these")
 def test_the_work_around_is_told_and_one_variable_turns_it_off(monkeypatch):
-    """Expected: the name in the record is exchanged and told; "off" leaves the record alone, and that is told too."""
+    """Expected: the name in the record is exchanged; "off" leaves the record alone; either is reported."""
     kept: list = []
     monkeypatch.setenv("AEROKERNELS_POCL_CPU", "haswell")
     device, record = unknown_device(kept)

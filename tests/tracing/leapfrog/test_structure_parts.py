@@ -214,7 +214,7 @@ def test_the_rules_own_bound(geometry: str):
     at_ends = unresolved.missed_at_ends(field, with_ends, by_rule=True)
     np.testing.assert_allclose(at_ends, maximum_filter(3.0 * 7.0 * 1.7 * found, 3, mode="constant"), rtol=1e-12)
     assert block == 4 and unresolved.missed_at_ends(field, sampling, by_rule=True) is None
-    # A line is told by its blocks: the mean along it times its length, and what its lever arm adds.
+    # A line is bounded by its blocks: the mean along it times its length, and what its lever arm adds.
     whole = unresolved.missed_in_blocks(field, sampling)[1]
     assert (whole <= found * (1 + 1e-9)).all()
 

@@ -180,7 +180,7 @@ def test_flights_end_or_are_given_up():
 
 
 def test_tighter_tolerances_take_more_steps_and_err_less():
-    """Against 1e-12 m: errors fall with the tolerance and are below what is told; steps grow."""
+    """Against 1e-12 m: errors fall with the tolerance and are below what is reported; steps grow."""
     steps, paths, told = [], [], []
     for tolerance in (1e-4, 1e-7, 1e-12):
         run, flight, _ = started(tolerance=tolerance, scale=0.2)
