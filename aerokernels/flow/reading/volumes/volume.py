@@ -34,7 +34,7 @@ def volume_field(reading, spacing=None, region=None, walls=None, shared=None) ->
     if len(moved) == 1 and spacing is None and region is None:
         grid = uniform_grid(dataset.blocks[0], moved[0], *reading.densities[0])
         if grid is not None:
-            density, low, step, error = grid
+            density, low, step, told = grid
             ambient = reading.ambient or dataset.ambient or float(np.median(density[:, :, -1]))
             described = [*reading.described(), f"ambient {ambient:.6g} kg/m3"]
             composition = None
@@ -50,7 +50,7 @@ def volume_field(reading, spacing=None, region=None, walls=None, shared=None) ->
                 "volume",
                 ambient,
                 provenance=f"{path}: {'; '.join(described)}",
-                resampling=error,
+                resampling=told,
                 composition=composition,
             )
     for block in dataset.blocks:
