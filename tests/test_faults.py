@@ -66,7 +66,7 @@ def test_without_room_a_result_is_refused_in_words_and_leaves_nothing(tmp_path: 
 def test_a_sweep_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
     """Set-up: files that may hold one case and a half, and then any number of them.
 
-    Expected: told with the file's name; the case that is there stays, no half of one does, and the rest is added.
+    Expected: reported with the file's name; the case that is there stays, no half of one does, and the rest is added.
     """
     code = (
         "import resource, sys; from pathlib import Path\n"
@@ -191,7 +191,8 @@ def test_two_processes_do_not_write_one_series(tmp_path: Path):
 def test_a_series_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
     """Set-up: files that may have no bytes, or as many as the journal's first lines, or any number.
 
-    Expected: told with the store's name; no draft stays, what was kept is kept, and with room the series is finished.
+    Expected: reported with the store's name; no draft stays, what was kept is kept, and with room the series is
+    finished.
     """
     pytest.importorskip("zarr")
     code = (
@@ -276,7 +277,7 @@ except ValueError as told:
     ],
 )
 def test_a_series_whose_store_has_lost_something_is_not_gone_on_with(tmp_path: Path, lost: str, told: str):
-    """Set-up: a finished store, and one of its files gone, or but one line of it. Expected: told which store, and what.
+    """Set-up: a finished store without one of its files or lines. Expected: the message names store and fault.
 
     The numbers stand in the journal too, and are written again.
     """

@@ -65,7 +65,7 @@ def test_a_file_on_which_hdf5_computes_for_ever_is_refused(tmp_path: Path, monke
     "reader", [load_netcdf, recorded_labels, read_result, read, open_series, EchoSource.from_result]
 )
 def test_every_reader_of_netcdf_survives_the_end_of_its_library(reader, tmp_path: Path, monkeypatch):
-    """Set-up: HDF5 ends its process. Expected: whoever asked is told which file, and what to do."""
+    """Set-up: HDF5 ends its process. Expected: the caller learns which file, and what to do."""
 
     class Ending:
         def ask(self, request, time_limit):
@@ -116,7 +116,7 @@ def test_what_happens_in_the_child_is_told_here(tmp_path: Path, monkeypatch: pyt
 def test_large_arrays_of_a_netcdf_file_are_read_when_they_are_asked_for(tmp_path: Path):
     """Set-up: 20,000 numbers, packed, and texts, as xarray writes them. Expected: as xarray reads them; parts alike.
 
-    A file that is gone by then is told of by its name, with the variable's.
+    A file that is gone by then is reported by its name, with the variable's.
     """
     import xarray
 

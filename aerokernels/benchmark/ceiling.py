@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.medium import IndexField
+from aerokernels.process.fault_text import fault_text
 
 # (axes, interpolation) -> float32 operations and loads of one evaluation
 COSTS = {(3, "cubic"): (456, 64), (2, "cubic"): (136, 16), (3, "linear"): (75, 8), (2, "linear"): (30, 4)}
@@ -105,7 +106,7 @@ def measure_ceiling(backend: str, device: str) -> dict:
     try:
         return _measure(opened)
     except Exception as error:  # a failing driver must not end the benchmark
-        return absent(f"{opened.name}: {type(error).__name__}: {' '.join(str(error).split())[:200]}")
+        return absent(f"{opened.name}: {fault_text(error)}")
 
 
 def _measure(opened: Any) -> dict:

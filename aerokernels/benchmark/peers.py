@@ -26,6 +26,7 @@ from aerokernels.benchmark.measuring import clocks, installed, measure
 from aerokernels.benchmark.targets import Settings
 from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
+from aerokernels.process.fault_text import fault_text
 from aerokernels.rays import RayBundle
 from aerokernels.validation.cone import (
     CONE_AMBIENT,
@@ -99,7 +100,7 @@ def peer_runs(settings: Settings) -> Iterator[dict]:
             for scheme in schemes(field, rays):
                 yield measured_scheme(peer, scheme, rays, truth, settings.repeats)
         except Exception as error:  # a foreign package may raise anything; the other peers are still measured
-            yield _absent(peer, f"failed: {type(error).__name__}: {' '.join(str(error).split())[:200]}")
+            yield _absent(peer, f"failed: {fault_text(error)}")
 
 
 def measured_scheme(peer: str, scheme: Scheme, rays: RayBundle, truth: Truth, repeats: int) -> dict:

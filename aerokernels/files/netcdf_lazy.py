@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..process.fault_text import fault_text
 from ..process.fragile import DAMAGED, LibraryEndedError
 from ..process.room import NoRoomError
 
@@ -64,11 +65,7 @@ def errors_naming(path: Path) -> Iterator[None]:
     except Exception as fault:
         if isinstance(fault, ValueError) and str(path) in str(fault):
             raise
-        raise ValueError(f"{path}: cannot be read as NetCDF ({_in_words(fault)}): {DAMAGED}") from fault
-
-
-def _in_words(fault: Exception) -> str:
-    return " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
+        raise ValueError(f"{path}: cannot be read as NetCDF ({fault_text(fault)}): {DAMAGED}") from fault
 
 
 def dataset_of(
@@ -98,7 +95,7 @@ def dataset_of(
             except Exception as fault:
                 if isinstance(fault, ValueError) and str(fault).startswith(str(path)):
                     raise
-                raise ValueError(f"{path}: {self.name} cannot be read ({_in_words(fault)}): {DAMAGED}") from fault
+                raise ValueError(f"{path}: {self.name} cannot be read ({fault_text(fault)}): {DAMAGED}") from fault
 
     class OpenFile(AbstractDataStore):
         def get_variables(self) -> dict[str, Any]:

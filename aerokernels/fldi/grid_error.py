@@ -19,7 +19,7 @@ from ..medium import IndexField
 from ..medium.levels import ORDER, richardson_error
 from ..medium.mesh_samples import MeshSamples
 from ..rays import RayBundle
-from ..tracing.average_deficit import deficit_integrals
+from ..tracing.error_budget.average_deficit import deficit_integrals
 from ..tracing.lines import cell_along
 from ..tracing.stop import Plane
 from .instrument import FLDI

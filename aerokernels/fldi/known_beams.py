@@ -1,6 +1,6 @@
 """Share of an interferometer's light that goes through disturbed air ending at the field's box.
 
-Straight lines from the focus to both ends of the beams are tested, as for a pupil (tracing/pupil_air.py): a line counts
+Straight lines from the focus to both ends of the beams are tested, as for a pupil (tracing/pupil/air.py): a line counts
 if it may lose more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing.
 """
 
@@ -9,9 +9,9 @@ import numpy as np
 from ..inputs.warned import warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
-from ..tracing.known_air import may_be_lost
+from ..tracing.error_budget.known_air import may_be_lost
 from ..tracing.lines import box_size
-from ..tracing.pupil_air import GREATEST_SHARE, TruncationWarning, meets_wall
+from ..tracing.pupil.air import GREATEST_SHARE, TruncationWarning, meets_wall
 from .instrument import FLDI
 
 # Lines across a beam, and path that a line may lose [waves].

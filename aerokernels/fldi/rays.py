@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from ..medium import IndexField, SolidBody
+from ..medium import IndexField
 from ..medium.tensor_points import contrast_without_gradient
 from ..tracing.lines import cell_along, cylinder_span, slab_span
 from .instrument import FLDI
@@ -176,7 +176,7 @@ def _in_body(field: IndexField, points: np.ndarray) -> np.ndarray:
     """Return a mask of the points (n, 3) inside the field's body, shape (n,)."""
     body, local = field.body, field.local_coordinates(points)
     assert body is not None
-    low, high = body.box if isinstance(body, SolidBody) else (body.profile.min(axis=0), body.profile.max(axis=0))
+    low, high = body.box
     inside = np.all((local >= low) & (local <= high), axis=1)
     inside[inside] = body.contains(local[inside])
     return inside

@@ -17,7 +17,7 @@ from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..medium import Body, IndexField
 from .conical_averages import bell, cell_averages
 from .conical_profile import ConeShock
-from .density_field import DensityField, in_plane
+from .density_field import DensityField, local_points
 from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density
 from .models import one_constant, refractivity_model
 from .taylor_maccoll import cone_shock
@@ -90,7 +90,7 @@ class ConicalFlow(DensityField):
 
         NaN inside the body and at points that are NaN.
         """
-        radius, z = in_plane(points, "axisymmetric").T
+        radius, z = local_points(points, "axisymmetric").T
         angle = np.arctan2(radius, -z)
         ratio = np.where(angle >= self.half_angle, self.shock.density_ratio_at(angle), np.nan)
         return self.ambient_density * np.where((z < -self.length) | (radius > self.radius), 1.0, ratio)

@@ -13,6 +13,7 @@ from ..inputs.checks import check_positive
 from ..inputs.doubtful import refuse_masked
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..medium import Body, IndexField, QuadMesh, SolidBody
+from ..medium.grid import local_coordinates
 from ..read_only import ReadOnly
 from .gas import FreeStream, check_density, no_gas
 from .models import MODELS, one_constant, refractivity_model
@@ -105,8 +106,8 @@ class DensityField(ReadOnly, ABC):
         """
 
 
-def in_plane(points, geometry: str) -> np.ndarray:
-    """Return points (x, y, z), shape (n, 3), as (y, z) or (r, z) [m], shape (n, 2).
+def local_points(points, geometry: str) -> np.ndarray:
+    """Return points (x, y, z) [m], shape (n, 3), along the axes of samples: see `medium.grid.local_coordinates`.
 
     Raises:
         ValueError: Points of another shape.
@@ -114,8 +115,7 @@ def in_plane(points, geometry: str) -> np.ndarray:
     points = np.atleast_2d(np.asarray(points, dtype=np.float64))
     if points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f"points must have shape (n, 3), got {points.shape}")
-    first = np.hypot(points[:, 0], points[:, 1]) if geometry == "axisymmetric" else points[:, 1]
-    return np.stack([first, points[:, 2]], axis=1)
+    return local_coordinates(points, geometry)
 
 
 class SampledDensity(DensityField):
@@ -312,7 +312,7 @@ class CellDensity(MeshDensity):
         Raises:
             ValueError: Points of another shape.
         """
-        local = in_plane(points, self.geometry)
+        local = local_points(points, self.geometry)
         cell = self.mesh.locate(local)
         return self._where_known(np.where(cell >= 0, self.density[cell], self.ambient_density), local)
 

@@ -16,7 +16,7 @@ from functools import partial
 
 import numpy as np
 
-POINTS = 12
+POINTS, SMOOTH_POINTS = 12, 8
 
 
 def unit_gauss(points: int) -> tuple[np.ndarray, np.ndarray]:
@@ -26,7 +26,7 @@ def unit_gauss(points: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def piecewise_means(
-    function: Callable[[np.ndarray], np.ndarray], edges: np.ndarray, breaks: Sequence[float], points: int = POINTS
+    function: Callable[[np.ndarray], np.ndarray], edges: np.ndarray, breaks: Sequence[float]
 ) -> np.ndarray:
     """Return means of a function over the intervals between edges, shape (len(edges) - 1,).
 
@@ -34,9 +34,8 @@ def piecewise_means(
         function: Takes an array of any shape; smooth between breaks.
         edges: Increasing, shape (n,).
         breaks: Positions of jumps and kinks.
-        points: Gauss points in each part of an interval.
     """
-    share, weight = unit_gauss(points)
+    share, weight = unit_gauss(POINTS)
     low, high = edges[:-1], edges[1:]
     cuts = np.stack([low, *(np.clip(place, low, high) for place in sorted(breaks)), high])
     start, width = cuts[:-1], np.diff(cuts, axis=0)
@@ -87,10 +86,10 @@ def _seen_from_origin(function, y, z):
 
 
 def smooth_averages(
-    function: Callable[[np.ndarray, np.ndarray], np.ndarray], y: np.ndarray, z: np.ndarray, points: int = 8
+    function: Callable[[np.ndarray, np.ndarray], np.ndarray], y: np.ndarray, z: np.ndarray
 ) -> np.ndarray:
     """Return averages over rectangular cells of a function of (y, z), smooth in each, by a product Gauss rule."""
-    share, weight = unit_gauss(points)
+    share, weight = unit_gauss(SMOOTH_POINTS)
     across = y[:-1, None] + np.diff(y)[:, None] * share
     along = z[:-1, None] + np.diff(z)[:, None] * share
     result = np.empty((len(across), len(along)))

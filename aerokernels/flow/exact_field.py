@@ -10,7 +10,7 @@ import numpy as np
 from ..display.shown import shown
 from ..inputs.checks import check_positive
 from ..medium import Body, QuadMesh
-from .density_field import CellDensity, in_plane
+from .density_field import CellDensity, local_points
 from .exact_averages import direction_averages
 from .gas import FreeStream
 
@@ -73,7 +73,7 @@ class ExactField(CellDensity):
         Raises:
             ValueError: Points of another shape.
         """
-        local = in_plane(points, self.geometry)
+        local = local_points(points, self.geometry)
         low, high = self.mesh.box
         inside = np.all((local >= low) & (local <= high), axis=1)
         assert self.solution is not None

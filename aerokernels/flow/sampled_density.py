@@ -12,7 +12,7 @@ from ..medium import Body, IndexField, SolidBody
 from ..medium.grid import check_starts_on_axis, checked_axes
 from ..medium.mesh import GEOMETRIES
 from ..medium.mesh_samples import MeshSamples
-from .density_field import MeshDensity, SampledDensity, in_plane
+from .density_field import MeshDensity, SampledDensity, local_points
 from .gas import FreeStream, check_density, no_gas
 from .species import Composition
 
@@ -66,7 +66,7 @@ class VertexDensity(MeshDensity):
 
         NaN inside the body and at points that are NaN; the ambient density outside the mesh.
         """
-        local = in_plane(points, self.geometry)
+        local = local_points(points, self.geometry)
         excess = MeshSamples(self.mesh, self.density - self.ambient_density, "bilinear").evaluate(local)[0]
         return self._where_known(self.ambient_density + excess, local)
 
@@ -137,8 +137,7 @@ class GridDensity(SampledDensity):
 
         NaN inside the body and at points that are NaN; the ambient density outside the grid.
         """
-        points = np.atleast_2d(np.asarray(points, dtype=np.float64))
-        local = points if self.geometry == "volume" else in_plane(points, self.geometry)
+        local = local_points(points, self.geometry)
         low, high = self.box
         slack = 1e-12 * (high - low)
         inside = np.all((local >= low - slack) & (local <= high + slack), axis=1)

@@ -224,15 +224,15 @@ def mesh_of(flow: DensityField) -> GridMesh | QuadMesh | None:
 class InOrder:
     """The items of an iterator by their number, each available once and in order."""
 
-    def __init__(self, items: Iterable[Any], what: str = "snapshot"):
+    def __init__(self, items: Iterable[Any]):
         """Start at the first item."""
-        self._items, self._next, self._what = iter(items), 0, what
+        self._items, self._next = iter(items), 0
         self._ahead: list[Any] = []
 
     def first(self) -> Any:
         """Return the first item, which can still be read afterwards."""
         if self._next:
-            raise ValueError(f"{self._what} 0 was read before")
+            raise ValueError("snapshot 0 was read before")
         if not self._ahead:
             self._ahead = [self._take(0)]
         return self._ahead[0]
@@ -245,7 +245,7 @@ class InOrder:
         """
         if number < self._next:
             raise ValueError(
-                f"{self._what} {number} was read before or skipped: an iterator gives each once, in order; give a "
+                f"snapshot {number} was read before or skipped: an iterator gives each once, in order; give a "
                 "list, or start it anew"
             )
         while True:
@@ -258,7 +258,7 @@ class InOrder:
         try:
             return next(self._items)
         except StopIteration:
-            raise ValueError(f"the iterator ended before {self._what} {number}: fewer snapshots than times") from None
+            raise ValueError(f"the iterator ended before snapshot {number}: fewer snapshots than times") from None
 
 
 def times_of(time: Sequence[float] | None, step: float | None, start: float, count: int | None) -> np.ndarray:

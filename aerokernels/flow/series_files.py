@@ -11,6 +11,7 @@ from ..files.netcdf_reading import open_netcdf
 from ..inputs.arguments import seconds
 from ..inputs.written_units import unit_of
 from ..medium.labelled_grid import GEOMETRIES
+from ..process.fault_text import fault_text
 from ..process.room import check_file, check_room
 from .reading.array_units import ambient_attribute, stated_unit
 from .reading.density import DENSITY_NAMES, plain_name
@@ -143,10 +144,8 @@ def _numbers(name: str, array: Any, kinds: str = "iufmM") -> np.ndarray:
     except Exception as fault:  # the libraries raise any kind of error for damaged data
         if isinstance(fault, ValueError) and str(fault).startswith(name):
             raise
-        said = " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
-        raise ValueError(
-            f"{name}: {array.name} cannot be read ({said}): see its attributes, or write it again"
-        ) from fault
+        remedy = "see its attributes, or write it again"
+        raise ValueError(f"{name}: {array.name} cannot be read ({fault_text(fault)}): {remedy}") from fault
     if values.dtype.kind not in kinds:
         raise ValueError(f"{name}: {array.name} holds no real numbers but {values.dtype}: write it again as numbers")
     return values

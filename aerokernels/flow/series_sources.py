@@ -84,7 +84,7 @@ def open_series(
         path = check_path(source, "source")
         if any(letter in str(path) for letter in "*?[") and not path.exists():
             return _of_files(_matching(path), time, time_step, start_time, _reader(read, for_files, density))
-        lists = import_module(f"{__package__}.reading.vtk_collections")
+        lists = import_module(f"{__package__}.reading.readers.vtk_collections")
         if path.suffix.lower() in lists.SUFFIXES and path.is_file():
             entries = lists.collection(path)
             paths, instants = [entry.file for entry in entries], [entry.time for entry in entries]
@@ -92,7 +92,7 @@ def open_series(
             if len(set(instants)) < len(instants):  # several files make up one time: `read` the collection instead
                 return _at_times(path, np.unique(instants), reader, {"file": path.name})
             return _of_files(paths, instants, None, 0.0, reader)
-        case = import_module(f"{__package__}.reading.foam_case")
+        case = import_module(f"{__package__}.reading.readers.foam_case")
         if path.exists() and case.may_be_case(path) and case.is_case(path):
             return _of_case(path, _reader(read, for_files, density))
         times = import_module(f"{__package__}.reading.formats").times_in(path, for_files) if path.is_file() else None
@@ -185,7 +185,7 @@ def _reader(read: Callable[..., DensityField] | None, options: dict[str, Any], d
 
 def _of_case(path: Path, reader: Callable[..., DensityField]) -> Series:
     """Return the series of an OpenFOAM case, at the time directories from which `flow.read` chooses one."""
-    case = import_module(f"{__package__}.reading.foam_case")
+    case = import_module(f"{__package__}.reading.readers.foam_case")
     times = [time.value for time in case.case_times(case.case_folder(path))]
     return _at_times(path, np.array(times), reader, {"case": path.name})
 

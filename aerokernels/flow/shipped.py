@@ -12,7 +12,7 @@ from ..inputs.arguments import checked
 from ..medium import Body, QuadMesh, SolidBody
 from .density_field import CellDensity
 from .gas import FreeStream, tunnel_conditions
-from .reading.measuring_lines import VolumeResampling
+from .reading.volumes.measuring_lines import VolumeResampling
 from .sampled_density import GridDensity
 
 _DATA = files(__package__) / "data"

@@ -19,7 +19,6 @@ def run_board(
     *,
     rate: float = 50.0,
     count: int | None = None,
-    first_sequence: int = 0,
     seed: int = 0,
     faults: FaultPlan | None = None,
     stopped: Callable[[], bool] = lambda: False,
@@ -34,7 +33,6 @@ def run_board(
         source: echoes to send.
         rate: echoes per second.
         count: frames to measure before returning; None goes on until `stopped`.
-        first_sequence: number of the first frame.
         seed: seed of the noise.
         faults: faults of the line, which also counts them.
         stopped: called between frames; True ends the board.
@@ -57,7 +55,7 @@ def run_board(
             time.sleep(min(wait, 0.1))
             continue
         due = max(due, time.monotonic() - 1.0) + 1.0 / rate  # catch up at most one second of delay
-        frame = source.frame(first_sequence + sent, time.monotonic_ns() // 1000, random)
+        frame = source.frame(sent, time.monotonic_ns() // 1000, random)
         sent += 1
         fault = faults.draw(last=sent == count)
         terminal.write(faults.on_the_line(fault, encode(frame)), stopped)

@@ -1,6 +1,6 @@
 """Find the pixels of a camera that look through disturbed air ending at the field's box: the air beyond is unknown.
 
-Straight rays from the points of the aperture are tested, as for a pupil (tracing/pupil_air.py): a ray counts if it may
+Straight rays from the points of the aperture are tested, as for a pupil (tracing/pupil/air.py): a ray counts if it may
 lose more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing. The rule is the one
 of a pupil, applied to the light of the whole picture: more than a thousandth of it is rejected unless the caller allows
 it. Fewer pixels, at a rim, cause a warning only, since a picture, unlike a Strehl ratio, can mark them.
@@ -14,8 +14,8 @@ from ..inputs.warned import warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing import Plane
-from ..tracing.known_air import may_be_lost
-from ..tracing.pupil_air import GREATEST_SHARE, meets_wall
+from ..tracing.error_budget.known_air import may_be_lost
+from ..tracing.pupil.air import GREATEST_SHARE, meets_wall
 from .camera import Camera
 
 # Pixels along a side of the picture that are tested for a warning.

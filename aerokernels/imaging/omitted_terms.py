@@ -6,8 +6,9 @@ pupil to the undisturbed point, per shift of its start across the line:
 
     1/D \int (D - z) grad m dz = d/du \int m dz,        the line's point at z moves by u (1 - z/D).
 
-So the error of the displacement is the change of the path's error per shift, and tracing/grid_error.py estimates that
-error along lines. Differences of coarser grids may vanish by chance, these terms may not.
+So the error of the displacement is the change of the path's error per shift, and
+tracing/error_budget/grid_error.py estimates that error along lines. Differences of coarser grids may vanish by chance,
+these terms may not.
 """
 
 import math
@@ -16,7 +17,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import RayBundle
-from ..tracing.grid_error import grid_error
+from ..tracing.error_budget.grid_error import grid_error
 from ..tracing.lines import box_size
 from .camera import Camera, along
 from .known_view import scene_plane

@@ -20,7 +20,7 @@ from ..inputs.arguments import checked
 from ..inputs.checks import check_count, check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
-from ..tracing.pupil_air import GREATEST_SHARE
+from ..tracing.pupil.air import GREATEST_SHARE
 from .camera import Camera, rows_and_columns
 from .displacement_error import blur_error, by_points, displacement_error
 from .known_view import KnownView

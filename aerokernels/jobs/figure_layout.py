@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ..process.fault_text import fault_text
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -108,4 +110,4 @@ def png_or_fault(draw: "Callable[[], Figure]") -> bytes | str:
     try:
         return png(draw())
     except Exception as fault:
-        return f"{type(fault).__name__}: {' '.join(str(fault).split())}"
+        return fault_text(fault, None)

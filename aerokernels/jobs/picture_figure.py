@@ -10,14 +10,14 @@ from aerokernels.display.shown import extent_of
 from aerokernels.jobs.figure_layout import styled_figure
 from aerokernels.jobs.plots import ACCENT
 from aerokernels.schlieren import HalfComparison, ShockAngle
-from aerokernels.schlieren.picture import AnyPicture
+from aerokernels.schlieren.view import PictureView
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
-def _axes(picture: AnyPicture, count: int) -> "tuple[Figure, list[Axes]]":
+def _axes(picture: PictureView, count: int) -> "tuple[Figure, list[Axes]]":
     width, height = (float(np.ptp(side)) for side in (picture.horizontal, picture.vertical))
     ratio = min(max(height / width, 0.3), 3.0)
     across = 4.2 if count > 1 else 6.4
@@ -26,7 +26,7 @@ def _axes(picture: AnyPicture, count: int) -> "tuple[Figure, list[Axes]]":
     return figure, list(axes)
 
 
-def _draw(axes: "Axes", picture: AnyPicture) -> None:
+def _draw(axes: "Axes", picture: PictureView) -> None:
     extent = extent_of(1e3 * picture.horizontal, 1e3 * picture.vertical)
     axes.imshow(picture.intensity, origin="lower", extent=extent, cmap="gray", vmin=0.0, vmax=1.0, interpolation="none")
     axes.set_xlabel(_axis_label(getattr(picture, "right", None), "z"))

@@ -25,7 +25,7 @@ from aerokernels.jobs.plots import axes_of
 from aerokernels.jobs.report import quantity_of
 from aerokernels.jobs.scene_text import scene_toml
 from aerokernels.scene import Scene
-from aerokernels.tracing.pupil_air import GREATEST_SHARE
+from aerokernels.tracing.pupil.air import GREATEST_SHARE
 
 if TYPE_CHECKING:
     import xarray

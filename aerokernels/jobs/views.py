@@ -11,8 +11,8 @@ from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene
 from aerokernels.tracing import Plane, TraceResult, trace
 from aerokernels.tracing.lines import box_size
-from aerokernels.tracing.pupil_job import plane_beyond
-from aerokernels.tracing.radial_quadrature import asymmetry
+from aerokernels.tracing.pupil.job import plane_beyond
+from aerokernels.tracing.pupil.radial_quadrature import asymmetry
 from aerokernels.wavefront import point_spread_function, remove_terms
 
 PUPIL_SAMPLES = 201  # samples across the pupil

@@ -14,16 +14,16 @@ from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_choice, check_positive
 from ..inputs.wavelength import check_wavelength, field_wavelength
-from .body import Body
-from .cell_averages import node_values
+from .averages.cell_averages import node_values
+from .averages.kept_averages import conserving_values, cut_and_kept
+from .averages.rows_of_cells import AveragesLacking
+from .averages.vertex_values import vertex_values
+from .bodies.body import Body
+from .bodies.solid_body import SolidBody
 from .given_contrast import checked_walls, contrast_array, warn_of_index
-from .grid import AXIS_CORE, UniformGrid, check_box, check_finite, check_starts_on_axis
-from .kept_averages import conserving_values, cut_and_kept
+from .grid import AXIS_CORE, UniformGrid, check_box, check_finite, check_starts_on_axis, local_coordinates
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
-from .rows_of_cells import AveragesLacking
-from .solid_body import SolidBody
-from .vertex_values import vertex_values
 
 
 @dataclass(frozen=True)
@@ -260,12 +260,7 @@ class IndexField(Derived):
 
     def local_coordinates(self, points) -> np.ndarray:
         """Return the coordinates along the samples' axes [m] of points (n, 3)."""
-        points = np.atleast_2d(np.asarray(points, dtype=np.float64))
-        if self.geometry == "volume":
-            return points
-        if self.geometry == "planar":
-            return points[:, 1:]
-        return np.stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]], axis=1)
+        return local_coordinates(np.atleast_2d(np.asarray(points, dtype=np.float64)), self.geometry)
 
     @checked
     def evaluate(self, points: Numbers) -> tuple[np.ndarray, np.ndarray]:

@@ -54,6 +54,13 @@ def as_points(points, dimension: int) -> np.ndarray:
     return points
 
 
+def local_coordinates(points: np.ndarray, geometry: str) -> np.ndarray:
+    """Return points, or sizes, (n, 3) along the axes of samples: (x, y, z), (y, z), or (r, z) if axisymmetric."""
+    if geometry == "axisymmetric":
+        return np.stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]], axis=1)
+    return points[:, 1:] if geometry == "planar" else points
+
+
 def check_box(low: np.ndarray, high: np.ndarray) -> None:
     """Reject a box [m] whose size no flow has, mostly because its lengths are in another unit.
 

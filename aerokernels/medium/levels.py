@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from .kept_averages import conserving_values
+from .averages.kept_averages import conserving_values
+from .averages.vertex_values import of_parents
 from .mesh import QuadMesh
 from .refined import refined
-from .vertex_values import of_parents
 
 ORDER = {"cubic": 4.0, "linear": 2.0, "monotone": 2.0, "bilinear": 2.0, "bilinear-barron": 2.0, "idw": 1.0}
 # The values that change most get an order of their own, because a feature about one cell wide converges slowly even if

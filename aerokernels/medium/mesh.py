@@ -197,14 +197,7 @@ class QuadMesh(Derived):
         Edges are identified by their vertices: cells at a seam with separate vertices on either side are not
         neighbours.
         """
-        edge = np.sort(np.stack([self.cells, np.roll(self.cells, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
-        key = edge[:, 0].astype(np.int64) * len(self.vertices) + edge[:, 1]
-        order = np.argsort(key, kind="stable")
-        pair = np.flatnonzero(key[order][1:] == key[order][:-1])
-        result = np.full(len(key), -1, dtype=np.int32)
-        result[order[pair]] = order[pair + 1] // 4
-        result[order[pair + 1]] = order[pair] // 4
-        return result.reshape(-1, 4)
+        return cells_across(self.cells, len(self.vertices))
 
     @cached_property
     def bins(self) -> CellBins:
@@ -289,6 +282,18 @@ class QuadMesh(Derived):
 def _area(corners: np.ndarray) -> np.ndarray:
     first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
     return 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+
+
+def cells_across(cells: np.ndarray, vertex_count: int) -> np.ndarray:
+    """Return the cell across each edge of quadrilaterals (n, 4), -1 at the boundary, shape (n, 4): see `neighbors`."""
+    edge = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+    key = edge[:, 0].astype(np.int64) * vertex_count + edge[:, 1]
+    order = np.argsort(key, kind="stable")
+    pair = np.flatnonzero(key[order][1:] == key[order][:-1])
+    result = np.full(len(key), -1, dtype=np.int32)
+    result[order[pair]] = order[pair + 1] // 4
+    result[order[pair + 1]] = order[pair] // 4
+    return result.reshape(-1, 4)
 
 
 def _check_duplicates(vertices: np.ndarray) -> None:

@@ -8,7 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from .crossings import as_lines, crossings
+from .bodies.crossings import as_lines, crossings
+from .grid import local_coordinates
 from .mesh import QuadMesh
 
 LINES = 64  # lines that are cut together; speed only
@@ -67,7 +68,6 @@ def _pieces(mesh: QuadMesh, position: np.ndarray, direction: np.ndarray, ends) -
         ahead, behind = ahead[line, piece], behind[line, piece]
         middle = 0.5 * (ahead + behind)
         at = position[rows][line] + middle[:, None] * direction[rows][line]
-        first_axis = np.hypot(at[:, 0], at[:, 1]) if mesh.geometry == "axisymmetric" else at[:, 1]
-        cell = mesh.locate(np.stack([first_axis, at[:, 2]], axis=1))
+        cell = mesh.locate(local_coordinates(at, mesh.geometry))
         found.append((first + line, cell, ahead - behind))
     return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))

@@ -19,11 +19,11 @@ import numpy as np
 
 from ..derived import Derived
 from ..display.shown import shown
+from .averages.kept_averages import cell_deficits
+from .averages.rows_of_cells import AveragesLacking, averages_lacking
+from .averages.vertex_values import of_parents, values_and_smooth, vertex_gradients
 from .grid import eq5_step
-from .kept_averages import cell_deficits
 from .mesh import Places, QuadMesh
-from .rows_of_cells import AveragesLacking, averages_lacking
-from .vertex_values import of_parents, values_and_smooth, vertex_gradients
 
 MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw", "cells")
 

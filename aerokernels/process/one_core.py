@@ -17,4 +17,8 @@ def product_on_one_core(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     step = max(1, most // max(inner * columns, 1))  # speed only
     if rows <= step:
         return np.asarray(left @ right)
-    return np.concatenate([left[..., first : first + step, :] @ right for first in range(0, rows, step)], axis=-2)
+    stack = np.broadcast_shapes(left.shape[:-2], right.shape[:-2])
+    found = np.empty((*stack, rows, columns), dtype=np.result_type(left, right))
+    for first in range(0, rows, step):
+        np.matmul(left[..., first : first + step, :], right, out=found[..., first : first + step, :])
+    return found

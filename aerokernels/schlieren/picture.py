@@ -11,10 +11,6 @@ if TYPE_CHECKING:
     import xarray
 
 
-# What is measured in: a Picture, SchlierenImage, Shadowgraph, Interferogram or HalfComparison.
-AnyPicture = PictureView
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Picture(PictureView):
     """A picture with its scale.
@@ -51,7 +47,7 @@ class Picture(PictureView):
 
 
 def picture_dataset(
-    picture: AnyPicture, extra: dict[str, tuple[str, np.ndarray, str, str]], attributes: dict[str, object]
+    picture: PictureView, extra: dict[str, tuple[str, np.ndarray, str, str]], attributes: dict[str, object]
 ) -> "xarray.Dataset":
     """Return a picture as a dataset: `intensity` over vertical and horizontal, and further arrays.
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from ..inputs.checks import check_choice, check_path
 from ..process.room import NoRoomError, check_room
-from .picture import AnyPicture, Picture
+from .picture import Picture
+from .view import PictureView
 
 LEAST_PIXELS = 16  # along each side
 COPIES = 3  # float64 arrays in memory at once while a picture is read
@@ -68,7 +69,7 @@ def read_picture(
     )
 
 
-def write_picture(path: str | Path, picture: AnyPicture) -> None:
+def write_picture(path: str | Path, picture: PictureView) -> None:
     """Write the brightness of a picture as a 16-bit grey PNG, pixel for pixel, the uppermost row first."""
     from PIL import Image
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..inputs.checks import check_choice
 from .fronts import LEAST_LINES, fit_curve, inner_bands, outer_fronts, smoothed
-from .picture import AnyPicture
 from .staircase import is_staircase, slope_error
+from .view import PictureView
 
 HALVES = ("upper", "lower", "both")
 
@@ -39,7 +39,7 @@ class ShockAngle:
 
 
 def measure_shock_angle(
-    picture: AnyPicture,
+    picture: PictureView,
     window: tuple[float, float],
     *,
     half: str = "upper",
@@ -133,7 +133,7 @@ def measure_shock_angle(
     )
 
 
-def columns_in(picture: AnyPicture, window: tuple[float, float]) -> np.ndarray:
+def columns_in(picture: PictureView, window: tuple[float, float]) -> np.ndarray:
     """Return the indices of the pixel columns in a window [m].
 
     Raises:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .picture import AnyPicture, Picture, picture_dataset
+from .picture import Picture, picture_dataset
 from .view import PictureView
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class HalfComparison(PictureView):
         )
 
 
-def compare_halves(simulated: AnyPicture, measured: Picture) -> HalfComparison:
+def compare_halves(simulated: PictureView, measured: Picture) -> HalfComparison:
     """Combine the upper half of a simulated picture with the lower half of a measured one.
 
     The measured picture is interpolated to the simulation's pixels, and its brightness scaled such that its 5 % and 95

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..inputs.checks import check_choice
 from .fronts import LEAST_LINES, fit_curve, outer_fronts, smoothed
-from .picture import AnyPicture
+from .view import PictureView
 
 SIDES = ("right", "left")
 # The body begins where the brightness stays below this share of the undisturbed air's for so many pixels.
@@ -36,7 +36,7 @@ class StandOff:
 
 
 def measure_stand_off(
-    picture: AnyPicture,
+    picture: PictureView,
     half_height: float,
     *,
     axis: float = 0.0,

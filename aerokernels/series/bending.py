@@ -28,7 +28,7 @@ from .line_integrals import LineIntegrals
 from .plane_values import basis_rows, to_coefficients
 
 WINDOW = 20  # nodes along each axis of the window: the spline's inverse has fallen to 1e-5 at its ends
-SAFETY = 3.0  # on the interpolation error, as in tracing/budget.py
+SAFETY = 3.0  # on the interpolation error, as in tracing/error_budget/budget.py
 AT_ONCE = 8  # rays; speed only
 
 Contrast = Callable[[np.ndarray], np.ndarray]

@@ -16,6 +16,8 @@ from xarray.core.indexing import (
     explicit_indexing_adapter,
 )
 
+from aerokernels.process.fault_text import fault_text
+
 
 class _Map(BackendArray):
     """An array of a Zarr store, for xarray."""
@@ -32,9 +34,8 @@ class _Map(BackendArray):
         try:
             return np.asarray(self.array.oindex[key])
         except Exception as fault:  # Zarr raises any error for damaged data
-            said = " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
             remedy = "take another copy, or make the series again"
-            raise ValueError(f"{self.path}: {self.name} is damaged ({said}): {remedy}") from fault
+            raise ValueError(f"{self.path}: {self.name} is damaged ({fault_text(fault)}): {remedy}") from fault
 
 
 def name_damaged_arrays(path: Path, found: xarray.Dataset, names: Iterable[str]) -> xarray.Dataset:

@@ -24,7 +24,7 @@ from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from ..medium import IndexField
 from ..pupils import direction_of
 from ..strehl.estimate import PreparedStrehl
-from ..tracing.radial_quadrature import asymmetry
+from ..tracing.pupil.radial_quadrature import asymmetry
 from .look_batch import batch_looks, can_batch
 
 if TYPE_CHECKING:

@@ -21,8 +21,8 @@ from ..medium import IndexField
 from ..process.opened import OPENED
 from ..pupils.vectors import transverse_frames
 from ..rays import RayBundle
-from ..tracing.known_air import may_be_lost
-from ..tracing.pupil_air import GREATEST_SHARE
+from ..tracing.error_budget.known_air import may_be_lost
+from ..tracing.pupil.air import GREATEST_SHARE
 from .bending import SAFETY
 from .snapshot import gpu_of
 from .strehl_bound import strehl_error

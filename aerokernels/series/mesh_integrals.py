@@ -14,7 +14,8 @@ from scipy import sparse
 
 from ..device_arrays import host_array
 from ..medium import QuadMesh
-from ..medium.kept_averages import conserving_values, cut_and_kept
+from ..medium.averages.kept_averages import conserving_values, cut_and_kept
+from ..medium.grid import local_coordinates
 from ..medium.refined import cells_of_four, quarters
 from .line_integrals import NotLinearError
 
@@ -102,9 +103,7 @@ class MeshIntegrals:
         """Return the rows of the matrix for some rays."""
         way = (np.arange(count) + 0.5) / count * reach[:, None]
         points = (start[:, None, :] + way[..., None] * self._direction).reshape(-1, 3)
-        axisymmetric = self.mesh.geometry == "axisymmetric"
-        first = np.hypot(points[:, 0], points[:, 1]) if axisymmetric else points[:, 1]
-        local = np.stack([first, points[:, 2]], axis=1)
+        local = local_coordinates(points, self.mesh.geometry)
         cell = self.mesh.locate(local)
         held = np.flatnonzero(cell >= 0)
         xi, eta = self.mesh.local_coordinates(cell[held], local[held])

@@ -17,7 +17,7 @@ from ..inputs.warned import warn_caller
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..rays import as_unit_vector
 from ..tracing.plan import PRECISIONS
-from ..tracing.pupil_air import GREATEST_SHARE, PupilAir, TruncationWarning
+from ..tracing.pupil.air import GREATEST_SHARE, PupilAir, TruncationWarning
 from ..wavefront import check_terms
 from .pupil_grid import PupilGrid, Reading, pupil_grid
 from .snapshot import METHODS, SnapshotResult, Snapshots, SnapshotSettings

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import sparse
 
 from ..medium import spline
-from ..medium.cell_averages import node_values
+from ..medium.averages.cell_averages import node_values
 
 REST = 1e-13
 SPARSEST = 4.0  # grid points for each place on the grid; above it places are interpolated one by one; speed only

@@ -22,7 +22,7 @@ from ..rays import Pupil, RayBundle
 from ..tracing import Plane
 from ..tracing.engines.choice import choose_backend
 from ..tracing.engines.info import cuda_driver_loads
-from ..tracing.pupil_air import PupilAir, pupil_air
+from ..tracing.pupil.air import PupilAir, pupil_air
 from ..tracing.trace import trace
 from ..wavefront import remove_terms
 from .bending import SAFETY, bending, interpolation_error

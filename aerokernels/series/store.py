@@ -20,6 +20,7 @@ import numpy as np
 from aerokernels.display.plain_text import cut
 from aerokernels.files.drafts import FULL, OutputError
 from aerokernels.files.one_writer import only_writer
+from aerokernels.process.fault_text import fault_text
 
 if TYPE_CHECKING:
     import xarray
@@ -154,9 +155,9 @@ class ZarrStore:
             keys = {**found, **self.definition}
             key = next((key for key in keys if found.get(key) != self.definition.get(key)), "all")
             was, now = (cut(json.dumps(one.get(key))) for one in (found, self.definition))
-            told = f"{key} was {was} and is {now}"
-            told = "whose first snapshot has other densities" if key == FIRST else told
-            raise ValueError(f"out={self.path}: it contains another series, {told}; take another name, or remove it")
+            change = f"{key} was {was} and is {now}"
+            change = "whose first snapshot has other densities" if key == FIRST else change
+            raise ValueError(f"out={self.path}: it contains another series, {change}; take another name, or remove it")
         for row in numbers:
             self.done.add(row)
 
@@ -200,8 +201,7 @@ class ZarrStore:
         except Exception as fault:
             if isinstance(fault, OSError) and fault.errno in FULL:
                 raise
-            said = " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
-            raise self._damaged(f"the store is damaged ({said})") from fault
+            raise self._damaged(f"the store is damaged ({fault_text(fault)})") from fault
 
     @contextmanager
     def writing(self) -> Iterator["ZarrStore"]:
@@ -263,7 +263,7 @@ class ZarrStore:
         group = zarr.open_group(str(making), mode="r+")
         dims = ("time", "y", "x")
         times, *sides = (self.template.sizes[name] for name in dims)
-        numbers = {name: ("f8", *told) for name, told in NUMBERS.items()}
+        numbers = {name: ("f8", *described) for name, described in NUMBERS.items()}
         for name, (kind, units, words) in {**MAPS, **numbers}.items():
             is_map = name in MAPS
             group.create_array(

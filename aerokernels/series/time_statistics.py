@@ -159,10 +159,10 @@ def _checked(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     lit = np.isfinite(maps).all(axis=0) & (share > 0.0)
     if lit.sum() < 3:
         dark = np.flatnonzero(~np.isfinite(maps[:, share > 0.0]).any(axis=1))
-        told = ": is opd NaN?"
+        where = ": is opd NaN?"
         if 0 < len(dark) < len(maps):
-            told = f"; snapshot {dark[0]} has none, one of {len(dark)}: leave those out, by dataset.isel(time=...)"
-        raise ValueError(f"fewer than 3 pixels of the pupil have a number at all times{told}")
+            where = f"; snapshot {dark[0]} has none, one of {len(dark)}: leave those out, by dataset.isel(time=...)"
+        raise ValueError(f"fewer than 3 pixels of the pupil have a number at all times{where}")
     weight = share[lit] / share[lit].sum()
     return maps[:, lit], weight, lit
 

@@ -10,10 +10,18 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import Pupil, RayBundle
 from ..tracing import Plane
-from ..tracing.budget import CAUSES, SAFETY, column_error, combine, faintly_lost, float64_rounding, opd_errors
-from ..tracing.budget_rays import SUBSET
-from ..tracing.grid_error import spread as grid_spread
-from ..tracing.pupil_air import PupilAir
+from ..tracing.error_budget.budget import (
+    CAUSES,
+    SAFETY,
+    column_error,
+    combine,
+    faintly_lost,
+    float64_rounding,
+    opd_errors,
+)
+from ..tracing.error_budget.grid_error import spread as grid_spread
+from ..tracing.error_budget.rays import SUBSET
+from ..tracing.pupil.air import PupilAir
 from ..tracing.trace import retracer
 from ..wavefront.strehl_errors import STANDARD_ERRORS, strehl_error
 

@@ -17,8 +17,8 @@ from ..process.threads import in_turn
 from ..rays import Pupil, as_unit_vector
 from ..tracing.engines import engine_of
 from ..tracing.plan import TracePlan
-from ..tracing.pupil_fit import fit_moments
-from ..tracing.pupil_job import REPLICATES, PupilJob, make_job
+from ..tracing.pupil.fit import fit_moments
+from ..tracing.pupil.job import REPLICATES, PupilJob, make_job
 from ..tracing.retrace import report_rejected
 from ..wavefront import check_terms
 from ..wavefront.strehl_errors import estimate_quantities
@@ -72,7 +72,8 @@ def estimate_strehl(
         symmetry: "auto" uses radial quadrature instead of the disc if field, pupil and rays are symmetric about the z
             axis; "off" or False never does; True raises ValueError for a set-up that is not symmetric.
         bundle: "auto" traces as many rays as the wavefront needs for an error of 1e-5 (three standard errors), at the
-            points of shifted lattices, if those are fewer: see tracing/lattice_quadrature.py. "off" traces `ray_count`.
+            points of shifted lattices, if those are fewer: see tracing/pupil/lattice_quadrature.py. "off" traces
+            `ray_count`.
         allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that ends at the
             field's box, or pass beside it there. A warning is issued then, and error["truncation"] bounds the loss.
 

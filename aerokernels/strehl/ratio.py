@@ -5,7 +5,7 @@ r"""Compute the Strehl ratio, exactly and by Marechal's approximation, and hold 
 
 `estimate_strehl` (estimate.py) launches scrambled Sobol points over the pupil in independent replicates, and traces and
 reduces them on the device; the spread of the replicates gives the standard error. A symmetric set-up is traced by
-radial quadrature, with far fewer rays (tracing/radial_quadrature.py).
+radial quadrature, with far fewer rays (tracing/pupil/radial_quadrature.py).
 """
 
 from collections.abc import Iterable
@@ -128,9 +128,9 @@ class StrehlEstimate:
     def error(self) -> dict[str, float]:
         """Error budget, each entry an error of `value`; computed at the first access, in the time seconds["error"].
 
-        "step", "interpolation", "resampling" and "precision" from rays traced again (tracing/budget.py), "sampling"
-        from the replicates, "truncation" from what rays may have lost where the known air ends (known_air.py), and
-        "total", their root sum of squares.
+        "step", "interpolation", "resampling" and "precision" from rays traced again (tracing/error_budget/budget.py),
+        "sampling" from the replicates, "truncation" from what rays may have lost where the known air ends
+        (known_air.py), and "total", their root sum of squares.
         """
         with clocked() as spent, stage("error"):
             found = self.budget(self) if self.budget is not None else {}

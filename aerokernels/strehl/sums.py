@@ -7,7 +7,7 @@ import numpy as np
 from ..medium import IndexField
 from ..tracing.lines import box_size
 from ..tracing.meeting import greatest_contrast
-from ..tracing.pupil_fit import rms_about
+from ..tracing.pupil.fit import rms_about
 
 # Fraction of the tolerance below which an optical path difference counts as zero.
 UNSEEN = 1e-3

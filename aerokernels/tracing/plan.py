@@ -2,12 +2,12 @@
 
 from dataclasses import asdict, dataclass, field
 
+from .leapfrog.unresolved import Sampling
 from .lever_arms import LeverArms
-from .unresolved import Sampling
 
 # Methods that a caller may request.
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
-# What "auto" may take besides "adaptive": a fixed count of leapfrog steps a ray (leapfrog.py).
+# What "auto" may take besides "adaptive": a fixed count of leapfrog steps a ray (leapfrog/sample_count.py).
 LEAPFROG = "leapfrog"
 PRECISIONS = ("float32", "float64")
 
@@ -57,7 +57,7 @@ class TracePlan:
         step: Step of "fixed" [m of arc length], else None.
         tolerance: Requested OPD error [waves].
         reasons: One sentence for each choice.
-        sample_count: Leapfrog samples of each ray, evenly spaced, see leapfrog.py; 0 for every other method.
+        sample_count: Leapfrog samples of each ray, evenly spaced (leapfrog/sample_count.py); 0 for every other method.
         searched_count: The number of samples that was found by a search; `sample_count` may be larger, because it was
             confirmed for a field like the one of the search, or is that of cubes.
         cubes: Whether leapfrog samples evaluate polynomials of cubes of cells instead of the spline, see

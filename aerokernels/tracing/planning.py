@@ -20,12 +20,12 @@ from .engines.choice import choose_backend
 from .engines.device_memory import memory_of
 from .error_limit import error_limit
 from .grid_tables import prepare_grid
-from .leapfrog import fit_leapfrog, may_be_leapfrog, spread_of
+from .leapfrog.sample_cost import pays_once
+from .leapfrog.sample_count import fit_leapfrog, may_be_leapfrog, spread_of
 from .lever_arms import lever_arms_of
 from .lines import box_size
 from .plan import LEAPFROG, METHODS, PRECISIONS, TracePlan
 from .prediction import predict_evaluations
-from .sample_cost import pays_once
 
 STRAIGHT = "; along the undisturbed line, with the second-order correction of the optical path"
 

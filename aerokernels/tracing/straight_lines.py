@@ -7,7 +7,7 @@ import numpy as np
 
 from ..derived import Derived
 from ..medium import IndexField
-from ..medium.grid import UniformGrid
+from ..medium.grid import UniformGrid, local_coordinates
 from ..process.threads import in_turn, own_cores
 from ..rays import RayBundle
 from .lines import crossing_of_box, span_of_box
@@ -110,13 +110,6 @@ def outermost_rays(
     pieces = [slice(first, first + CHUNK) for first in range(0, len(position), CHUNK)]
     found = list(in_turn(find, pieces, own_cores()))
     return found[0] if len(found) == 1 else find(np.concatenate(found))
-
-
-def local_coordinates(place: np.ndarray, geometry: str) -> np.ndarray:
-    """Coordinates of places (n, 3) along the grid's own axes."""
-    if geometry == "axisymmetric":
-        return np.stack([np.hypot(place[:, 0], place[:, 1]), place[:, 2]], axis=1)
-    return place[:, 1:] if geometry == "planar" else place
 
 
 def local_range(lines: Lines, geometry: str) -> np.ndarray:

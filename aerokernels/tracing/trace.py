@@ -12,9 +12,9 @@ from ..inputs.checks import check_choice
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..rays import RayBundle
-from .budget import Retrace, error_budget
 from .bundle.run import BundleRequest, trace_bundle
-from .known_air import KnownAir
+from .error_budget.budget import Retrace, error_budget
+from .error_budget.known_air import KnownAir
 from .launch import launch
 from .meeting import check_meeting
 from .plan import TracePlan

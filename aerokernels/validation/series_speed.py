@@ -21,6 +21,7 @@ from aerokernels.validation.fourier_fields import CONSTANT, WAVELENGTH, Fourier
 
 SHAPE, PIXELS = (525, 525, 101), 512
 SPACING = 1e-3
+WAVENUMBER = 200.0  # standard deviation of the modes' wave vectors in each direction [rad/m]
 DIRECTIONS = {"along an axis": (0.0, 0.0, 1.0), "across one": (0.15, 0.0, 1.0), "across two": (0.15, 0.1, 1.0)}
 COLUMNS = ("rays", "map", "per second", "snapshot", "CPU", "error", "reported", "nearest", "ratio")
 
@@ -49,7 +50,7 @@ def nearest_sums(mesh: GridMesh, samples: np.ndarray, start: np.ndarray, directi
 
 
 def measure_series(
-    shape: tuple[int, int, int] = SHAPE, pixels: int = PIXELS, snapshots: int = 6, wavenumber: float = 200.0
+    shape: tuple[int, int, int] = SHAPE, pixels: int = PIXELS, snapshots: int = 6
 ) -> list[dict[str, Any]]:
     """Measure a series; return one dictionary for each direction.
 
@@ -57,9 +58,8 @@ def measure_series(
         shape: Nodes along x, y and z.
         pixels: Pixels across the pupil.
         snapshots: Length of the series that is timed; it alternates between two volumes.
-        wavenumber: Standard deviation of the modes' wave vectors in each direction [rad/m]; nodes are 1 mm apart.
     """
-    field = Fourier.random(8, wavenumber=wavenumber, amplitude=1e-3)
+    field = Fourier.random(8, wavenumber=WAVENUMBER, amplitude=1e-3)
     mesh = mesh_of_shape(shape)
     volumes = [field.on_grid(mesh.origin, SPACING, shape, instant, np.float32) for instant in (0.0, 1e-5)]
     return [_one(name, np.array(way), mesh, volumes, field, pixels, snapshots) for name, way in DIRECTIONS.items()]

@@ -12,7 +12,6 @@ import resource
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -31,7 +30,7 @@ def worker_counts() -> list[int]:
     return sorted({min(2**k, most) for k in range(10)})
 
 
-def measure_sweep(cases: int, workers: list[int], settings: dict[str, Any] | None = None) -> list[dict[str, float]]:
+def measure_sweep(cases: int, workers: list[int]) -> list[dict[str, float]]:
     """Measure a sweep; return one dictionary for each number of workers."""
     tilts = [f"{tilt:.6g} deg" for tilt in np.linspace(0.0, GREATEST_TILT, max(1, round(cases / len(FLOWS))))]
     found = []
@@ -43,7 +42,6 @@ def measure_sweep(cases: int, workers: list[int], settings: dict[str, Any] | Non
                 {"flow.source": list(FLOWS), "target.tilt": tilts},
                 workers=count,
                 out=Path(folder) / "out",
-                settings=settings,
             )
             wall, busy = time.perf_counter() - begin, processor_seconds() - busy
         failed = int(result.failed.sum())

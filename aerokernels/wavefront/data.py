@@ -132,7 +132,7 @@ class WavefrontMap:
 
     @cached_property
     def error(self) -> dict[str, float]:
-        """Error budget of the OPD [m] by cause, and "total"; see tracing/budget.py. Empty if it is not known.
+        """Error budget of the OPD [m] by cause, and "total" (tracing/error_budget/budget.py). Empty if it is not known.
 
         Some rays are retraced when it is first read; seconds["error"] is the time spent on that.
         """

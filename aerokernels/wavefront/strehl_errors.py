@@ -30,7 +30,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..display.quantities import Quantity, root_sum_square
-from ..tracing.pupil_fit import fit_moments, rms_about
+from ..tracing.pupil.fit import fit_moments, rms_about
 
 # The reported error of a mean over replicates is so many standard errors: two would be too few in one estimate of
 # sixteen, three are in one of a hundred (Student's t of 15 degrees of freedom).
@@ -103,7 +103,7 @@ def estimate_quantities(
 
     Args:
         estimate: The StrehlEstimate; its error budget is read, for which some of its rays are retraced.
-        moments: Sums of the replicates, shape (replicate_count, at least 10), see pupil_sums.py.
+        moments: Sums of the replicates, shape (replicate_count, at least 10), see tracing/pupil/sums.py.
         wavelength: Wavelength [m].
         remove: Terms removed from the wavefront.
         symmetric: Whether the rays are those of radial quadrature, which represents a wavefront without tilt.

@@ -1,5 +1,5 @@
 // Where straight lines cross the surface of the body, by exact formulas. In float64. The formulas are in
-// aerokernels/medium/crossings.py, the tree of boxes in aerokernels/medium/wall_tree.py. Warp's twin is
+// aerokernels/medium/bodies/crossings.py, the tree of boxes in aerokernels/medium/bodies/wall_tree.py. Warp's twin is
 // aerokernels/tracing/engines/warp/kernels/crossings.py.
 #ifndef CROSSINGS_H
 #define CROSSINGS_H

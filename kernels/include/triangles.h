@@ -1,5 +1,6 @@
 // Where straight lines cross the triangles of a body in a volume, watertight. In float64. The formulas are in
-// aerokernels/medium/triangle_crossings.py. Warp's twin is aerokernels/tracing/engines/warp/kernels/triangles.py.
+// aerokernels/medium/bodies/triangle_crossings.py. Warp's twin is
+// aerokernels/tracing/engines/warp/kernels/triangles.py.
 #ifndef TRIANGLES_H
 #define TRIANGLES_H
 

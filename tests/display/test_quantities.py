@@ -36,7 +36,7 @@ def test_a_quantity_is_rounded_to_its_error(value, error, unit, text):
 @pytest.mark.parametrize("error", [1.1e-6 * 1.37**k for k in range(52)])
 @pytest.mark.parametrize("value", [0.0, -0.977859, 1.0, 37.25])
 def test_value_and_error_end_at_the_same_place_and_lose_little(value, error):
-    """Expected: value and error end at one place, which costs both 17 % of the error at most (3.5 told as 3).
+    """Expected: value and error end at one place, which costs both 17 % of the error at most (3.5 written as 3).
 
     The error has two significant digits at most, one where the first is 3 or more.
     """

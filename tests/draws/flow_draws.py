@@ -16,7 +16,7 @@ import numpy as np
 from aerokernels.flow.reading.calling import read_here
 from aerokernels.flow.reading.dataset import Dataset, ReadError
 from aerokernels.flow.reading.density import Reference, beside_the_flow, block_density, choose_density
-from aerokernels.flow.reading.foam_file import FoamFile
+from aerokernels.flow.reading.readers.foam_file import FoamFile
 from aerokernels.process.opened import OPENED
 
 from . import sound_files

@@ -17,10 +17,10 @@ import numpy as np
 from aerokernels.flow.reading.array_units import length_of, unit_of_array
 from aerokernels.flow.reading.dataset import ReadError
 from aerokernels.flow.reading.density import plain_name
-from aerokernels.flow.reading.foam_case import times_of, unit_in_words
 from aerokernels.flow.reading.fractions import species_arrays
-from aerokernels.flow.reading.tecplot_text import coordinate_columns
-from aerokernels.flow.reading.vtk_collections import collection
+from aerokernels.flow.reading.readers.foam_case import times_of, unit_in_words
+from aerokernels.flow.reading.readers.tecplot_text import coordinate_columns
+from aerokernels.flow.reading.readers.vtk_collections import collection
 from aerokernels.inputs.units import DIMENSIONS, quantity
 from aerokernels.inputs.written_units import DIMENSIONS as WRITTEN
 from aerokernels.inputs.written_units import in_brackets

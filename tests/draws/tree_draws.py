@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from aerokernels.flow.reading.block_checks import check_blocks
-from aerokernels.flow.reading.cgns_nodes import Node
-from aerokernels.flow.reading.cgns_units import SYMBOLS, WIDTH, units_of
-from aerokernels.flow.reading.cgns_walls import patches_of
 from aerokernels.flow.reading.dataset import Dataset, ReadError
-from aerokernels.flow.reading.high_order import joined
-from aerokernels.flow.reading.named_arrays import arrays_as_dataset
-from aerokernels.flow.reading.vtk_files import blocks_of
+from aerokernels.flow.reading.readers.cgns_nodes import Node
+from aerokernels.flow.reading.readers.cgns_units import SYMBOLS, WIDTH, units_of
+from aerokernels.flow.reading.readers.cgns_walls import patches_of
+from aerokernels.flow.reading.readers.high_order import joined
+from aerokernels.flow.reading.readers.named_arrays import arrays_as_dataset
+from aerokernels.flow.reading.readers.vtk_files import blocks_of
 
 from .flow_draws import check_dataset
 from .input_draws import Draw

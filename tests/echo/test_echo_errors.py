@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from aerokernels import IndexField, echo
+from aerokernels import echo
 from aerokernels.echo.prediction import predict_echo
 from aerokernels.echo.pulse_curve import peak_height
 from aerokernels.scene import Scene
+from tests.echo.lump_of_gas import lump
 from tests.echo.test_return_paths import blob_field, washer
 
 FEW = {"beam.ray_count": 64, "receiver.ray_count": 64, "detector.volts_per_watt": 5558.7, "detector.threshold": 1.0}
@@ -16,13 +17,6 @@ FEW = {"beam.ray_count": 64, "receiver.ray_count": 64, "detector.volts_per_watt"
 
 def scene(**changes):
     return Scene.load("wind-tunnel-static", {**FEW, **changes})
-
-
-def lump(strength: float) -> IndexField:
-    """A lump of gas ahead of the pupil, off the axis, in a planar field."""
-    y, z = np.arange(-0.04, 0.0401, 0.001), np.arange(-0.01, 0.0601, 0.001)
-    contrast = strength * np.exp(-((y[:, None] - 0.004) ** 2 + (z - 0.02) ** 2) / 0.01**2)
-    return IndexField.from_samples(contrast, origin=(-0.04, -0.01), spacing=(0.001, 0.001), geometry="planar")
 
 
 def test_a_phase_error_walks_the_leading_edge():
@@ -98,7 +92,7 @@ def test_an_edge_near_the_threshold_may_be_lost():
 
 @pytest.mark.parametrize("rate", ["0.2 GHz", "0.12 GHz"])
 def test_few_samples_a_pulse_are_in_the_errors(rate):
-    """Set-up: samples 5 and 8.3 ns apart on a pulse of 10 ns, against 0.1 ns. Expected: the difference is told.
+    """Set-up: samples 5 and 8.3 ns apart on a pulse of 10 ns, against 0.1 ns. Expected: the difference is reported.
 
     Tolerance: 0.1 um, the rounding of interpolated curves, beside errors of millimetres.
     """
@@ -117,8 +111,8 @@ def test_few_samples_a_pulse_are_in_the_errors(rate):
 def test_few_samples_a_pulse_are_in_the_error_of_its_peak_wherever_they_are():
     """Samples 5.8 ns apart on a pulse of 10 ns, at three of their positions on it, against 0.1 ns.
 
-    Curves through such samples are 2 and 5 % too low; the error told of it was too small by a tenth and a seventh of
-    it: it was the change with the position of the samples, relative to the pulse and not to what was read.
+    Curves through such samples are 2 and 5 % too low; the error reported for it was too small by a tenth and a seventh
+    of it: it was the change with the position of the samples, relative to the pulse and not to what was read.
     """
     off = []
     for distance in (1.2, 1.55, 2.25):

@@ -351,9 +351,9 @@ def test_a_template_may_begin_and_end_within_its_pulse():
 
 @pytest.mark.parametrize("fraction", [0.2, 0.5, 0.8])
 def test_a_saturated_record_is_told_of_by_how_much(fraction):
-    """Gaussians and HELIOS cut off at 0.25 to 0.9 of their peak: what is told holds the range's error at every place.
+    """Gaussians and HELIOS cut off at 0.25 to 0.9 of their peak: the reported error covers the range's everywhere.
 
-    Whole pulses, of which the greatest samples differ, and those whose own shape is flat at the top are not told of.
+    Whole pulses, of which the greatest samples differ, and those whose own shape is flat at the top are not reported.
     """
     from aerokernels.echo import HeliosPulse, SaturatedRecordWarning
     from aerokernels.echo.saturation import saturation_shift

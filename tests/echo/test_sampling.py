@@ -89,9 +89,9 @@ def test_without_the_shape_the_error_is_told(method):
 def test_edges_and_tops_of_other_shapes_are_told_of(method, name, per_width):
     """Set-up: exp(-(t / tau)^8), whose edges are steep, and a triangle, whose peak is a corner; nothing known of them.
 
-    Expected: at every phase the reading is off by no more than is told, and 0.1 % of the width. A constant fraction of
-    the triangle is off by 1.5 % of it at eleven samples. (With fewer than seven it hangs on the phase what can be seen
-    of a shape.)
+    Expected: at every phase the reading is off by no more than is reported, and 0.1 % of the width. A constant fraction
+    of the triangle is off by 1.5 % of it at eleven samples. (With fewer than seven it hangs on the phase what can be
+    seen of a shape.)
     """
     shape = {
         "flat top": lambda time: np.exp(-((time / TAU) ** 8)),
@@ -111,7 +111,7 @@ def test_edges_and_tops_of_other_shapes_are_told_of(method, name, per_width):
 
 @pytest.mark.parametrize("per_width", [12.0, 20.0])
 def test_what_is_smooth_is_not_taken_for_a_corner(per_width):
-    """HELIOS has a steep edge and a long tail, and a round top: a tail alone makes no corner, and nothing is told."""
+    """HELIOS has a steep edge and a long tail, and a round top: a tail alone is no corner: nothing is reported."""
     shape, width = SHAPES["helios"], 3.3947 * 2.943e-9
     time = np.arange(200) * width / per_width
     for method in BARE:

@@ -9,19 +9,13 @@ from aerokernels import IndexField, echo, plane_target_echo
 from aerokernels.echo import RANGING_METHODS, pulse_energy
 from aerokernels.echo.pulses import pulse_of
 from aerokernels.scene import Scene
+from tests.echo.lump_of_gas import lump
 
 FINE = {"detector.volts_per_watt": 5558.7, "detector.threshold": 1.0}
 
 
 def scene(**changes):
     return Scene.load("wind-tunnel-static", {**FINE, **changes})
-
-
-def lump(strength):
-    """A lump of gas ahead of the pupil, off the axis, in a planar field."""
-    y, z = np.arange(-0.04, 0.0401, 0.001), np.arange(-0.01, 0.0601, 0.001)
-    contrast = strength * np.exp(-((y[:, None] - 0.004) ** 2 + (z - 0.02) ** 2) / 0.01**2)
-    return IndexField.from_samples(contrast, origin=(-0.04, -0.01), spacing=(0.001, 0.001), geometry="planar")
 
 
 @pytest.mark.parametrize("limits", ["beam", "paper"])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from aerokernels import FLDI, IndexField, fldi_response
-from aerokernels.tracing.pupil_air import TruncationWarning
+from aerokernels.tracing.pupil.air import TruncationWarning
 from tests.draws.fldi_draws import check_reading, draw_reading
 
 THICKNESS, STRENGTH = 2e-4, 1e-7
@@ -137,10 +137,10 @@ def test_a_strong_gradient_turns_the_phase_by_many_fringes():
     assert float(fldi_response(field, backward).phase) == pytest.approx(-float(found.phase))
 
 
-@pytest.mark.filterwarnings("ignore::aerokernels.tracing.pupil_air.TruncationWarning")
+@pytest.mark.filterwarnings("ignore::aerokernels.tracing.pupil.air.TruncationWarning")
 @pytest.mark.parametrize("slant", [0.0, 0.3, -0.9])
 def test_a_slanted_way_through_a_slab_that_ends_abruptly(slant: float):
-    """Index g y in a slab of the thickness L: k g s L / cos^2 of the slant, and the error told holds.
+    """Index g y in a slab of the thickness L: k g s L / cos^2 of the slant, and the reported error holds.
 
     A layer of the beams that the slab's face cuts through counts by its part inside: without, 1 % is missing.
     """
@@ -156,7 +156,7 @@ def test_a_slanted_way_through_a_slab_that_ends_abruptly(slant: float):
         assert abs(float(found.phase) - expected) < float(found.error) + 1e-9 * expected
 
 
-@pytest.mark.filterwarnings("ignore::aerokernels.tracing.pupil_air.TruncationWarning")
+@pytest.mark.filterwarnings("ignore::aerokernels.tracing.pupil.air.TruncationWarning")
 @pytest.mark.parametrize("interpolation", ["cubic", "linear", "monotone"])
 def test_the_error_told_holds_the_layers_along_the_beams(interpolation: str, monkeypatch):
     """Waves aslant of nine samples each, which end at the faces, against sums of many more layers."""
@@ -186,7 +186,7 @@ def test_the_error_told_holds_the_layers_along_the_beams(interpolation: str, mon
 
 @pytest.mark.parametrize("end", [0.0, 1.0])
 def test_a_focus_on_a_face_of_the_field(end: float):
-    """A field that begins or ends at the focus: k g s and the layer's integral, and air that ends there is told of."""
+    """A field that begins or ends at the focus: k g s and the layer's integral, and air that ends there is reported."""
     y, z = np.linspace(-3e-3, 3e-3, 31), np.linspace(-end * 0.02, 0.02 - end * 0.02, 41)
     for fading in (True, False):
         bell = np.sin(np.pi * (z - z[0]) / 0.02) ** 4 if fading else np.ones(41)
@@ -251,7 +251,7 @@ def test_beams_wider_than_the_known_air_are_told():
 
 @pytest.mark.parametrize("seed", [1, 3, 5, 10])
 def test_the_error_told_holds_the_fields_own_nodes(seed: int):
-    """Waves, bells and layers of closed form on grids of few nodes; the error told held none of these four before."""
+    """Waves, bells and layers of closed form on grids of few nodes; the reported error covered none of them before."""
     found = check_reading(draw_reading(seed))
     assert found.covered, found
 

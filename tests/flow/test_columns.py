@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels import ArcLength, RayBundle, flow, trace
 from aerokernels.medium import QuadMesh
-from aerokernels.tracing.average_deficit import deficit_integrals
+from aerokernels.tracing.error_budget.average_deficit import deficit_integrals
 
 
 def skewed(geometry: str) -> flow.CellDensity:

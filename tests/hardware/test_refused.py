@@ -63,7 +63,7 @@ def test_a_result_without_an_echo_is_no_source(tmp_path):
 
 
 def test_a_rigol_waits_for_the_next_acquisition():
-    """SINGLE: it stops at the next one and shows it as long as it is not told to run; a curve has 8 bits."""
+    """SINGLE: it stops at the next one and shows it as long as it is not set to run; a curve has 8 bits."""
     scope = SimulatedScope(SOURCE, dialect="rigol", rate=1e-3)
     assert scope.answer(":TRIG:STAT?") == b"TD\n"
     assert scope.answer(":SINGLE") == b"" and scope.answer(":TRIG:STAT?") == b"WAIT\n"

@@ -1,4 +1,4 @@
-"""What the pixels make the numbers of an image off by is told: against closed forms and quadrature."""
+"""What the pixels change in the numbers of an image is reported: against closed forms and quadrature."""
 
 import numpy as np
 import pytest

@@ -144,7 +144,7 @@ def test_what_an_interferometer_looks_through():
 
 
 def test_what_would_take_hours_or_end_in_pythons_words_is_refused(tmp_path):
-    """A million Zernike polynomials, a thousand million rays, no path, no dataset; told at once and in words."""
+    """A million Zernike polynomials, a thousand million rays, no path, no dataset; refused at once and in words."""
     from aerokernels.echo import detect
 
     place = Disc(0.01).flat_sample(300, "sobol", 0)[0] * 0.01

@@ -7,7 +7,7 @@ from aerokernels import Disc, IndexField
 from aerokernels.jobs.run import scene_strehl
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
-from aerokernels.tracing.pupil_air import pupil_air
+from aerokernels.tracing.pupil.air import pupil_air
 
 
 def test_a_truncated_scene_is_refused_unless_it_is_allowed():
@@ -28,7 +28,7 @@ def test_a_truncated_scene_is_refused_unless_it_is_allowed():
 def test_a_pupil_that_stands_outside_the_field_is_told_so():
     """Set-up: density rising along z in a box from z = 0 to 8 mm; the pupil 5 mm behind it, or within it.
 
-    Expected: only the one behind, where a scene's default may put it, is told to be moved.
+    Expected: only the one behind, where a scene's default may put it, is asked to be moved.
     """
     contrast = np.broadcast_to(1e-5 * np.arange(17.0), (9, 17))
     field = IndexField.from_samples(contrast, origin=(-4e-3, 0.0), spacing=(1e-3, 5e-4), geometry="planar",

@@ -1,4 +1,4 @@
-"""A run finishes what can be finished: what has no result is told with its reason, and the rest is there."""
+"""A run finishes what can be finished: what has no result is reported with its reason, and the rest is there."""
 
 import json
 import re

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from aerokernels.medium import Body, SolidBody
-from aerokernels.medium.body import _nearest_feet, _squared_distances, _tiles
-from aerokernels.medium.crossings import as_lines, crossings
-from aerokernels.medium.triangle_crossings import _pass_box, axes_across, edge_side
-from aerokernels.medium.walls import _cuts, _split, bounding_walls
+from aerokernels.medium.bodies.body import _nearest_feet, _squared_distances, _tiles
+from aerokernels.medium.bodies.crossings import as_lines, crossings
+from aerokernels.medium.bodies.triangle_crossings import _pass_box, axes_across, edge_side
+from aerokernels.medium.bodies.walls import _cuts, _split, bounding_walls
 
 RNG = np.random.default_rng(231)
 

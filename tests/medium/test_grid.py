@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels.medium.grid import UniformGrid, check_finite, eq5_step
-
-
-def fitted_order(spacings, errors) -> float:
-    """Slope of log error over log spacing."""
-    return float(np.polyfit(np.log(spacings), np.log(errors), 1)[0])
+from tests.fitted_order import fitted_order
 
 
 def smooth(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from aerokernels import trace
-from aerokernels.flow.reading.polygon_cells import Polygons
-from aerokernels.flow.reading.polygons import quad_mesh
+from aerokernels.flow.reading.planes.polygon_cells import Polygons
+from aerokernels.flow.reading.planes.polygons import quad_mesh
 from aerokernels.medium import IndexField, QuadMesh
-from aerokernels.medium.kept_averages import cut_and_kept
-from aerokernels.medium.vertex_values import of_parents
+from aerokernels.medium.averages.kept_averages import cut_and_kept
+from aerokernels.medium.averages.vertex_values import of_parents
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
 
@@ -139,7 +139,7 @@ def test_layers_at_walls(share):
     """Set-up: averages of 1 + exp(-y / d) / 2, d some cells, light along the wall within the first cell, 40 lines.
 
     Formula: the density at the line's y. Expected: with the wall's values the error is less than half of that without
-    them (but for d of a tenth of a cell, which no average shows: there it is told all the same), and told.
+    them (but for d of a tenth of a cell, which no average shows: there it is reported all the same), and told.
     """
     step, scale = 1.0 / 12.0, 1e-9
     axis = np.linspace(0.0, 1.0, 13)

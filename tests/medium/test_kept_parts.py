@@ -6,13 +6,13 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import splu
 
 from aerokernels import IndexField, QuadMesh
-from aerokernels.medium import bounded
-from aerokernels.medium.edge_lines import EdgeLines
-from aerokernels.medium.kept_averages import _bounds, _extremes, _vertices_at, cell_deficits
+from aerokernels.medium.averages import bounded
+from aerokernels.medium.averages.edge_lines import EdgeLines
+from aerokernels.medium.averages.kept_averages import _bounds, _extremes, _vertices_at, cell_deficits
+from aerokernels.medium.averages.row_sums import _hats, _line_means
+from aerokernels.medium.averages.vertex_weights import vertex_weights
 from aerokernels.medium.mesh_samples import MeshSamples
 from aerokernels.medium.refined import _lifted, cut_in_four, has_seam, quarters, refined
-from aerokernels.medium.row_sums import _hats, _line_means
-from aerokernels.medium.vertex_weights import vertex_weights
 
 
 def skewed(ni: int = 4, nj: int = 5, geometry: str = "planar") -> QuadMesh:

@@ -8,13 +8,14 @@ from scipy.optimize import lsq_linear
 from scipy.sparse import csr_array
 
 from aerokernels import flow
-from aerokernels.medium import IndexField, QuadMesh, kept_averages
-from aerokernels.medium.bounded import least_change
-from aerokernels.medium.edge_lines import edge_lines
+from aerokernels.medium import IndexField, QuadMesh
+from aerokernels.medium.averages import kept_averages
+from aerokernels.medium.averages.bounded import least_change
+from aerokernels.medium.averages.edge_lines import edge_lines
+from aerokernels.medium.averages.row_sums import REACH
+from aerokernels.medium.averages.vertex_values import of_parents
+from aerokernels.medium.averages.vertex_weights import vertex_weights
 from aerokernels.medium.refined import cells_of_four
-from aerokernels.medium.row_sums import REACH
-from aerokernels.medium.vertex_values import of_parents
-from aerokernels.medium.vertex_weights import vertex_weights
 
 from .test_kept_averages import skewed, triangles
 
@@ -115,7 +116,7 @@ def test_triangles_keep_strips(monkeypatch):
 
 
 def test_a_shock_along_a_row_is_left_to_the_columns(monkeypatch):
-    """Set-up: a row of 1.1 between 1 and 2, all along. Expected: columns kept, rows as they were, and that told."""
+    """Set-up: a row of 1.1 between 1 and 2, all along. Expected: columns kept, rows as they were, and that reported."""
     count = 30
     mesh = skewed(count + 1, "planar")
     average = np.ones((count, count))

@@ -1,13 +1,13 @@
-"""What an interpolant lacks of rows and columns of cells, told as a number that equals what lines lack."""
+"""What an interpolant lacks of rows and columns of cells, reported as a number that equals what lines lack."""
 
 import numpy as np
 import pytest
 
 from aerokernels import flow, trace
 from aerokernels.medium import IndexField, QuadMesh
-from aerokernels.medium.rows_of_cells import averages_lacking
-from aerokernels.medium.vertex_values import of_parents
-from aerokernels.medium.vertex_weights import vertex_weights
+from aerokernels.medium.averages.rows_of_cells import averages_lacking
+from aerokernels.medium.averages.vertex_values import of_parents
+from aerokernels.medium.averages.vertex_weights import vertex_weights
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
 
@@ -55,7 +55,7 @@ def test_lines_that_fill_a_row_lack_what_is_told():
     """Set-up: averages of a wedge's exact flow on even cells, two lines at Gauss's points of each row of cells.
 
     Formula: what is bilinear has its mean over a row at these two. Expected: the OPD through the cells themselves less
-    that through the interpolant, in the worst of rows that meet no body, is the path that is told of such rows; the
+    that through the interpolant, in the worst of rows that meet no body, is the path that is reported of such rows; the
     density is taken 1e-9 times, so that rays are straight.
     """
     exact = flow.wedge(5.0, 0.26, length=1.0, spacing=0.05)

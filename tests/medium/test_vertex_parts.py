@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from aerokernels import QuadMesh
-from aerokernels.medium import vertex_values as made
+from aerokernels.medium.averages import vertex_values as made
+from aerokernels.medium.averages.vertex_weights import vertex_weights
 from aerokernels.medium.bilinear import EDGE_TOLERANCE, bilinear_point, contains, invert_bilinear
-from aerokernels.medium.vertex_weights import vertex_weights
-from aerokernels.medium.wall_tree import LEAF, MARGIN, wall_tree
+from aerokernels.medium.bodies.wall_tree import LEAF, MARGIN, wall_tree
 
 
 def skewed(ni: int = 6, nj: int = 7, geometry: str = "planar", first: float = 0.5) -> QuadMesh:
@@ -167,7 +167,7 @@ def test_slopes_are_least_squares():
 
 @pytest.mark.parametrize("parents", [False, True])
 def test_values_at_vertices_of_cells_without_order(parents: bool):
-    """Inverse-distance means of linear reconstructions, constant beside shocks, within the range told."""
+    """Inverse-distance means of linear reconstructions, constant beside shocks, within the stated range."""
     mesh = unordered(skewed(9, 10), parents=parents)
     rng = np.random.default_rng(174)
     count = 36 if parents else 72

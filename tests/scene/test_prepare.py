@@ -1,4 +1,4 @@
-"""From a scene to its index field: the part that is resampled holds every ray, and the error of it is told truly."""
+"""From a scene to its index field: the part that is resampled holds every ray, and its reported error is true."""
 
 import numpy as np
 import pytest

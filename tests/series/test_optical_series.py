@@ -18,7 +18,7 @@ import xarray
 from aerokernels import Disc, flow, optical_series
 from aerokernels.flow import GridMesh
 from aerokernels.series.line_integrals import LineIntegrals, NotLinearError
-from aerokernels.tracing.pupil_air import TruncationWarning
+from aerokernels.tracing.pupil.air import TruncationWarning
 from aerokernels.wavefront import remove_terms
 
 from .fourier import CONSTANT, WAVELENGTH, Fourier

@@ -163,7 +163,7 @@ def test_estimate_against_exact_quadrature(precision):
     """Set-up: a plane wave along the rod, pupil of 12 mm on its axis, OPD from 0.22 wave at the centre down.
 
     Formula: the closed wavefront above, quadrature in r^2. Expected: 0.887, within the error the estimate tells.
-    Error sources, all told: sampling (16 replicates of Sobol points), steps, spline, precision.
+    Error sources, all reported: sampling (16 replicates of Sobol points), steps, spline, precision.
     """
     asked = {"ray_count": 65_536, "precision": precision, "tolerance": 1e-4, "symmetry": "off"}
     estimate = estimate_strehl(gaussian_rod(), Disc(PUPIL), **asked)
@@ -297,7 +297,7 @@ def test_warp_and_opencl_agree(precision, allowed, remove, gpu):
 
 
 def test_the_reference_backend_agrees():
-    """A few rays through the same field in SciPy, another sample of the pupil: equal within twice both told errors."""
+    """A few rays through the same field in SciPy, another sample of the pupil: equal within twice both errors."""
     field, pupil = gaussian_rod(node_count=21), Disc(PUPIL)
     slow = estimate_strehl(field, pupil, ray_count=32, backend="reference", remove="tilt", method="fixed", step=5e-4)
     fast = estimate_strehl(field, pupil, ray_count=16_384, remove="tilt", symmetry="off")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Disc, IndexField, Mask, Rectangle, estimate_strehl, prepare_strehl
-from aerokernels.tracing.lattice_quadrature import LATTICES, lattice_order, lattice_points, lattice_sizes
+from aerokernels.tracing.pupil.lattice_quadrature import LATTICES, lattice_order, lattice_points, lattice_sizes
 
 WAVE = 905e-9
 ASKED = 1 << 17
@@ -53,7 +53,7 @@ def test_an_order_holds_each_point_once():
 
 @pytest.mark.parametrize("pupil", [Disc(1e-3), Annulus(1e-3, 4e-4), Rectangle(1.6e-3, 1.1e-3)], ids=repr)
 def test_few_rays_give_what_many_do(pupil):
-    """The same ratio as all rays asked for, within the standard errors of both; an error of 2e-5 at most is told."""
+    """The ratio of all rays asked for, within the standard errors of both; an error of 2e-5 at most is reported."""
     pupil = type(pupil)(**{**vars(pupil), "center": np.array([1e-4, 0.0, -1.2e-3])})
     field = volume(3e-4)
     few = estimate_strehl(field, pupil, seed=3, **OPTIONS)

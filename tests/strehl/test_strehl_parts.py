@@ -11,9 +11,9 @@ from aerokernels.strehl.sums import combined, met_nothing
 from aerokernels.tracing import ArcLength, RayStatus
 from aerokernels.tracing.engines.reference.pupil import PupilRun
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.tracing.pupil_job import REPLICATES
-from aerokernels.tracing.pupil_sums import PupilTask, replicate_seeds
-from aerokernels.tracing.radial_quadrature import radial_points
+from aerokernels.tracing.pupil.job import REPLICATES
+from aerokernels.tracing.pupil.radial_quadrature import radial_points
+from aerokernels.tracing.pupil.sums import PupilTask, replicate_seeds
 from aerokernels.tracing.result import TraceResult, output_mask
 from aerokernels.wavefront.strehl_errors import STANDARD_ERRORS, strehl_error
 
@@ -124,7 +124,7 @@ def test_ratios_from_sums():
 
 
 def test_the_budget_of_a_ratio():
-    """Its error by three standard errors and by the bound of each phase error; all causes are told."""
+    """Its error by three standard errors and by the bound of each phase error; all causes are reported."""
     options = {"wavelength": WAVE, "ray_count": 4096, "backend": "reference", "precision": "float64", "bundle": "off"}
     found = estimate_strehl(prism(), Disc(2e-3, (0.0, 0.0, -1e-3)), **options)
     error = found.error
@@ -203,7 +203,7 @@ def test_numbers_of_a_result():
 
 
 def test_rays_that_may_have_lost_more_than_the_tolerance_say_so():
-    """Only those that arrived in full; the status is told beside the tracer's own."""
+    """Only those that arrived in full; the status is reported beside the tracer's own."""
     field = IndexField.from_samples(np.full((5, 5), 1e-4), origin=(0.0, 0.0), spacing=(1e-3, 1e-3), geometry="planar")
     rays = RayBundle([[0.0, 2e-3, 1e-3], [0.0, 2e-3, 3.9e-3]], [0.0, 0.0, 1.0])
     result = trace(field, rays, until=ArcLength(0.5e-3), method="adaptive")

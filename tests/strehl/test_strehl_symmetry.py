@@ -7,10 +7,10 @@ import pytest
 
 import aerokernels
 from aerokernels import Body, Disc, IndexField, Plane, RayBundle, available_backends, flow, trace
-from aerokernels.tracing import pupil_run
 from aerokernels.tracing.engines.reference import pupil as reference_pupil
-from aerokernels.tracing.pupil_sums import PupilTask
-from aerokernels.tracing.radial_quadrature import LEAST_RAYS, RADIAL_RAYS, radial_points
+from aerokernels.tracing.pupil import run as pupil_run
+from aerokernels.tracing.pupil.radial_quadrature import LEAST_RAYS, RADIAL_RAYS, radial_points
+from aerokernels.tracing.pupil.sums import PupilTask
 
 # The lens of this page ends at the faces of its box: what lies beyond is known to be ambient.
 estimate_strehl = partial(aerokernels.estimate_strehl, allow_truncation=True)
@@ -112,7 +112,7 @@ def test_the_error_falls_as_said(shape, order):
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize("remove", ["piston", "tilt"])
 def test_a_lens_against_its_exact_strehl_ratio(name, precision, remove):
-    """Error sources told by the estimate: steps, spline, precision, sampling; 1e-7 for what the formula leaves out.
+    """Error sources reported by the estimate: steps, spline, precision, sampling; 1e-7 for what the formula leaves out.
 
     No tilt at all is found.
     """

@@ -2,7 +2,7 @@
 
 import pytest
 
-from aerokernels.tracing import sample_cost
+from aerokernels.tracing.leapfrog import sample_cost
 from tests.moved_air import CHANGES, Moved
 
 

@@ -114,10 +114,10 @@ def test_a_ray_that_leaves_by_the_face_it_starts_in_is_told_no_error(geometry, e
     """Rays that start in the face, or 1e-12 cells inside it, and leave it with slopes of 1e-8 to 1e-4.
 
     A face counts as passed 1e-10 cells behind it: 1e-14 m here, 1e-6 m along a ray with a slope of 1e-8, which the ray
-    then goes back. That length was told over the slope once more, 2e5 waves, and with a slope of 1e-8 it was not gone
-    back: the true error was 1 wave. With a slope of 1e-10 the field turns the ray back 2e-13 cells outside of the box
-    (on a cylinder, rounding of the radius decides): whether that ends it is a matter of rounding, so its error is told
-    as the way through the box, 2.2 mm. Error sources: 1e-13 cells over the slope in float64.
+    then goes back. That length was reported over the slope once more, 2e5 waves, and with a slope of 1e-8 it was not
+    gone back: the true error was 1 wave. With a slope of 1e-10 the field turns the ray back 2e-13 cells outside of the
+    box (on a cylinder, rounding of the radius decides): whether that ends it is a matter of rounding, so its error is
+    reported as the way through the box, 2.2 mm. Error sources: 1e-13 cells over the slope in float64.
     """
     half, nodes = 1.5e-3, np.linspace(-1.5e-3, 1.5e-3, 31)
     across = nodes[15:] if geometry == "axisymmetric" else nodes

@@ -6,6 +6,15 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane
+from aerokernels.tracing.error_budget.tails import (
+    DEPTHS,
+    contrast_in,
+    contrast_tail,
+    drift_beyond,
+    extent,
+    path_beyond,
+    slope_tail,
+)
 from aerokernels.tracing.lever_arms import lever_arms_of, obliquity
 from aerokernels.tracing.lines import (
     FACES,
@@ -18,7 +27,6 @@ from aerokernels.tracing.lines import (
     slab_span,
 )
 from aerokernels.tracing.stop import stop_distance
-from aerokernels.tracing.tails import DEPTHS, contrast_in, contrast_tail, drift_beyond, extent, path_beyond, slope_tail
 
 LOW, HIGH, RADIUS = np.array([-1.0, -1.5, 1.0]), np.array([0.75, 2.0, 4.5]), 1.7
 GEOMETRIES = ("volume", "planar", "axisymmetric")

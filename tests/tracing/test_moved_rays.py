@@ -1,4 +1,4 @@
-"""Air and rays that are moved, mirrored or turned together: what is told of them before any is traced stays the same.
+"""Air and rays that are moved, mirrored or turned together: predictions made before any ray is traced stay equal.
 
 Numbers that depend on an order of sums are compared to 1e-9 of the greatest.
 """
@@ -8,13 +8,13 @@ import pytest
 
 from aerokernels import IndexField, RayBundle
 from aerokernels.tracing import ArcLength, Plane
-from aerokernels.tracing.budget_rays import roughness
 from aerokernels.tracing.bundle.family import find_family
 from aerokernels.tracing.bundle.nodes import FaceClasses, undisturbed_length
-from aerokernels.tracing.known_air import may_be_lost
+from aerokernels.tracing.error_budget.known_air import may_be_lost
+from aerokernels.tracing.error_budget.rays import roughness
+from aerokernels.tracing.error_budget.tails import _linear, _slope_in, contrast_tail
 from aerokernels.tracing.lever_arms import lever_arms_of, obliquity
 from aerokernels.tracing.lines import FACES, SIDE, box_span, cell_along, crossing_of_box
-from aerokernels.tracing.tails import _linear, _slope_in, contrast_tail
 from tests.moved_air import BOX, PITCH, PLAIN, Moved, beams, same, some_rays
 
 WAVE = 905e-9

@@ -1,4 +1,4 @@
-"""Tables of air that is moved, mirrored or turned: what is told of rays before any is traced turns with it.
+"""Tables of air that is moved, mirrored or turned: what is predicted of rays before any is traced turns with it.
 
 Numbers that depend on an order of sums are compared to 1e-9 of the greatest.
 """
@@ -9,12 +9,12 @@ import pytest
 from aerokernels import IndexField, RayBundle
 from aerokernels.tracing.bundle.roughness import roughness_of
 from aerokernels.tracing.error_limit import SHARE, error_limit, greatest_path, path_exceeds
-from aerokernels.tracing.missed_on_lines import greatest_error, missed_along
+from aerokernels.tracing.leapfrog.missed_on_lines import greatest_error, missed_along
+from aerokernels.tracing.leapfrog.unresolved import Sampling, missed_in_blocks
 from aerokernels.tracing.prediction import greatest_turn
 from aerokernels.tracing.step_bound import CONES, cones_of, step_bound
 from aerokernels.tracing.straight_lines import lines_through
 from aerokernels.tracing.support import support_box
-from aerokernels.tracing.unresolved import Sampling, missed_in_blocks
 from tests.moved_air import BOX, PITCH, PLAIN, Moved, beams, same
 
 WAVE = 905e-9

@@ -226,7 +226,7 @@ def test_a_dataset_that_was_changed_is_refused(wave: Wavefront):
     ids=lambda pupil: type(pupil).__name__,
 )
 def test_a_pupil_goes_with_its_wavefront(pupil, engine: str, tmp_path):
-    """Its numbers survive a file, and so do the errors told, which know where its edges cut through pixels."""
+    """Its numbers survive a file, and so do the reported errors, which know where its edges cut through pixels."""
     import xarray
 
     coordinate, pixel, weight, intensity = pupil_grid(pupil, 16)

@@ -1,6 +1,7 @@
 """Random maps of few pixels tell how far off their images are: against maps of the same pupil many times as fine.
 
-Errors of single angles and frequencies are near zero by chance where two amplitudes cancel: what is told must not be.
+Errors of single angles and frequencies are near zero by chance where two amplitudes cancel: what is reported must not
+be.
 """
 
 import numpy as np
@@ -39,7 +40,7 @@ def pairs(count, times, seed, ripples=0):
 
 
 def ratios(off, error, least=2e-5):
-    """What is off over what is told, 0 where it is less than `least`."""
+    """The error over the reported error, 0 where it is less than `least`."""
     return np.where(np.asarray(off) > least, off / np.maximum(error, 1e-30), 0.0).ravel()
 
 

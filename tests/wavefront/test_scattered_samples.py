@@ -49,7 +49,7 @@ def test_scattered_samples_make_the_wavefront():
 
 @pytest.mark.parametrize("seed", [2, 10])
 def test_the_error_of_few_samples_holds(seed):
-    """Of 250 samples, waves of few samples' width: at the rim, where few lie, it was 17 and 23 times what was told."""
+    """Waves a few of 250 samples wide: at the rim, where few lie, the error was 17 and 23 times the reported one."""
     rng = np.random.default_rng(seed)
     x, y = in_disc(rng.random((2, 250)))
     way = rng.normal(0.0, 4.0, (2, 2)) / 1e-3
@@ -68,7 +68,7 @@ def test_the_error_of_few_samples_holds(seed):
 def test_many_samples_make_a_map_of_few_pixels(pupil, pixel_count: int):
     """Samples all over the pupil, of a smooth wave; centres of pixels on its rim lie outside, farther than samples do.
 
-    Expected: the mean over 200,000 points of the pupil, to the error told.
+    Expected: the mean over 200,000 points of the pupil, to the reported error.
     """
 
     def wave(flat: np.ndarray) -> np.ndarray:

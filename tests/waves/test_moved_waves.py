@@ -67,7 +67,7 @@ def test_both_kinds_of_slabs_hold_the_same_path():
 @pytest.mark.parametrize("geometry", ["volume", "planar", "axisymmetric"])
 @pytest.mark.parametrize("look", [1.0, -1.0])
 def test_a_box_lies_where_its_faces_are(geometry: str, look: float):
-    """Lines along z: from the wave to the faces, at least 0; whether they meet the box, told by its sides."""
+    """Lines along z: from the wave to the faces, at least 0; whether they meet the box, by its sides."""
     half = 8.0 * PITCH
     shape = {"volume": (17, 17, 25), "planar": (17, 25), "axisymmetric": (9, 25)}[geometry]
     low = {"volume": (-half, -half), "planar": (-half,), "axisymmetric": (0.0,)}[geometry]

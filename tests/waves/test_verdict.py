@@ -113,7 +113,7 @@ def test_the_verdict_is_right_of_random_views():
 def test_rays_do_not_answer_for_air_beside_the_pupil(seed: int):
     """Light that has spread beside the pupil before it meets a shock, and strong phases that leave little of it.
 
-    By rays alone both were told to be good, to -0.0006 and +0.0009; a wave says +0.014 and +0.021.
+    By rays alone both were said to be good, to -0.0006 and +0.0009; a wave says +0.014 and +0.021.
     """
     found = check_verdict(draw_view(seed), pixel_count=96)
     assert found.answered_by == "waves" and found.right and not found.is_good
@@ -325,8 +325,8 @@ def test_a_wave_of_one_column_is_that_of_the_same_air_in_a_volume():
 def test_the_wave_knows_wide_diffraction_and_crossed_rays(seed: int):
     """Light that spreads by 0.9 of the pupil, and rays of which a part has crossed, beside a wave in a wide window.
 
-    Told to 0.003: what a coarse window and few slabs are off by. A window of 1.5 pupils told -0.011 of -0.005, and
-    straight rays in the place of crossed ones told +0.002 of +0.015.
+    Reported to 0.003: what a coarse window and few slabs are off by. A window of 1.5 pupils reported -0.011 of -0.005,
+    and straight rays in the place of crossed ones told +0.002 of +0.015.
     """
     found = check_verdict(draw_view(seed), pixel_count=80)
     assert found.right and found.reported == pytest.approx(found.by_wave - found.by_rays, abs=0.003)

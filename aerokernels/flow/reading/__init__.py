@@ -3,9 +3,9 @@
 from .contents import Contents, contents
 from .dataset import ReadError
 from .frame import Frame
-from .measuring_lines import VolumeResampling
 from .read import read
 from .reader import Reader
-from .resampling import Resampling
+from .volumes.measuring_lines import VolumeResampling
+from .volumes.resampling import Resampling
 
 __all__ = ["Contents", "Frame", "ReadError", "Reader", "Resampling", "VolumeResampling", "contents", "read"]

@@ -67,14 +67,14 @@ def length_of(path, axes: Mapping[str, str]) -> tuple[float | None, list[float]]
     Raises:
         ReadError: A unit that is not a length, or an unknown unit.
     """
-    told = {}
+    factors = {}
     for name, stated in axes.items():
         if not (is_no_unit(stated) and written_unit(in_brackets(name)) is None):
-            told[name] = unit_of_array(path, name, stated, "length").factor
-    units = set(told.values())
+            factors[name] = unit_of_array(path, name, stated, "length").factor
+    units = set(factors.values())
     if len(units) <= 1:
         return (units.pop() if units else None), [1.0] * len(axes)
-    return 1.0, [told.get(name, 1.0) for name in axes]
+    return 1.0, [factors.get(name, 1.0) for name in axes]
 
 
 def ambient_attribute(path, stated, factor: float, values: np.ndarray) -> float | None:

@@ -13,7 +13,7 @@ Reader = Callable[[Path, Any, dict[str, Any]], Dataset]
 
 def read_here(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
     """Call a reader in this process; errors that a damaged file causes become a ReadError."""
-    reader: Reader = import_module(f".{module}", __package__).read
+    reader: Reader = import_module(f".readers.{module}", __package__).read
     try:
         return reader(path, time, options)
     except ReadError:

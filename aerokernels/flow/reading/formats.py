@@ -17,7 +17,7 @@ from ...process.fragile import LibraryEndedError
 from ...process.fragile import in_child as call_in_child
 from .calling import read_here
 from .dataset import HDF5_MAGIC, Dataset, ReadError, chosen_time
-from .vtk_collections import LISTED, SUFFIXES
+from .readers.vtk_collections import LISTED, SUFFIXES
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Format:
     Attributes:
         name: Name of the format in messages.
         suffixes: File name suffixes, in lower case.
-        module: Module of this package with a function `read(path, time, options)`.
+        module: Module of `readers` with a function `read(path, time, options)`.
         fragile: Whether a damaged file may end the process that reads it.
         library: Package that must be installed, or "".
     """
@@ -72,7 +72,7 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
     """
     if not os.path.exists(path):  # which, unlike Path.exists, accepts a name of any length
         raise ReadError(path, "there is no such file or folder", "give the path of a flow file or case")
-    from .foam_case import is_case, may_be_case
+    from .readers.foam_case import is_case, may_be_case
 
     if may_be_case(path):
         if is_case(path):

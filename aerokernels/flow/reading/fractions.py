@@ -76,8 +76,8 @@ def choose_fractions(path, dataset: Dataset, densities, given) -> Fractions | No
 
 def mixture_in_words(basis: str, arrays: Mapping[str, str]) -> str:
     """Describe the arrays used for the fractions of each species."""
-    told = ", ".join(name if name == array else f"{name} from {array!r}" for name, array in arrays.items())
-    return f"a mixture by {basis} fractions of {told}"
+    sources = ", ".join(name if name == array else f"{name} from {array!r}" for name, array in arrays.items())
+    return f"a mixture by {basis} fractions of {sources}"
 
 
 def species_arrays(path, names: list[str], given, grouped: bool = False) -> tuple[str, dict[str, str]]:

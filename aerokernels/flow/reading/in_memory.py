@@ -18,7 +18,7 @@ def from_xarray(array, *, density=None, frame=None, reference=None, ambient_dens
     `units` names. An array is the density itself. Its attribute `ambient_density` is the density around the field: a
     number of kg/m3, or a text with a unit, as in "1.2e-3 g/cm3".
     """
-    from .labelled import labelled_dataset
+    from .readers.labelled import labelled_dataset
 
     if not hasattr(array, "dims"):
         raise TypeError(f"from_xarray takes an xarray DataArray or Dataset, got {type(array).__name__}")
@@ -41,7 +41,7 @@ def from_xarray(array, *, density=None, frame=None, reference=None, ambient_dens
 def from_pyvista(dataset, *, density=None, frame=None, reference=None, ambient_density=None, geometry=None,
                  gas_constant=None, length_unit=None, spacing=None, region=None, species=None):  # fmt: skip
     """Return a density field from a pyvista (or VTK) grid or multi-block set; arguments as in `flow.read`."""
-    from .vtk_files import blocks_of
+    from .readers.vtk_files import blocks_of
 
     if not hasattr(dataset, "GetClassName"):
         raise TypeError(f"from_pyvista takes a data set of pyvista or VTK, got {type(dataset).__name__}")

@@ -20,12 +20,12 @@ from .density import DensityChoice, Reference, block_density, choose_density
 from .formats import load
 from .fractions import Fractions, choose_fractions
 from .frame import Frame, plane_normal
-from .one_cell_thick import flattened
-from .plane import Plane, plane_mesh
-from .wall_values import wall_density
+from .planes.one_cell_thick import flattened
+from .planes.plane import Plane, plane_mesh
+from .planes.wall_values import wall_density
 
 if TYPE_CHECKING:
-    from .resampling import Resampling
+    from .volumes.resampling import Resampling
 
 GEOMETRIES = ("planar", "axisymmetric", "volume")
 
@@ -221,7 +221,7 @@ def reading_of(
 def field_of(reading: Reading, spacing=None, region=None, walls=None, shared: SharedMesh | None = None) -> DensityField:
     """Return the density field of a file that was read."""
     if reading.geometry == "volume":
-        from .volume import volume_field
+        from .volumes.volume import volume_field
 
         return volume_field(reading, spacing, region, walls, shared)
     if spacing is not None or region is not None:
@@ -261,7 +261,7 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
 
 
 def _body(path, dataset: Dataset, plane: Plane, mesh, names) -> Body | None:
-    from .walls import hole_body, wall_body
+    from .planes.walls import hole_body, wall_body
 
     walls = wall_patches(path, dataset.patches, names)
     edges = [plane.local(patch.edges) for patch in walls if len(patch.edges)]

@@ -4,7 +4,7 @@ from typing import Any
 
 from ..density_field import DensityField
 from .read import SharedMesh, read_onto
-from .resampling import Resampling
+from .volumes.resampling import Resampling
 
 
 class Reader:

@@ -91,7 +91,7 @@ class Definition:
         try:
             return changed_scene(self.scene, {**self.settings, **with_units(changes)})
         except SceneError as fault:
-            raise SceneError(_name_vary(str(fault), self.settings, changes)) from None
+            raise SceneError(_name_vary(str(fault), changes)) from None
 
     def described(self) -> dict[str, Any]:
         """Return everything that the numbers depend on, as plain JSON types: sweeps that agree in it are the same.
@@ -289,7 +289,7 @@ def _sample_count(sample: str | int) -> int:
     return int(count)
 
 
-def _name_vary(text: str, settings: Mapping[str, Any], changes: Mapping[str, Any]) -> str:
+def _name_vary(text: str, changes: Mapping[str, Any]) -> str:
     """Replace --set by --vary in a scene's error if the error is about a key that varies."""
     return text.replace("(with --set)", "(with --vary)") if any(key in text for key in changes) else text
 

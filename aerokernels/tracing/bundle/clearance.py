@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...medium import IndexField
-from ..straight_lines import local_coordinates
+from ...medium.grid import local_coordinates
 from .family import Family
 from .nodes import undisturbed_length
 

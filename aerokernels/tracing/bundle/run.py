@@ -12,15 +12,15 @@ from ...medium import IndexField
 from ...rays import RayBundle
 from ..engines import engine_of
 from ..engines.device_memory import memory_of
+from ..error_budget.known_air import face_strengths
 from ..error_limit import error_limit
-from ..known_air import face_strengths
 from ..launch import in_chunks, starts_of
+from ..leapfrog.sample_cost import LEAST_RAYS, pays_once
 from ..lever_arms import lever_arms_of
 from ..lines import box_size
 from ..meeting import check_meeting
 from ..plan import BundleCounts, TracePlan
 from ..planning import make_plan, plan_bundle
-from ..sample_cost import LEAST_RAYS, pays_once
 from ..status import NOT_DELIVERED
 from ..stop import stop_key
 from .clearance import Clearance

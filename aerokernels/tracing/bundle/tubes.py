@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...medium import IndexField
+from ...medium.grid import local_coordinates
 from ..lines import box_span
-from ..straight_lines import local_coordinates
 from .family import Family
 from .nodes import undisturbed_length
 from .roughness import Roughness, roughness_of
@@ -100,7 +100,7 @@ class Tubes:
 
     def _across(self) -> np.ndarray:
         """Absolute components along the local axes of unit vectors along both parameters, shape (2, d)."""
-        return _local_sizes(np.abs(self.family.axes[:2]), self.field.geometry)
+        return local_coordinates(np.abs(self.family.axes[:2]), self.field.geometry)
 
     def _span(self, position: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         span = box_span(self.field, position, direction)
@@ -117,7 +117,7 @@ class Tubes:
         scale = self._scale(place, direction)
         apart = scale[:, None] * step
         reach = (scale[:, None] * half) @ np.abs(self.family.axes[:2]) + bent[:, None]
-        reach, across = _local_sizes(reach, geometry), self._across()
+        reach, across = local_coordinates(reach, geometry), self._across()
         rough = self.roughness.at(local_coordinates(place, geometry), reach)
         fourth, kink = rough[:, :dimension], rough[:, dimension:].sum(axis=1)
         factor = ABOUT_AXIS if geometry == "axisymmetric" else 1.0
@@ -127,10 +127,3 @@ class Tubes:
             rate = CONSTANT * factor * (apart[:, axis] * (fourth @ across[axis])) ** 4 + OF_KINK * kink
             found += np.where(resolved, 0.0, rate)
         return found
-
-
-def _local_sizes(size: np.ndarray, geometry: str) -> np.ndarray:
-    """Convert absolute components (n, 3) of vectors to the field's own axes."""
-    if geometry == "axisymmetric":
-        return np.stack([np.hypot(size[:, 0], size[:, 1]), size[:, 2]], axis=1)
-    return size[:, 1:] if geometry == "planar" else size

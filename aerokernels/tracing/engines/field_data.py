@@ -14,13 +14,13 @@ from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...medium.grid_places import known
 from ..error_limit import error_limit
+from ..leapfrog.unresolved import lookup_table, missed_at_ends
 from ..plan import TracePlan
 from ..result import output_mask
 from ..scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
 from ..step_bound import CONES, cones_of, step_bound
 from ..stop import ArcLength, Plane, stop_key
 from ..support import left_out, support_box
-from ..unresolved import lookup_table, missed_at_ends
 
 # How many FieldData of recent bodies and precisions are cached for one set of grid nodes.
 KEPT = 16  # speed only

@@ -1,7 +1,7 @@
 """The interface of every engine: device memory, kernel launches, and fields prepared for kernels.
 
 Kernels have the same names and arguments in Warp and in OpenCL (kernel_table.py), so code that uses only this interface
-is written once for both: a bundle in chunks (launch.py), a pupil and its sums (pupil_run.py).
+is written once for both: a bundle in chunks (launch.py), a pupil and its sums (pupil/run.py).
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -65,7 +65,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("edge_tolerance", "real", "distance within which a point beside a cell counts as inside"),
         Value("cell_count", "int", "of the mesh"),
         Value("paper_step", "real*", "eq 5 for each cell"),
-        Value("wall", "double4*", "segments or triangles of the body's surface, see medium/wall_tree.py"),
+        Value("wall", "double4*", "segments or triangles of the body's surface, see medium/bodies/wall_tree.py"),
         Value("wall_boxes", "double4*", "boxes around groups of them"),
         Value("wall_links", "int3*", "of each box: next box if missed, first and last piece"),
         Value("wall_count", "int", "number of boxes"),

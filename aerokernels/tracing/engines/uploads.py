@@ -9,7 +9,7 @@ from ...medium import IndexField
 from ...process.clock import stage
 from ..bundle.frame import kernel_arrays, kernel_numbers
 from ..bundle.table import BundleTable
-from ..cube_polynomials import cubes_of
+from ..leapfrog.cube_polynomials import cubes_of
 from ..plan import TracePlan
 from ..stop import stop_key
 from .field_data import FieldData, array_of, field_data, plan_members, step_bound_tables, trace_members

@@ -1,4 +1,4 @@
-"""Cases of OpenFOAM in parts and in other states, structured volumes, how a format is told, series of even grids."""
+"""OpenFOAM cases in parts and in other states, structured volumes, recognition of formats, series of even grids."""
 
 import re
 from dataclasses import replace
@@ -11,12 +11,12 @@ from typer.testing import CliRunner
 
 from aerokernels import flow
 from aerokernels.cli import app
-from aerokernels.flow.reading import foam_file
 from aerokernels.flow.reading.dataset import Block, Dataset, ReadError
 from aerokernels.flow.reading.density import Reference
 from aerokernels.flow.reading.formats import format_of
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.read import field_of, reading_of
+from aerokernels.flow.reading.readers import foam_file
 from aerokernels.flow.series_sources import open_series
 from aerokernels.flow.wall_density import WallDensity
 
@@ -207,7 +207,7 @@ def test_grids_that_make_no_series(given, told):
 def test_fields_tells_what_lines_will_lack(tmp_path, monkeypatch):
     """Set-up: a plane case of OpenFOAM. Expected: `fields` tells the numbers of its index field, and the remedy.
 
-    A file of values at points has no averages, and nothing is told; nor is it of many cells that take long to keep.
+    A file of values at points has no averages, and nothing is reported; nor is it of many cells that take long to keep.
     """
     case = writers.foam_wedge(tmp_path / "case", wedge=False)
     read, wall = flow.read, WallDensity([[0.0, 0.0]], [1.0])

@@ -1,4 +1,4 @@
-"""Averages over solid cells on their way to a grid: linear densities exactly, shocks without ringing, errors told."""
+"""Averages over solid cells on their way to a grid: linear densities exact, shocks without ringing, errors reported."""
 
 import numpy as np
 import pytest
@@ -14,9 +14,9 @@ from aerokernels.flow.reading.dataset import (
     Cells,
     Faces,
 )
-from aerokernels.flow.reading.point_values import PointValues
-from aerokernels.flow.reading.reconstruction import cell_corners
-from aerokernels.flow.reading.solids import solid_chunks
+from aerokernels.flow.reading.volumes.point_values import PointValues
+from aerokernels.flow.reading.volumes.reconstruction import cell_corners
+from aerokernels.flow.reading.volumes.solids import solid_chunks
 
 KINDS = [HEXAHEDRON, PRISM, PYRAMID, TETRAHEDRON, POLYHEDRON]
 QUADS = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
@@ -70,7 +70,7 @@ def with_averages(block: Block, averages: np.ndarray, spacing=None):
 def test_linear_averages_are_kept_up_to_the_outermost_faces(kind, spacing):
     """Set-up: averages of a linear density, in cells of each kind, to nodes much finer and coarser than the cells.
 
-    Expected: the same everywhere in the cube, its corners included, to rounding; nothing is told but rounding.
+    Expected: the same everywhere in the cube, its corners included, to rounding; nothing is reported but rounding.
     """
     block = mesh(kind)
     found = with_averages(block, linear(middles(block)), spacing)
@@ -129,9 +129,9 @@ def test_points_between_cells_take_means():
 def test_the_error_told_holds_what_averages_lack_of_a_curved_density():
     """Set-up: exact averages of 2 + sin(3 x + 1) cos(4 y) over n^3 even cells, to nodes three times finer.
 
-    Formula: columns along z, rms over 200 of them, against three times the error told, as budgets take it. Expected:
-    covered, by less than a hundredfold; a quarter of it with cells of half the size, within 40 %. And the mean of the
-    grid's density over a cell is the cell's average within three times what is told of the density.
+    Formula: columns along z, rms over 200 of them, against three times the reported error, as budgets take it.
+    Expected: covered, by less than a hundredfold; a quarter of it with cells of half the size, within 40 %. And the
+    mean of the grid's density over a cell is the cell's average within three times what is reported of the density.
     """
 
     def mean(primitive, n):
@@ -176,8 +176,8 @@ def box_share(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 def test_lines_along_a_shock_are_covered():
     """Set-up: 1 kg/m3 and 2 in a rod along z, exact averages over 10^3 cells: few lines of measure go along its faces.
 
-    Formula: columns along z at 400 places. Expected: the greatest error is below three times what is told, as budgets
-    take it; before the greatest of the lines was told it was above.
+    Formula: columns along z at 400 places. Expected: the greatest error is below three times what is reported, as
+    budgets take it; before the greatest of the lines was reported it was above.
     """
     points, corners = cube(10)
     points = np.round(10 * points) / 10
@@ -200,8 +200,8 @@ def curved(points):
 def test_values_at_points_tell_what_lies_between_them(kind):
     """Set-up: a linear density, and 2 + sin(3 x + 1) cos(4 y), at the points of cells of each kind, nodes much finer.
 
-    Formula: columns along z, rms over 200 of them, against three times the error told. Expected: covered, by less than
-    a hundredfold; of the linear density nothing is told but rounding.
+    Formula: columns along z, rms over 200 of them, against three times the reported error. Expected: covered, by less
+    than a hundredfold; of the linear density nothing is reported but rounding.
     """
     block = mesh(kind, 8)
     straight = field(Block(block.points, block.cells, point_data={"rho": linear(block.points)}), spacing=0.03)
@@ -218,8 +218,8 @@ def test_values_at_points_tell_what_lies_between_them(kind):
 def test_a_shock_between_points_is_told():
     """Set-up: 1 kg/m3 and 2 behind x = 0.53, at the points of 10^3 hexahedra: it lies anywhere from 0.5 to 0.6.
 
-    Expected: three times what is told of columns along z covers what those between the points may be off by, one half
-    and more, by less than tenfold.
+    Expected: three times what is reported of columns along z covers what those between the points may be off by, one
+    half and more, by less than tenfold.
     """
     points, corners = cube(10)
     points = np.round(10 * points) / 10

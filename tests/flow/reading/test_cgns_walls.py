@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
-from aerokernels.flow.reading import cgns_walls
+from aerokernels.flow.reading.readers import cgns_walls
 
 pytest.importorskip("h5py")
 pytest.importorskip("vtkmodules")
@@ -115,7 +115,7 @@ def test_faces_of_several_kinds_in_one_section(tmp_path, form):
     ],
 )
 def test_conditions_of_a_plane(tmp_path, kind, parts, families, expected):
-    """What a family makes of its patches; ranges that are no edge of the zone are told by name."""
+    """What a family makes of its patches; ranges that are no edge of the zone are reported by name."""
     if not any(label.startswith("Index") for _, label, _ in parts):
         parts = [("PointRange", "IndexRange_t", [[1, 1], [33, 1]]), *parts]
     x, y = ring()

@@ -7,8 +7,8 @@ import writers
 from aerokernels.flow.reading.dataset import Block, Dataset
 from aerokernels.flow.reading.density import Reference
 from aerokernels.flow.reading.frame import Frame
-from aerokernels.flow.reading.polygon_cells import Polygons
-from aerokernels.flow.reading.polygons import merged, quad_mesh
+from aerokernels.flow.reading.planes.polygon_cells import Polygons
+from aerokernels.flow.reading.planes.polygons import merged, quad_mesh
 from aerokernels.flow.reading.read import field_of, reading_of
 
 

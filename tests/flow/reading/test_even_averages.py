@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import DensityField
-from aerokernels.flow.reading.even_averages import integral_weights
+from aerokernels.flow.reading.volumes.even_averages import integral_weights
 from aerokernels.medium import spline
 
 
@@ -110,8 +110,8 @@ def test_a_jump_between_even_cells_does_not_ring():
 def test_what_averages_lack_at_a_shock_is_told():
     """Set-up: averages of 1 + 0.2 sin(4 x), and of 1 more behind x + 0.4 z = 0.73, over 16^3 cells; a linear density.
 
-    Formula: columns along z at 200 places, against three times the error told, as budgets take it. Expected: all are
-    covered, by less than a hundredfold of their rms; of a linear density nothing is told but rounding.
+    Formula: columns along z at 200 places, against three times the reported error, as budgets take it. Expected: all
+    are covered, by less than a hundredfold of their rms; of a linear density nothing is reported but rounding.
     """
     n, fine = 16, 12
     x, z = np.meshgrid(*2 * [(np.arange(n * fine) + 0.5) / (n * fine)], indexing="ij")

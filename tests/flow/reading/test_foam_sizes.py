@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels.flow.reading.dataset import ReadError
-from aerokernels.flow.reading.foam_file import FoamFile
+from aerokernels.flow.reading.readers.foam_file import FoamFile
 
 
 def foam(path, arch: str, body: bytes, form: str = "binary"):

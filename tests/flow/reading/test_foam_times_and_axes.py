@@ -1,4 +1,4 @@
-"""OpenFOAM cases whose times or axis are told in several places: which of them count."""
+"""OpenFOAM cases whose times or axis are stated in several places: which of them count."""
 
 import shutil
 

@@ -97,7 +97,7 @@ def test_cells_of_an_order_that_nobody_can_cut_are_refused(tmp_path, kind, count
 
 
 def test_polyhedra_without_faces_are_refused(tmp_path):
-    """Set-up: a quadrilateral whose type a flipped digit made a polyhedron. Expected: told as damage."""
+    """Set-up: a quadrilateral whose type a flipped digit made a polyhedron. Expected: reported as damage."""
     grid = lagrange(2, 1, 2, linear)
     path = vtk_writers.write_vtk(tmp_path / "a.vtu", grid)
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter

@@ -11,10 +11,10 @@ import writers
 
 import aerokernels
 from aerokernels import flow
-from aerokernels.flow.reading.polygon_cells import Polygons
-from aerokernels.flow.reading.polygons import quad_mesh
+from aerokernels.flow.reading.planes.polygon_cells import Polygons
+from aerokernels.flow.reading.planes.polygons import quad_mesh
 from aerokernels.medium import QuadMesh
-from aerokernels.medium.kept_averages import conserving_values
+from aerokernels.medium.averages.kept_averages import conserving_values
 from aerokernels.process import fragile
 from tests.draws.damaged_files import DamagedCopies
 

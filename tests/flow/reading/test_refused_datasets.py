@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from aerokernels import DensityField, flow
-from aerokernels.flow.reading import foam_case, foam_file
 from aerokernels.flow.reading.dataset import (
     HEXAHEDRON,
     LINE,
@@ -19,6 +18,7 @@ from aerokernels.flow.reading.dataset import (
 from aerokernels.flow.reading.density import Reference
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.read import field_of, reading_of, unit_of_length
+from aerokernels.flow.reading.readers import foam_case, foam_file
 
 # Four quadrilaterals of a plane x-y, and eight hexahedra.
 AXIS = np.linspace(0.0, 1.0, 3)

@@ -6,8 +6,8 @@ Each case is a sound file of four points with one thing changed; the sound ones 
 import numpy as np
 import pytest
 
-from aerokernels.flow.reading import foam_case, named_arrays, su2, tecplot_text
 from aerokernels.flow.reading.dataset import ReadError
+from aerokernels.flow.reading.readers import foam_case, named_arrays, su2, tecplot_text
 
 POINTS = "0 0 1\n1 0 1\n0 1 1\n1 1 1\n"
 TECPLOT = f"TITLE = t\nVARIABLES = X, Y,\nrho\n# a comment\nZONE I=2, J=2, F=POINT\n{POINTS}"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
-from aerokernels.flow.reading import tecplot_binary, tecplot_text
 from aerokernels.flow.reading.dataset import ReadError
+from aerokernels.flow.reading.readers import tecplot_binary, tecplot_text
 
 X, Y, RHO = np.tile([0.0, 1.0, 2.0], 2), np.repeat([0.0, 1.0], 3), np.array([1.0, 1.5, 2.0, 1.25, 1.75, 2.25])
 QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial import Delaunay
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, trace
-from aerokernels.flow.reading.polygon_cells import Polygons
-from aerokernels.flow.reading.polygons import quad_mesh
+from aerokernels.flow.reading.planes.polygon_cells import Polygons
+from aerokernels.flow.reading.planes.polygons import quad_mesh
 
 RADIUS, CONTRAST = 2.5e-3, 6.6e-5
 
@@ -27,7 +27,7 @@ def field_on_triangles(count: int, moved: float) -> IndexField:
 
 @pytest.mark.parametrize(("count", "moved"), [(20, 0.0), (20, 0.3), (30, 0.3), (45, 0.3)])
 def test_the_error_told_covers_what_triangles_leave(count, moved):
-    """It left out that the vertices which cut a triangle have means of its corners: 0.65 of the error was told."""
+    """It left out that the vertices which cut a triangle have means of its corners: 0.65 of the error was reported."""
     field = field_on_triangles(count, moved)
     rays = RayBundle.collimated(Disc(2e-3, center=(0, 0, -1.4e-2)), 200)
     traced = trace(field, rays, until=Plane((0, 0, 1.4e-2), (0, 0, 1)), tolerance=1e-4)

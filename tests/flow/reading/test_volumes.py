@@ -1,4 +1,4 @@
-"""Volumes: uniform grids are kept, meshes of any solid cells are resampled, and the error told is the error made."""
+"""Volumes: uniform grids are kept, meshes of any solid cells are resampled, and the reported error is the true one."""
 
 import numpy as np
 import pytest
@@ -70,7 +70,8 @@ def test_cell_averages_keep_their_columns_and_the_error_is_told():
     """Set-up: averages of a smooth density in skewed hexahedra, 24 a side; resampled at the cells' size.
 
     Expected: integrals along z within second order of the exact ones, 1/24^2 times the second derivatives (below 10)
-    over 12: 1.5e-3; and what is told of the resampling is of the size of the true pointwise error, within a factor 4.
+    over 12: 1.5e-3; and what is reported of the resampling is of the size of the true pointwise error, within a factor
+    4.
     """
 
     def rho(p):
@@ -120,7 +121,7 @@ def foam_case(case, points, corners, is_wall=lambda middle: np.zeros(len(middle)
     (mesh / "boundary").write_bytes(head("polyBoundaryMesh", "boundary", False) + patch.encode())
     (case / "1").mkdir()
     # Averages over skewed cells: the density at the centroid, which for the linear one is exact.
-    from aerokernels.flow.reading.solids import solid_chunks
+    from aerokernels.flow.reading.volumes.solids import solid_chunks
 
     block = Block(points, Cells.of_one_type(HEXAHEDRON, corners))
     middle = np.concatenate([made().middle.T for made in solid_chunks(block, np.ascontiguousarray(points.T))])

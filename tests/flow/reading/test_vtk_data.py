@@ -6,8 +6,8 @@ import vtk_writers
 import writers
 
 from aerokernels import DensityField, flow
-from aerokernels.flow.reading import vtk_files
 from aerokernels.flow.reading.dataset import ReadError
+from aerokernels.flow.reading.readers import vtk_files
 
 pytest.importorskip("vtkmodules")
 from vtkmodules.util.numpy_support import numpy_to_vtk

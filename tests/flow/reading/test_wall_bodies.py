@@ -7,9 +7,9 @@ from aerokernels import QuadMesh
 from aerokernels.flow.reading.dataset import HEXAHEDRON, Block, Cells, Dataset, Patch, Polygons, ReadError
 from aerokernels.flow.reading.density import Reference
 from aerokernels.flow.reading.frame import Frame
-from aerokernels.flow.reading.logical import logical_rectangle
+from aerokernels.flow.reading.planes.logical import logical_rectangle
+from aerokernels.flow.reading.planes.walls import wall_body
 from aerokernels.flow.reading.read import field_of, reading_of
-from aerokernels.flow.reading.walls import wall_body
 
 
 def mesh(geometry: str = "planar", low: float = 0.0) -> QuadMesh:

@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ....medium.crossings import PARALLEL
+from ....medium.bodies.crossings import PARALLEL
+from ....medium.bodies.triangle_crossings import LEAST_SIDE
 from ....medium.grid import AXIS_CORE
-from ....medium.triangle_crossings import LEAST_SIDE
 from ....pupils import square_map
 from ... import scheme, tableau
-from ...pupil_sums import MOMENT_COUNT, SUM_COUNT
+from ...pupil.sums import MOMENT_COUNT, SUM_COUNT
 from ...result import OUTPUT_BITS
 from ...status import RayStatus
 from ...step_bound import CONE_SINES, CONES

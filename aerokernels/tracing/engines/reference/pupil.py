@@ -3,9 +3,9 @@
 import numpy as np
 
 from ....rays import RayBundle
-from ...lattice_quadrature import lattice_points, smoothed_axes
-from ...pupil_fit import fit_surface, moments_in_metres
-from ...pupil_sums import MOMENT_COUNT, PUPIL_OUTPUTS, PupilSums, PupilTask, radial_rays
+from ...pupil.fit import fit_surface, moments_in_metres
+from ...pupil.lattice_quadrature import lattice_points, smoothed_axes
+from ...pupil.sums import MOMENT_COUNT, PUPIL_OUTPUTS, PupilSums, PupilTask, radial_rays
 from ...status import reached
 from ...trace import run_plan
 

@@ -1,12 +1,12 @@
 """Device functions: where straight lines cross the surface of the body, by exact formulas. In float64.
 
-The formulas are in medium/crossings.py, the tree of boxes in medium/wall_tree.py. A line p + t d is a struct WallLine,
-see `build_wall_line`; d need not be a unit vector. The OpenCL twin is kernels/include/crossings.h.
+The formulas are in medium/bodies/crossings.py, the tree of boxes in medium/bodies/wall_tree.py. A line p + t d is a
+struct WallLine, see `build_wall_line`; d need not be a unit vector. The OpenCL twin is kernels/include/crossings.h.
 """
 
 import warp as wp
 
-from .....medium.crossings import PARALLEL
+from .....medium.bodies.crossings import PARALLEL
 from ..library import KernelLibrary, built_once
 from ..types import types
 from .triangles import NEVER, axes_across, passes_volume_box, triangle_crossing

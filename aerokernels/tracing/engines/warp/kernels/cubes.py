@@ -1,4 +1,4 @@
-"""Device functions: a volume's potential from the polynomials of cubes of cells, see tracing/cube_polynomials.py."""
+"""Device functions: a volume's potential from polynomials of cubes of cells (tracing/leapfrog/cube_polynomials.py)."""
 
 import warp as wp
 

@@ -17,9 +17,9 @@ taken, which matters only in the second order of the contrast.
 
 Error. The same sums over every third sample are the rule with N / 3 samples. The error estimate is a share of the
 differences (those of position and direction as far as they matter at an oblique stop), and a share of int P^2 / w dt
-for the leapfrog; a pilot bundle determines both shares (leapfrog.py). A ray is rejected, and traced by another method,
-if the estimate exceeds the budget, or if the ray turns by more than LEAPFROG_ANGLE, comes near a body or leaves by an
-edge of the box.
+for the leapfrog; a pilot bundle determines both shares (tracing/leapfrog/sample_count.py). A ray is rejected, and
+traced by another method, if the estimate exceeds the budget, or if the ray turns by more than LEAPFROG_ANGLE, comes
+near a body or leaves by an edge of the box.
 
 Stop. A ray that has left the field's support flies straight on: to a plane (ends.py), or to where this line leaves the
 box. In disturbed air the ray flies along a parabola from the last point of the undisturbed ray to its surface; the

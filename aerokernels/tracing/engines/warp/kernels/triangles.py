@@ -1,11 +1,11 @@
 """Device functions: where straight lines cross the triangles of a body in a volume, watertight. In float64.
 
-The formulas are in medium/triangle_crossings.py. The OpenCL twin is kernels/include/triangles.h.
+The formulas are in medium/bodies/triangle_crossings.py. The OpenCL twin is kernels/include/triangles.h.
 """
 
 import warp as wp
 
-from .....medium.triangle_crossings import LEAST_SIDE
+from .....medium.bodies.triangle_crossings import LEAST_SIDE
 from ....scheme import GRAZING_SQUARE
 from ..types import types
 

@@ -1,6 +1,6 @@
 """Device functions: a bound of the error from features between a ray's leapfrog samples.
 
-It is a table summed along the ray's path, and one looked up at its ends (see tracing/unresolved.py).
+It is a table summed along the ray's path, and one looked up at its ends (see tracing/leapfrog/unresolved.py).
 """
 
 import warp as wp

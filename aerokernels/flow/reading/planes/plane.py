@@ -1,0 +1,152 @@
+"""Two-dimensional files: their points in the optical frame, their mesh, and the density on it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....medium import QuadMesh
+from ..dataset import FLAT, Block, Dataset, ReadError
+from ..frame import Frame
+from .polygon_cells import Polygons
+from .polygons import merged, quad_mesh
+
+ON_AXIS = 1e-12  # of the greatest radius: rounding of points on the axis
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """Position of a two-dimensional file in the optical frame.
+
+    Attributes:
+        geometry: "planar" or "axisymmetric".
+        axes: x, y, z of the optical frame in the file's axes, as rows, shape (3, 3).
+        origin: The origin in the file's unit, shape (3,).
+        scale: The file's unit of length [m].
+    """
+
+    geometry: str
+    axes: np.ndarray
+    origin: np.ndarray
+    scale: float
+
+    @classmethod
+    def of(
+        cls, path, dataset: Dataset, geometry: str, frame: Frame, scale: float, normal: np.ndarray | None
+    ) -> "Plane":
+        """Return the plane of a file.
+
+        Raises:
+            ReadError: A frame that does not fit the geometry.
+        """
+        origin = np.array(frame.origin)
+        if geometry == "planar":
+            assert normal is not None
+            return cls(geometry, frame.axes(normal), origin, scale)
+        axis = np.array(dataset.axis or (1.0, 0.0, 0.0))
+        look = frame.look if frame.look is not None else -axis
+        if abs(abs(look @ axis) - 1.0) > 1e-9 or float(frame.rotation) != 0.0:
+            raise ReadError(
+                path,
+                f"the optical axis {look.tolist()} is not along the flow's axis of symmetry {axis.tolist()}",
+                "leave the frame along it, and let the rays run across: give their directions to the bundle or pupil",
+            )
+        off = origin - axis * (axis @ origin)
+        if off.any():
+            raise ReadError(
+                path, f"the origin {list(frame.origin)} is not on the axis of symmetry", "move it along the axis"
+            )
+        return cls(geometry, Frame(optical=tuple(look), up=frame.up).axes(), origin, scale)
+
+    def local(self, points: np.ndarray) -> np.ndarray:
+        """Return points in the file's frame, shape (..., 3), as (y, z) or (r, z) [m], shape (..., 2)."""
+        moved = self.scale * ((points - self.origin) @ self.axes.T)
+        if self.geometry == "planar":
+            return np.asarray(moved[..., 1:] + 0.0)
+        radius = np.hypot(moved[..., 0], moved[..., 1])
+        radius = np.where(radius > ON_AXIS * radius.max(initial=0.0), radius, 0.0)
+        return np.stack([radius, moved[..., 2]], axis=-1) + 0.0
+
+
+def block_polygons(path, block: Block, plane: Plane, values: np.ndarray, where: str) -> Polygons:
+    """Return the cells of a block as polygons in the plane, without blanked cells.
+
+    Raises:
+        ReadError: Points without cells, or cells that are not flat.
+    """
+    points = plane.local(block.points)
+    if block.shape is not None:
+        corners = _structured(path, block)
+        start = 4 * np.arange(len(corners) + 1)
+        corners = corners.ravel()
+    elif block.cells is not None and len(block.cells):
+        keep = np.isin(block.cells.types, FLAT)
+        if not keep.any():
+            raise ReadError(
+                path, f"block {block.name!r} has no triangles, quadrilaterals or polygons", "give a flow's mesh"
+            )
+        start, corners = block.cells.start, block.cells.points
+        if not keep.all():  # such as lines of the boundary
+            width = np.diff(start)
+            corners = corners[np.repeat(keep, width)]
+            start = np.concatenate([[0], np.cumsum(width[keep])])
+            values = values[keep] if where == "cell" else values
+    else:
+        raise ReadError(
+            path, f"block {block.name!r} has points and no cells", "give a file with cells, or a grid's shape"
+        )
+    polygons = Polygons(points, start, corners, values, where)
+    if block.blank is not None and block.blank.any():
+        blank = block.blank
+        if len(blank) == len(block.points):
+            blank = np.maximum.reduceat(blank[polygons.corners], polygons.start[:-1])
+        return polygons.kept(~blank)
+    return polygons.used()  # without mid-edge nodes of quadratic cells, say
+
+
+def structured_mesh(block: Block, plane: Plane) -> QuadMesh | None:
+    """Return the mesh of a structured block without holes, in its own order; None if its cells need cutting."""
+    if block.shape is None or (block.blank is not None and block.blank.any()):
+        return None
+    counts = [n for n in block.shape if n > 1]
+    if len(counts) != 2:
+        return None
+    local = plane.local(block.points).reshape(counts[1], counts[0], 2)
+    for axis in (0, 1):
+        if (np.diff(local, axis=axis) == 0.0).all(axis=-1).any():
+            return None  # collapsed edges, at a pole
+    try:
+        return QuadMesh.structured(local[..., 0], local[..., 1], plane.geometry)
+    except ValueError:
+        return None  # as polygons such cells are cut, or rejected with a specific message
+
+
+def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[QuadMesh, np.ndarray, str, str]:
+    """Return the mesh of a two-dimensional file, its densities, their place ("cell" or "point"), and a remark.
+
+    Raises:
+        ReadError: Blocks that cannot form a mesh.
+    """
+    try:
+        if len(blocks) == 1 and (mesh := structured_mesh(blocks[0], plane)) is not None:
+            return mesh, densities[0][0], densities[0][1], ""
+        parts = [block_polygons(path, block, plane, *own) for block, own in zip(blocks, densities, strict=True)]
+        polygons = merged(parts, [block.shape is not None for block in blocks])
+        if all(block.shape is not None for block in blocks):
+            polygons = polygons.without_repeats()  # at the pole of a grid; elsewhere double points are an error
+        mesh, values, remark = quad_mesh(polygons, plane.geometry)
+    except ReadError:
+        raise
+    except ValueError as fault:
+        raise ReadError(path, f"its mesh cannot be used: {fault}", "repair the mesh and write the file again") from None
+    return mesh, values, polygons.where, remark
+
+
+def _structured(path, block: Block) -> np.ndarray:
+    """Return the corners of each cell of a flat structured block, shape (cell_count, 4)."""
+    assert block.shape is not None
+    counts = [n for n in block.shape if n > 1]
+    if len(counts) != 2:
+        raise ReadError(path, f"block {block.name!r} of {block.shape} points is not flat", "give a plane or a volume")
+    index = np.arange(counts[0] * counts[1]).reshape(counts[1], counts[0])
+    corners = [index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]]
+    return np.stack(corners, axis=-1).reshape(-1, 4)

@@ -1,0 +1,62 @@
+"""Read CGNS files with VTK's reader: structured and unstructured zones, solutions at vertices or cell centres.
+
+Runs in the child process of fragile.py.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..dataset import Dataset, ReadError, chosen_time
+from .cgns_statements import statements
+from .cgns_units import units
+from .cgns_walls import patches
+from .vtk_files import DAMAGED, blocks_of, run
+
+
+def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+    """Read a CGNS file.
+
+    Raises:
+        ReadError: An error that VTK reports, or a file without flow.
+    """
+    from vtkmodules.vtkIOCGNSReader import vtkCGNSReader
+
+    reader = vtkCGNSReader()
+    reader.SetFileName(str(path))
+    if not reader.CanReadFile(str(path)):
+        raise ReadError(path, "it is not a CGNS file, or it is incomplete", DAMAGED)
+    reader.UpdateInformation()
+    reader.EnableAllBases()
+    reader.EnableAllPointArrays()
+    reader.EnableAllCellArrays()
+    reader.SetDoublePrecisionMesh(1)
+    reader.SetLoadBndPatch(False)
+    times = _times(reader)
+    chosen = chosen_time(path, times, time)
+    if chosen is not None:
+        reader.UpdateTimeStep(chosen)
+    data = run(path, reader)
+    blocks = [block for block in blocks_of(path, data) if block.cell_count]
+    if not blocks:
+        raise ReadError(path, "it has no zone with cells", DAMAGED)
+    names = [block.name for block in blocks]
+    twice = next((name for name in names if name and names.count(name) > 1), None)
+    if reader.GetNumberOfBaseArrays() > 1 and twice is not None:
+        fault = f"{reader.GetNumberOfBaseArrays()} of its bases contain a zone {twice!r}: moments or cases of one flow"
+        raise ReadError(path, fault, "write each base to a file of its own")
+    blocks = [replace(block, name=block.name or f"zone {k}") for k, block in enumerate(blocks, start=1)]
+    found, notes = patches(path)
+    length, stated = units(path)
+    axis, more = statements(path)
+    geometry = None if axis is None else "axisymmetric"
+    return Dataset(blocks, "CGNS", geometry, patches=found, times=times, time=chosen, axis=axis, units=stated,
+                   length=length, notes=[*notes, *more])  # fmt: skip
+
+
+def _times(reader) -> list[float]:
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
+
+    information, key = reader.GetOutputInformation(0), Pipeline.TIME_STEPS()
+    times = [float(information.Get(key, k)) for k in range(information.Length(key))] if information.Has(key) else []
+    return [] if times == [0.0] else times  # VTK reports [0] for a file without times

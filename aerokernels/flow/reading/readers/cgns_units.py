@@ -1,0 +1,80 @@
+"""Units of a CGNS file in HDF5, from the DimensionalUnits_t nodes of coordinates and solution arrays.
+
+The units of a node apply to all nodes below it that have no units of their own, if the data class is dimensional or not
+stated. An array's exponents combine the base units; the exponents of density, pressure and temperature are known from
+their names.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from ..array_units import length_of
+from .cgns_nodes import Node, children, data_of, opened, text_of
+
+# Symbols of the standard's unit names, in the order of the exponents: mass, length, time, temperature, angle.
+SYMBOLS = (
+    {"Kilogram": "kg", "Gram": "g", "Slug": "slug", "PoundMass": "lb"},
+    {"Meter": "m", "Centimeter": "cm", "Millimeter": "mm", "Foot": "ft", "Inch": "in"},
+    {"Second": "s"},
+    {"Kelvin": "K", "Celsius": "degC", "Rankine": "degR", "Fahrenheit": "degF"},
+    {"Degree": "deg", "Radian": "rad"},
+)
+EXPONENTS = {
+    "Density": (1.0, -3.0, 0.0, 0.0, 0.0),
+    "Pressure": (1.0, -1.0, -2.0, 0.0, 0.0),
+    "Temperature": (0.0, 0.0, 0.0, 1.0, 0.0),
+}
+LENGTH = (0.0, 1.0, 0.0, 0.0, 0.0)
+WIDTH = 32  # characters of each unit name
+
+
+def units(path: Path) -> tuple[float | None, dict[str, str]]:
+    """Return the unit of length [m] or None, and the unit of each array, from the first zone that states it.
+
+    Raises:
+        ReadError: An unknown unit of length.
+    """
+    with opened(path) as root:
+        return (None, {}) if root is None else units_of(path, root)
+
+
+def units_of(path: Path, root: Node) -> tuple[float | None, dict[str, str]]:
+    """Return what `units` does, from the root node of a file."""
+    lengths: dict[str, str] = {}
+    arrays: dict[str, str] = {}
+    for base in children(root, "CGNSBase_t"):
+        for zone in children(base, "Zone_t"):
+            for label in ("GridCoordinates_t", "FlowSolution_t"):
+                for part in children(zone, label):
+                    for array in children(part, "DataArray_t"):
+                        known = LENGTH if label == "GridCoordinates_t" else EXPONENTS.get(array.name)
+                        unit = _unit([root, base, zone, part, array], known)
+                        if unit:
+                            (lengths if label == "GridCoordinates_t" else arrays).setdefault(array.name, unit)
+    return length_of(path, lengths)[0], arrays
+
+
+def _unit(above: list[Node], known: tuple[float, ...] | None) -> str:
+    """Return the unit of the last of a path of nodes, each the child of the one before; empty if not stated."""
+    words, kind = None, ""
+    for node in above:
+        for own in children(node, "DataClass_t"):
+            kind = text_of(own)
+        for own in children(node, "DimensionalUnits_t"):
+            words = np.asarray(data_of(own)).tobytes().decode("latin-1")
+    if words is None or kind not in ("", "Dimensional", "DataClassNull"):
+        return ""
+    stated = next(iter(children(above[-1], "DimensionalExponents_t")), None)
+    exponents = known if stated is None else tuple(float(power) for power in data_of(stated))
+    if exponents is None:
+        return ""
+    said = []
+    for k, (symbols, power) in enumerate(zip(SYMBOLS, exponents, strict=False)):
+        symbol = symbols.get(words[k * WIDTH : (k + 1) * WIDTH].strip(" \0"))
+        if not power:
+            continue
+        if symbol is None:
+            return ""
+        said.append(symbol if power == 1.0 else f"{symbol}^{power:g}")
+    return " ".join(said)

@@ -1,0 +1,211 @@
+"""Parse one file of an OpenFOAM case: its header, and lists and words at a cursor, in ascii and binary.
+
+The format: a dictionary FoamFile {...} with `format` and `arch`, then entries. A list is a count and its entries in
+brackets, `3(1 2 3)`; in binary files the entries between the brackets are raw numbers, whose sizes `arch` states
+("LSB;label=32;scalar=64").
+"""
+
+import gzip
+import re
+import warnings
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from ....process.room import check_room
+from ..dataset import ReadError, whole_number
+
+_BLANK = re.compile(rb"(?:\s+|//[^\n]*\n?|/\*.*?\*/)*", re.DOTALL)
+_WORD = re.compile(rb'"[^"\n]*"|[^\s(){};"]+')
+_HEADER = re.compile(rb"FoamFile\s*\{(.*?)\}", re.DOTALL)
+_ENTRY = re.compile(r"""(\w+)\s+("[^"\n]*"|[^;]+);""")  # a text may contain semicolons, as arch's does
+_BRACKETS = bytes.maketrans(b"()", b"  ")
+PIECE = 1 << 24  # [bytes] unpacked at once
+REMEDY = "the file is damaged or was not written to its end: write it again, or read another time"
+
+
+def find(path: Path) -> Path | None:
+    """Return the path of the file or of its gzip-compressed version, whichever exists, or None."""
+    if path.is_file():
+        return path
+    packed = path.with_name(path.name + ".gz")
+    return packed if packed.is_file() else None
+
+
+def _unpacked(path: Path) -> bytes:
+    """Return the content of a compressed file, after checking that it fits in memory.
+
+    The content may be a thousand times larger than the file.
+    """
+    parts: list[bytes] = []
+    with gzip.open(path) as stream:
+        while part := stream.read(PIECE):
+            parts.append(part)
+            check_room(float(sum(map(len, parts))), f"{path}: what it unpacks to")
+    return b"".join(parts)
+
+
+class FoamFile:
+    """The bytes of a file and a cursor in them.
+
+    Attributes:
+        path: The file.
+        data: Its bytes, unpacked.
+        header: Entries of FoamFile.
+        binary: Whether lists are raw numbers.
+        at: The cursor.
+    """
+
+    def __init__(self, path: Path):
+        """Read the file and its header.
+
+        Raises:
+            ReadError: No such file, a damaged gzip file, or no header.
+        """
+        found = find(path)
+        if found is None:
+            raise ReadError(path, "there is no such file", "give the folder of a whole OpenFOAM case")
+        self.path = found
+        self.data = found.read_bytes()
+        if found.suffix == ".gz" or self.data[:2] == b"\x1f\x8b":
+            try:
+                self.data = _unpacked(found)
+            except (OSError, EOFError, zlib.error):
+                raise ReadError(found, "the compressed file ends early or is damaged", REMEDY) from None
+        header = _HEADER.search(self.data[:8192])
+        if header is None:
+            raise ReadError(found, "it has no FoamFile header", "give a case that OpenFOAM wrote")
+        entries = _ENTRY.findall(header[1].decode("latin-1"))
+        self.header = {key: value.strip().strip('"') for key, value in entries}
+        self.binary = self.header.get("format", "ascii") == "binary"
+        self.at = header.end()
+        arch = self.header.get("arch", "")
+        order = ">" if "MSB" in arch else "<"
+        sizes = {"label": "32", "scalar": "64", **dict(re.findall(r"(label|scalar)=(\d+)", arch))}
+        if wrong := [f"{key}={bits}" for key, bits in sizes.items() if bits not in ("32", "64")]:
+            raise self.fault(f"its header states {wrong[0]}: numbers have 32 or 64 bits")
+        self.label = np.dtype(f"{order}i{int(sizes['label']) // 8}")
+        self.scalar = np.dtype(f"{order}f{int(sizes['scalar']) // 8}")
+
+    def fault(self, what: str, remedy: str = REMEDY) -> ReadError:
+        """Return an error at the cursor."""
+        return ReadError(self.path, f"{what} (byte {self.at} of {len(self.data)})", remedy)
+
+    def skip(self) -> None:
+        """Move the cursor past white space and comments."""
+        self.at = _BLANK.match(self.data, self.at).end()  # type: ignore[union-attr]
+
+    def peek(self) -> bytes:
+        """Return the next character that is not blank; empty at the end of the file."""
+        self.skip()
+        return self.data[self.at : self.at + 1]
+
+    def expect(self, mark: bytes) -> None:
+        """Move past a mark such as b"(" that must come next."""
+        if self.peek() != mark:
+            raise self.fault(f"expected {mark.decode()!r}, found {self.data[self.at : self.at + 12]!r}")
+        self.at += 1
+
+    def word(self) -> str:
+        """Return the next word and move past it."""
+        self.skip()
+        match = _WORD.match(self.data, self.at)
+        if match is None:
+            raise self.fault(f"expected a word, found {self.data[self.at : self.at + 12]!r}")
+        self.at = match.end()
+        return match[0].decode("latin-1").strip('"')
+
+    def count(self, repeated: int = 0) -> int:
+        """Return the next word as the length of a list.
+
+        The length is at most the size of the file, or `repeated` for a list of one value, `5{1.2}`.
+
+        Raises:
+            ReadError: Not a number, or a greater one.
+        """
+        word = self.word()
+        count = whole_number(word)
+        if count is None or count > max(len(self.data), repeated if self.peek() == b"{" else 0):
+            raise self.fault(f"a list cannot have {word[:20]!r} entries")
+        return count
+
+    def numbers(self, kind: np.dtype, width: int = 1, repeated: int = 0) -> np.ndarray:
+        """Return a list of numbers, or of vectors of `width` numbers: shape (n,) or (n, width).
+
+        A list of one repeated value has at most as many entries as the file has bytes, or `repeated`.
+
+        Raises:
+            ReadError: Another number of entries than was announced, or entries that are not numbers.
+        """
+        count = self.count(repeated)
+        uniform = self.peek() == b"{"
+        if count == 0 and self.peek() not in (b"(", b"{"):
+            return np.zeros((0,) if width == 1 else (0, width), kind.newbyteorder("="))
+        self.expect(b"{" if uniform else b"(")
+        if uniform:
+            values = np.tile(self._text(self._until(rb"\}"), kind, width), count)
+        elif self.binary and count:
+            size = count * width * kind.itemsize
+            if not self._closes(size):
+                raise self.fault(f"{count} binary entries of {kind.itemsize} bytes do not fit between their brackets")
+            values = np.frombuffer(self.data, kind, count * width, self.at)
+            self.at += size + 1
+        else:
+            nested = rb"\)\s*\)" if width > 1 and count else rb"\)"
+            values = self._text(self._until(nested), kind, count * width)
+        values = values.astype(values.dtype.newbyteorder("="))
+        return values if width == 1 else values.reshape(count, width)
+
+    def faces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return a list of faces: the first entry of each, shape (n + 1,), and their points, concatenated."""
+        if "Compact" in self.header.get("class", "") and self.binary:
+            start, points = self.numbers(self.label), self.numbers(self.label)
+            good = len(start) > 0 and start[0] == 0 and start[-1] == len(points) and (np.diff(start) > 2).all()
+            if not good:
+                raise self.fault("the list of faces does not agree with itself")
+            return start.astype(np.int64), points.astype(np.int64)
+        count = self.count()
+        self.expect(b"(")
+        flat = self._text(self._until(rb"\)\s*\)") if count else b"", np.dtype(np.int64), None)
+        start = np.zeros(count + 1, dtype=np.int64)
+        place = 0
+        width = int(flat[0]) if len(flat) else 0
+        if count and width > 2 and len(flat) == count * (width + 1) and (flat[:: width + 1] == width).all():
+            return width * np.arange(count + 1), flat.reshape(count, width + 1)[:, 1:].ravel()
+        keep = np.ones(len(flat), dtype=bool)
+        for face in range(count):
+            if place >= len(flat) or not 3 <= flat[place] <= len(flat) - place - 1:
+                raise self.fault(f"face {face} of {count} is cut off or has no three points")
+            keep[place] = False
+            start[face + 1] = start[face] + flat[place]
+            place += int(flat[place]) + 1
+        if place != len(flat):
+            raise self.fault(f"there is more than the announced {count} faces")
+        return start, flat[keep]
+
+    def _closes(self, size: int) -> bool:
+        return self.at + size < len(self.data) and self.data[self.at + size : self.at + size + 1] == b")"
+
+    def _until(self, pattern: bytes) -> bytes:
+        """Return the text up to a pattern; the cursor moves past the pattern."""
+        match = re.compile(pattern).search(self.data, self.at)
+        if match is None:
+            raise self.fault("a list is not closed")
+        text = self.data[self.at : match.start()]
+        self.at = match.end()
+        return text
+
+    def _text(self, text: bytes, kind: np.dtype, count: int | None) -> np.ndarray:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            try:
+                kind = np.dtype(f"{kind.kind}8")  # all digits of a text, whatever size `arch` states
+                values = np.fromstring(text.translate(_BRACKETS).decode("latin-1"), kind, sep=" ")
+            except (DeprecationWarning, ValueError):
+                raise self.fault("a list contains something that is not a number") from None
+        if text.strip(b" \n\r\t()") == b"":
+            values = values[:0]
+        if count is not None and len(values) != count:
+            raise self.fault(f"a list announces {count} numbers and has {len(values)}")
+        return values

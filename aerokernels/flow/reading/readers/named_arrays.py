@@ -1,0 +1,309 @@
+"""Read named arrays from NPZ and HDF5 files, with coordinates along axes or for every sample.
+
+Coordinates are arrays called x, y, z or r, z (`variables` names others): one number for each index along an axis, or
+one for each sample. A field of r and z is axisymmetric. HDF5 files are read in the child process of fragile.py.
+
+Without coordinate arrays, the two ends of each axis define uniform cells, and the arrays are taken as averages over
+them. The ends are in `variables`, or in attributes of an HDF5 file called xmin and xmax, x_min and x_max, and so on.
+"""
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....process.room import NoRoomError, check_room
+from ..array_units import length_of, stated_unit, unit_of_array
+from ..dataset import DAMAGED, HDF5_MAGIC, Block, Dataset, ReadError, chosen_time
+from ..density import plain_name
+from .coordinates import COLUMNS, PLACE, axes_of
+
+AXIS_END = re.compile(r"([xyzr])_?(min|max)")
+
+
+def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+    """Read a file of named arrays.
+
+    Raises:
+        ReadError: A damaged file, or one without coordinates.
+    """
+    units: dict[str, str] = {}
+    ends: dict[str, tuple[float, float]] = {}
+    variables = dict((options or {}).get("variables") or {})
+    with path.open("rb") as stream:
+        head = stream.read(8)
+    if path.suffix.lower() == ".npz":
+        arrays, kind = _npz(path), "NumPy arrays"
+    elif head == HDF5_MAGIC:
+        (arrays, units, ends), kind = _hdf5(path), "HDF5"
+    else:
+        raise ReadError(path, "it does not begin like an HDF5 file", DAMAGED)
+    return arrays_as_dataset(path, arrays, units, ends, variables, kind, time)
+
+
+def arrays_as_dataset(
+    path: Path,
+    arrays: dict[str, np.ndarray],
+    units: dict[str, str],
+    ends: dict[str, tuple[float, float]],
+    variables: dict[str, Any],
+    kind: str,
+    time: Any,
+) -> Dataset:
+    """Return the dataset of named arrays, their units and the ends of axes; `variables` is the caller's."""
+    given = {axis: value for axis, value in variables.items() if not isinstance(value, str)}
+    if given:  # ends of axes that a caller gives replace the file's coordinates
+        arrays = {n: own for n, own in arrays.items() if not any(plain_name(n, True) in COLUMNS[a] for a in COLUMNS)}
+    arrays, note = _with_even_cells(path, arrays, variables, given or ends)
+    found = dataset_of(path, arrays, units, {a: v for a, v in variables.items() if a not in given}, kind, time)
+    return replace(found, notes=[*found.notes, note]) if note else found
+
+
+def _npz(path: Path) -> dict[str, np.ndarray]:
+    import zipfile
+    import zlib
+
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            check_room(float(sum(part.file_size for part in data.zip.infolist())), f"{path}: it")
+            found = {name: _unless_objects(data, name) for name in data.files}
+        arrays = {name: own for name, own in found.items() if own is not None and own.dtype.kind in "iufb"}
+    except NoRoomError:
+        raise
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        ValueError,
+        KeyError,
+        OSError,
+        EOFError,
+        NotImplementedError,
+        SyntaxError,
+    ) as fault:
+        raise ReadError(path, f"it is not a complete NPZ file ({fault})", DAMAGED) from None
+    if not arrays and None in found.values():
+        raise ReadError(
+            path,
+            "it contains only Python objects, which are never unpickled, because that would run code in them",
+            "save plain arrays: numpy.savez(path, x=..., y=..., density=...)",
+        )
+    return arrays
+
+
+def _unless_objects(data, name: str) -> np.ndarray | None:
+    """Return an array of an NPZ file; None for an array of Python objects, which is never unpickled."""
+    try:
+        _check_heading(data, name)
+        return np.asarray(data[name])
+    except ValueError as fault:
+        if "allow_pickle" in str(fault):
+            return None
+        raise
+
+
+def _check_heading(data, name: str) -> None:
+    """Reject an array whose header announces more numbers than its part of the file holds, before allocating it."""
+    part = data.zip.getinfo(name if name in data.zip.namelist() else f"{name}.npy")
+    with data.zip.open(part) as stream:
+        if not stream.peek(6).startswith(np.lib.format.MAGIC_PREFIX):
+            return
+        version = np.lib.format.read_magic(stream)
+        if version == (1, 0):
+            shape, _, kind = np.lib.format.read_array_header_1_0(stream)
+        elif version == (2, 0):
+            shape, _, kind = np.lib.format.read_array_header_2_0(stream)
+        else:
+            return
+    if not kind.hasobject and math.prod(shape) * kind.itemsize > part.file_size:
+        raise ValueError(f"{name} announces {math.prod(shape):.4g} numbers in {part.file_size} bytes")
+
+
+def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, tuple[float, float]]]:
+    """Return the arrays of an HDF5 file by name, their units, and the ends of axes."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return arrays_of(file)
+    except (OSError, RuntimeError, KeyError, ValueError) as fault:
+        raise ReadError(path, f"HDF5 cannot read it ({str(fault)[:120]})", DAMAGED) from None
+
+
+def arrays_of(file: Any) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, tuple[float, float]]]:
+    """Return what `_hdf5` does, from an open file."""
+    import h5py
+
+    arrays: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    bounds: dict[str, set[float]] = {}
+
+    def take(name: str, entry) -> None:
+        for key, value in entry.attrs.items():
+            number = np.asarray(value)
+            if (end := AXIS_END.fullmatch(key.lower())) and number.size == 1 and number.dtype.kind in "iuf":
+                bounds.setdefault("".join(end.groups()), set()).add(float(number.reshape(-1)[0]))
+        if isinstance(entry, h5py.Dataset) and entry.shape and np.issubdtype(entry.dtype, np.number):
+            if name.rsplit("/", 1)[-1] in ("data", "values") and len(entry.parent) == 1 and "/" in name:
+                name = name.rsplit("/", 1)[0]  # a group with a single array gives it its name
+            arrays[name] = entry[...]
+            units[name] = stated_unit(entry.attrs)
+
+    take("", file)
+    file.visititems(take)
+    known = {key: values.pop() for key, values in bounds.items() if len(values) == 1}
+    ends = {a: (known[f"{a}min"], known[f"{a}max"]) for a in "xyzr" if f"{a}min" in known and f"{a}max" in known}
+    return arrays, units, ends
+
+
+def _with_even_cells(path, arrays, variables, ends) -> tuple[dict[str, np.ndarray], str]:
+    """Return the arrays with the edges of uniform cells if they have no coordinates, and a note."""
+    if not ends or any(plain_name(name, True) in names for name in arrays for names in COLUMNS.values()):
+        return arrays, ""
+    if any(isinstance(value, str) for value in variables.values()):
+        return arrays, ""
+    pairs: dict[str, np.ndarray] = {}
+    for axis, pair in ends.items():
+        numbers = np.asarray(pair)
+        whole = axis in COLUMNS and numbers.shape == (2,) and numbers.dtype.kind in "iuf" and np.isfinite(numbers).all()
+        if not whole or not numbers[0] < numbers[1]:
+            raise ReadError(path, f"the ends of {axis} are {pair!r}", "give two numbers that increase: x = [0.0, 1.0]")
+        pairs[axis] = numbers.astype(np.float64)
+    shapes = [own.shape for own in arrays.values() if own.ndim >= 2 and min(own.shape) > 1]
+    count = max((len(shape) for shape in shapes), default=0)
+    axes = [axis for axis in ("r", "x", "y", "z") if axis in pairs]
+    shape = max(shapes, key=shapes.count, default=())
+    if len(axes) > count == 2:  # ignore the ends of the third axis of a plane file
+        axes = axes[:2]
+    if len(axes) != len(shape):
+        return arrays, ""
+    edges = {axis: np.linspace(pairs[axis][0], pairs[axis][1], n + 1) for axis, n in zip(axes, shape, strict=True)}
+    said = ", ".join(f"{axis} from {pairs[axis][0]:g} to {pairs[axis][1]:g}" for axis in axes)
+    return {**edges, **arrays}, f"taken as averages over {' x '.join(map(str, shape))} even cells, {said}"
+
+
+def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool = False) -> Dataset:
+    """Return a dataset of named arrays; `variables` names coordinates by axis.
+
+    The axes of `labelled` arrays are in a known order; the axes of other arrays are identified by their lengths, where
+    these differ.
+    """
+    plain: dict[str, str] = {}
+    for name in sorted(arrays, key=lambda name: name.count("/")):  # an array at the root counts before those in groups
+        plain.setdefault(plain_name(name, True), name)
+    chosen = {}
+    for axis, names in COLUMNS.items():
+        if axis in variables:
+            if variables[axis] not in arrays:
+                raise ReadError(path, f"there is no array {variables[axis]!r}", f"take one of {', '.join(arrays)}")
+            chosen[axis] = variables[axis]
+        elif found := next((plain[name] for name in names if name in plain), None):
+            chosen[axis] = found
+    if unknown := set(variables) - set(COLUMNS):
+        raise ReadError(path, f"variables: {sorted(unknown)[0]!r} is not a coordinate", "name x, y, z or r, z")
+    axes, symmetry = axes_of(chosen)
+    if len(axes) < 2:
+        lacking = f"only {min(chosen)} is known, of two coordinates at least" if chosen else "no coordinates are known"
+        raise ReadError(
+            path, f"{lacking} (there are: {', '.join(arrays) or 'no arrays'})",
+            "call them x, y, z or r, z, or name them: variables={'x': 'NAME', ...}; a flow along one axis alone needs "
+            "its samples repeated at two places of a second one",
+        )  # fmt: skip
+    chosen = {axis: chosen[axis] for axis in axes}
+    times, arrays, taken = _at_time(path, arrays, chosen, units, time)
+    coordinates = [np.asarray(arrays[chosen[axis]], dtype=np.float64) for axis in axes]
+    length, factors = length_of(path, {chosen[axis]: units.get(chosen[axis], "") for axis in axes})
+    coordinates = [own * factor for own, factor in zip(coordinates, factors, strict=True)]
+    alike = not labelled and all(own.ndim == 1 for own in coordinates) and len({*map(len, coordinates)}) < len(axes)
+    block, notes = _block(path, axes, coordinates, {n: a for n, a in arrays.items() if n not in chosen.values()})
+    if alike and block.shape:
+        notes = [*notes, f"arrays taken as [{', '.join(axes)}]"]
+    geometry = None if symmetry is None else "axisymmetric"
+    return Dataset([block], kind, geometry, times=times, time=taken, axis=symmetry, units=units, length=length,
+                   notes=notes, grouped=not labelled)  # fmt: skip
+
+
+def _block(path, axes, coordinates, arrays) -> tuple[Block, list[str]]:
+    """Return the samples as a structured block, with the last axis of the arrays the slowest of the block, and notes.
+
+    Samples at scattered points are joined like the points of a table.
+    """
+    if all(own.ndim == 1 for own in coordinates) and not _is_cloud(coordinates, arrays):
+        counts = tuple(len(own) for own in coordinates)
+        cells = tuple(n - 1 for n in counts)
+        if 0 in counts or not any({own.shape, own.shape[::-1]} & {counts, cells} for own in arrays.values()):
+            raise _no_samples(path, counts)  # before meshgrid: a few numbers may announce billions of points
+        full = np.meshgrid(*coordinates, indexing="ij")
+    else:
+        shapes = {own.shape for own in coordinates}
+        if len(shapes) > 1:
+            raise ReadError(
+                path,
+                f"coordinates have shapes {sorted(shapes)}",
+                "give one for each index along an axis, or for each sample",
+            )
+        counts = shapes.pop()
+        if len(counts) == 1:
+            from .point_table import joined
+
+            points = np.zeros((counts[0], 3))
+            for axis, own in zip(axes, coordinates, strict=True):
+                points[:, PLACE[axis]] = own
+            return joined(path, points, {n: np.asarray(a, float) for n, a in arrays.items() if a.shape == counts})
+        cells = tuple(n - 1 for n in counts)
+        full = coordinates
+    points = np.zeros((int(np.prod(counts)), 3))
+    for axis, own in zip(axes, full, strict=True):
+        points[:, PLACE[axis]] = own.ravel(order="F")
+    point_data, cell_data = {}, {}
+    for name, own in arrays.items():
+        turned = own
+        if own.ndim == len(counts) and own.shape not in (counts, cells) and own.shape[::-1] in (counts, cells):
+            turned = own.T  # as C programs and NetCDF write (z, y, x)
+        if turned.dtype != np.float16:  # half precision stays visible, and is rejected where it is used
+            turned = np.asarray(turned, dtype=np.float64)
+        if turned.shape == counts:
+            point_data[name] = turned.ravel(order="F")
+        elif turned.shape == cells and min(cells) > 0:
+            cell_data[name] = turned.ravel(order="F")
+    shape = (*counts, 1)[:3] if len(counts) < 3 else counts
+    if not point_data and not cell_data:
+        raise _no_samples(path, counts)
+    return Block(points, None, (int(shape[0]), int(shape[1]), int(shape[2])), point_data, cell_data), []
+
+
+def _no_samples(path, counts: tuple[int, ...]) -> ReadError:
+    return ReadError(path, f"no array has a sample for each of the {counts} places", "see what the file holds")
+
+
+def _is_cloud(coordinates, arrays) -> bool:
+    """Return whether coordinates of equal length belong to samples, not to axes."""
+    counts = tuple(len(own) for own in coordinates)
+    if len(set(counts)) > 1:
+        return False
+    grids = (counts, tuple(n - 1 for n in counts))
+    return not any(own.shape in grids for own in arrays.values()) and any(
+        own.shape == counts[:1] for own in arrays.values()
+    )
+
+
+def _at_time(path, arrays, chosen, units, asked):
+    """Return the arrays at one time, if there is an axis of time: it comes first."""
+    name = next((name for name in arrays if plain_name(name, True) in ("time", "t") and arrays[name].ndim == 1), None)
+    rank = max((arrays[own].ndim for own in chosen.values()), default=1)
+    rank = len(chosen) if rank == 1 else rank
+    times = []
+    if name is not None and any(a.ndim == rank + 1 and a.shape[0] == len(arrays[name]) for a in arrays.values()):
+        since = units.get(name, "").split(" since ")[0]  # "seconds since 2020-01-01"
+        unit = unit_of_array(path, name, since, "time").factor
+        times = [float(value) * unit for value in arrays[name]]
+    chosen_one = chosen_time(path, times, asked)
+    if chosen_one is None:
+        return [], arrays, None
+    index = times.index(chosen_one)
+    cut = {
+        n: a[index] if a.ndim == rank + 1 and a.shape[0] == len(times) else a for n, a in arrays.items() if n != name
+    }
+    return times, cut, chosen_one

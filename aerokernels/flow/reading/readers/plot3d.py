@@ -1,0 +1,231 @@
+"""Read Plot3D: a grid and its solution (q) or functions (f), binary of either kind and byte order, or ascii.
+
+The file does not state its own form (Fortran records or plain bytes, byte order, precision, one grid or several, two or
+three dimensions, iblank). The form follows from the file's size: only one interpretation fits to the last byte. A file
+that fits none is damaged.
+
+    grid       [grids]  ni nj [nk] ...   x y [z] [iblank], i fastest
+    q          [grids]  ni nj [nk] ...   mach alpha re time   rho rho_u rho_v [rho_w] e
+    functions  [grids]  ni nj [nk] n ... f1 ... fn
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..dataset import Block, Dataset, ReadError
+from .text_tables import fortran_numbers
+
+DAMAGED = "the file is damaged, or no file of Plot3D: write it again"
+GRID_ENDS = (".xyz", ".x", ".g", ".p3d", ".grd", ".p2d")
+SOLUTION_ENDS = (".q", ".f", ".fun", ".p3dq")
+GREATEST_GRID_COUNT = 100_000
+PADDING = 1024  # [bytes] a disk or tape block
+RELATIVE = "q files are mostly non-dimensional: without a reference their density is taken as kg/m3"
+CONSERVATIVE = ("density", "momentum_x", "momentum_y", "momentum_z", "energy")
+
+
+class _Stream:
+    """The numbers of a file under one interpretation of its bytes or text, taken record by record."""
+
+    def __init__(self, source: bytes | np.ndarray, order: str = "", real: int = 0, records: bool = False):
+        """Interpret bytes by byte order and precision, in Fortran records or contiguous; or the numbers of a text."""
+        self.source, self.order, self.real, self.records, self.at = source, order, real, records, 0
+
+    def described(self) -> str:
+        """Describe the interpretation."""
+        if not self.order:
+            return "ascii"
+        kind = "Fortran records" if self.records else "plain binary"
+        return f"{kind}, {'little' if self.order == '<' else 'big'} endian, float{8 * self.real}"
+
+    def take(self, *parts: tuple[str, int]) -> list[np.ndarray] | None:
+        """Return the next record of `parts`, counts of whole ("i") or real ("f") numbers; None if it does not match."""
+        if not self.order:
+            return self._take_text(parts)
+        kinds = [np.dtype(f"{self.order}{kind}{4 if kind == 'i' else self.real}") for kind, _ in parts]
+        ends = np.cumsum([0, *(kind.itemsize * count for kind, (_, count) in zip(kinds, parts, strict=True))]).tolist()
+        mark = 4 if self.records else 0  # Fortran writes the byte count before and after a record
+        begin, size = self.at + mark, ends[-1]
+        if begin + size + mark > len(self.source):
+            return None
+        if mark:
+            counts = self.source[self.at : begin] + self.source[begin + size : begin + size + 4]
+            if (np.frombuffer(counts, f"{self.order}u4") != size).any():
+                return None
+        self.at = begin + size + mark
+        each = zip(kinds, parts, ends[:-1], strict=True)
+        return [np.frombuffer(self.source, kind, count, begin + end) for kind, (_, count), end in each]
+
+    def _take_text(self, parts: tuple[tuple[str, int], ...]) -> list[np.ndarray] | None:
+        ends = np.cumsum([count for _, count in parts])
+        found = np.split(np.asarray(self.source[self.at : self.at + ends[-1]]), ends[:-1])
+        if self.at + ends[-1] > len(self.source):
+            return None
+        if any(kind == "i" and (own != np.round(own)).any() for (kind, _), own in zip(parts, found, strict=True)):
+            return None
+        self.at += int(ends[-1])
+        return found
+
+    @property
+    def at_end(self) -> bool:
+        """Whether only zeros follow, with which some systems pad the last block."""
+        rest = self.source[self.at :]
+        return not len(rest) if not self.order else len(rest) < PADDING and not any(rest)
+
+
+def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+    """Read a grid with its solution; either may be named, the other is in the same folder or given as an option.
+
+    Raises:
+        ReadError: A file that fits no form, or a solution that does not fit the grid.
+    """
+    grid_path, solution_path = _pair(path, (options or {}).get("solution"))
+    blocks, form = _read_grid(grid_path)
+    arrays = _read_solution(solution_path, [block.shape for block in blocks if block.shape])
+    whole = [
+        Block(block.points, None, block.shape, own, {}, block.blank, f"grid {k + 1}")
+        for k, (block, own) in enumerate(zip(blocks, arrays, strict=True))
+    ]
+    notes = [RELATIVE] if any("momentum_x" in own for own in arrays) else []
+    return Dataset(whole, f"Plot3D, {form}", notes=notes)
+
+
+def _pair(path: Path, solution) -> tuple[Path, Path]:
+    if solution is not None:
+        return path, Path(solution)
+    ends, others = (GRID_ENDS, SOLUTION_ENDS) if path.suffix.lower() in GRID_ENDS else (SOLUTION_ENDS, GRID_ENDS)
+    beside = [other for other in sorted(path.parent.iterdir()) if other.suffix.lower() in others and other.is_file()]
+    same = [other for other in beside if other.stem == path.stem] or beside
+    if len(same) != 1:
+        found = ", ".join(other.name for other in same) or "none"
+        need = "solution" if ends is GRID_ENDS else "grid"
+        raise ReadError(
+            path, f"its {need} is not clear (beside it: {found})", f"name it: solution = PATH ({need} file)"
+        )
+    return (path, same[0]) if ends is GRID_ENDS else (same[0], path)
+
+
+def _meanings(path: Path, *more: tuple) -> Iterator[tuple]:
+    """Yield the interpretations of a file: numbers, whether it has several grids, dimensions, and further choices."""
+    data = path.read_bytes()
+    for meaning in product("<>", (8, 4), (True, False)):
+        for choice in product((True, False), (3, 2), *more):
+            yield _Stream(data, *meaning), *choice
+    text = _ascii(path, data)
+    for choice in product((True, False), (3, 2), *more):
+        yield _Stream(text), *choice
+
+
+def _ascii(path: Path, data: bytes) -> np.ndarray:
+    try:
+        return fortran_numbers(data.decode("ascii"))
+    except ValueError:
+        raise ReadError(path, f"its {len(data)} bytes fit no form of Plot3D", DAMAGED) from None
+
+
+def _sizes(stream: _Stream, several: bool, width: int) -> np.ndarray | None:
+    """Return the numbers with which a file begins, a row for each grid; None if they cannot be grid sizes."""
+    stream.at, most = 0, len(stream.source)
+    head = stream.take(("i", 1)) if several else [np.ones(1)]
+    if head is None or not 0 < head[0][0] <= GREATEST_GRID_COUNT:
+        return None
+    found = stream.take(("i", width * int(head[0][0])))
+    if found is None or (found[0] < 1).any() or (found[0] > most).any():
+        return None
+    sizes = found[0].astype(np.int64).reshape(-1, width)
+    return None if (sizes.prod(axis=1, dtype=np.float64) > most).any() else sizes
+
+
+def _records(stream: _Stream, *wanted: Sequence[tuple[str, int]]) -> list[list[np.ndarray]] | None:
+    """Return consecutive records; None if one does not match, or if the file goes on after them."""
+    found = []
+    for parts in wanted:
+        if (record := stream.take(*parts)) is None:
+            return None
+        found.append(record)
+    return found if stream.at_end else None
+
+
+def _shapes(sizes: np.ndarray) -> list[tuple[int, ...]]:
+    return [(*row, 1)[:3] for row in sizes.tolist()]
+
+
+def _read_grid(path: Path) -> tuple[list[Block], str]:
+    for stream, several, dimension, iblank in _meanings(path, (False, True)):
+        sizes = _sizes(stream, several, dimension)
+        if sizes is None:
+            continue
+        nodes = [math.prod(row) for row in sizes.tolist()]
+        found = _records(stream, *((("f", dimension * n), ("i", n if iblank else 0)) for n in nodes))
+        if found is not None:
+            blocks = [
+                _block(values.reshape(dimension, -1), shape, blank if iblank else None)
+                for (values, blank), shape in zip(found, _shapes(sizes), strict=True)
+            ]
+            if not stream.order or all(_plausible(block) for block in blocks):
+                return blocks, stream.described()
+    raise ReadError(path, f"its {path.stat().st_size} bytes fit no grid of Plot3D", DAMAGED)
+
+
+def _block(values: np.ndarray, shape, blank) -> Block:
+    points = np.zeros((values.shape[1], 3))
+    with np.errstate(invalid="ignore"):  # wrong interpretations of the bytes are rejected by _plausible
+        points[:, : len(values)] = values.T
+    hidden = None if blank is None or (blank != 0).all() else np.asarray(blank == 0)
+    return Block(points, None, shape, blank=hidden)
+
+
+def _plausible(block: Block) -> bool:
+    """Return whether coordinates are plausible: a wrong byte order or precision gives extreme numbers."""
+    size = np.abs(block.points[np.isfinite(block.points)])
+    return bool(
+        np.isfinite(block.points).all() and size.max(initial=0.0) < 1e12 and not 0 < size.max(initial=0.0) < 1e-20
+    )
+
+
+def _read_solution(path: Path, shapes: list[tuple[int, int, int]]) -> list[dict[str, np.ndarray]]:
+    for stream, several, dimension in _meanings(path):
+        for single in (False, True):  # the four numbers and the solution of a grid are one record or two
+            values = _solution(stream, several, dimension, single)
+            if values is not None:
+                own, solved = values
+                return _fitting(path, own, solved, shapes)
+        sizes = _sizes(stream, several, dimension + 1)
+        if sizes is not None:
+            found = _records(stream, *([("f", math.prod(row))] for row in sizes.tolist()))
+            if found is not None:
+                functions = [own.reshape(row[-1], -1) for (own,), row in zip(found, sizes, strict=True)]
+                names = [f"f{k + 1}" for k in range(int(sizes[:, -1].max()))]
+                return _fitting(path, _shapes(sizes[:, :-1]), functions, shapes, names)
+    raise ReadError(path, f"its {path.stat().st_size} bytes fit no solution of Plot3D", DAMAGED)
+
+
+def _solution(stream: _Stream, several: bool, dimension: int, single: bool):
+    """Return the shapes of the grids and the variables of each; None if the file is not such a solution."""
+    sizes = _sizes(stream, several, dimension)
+    if sizes is None:
+        return None
+    parts = [[("f", 4), ("f", (dimension + 2) * math.prod(row))] for row in sizes.tolist()]
+    found = _records(stream, *(parts if single else [[part] for both in parts for part in both]))
+    if found is None:
+        return None
+    return _shapes(sizes), [record[-1].reshape(dimension + 2, -1) for record in (found if single else found[1::2])]
+
+
+def _fitting(path: Path, own, values, shapes, names=None) -> list[dict[str, np.ndarray]]:
+    if list(own) != list(shapes):
+        raise ReadError(
+            path,
+            f"the solution is of grids of {own} points, the grid of {shapes}",
+            "give the pair that belongs together",
+        )
+    arrays = []
+    for block in values:
+        called = names or (CONSERVATIVE if len(block) == 5 else (*CONSERVATIVE[:3], "energy"))
+        arrays.append({name: np.array(row, dtype=np.float64) for name, row in zip(called, block, strict=False)})
+    return arrays

@@ -1,0 +1,92 @@
+"""Read CSV: a table of points, by its columns x, y, z (or r, z) and arrays.
+
+Points on a grid are put back on it. Other points are joined by Delaunay triangles (in a plane) or tetrahedra (in
+space), which also fill concave parts and bodies; slivers of nearly no volume are left out.
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..array_units import length_of
+from ..dataset import TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError, check_points
+from .coordinates import COLUMNS, PLACE, axes_of
+from .text_tables import read_table
+
+SAME = 1e-9  # of the extent: coordinates along an axis that are closer count as equal
+
+
+def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+    """Read a table of points.
+
+    Raises:
+        ReadError: A table without coordinates, or points that cannot be joined.
+    """
+    table = read_table(path)
+    plain = {re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", name.lower())): name for name in reversed(table)}
+    plain |= {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(table)}
+    known = {
+        axis: next(plain[name] for name in names if name in plain)
+        for axis, names in COLUMNS.items()
+        if any(name in plain for name in names)
+    }
+    axes, symmetry = axes_of(known)
+    columns = {PLACE[axis]: known[axis] for axis in axes}
+    if len(columns) < 2:
+        raise ReadError(
+            path, f"no columns are known for coordinates (there are: {', '.join(table)})", "call them x, y, z or r, z"
+        )
+    length, factors = length_of(path, dict.fromkeys(columns.values(), ""))
+    points = np.zeros((len(next(iter(table.values()))), 3))
+    for (place, name), factor in zip(columns.items(), factors, strict=True):
+        points[:, place] = table[name] * factor
+    check_points(path, points)
+    arrays = {name: values for name, values in table.items() if name not in columns.values()}
+    block, note = joined(path, points, arrays)
+    geometry = None if symmetry is None else "axisymmetric"
+    return Dataset([block], "table of points", geometry, axis=symmetry, length=length, notes=note)
+
+
+def joined(path, points: np.ndarray, arrays: dict[str, np.ndarray]) -> tuple[Block, list[str]]:
+    """Return points as a grid where they form one, else as the cells of a Delaunay triangulation."""
+    extent = np.ptp(points, axis=0)
+    if (extent > 0.0).sum() < 2:
+        raise ReadError(path, "its points are on a line", "give points of a plane or a volume")
+    step = np.where(extent > 0.0, SAME * np.maximum(extent, 1e-300), 1.0)
+    places = [
+        np.unique(np.round((points[:, k] - points[:, k].min()) / step[k]).astype(np.int64), return_inverse=True)
+        for k in range(3)
+    ]
+    shape = (len(places[0][0]), len(places[1][0]), len(places[2][0]))
+    if np.prod(shape, dtype=float) == len(points):
+        number = np.ravel_multi_index([index.ravel() for _, index in places[::-1]], shape[::-1])
+        if len(np.unique(number)) == len(points):
+            order = np.argsort(number)
+            return Block(points[order], None, shape, {name: own[order] for name, own in arrays.items()}), []
+    return _triangulated(path, points, arrays, extent > 0.0)
+
+
+def _triangulated(path, points, arrays, wide) -> tuple[Block, list[str]]:
+    from scipy.spatial import Delaunay, QhullError
+
+    if len(np.unique(points, axis=0)) < len(points):
+        raise ReadError(
+            path,
+            f"{len(points) - len(np.unique(points, axis=0))} points lie in the same place as another",
+            "leave them out",
+        )
+    flat = points[:, wide]
+    try:
+        corners = Delaunay((flat - flat.min(axis=0)) / np.ptp(flat, axis=0)).simplices.astype(np.int64)
+    except (QhullError, ValueError):
+        raise ReadError(path, "its points cannot be joined to cells", "give points of a plane or a volume") from None
+    edge = flat[corners[:, 1:]] - flat[corners[:, :1]]
+    measure = np.linalg.det(edge)
+    corners = np.where((measure < 0.0)[:, None], corners[:, [1, 0, *range(2, corners.shape[1])]], corners)
+    size = np.abs(measure)
+    keep = size > 1e-9 * np.median(size)
+    kind = TRIANGLE if flat.shape[1] == 2 else TETRAHEDRON
+    note = "the points form no grid: they are joined by Delaunay cells, which also fill concave parts and bodies"
+    return Block(points, Cells.of_one_type(kind, corners[keep]), point_data=arrays), [note]

@@ -1,0 +1,287 @@
+"""Read SU2: a mesh (.su2) and a restart, binary (.dat) or text (.csv, .dat), with values at the mesh's points.
+
+The binary restart: five int32 (535532, variable count, point count, 0, 0), names of 33 characters, float64 values point
+by point, then metadata of the run. The first number tells the byte order.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..dataset import (  # fmt: skip
+    CORNERS,
+    FLAT,
+    LINE,
+    POLYGON,
+    UNFINISHED,
+    VERTEX,
+    Block,
+    Cells,
+    Dataset,
+    Patch,
+    ReadError,
+    whole_number,
+)
+from .text_tables import read_table
+
+MAGIC = 535532
+NAME_LENGTH = 33
+GREATEST_VARIABLE_COUNT = 10_000
+HIGH_ORDER = 100  # type numbers of elements with interior points are greater
+ELEMENTS = {LINE: 2, **CORNERS}  # SU2 uses VTK's numbers
+COORDINATES = ("x", "y", "z", "pointid", "point_id")
+
+
+def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+    """Read a mesh and its restart; either may be named, the other is in the same folder or given as an option.
+
+    Raises:
+        ReadError: A damaged file, a missing mesh or restart, or two that do not belong together.
+    """
+    options = options or {}
+    if path.suffix.lower() == ".su2":
+        mesh_path, restart = path, Path(options["solution"]) if options.get("solution") else _restart_beside(path)
+    else:
+        mesh_path, restart = Path(options["mesh"]) if options.get("mesh") else _mesh_beside(path), path
+    zones = read_mesh(mesh_path)
+    if restart is None:
+        several = [f"zone {k + 1}" if len(zones) > 1 else mesh_path.name for k in range(len(zones))]
+        blocks = [Block(zone.points, zone.cells, name=name) for zone, name in zip(zones, several, strict=True)]
+        patches = [patch for zone in zones for patch in _walls(zone.points, zone.markers)]
+        return Dataset(blocks, "SU2 mesh without a restart", patches=patches)
+    arrays = read_restart(restart)
+    counts = sorted({len(values) for values in arrays.values()})
+    fitting = [zone for zone in zones if counts == [len(zone.points)]]
+    if len(fitting) != 1:
+        held = ", ".join(str(len(zone.points)) for zone in zones)
+        fault = f"it holds {counts} points, the mesh {mesh_path.name} {held}"
+        if fitting:
+            fault += f": {len(fitting)} of its zones have as many"
+        raise ReadError(restart, fault, "give the mesh it was made on, of one such zone")
+    (zone,) = fitting
+    points = zone.points
+    notes = [f"zone {zones.index(zone) + 1} of {len(zones)} in {mesh_path.name}"] if len(zones) > 1 else []
+    dimension = 2 if not points[:, 2].any() else 3
+    _check_places(restart, arrays, points, dimension)
+    arrays = {name: values for name, values in arrays.items() if name.lower() not in COORDINATES}
+    block = Block(points, zone.cells, point_data=arrays)
+    return Dataset([block], "SU2", patches=_walls(points, zone.markers), notes=notes)
+
+
+def _check_places(restart: Path, arrays, points: np.ndarray, dimension: int) -> None:
+    """Reject a restart whose own coordinates differ from the mesh's."""
+    plain = {name.lower(): values for name, values in arrays.items()}
+    size = float(np.ptp(points, axis=0).max())
+    for axis, name in enumerate("xyz"[:dimension]):
+        if name in plain and np.abs(plain[name] - points[:, axis]).max(initial=0.0) > 1e-4 * size:
+            raise ReadError(
+                restart, f"its points are not where the mesh has them (column {name})", "give the mesh it was made on"
+            )
+
+
+def _restart_beside(path: Path) -> Path | None:
+    found = [
+        p
+        for p in sorted(path.parent.iterdir())
+        if p.suffix.lower() in (".dat", ".csv") and p.is_file() and _is_restart(p)
+    ]
+    if len(found) > 1:
+        names = ", ".join(p.name for p in found)
+        raise ReadError(path, f"several restarts are beside it ({names})", "name one: flow.read(RESTART, mesh=MESH)")
+    return found[0] if found else None
+
+
+def _is_restart(path: Path) -> bool:
+    with path.open("rb") as stream:
+        head = stream.read(200)
+    binary = len(head) > 3 and MAGIC in (int.from_bytes(head[:4], "little"), int.from_bytes(head[:4], "big"))
+    return binary or b"pointid" in head.split(b"\n")[0].lower().replace(b"_", b"")
+
+
+def _mesh_beside(path: Path) -> Path:
+    found = sorted(path.parent.glob("*.su2"))
+    if len(found) != 1:
+        names = ", ".join(p.name for p in found) or "none"
+        raise ReadError(path, f"its mesh is not clear (beside it: {names})", "name it: mesh = 'MESH.su2'")
+    return found[0]
+
+
+@dataclass(eq=False)
+class Zone:
+    """A zone of a mesh: its points, its cells, and the edges of each marker, or its faces (four corners) in 3-D."""
+
+    points: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    kinds: list[int] = field(default_factory=list)
+    corners: list[np.ndarray] = field(default_factory=list)
+    markers: dict[str, np.ndarray] = field(default_factory=dict)
+    dimension: int = 0
+
+    @cached_property
+    def cells(self) -> Cells:
+        """The cells."""
+        start = np.concatenate([[0], np.cumsum([len(own) for own in self.corners])])
+        types = np.array([POLYGON if kind in FLAT else kind for kind in self.kinds], np.uint8)
+        return Cells(types, start, np.concatenate(self.corners))
+
+    def check(self, path: Path) -> None:
+        """Reject a zone without points or elements, and corners that refer to missing points."""
+        count = len(self.points)
+        if not count or not self.kinds:
+            raise ReadError(path, "it has no points or no elements", UNFINISHED)
+        if self.cells.points.min() < 0 or self.cells.points.max() >= count:
+            raise ReadError(path, f"elements refer to points beyond the {count} that there are", UNFINISHED)
+        for name, own in self.markers.items():
+            if len(own) and (own.min() < 0 or own.max() >= count):
+                raise ReadError(path, f"marker {name} refers to points beyond the {count} that there are", UNFINISHED)
+
+
+def read_mesh(path: Path) -> list[Zone]:
+    """Return the zones of a mesh.
+
+    Raises:
+        ReadError: A damaged mesh.
+    """
+    try:
+        text = path.read_text("ascii").splitlines()
+    except UnicodeDecodeError:
+        raise ReadError(path, "it is not a text", UNFINISHED) from None
+    # Comments and empty lines may occur anywhere, also within lists.
+    lines = [(number, line) for number, line in enumerate((own.split("%")[0] for own in text), start=1) if line.strip()]
+    at, marker = 0, ""
+    zones: list[Zone] = [Zone()]
+    while at < len(lines):
+        number, line = lines[at]
+        key, found, value = line.partition("=")
+        key = key.strip().upper()
+        at += 1
+        if not found:
+            continue
+        if key == "IZONE" and zones[-1].kinds:
+            zones.append(Zone())
+        elif key == "MARKER_TAG":
+            marker = value.strip()
+        elif key in ("NDIME", "NELEM", "NPOIN", "MARKER_ELEMS"):
+            count = _whole(path, number, value.split()[0] if value.split() else "")
+            zone = zones[-1]
+            if key == "NDIME":
+                zone.dimension = count
+                if count not in (2, 3):
+                    raise ReadError(path, f"line {number}: {count} dimensions", UNFINISHED)
+                continue
+            if at < len(lines) and key == "MARKER_ELEMS" and "=" in lines[at][1]:
+                at += 1  # the SEND_TO line of points shared between processes
+            left = len(lines) - at
+            if count > left:
+                raise ReadError(path, f"line {number}: {key}= {count}, but only {left} lines follow", UNFINISHED)
+            rows = [(own, words.split()) for own, words in lines[at : at + count]]
+            if key == "NPOIN":
+                zone.points = _points(path, rows, zone.dimension)
+            elif key == "NELEM":
+                zone.kinds, zone.corners = _elements(path, rows, ELEMENTS)
+            else:
+                pieces = _elements(path, rows, {VERTEX: 1, **ELEMENTS})[1]
+                pieces = [own for own in pieces if zone.dimension <= len(own) <= 4]
+                # A triangle repeats its last corner.
+                wide = 2 if zone.dimension == 2 else 4
+                whole = [np.append(own, own[-1:].repeat(wide - len(own))) for own in pieces if len(own) <= wide]
+                zone.markers[marker] = np.array(whole, dtype=np.int64).reshape(-1, wide)
+            at += count
+    for zone in zones:
+        zone.check(path)
+    return zones
+
+
+def _points(path: Path, rows: list[tuple[int, list[str]]], dimension: int) -> np.ndarray:
+    points = np.zeros((len(rows), 3))
+    for k, (number, row) in enumerate(rows):
+        try:
+            points[k, :dimension] = [float(word) for word in row[:dimension]]
+        except ValueError:
+            raise ReadError(
+                path, f"line {number}: a point needs {dimension} coordinates, got {' '.join(row)[:60]!r}", UNFINISHED
+            ) from None
+    return points
+
+
+def _elements(path: Path, rows: list[tuple[int, list[str]]], known) -> tuple[list[int], list[np.ndarray]]:
+    kinds: list[int] = []
+    corners: list[np.ndarray] = []
+    for number, row in rows:
+        try:
+            kind = int(row[0])
+            if kind > HIGH_ORDER and kind not in known:
+                raise ReadError(
+                    path,
+                    f"line {number}: element {kind} is of high order, with points inside it",
+                    "write the flow on cells with corners only, by SU2's own output for ParaView say",
+                )
+            own = np.array([int(word) for word in row[1 : 1 + known[kind]]])
+            if len(own) != known[kind]:
+                raise ValueError
+        except (ValueError, KeyError, IndexError) as fault:
+            if isinstance(fault, ReadError):
+                raise
+            raise ReadError(path, f"line {number}: not an element of SU2: {' '.join(row)[:60]!r}", UNFINISHED) from None
+        kinds.append(kind)
+        corners.append(own)
+    return kinds, corners
+
+
+def _whole(path: Path, line: int, word: str) -> int:
+    if (count := whole_number(word)) is None:
+        raise ReadError(path, f"line {line}: a count must be a whole number, got {word[:20]!r}", UNFINISHED)
+    return count
+
+
+def _walls(points: np.ndarray, markers: dict[str, np.ndarray]) -> list[Patch]:
+    """Return markers as patches. Only their names tell walls: SU2 states boundary types in its configuration file."""
+    words = ("wall", "airfoil", "body", "cylinder", "wedge", "cone", "sphere")
+    return [
+        Patch.of(name, "wall" if any(word in name.lower() for word in words) else "marker", points[edges])
+        for name, edges in markers.items()
+        if len(edges)
+    ]
+
+
+def _in_order_of_points(path: Path, table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the columns of a restart in the order of its column PointID, if it has one: rows may be in any order.
+
+    Raises:
+        ReadError: Numbers of points that are not 0 to the count less one, each once.
+    """
+    number = next((own for name, own in table.items() if name.lower().replace("_", "") == "pointid"), None)
+    if number is None:
+        return table
+    order = np.argsort(number, kind="stable")
+    if (number[order] != np.arange(len(order))).any():
+        raise ReadError(path, f"its column PointID does not number the {len(order)} points from 0 on", UNFINISHED)
+    return {name: own[order] for name, own in table.items()}
+
+
+def read_restart(path: Path) -> dict[str, np.ndarray]:
+    """Return the values at the points by name, from a binary or a text restart.
+
+    Raises:
+        ReadError: A damaged restart.
+    """
+    data = path.read_bytes()
+    if len(data) < 20 or MAGIC not in (int.from_bytes(data[:4], "little"), int.from_bytes(data[:4], "big")):
+        return _in_order_of_points(path, read_table(path, data))
+    order = "<" if int.from_bytes(data[:4], "little") == MAGIC else ">"
+    _, variables, count = (int(v) for v in np.frombuffer(data, f"{order}i4", 3))
+    begin = 20 + NAME_LENGTH * variables
+    if not 0 < variables <= GREATEST_VARIABLE_COUNT or count < 1 or begin + 8 * variables * count > len(data):
+        raise ReadError(
+            path, f"it announces {count} points with {variables} values, {len(data)} bytes cannot hold them", UNFINISHED
+        )
+    names = [
+        data[20 + NAME_LENGTH * k : 20 + NAME_LENGTH * (k + 1)].split(b"\0")[0].decode("ascii", "replace").strip()
+        for k in range(variables)
+    ]
+    if len(set(names)) < len(names) or not all(name and name.isprintable() for name in names):
+        raise ReadError(path, "its variables have no proper names", UNFINISHED)
+    values = np.frombuffer(data, f"{order}f8", variables * count, begin).reshape(count, variables)
+    return {name: np.array(values[:, k], dtype=np.float64) for k, name in enumerate(names)}

@@ -1,0 +1,291 @@
+"""Read Tecplot ASCII files (.dat): ordered and finite-element zones, POINT and BLOCK packing, nodal and cell values.
+
+VTK's reader returns single precision; this one keeps all digits.
+"""
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..array_units import length_of
+from ..dataset import (
+    HEXAHEDRON,
+    LINE,
+    QUAD,
+    TETRAHEDRON,
+    TRIANGLE,
+    UNFINISHED,
+    Block,
+    Cells,
+    Dataset,
+    ReadError,
+    chosen_time,
+    whole_number,
+)
+from .coordinates import COLUMNS, PLACE, axes_of
+from .text_tables import fortran_numbers
+
+ELEMENTS = {
+    "TRIANGLE": (TRIANGLE, 3),
+    "QUADRILATERAL": (QUAD, 4),
+    "TETRAHEDRON": (TETRAHEDRON, 4),
+    "BRICK": (HEXAHEDRON, 8),
+    "LINESEG": (LINE, 2),
+}
+_PAIR = re.compile(r'([A-Za-z][\w ]*?)\s*=\s*("[^"]*"|\((?:[^()]|\([^()]*\))*\)|[^\s,=]+)')
+_NUMBER = re.compile(r"^\s*[-+.\d]")
+LONGEST_HEAD = 10_000  # characters of a zone's header
+MOST_REPEATED = 1000  # greatest ratio of a zone's numbers to written ones: a coordinate changes along the first index
+_REPEAT = re.compile(r"(\d+)\*(\S+)")
+
+
+def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+    """Read a Tecplot ASCII file.
+
+    Raises:
+        ReadError: Not a Tecplot file, or zones that do not contain what they announce.
+    """
+    data = path.read_bytes()
+    if b"\0" in data:
+        raise ReadError(path, "it is not a text: it contains zero bytes", UNFINISHED)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    variables, zones = _parts(path, text)
+    blocks = [zone_block(path, variables, head, own, number) for number, (head, own) in enumerate(zones, start=1)]
+    times = [head.get("SOLUTIONTIME") for head, _ in zones]
+    strands = [head.get("STRANDID") for head, _ in zones]
+    return at_time(path, variables, blocks, without_static(times, strands, "0"), "Tecplot ASCII", time)
+
+
+def without_static(times: list, strands: list, static: Any) -> list:
+    """Return times of zones, None for zones in the static strand if others are in strands that change in time."""
+    if all(strand in (static, None) for strand in strands):
+        return times
+    return [None if strand == static else time for time, strand in zip(times, strands, strict=True)]
+
+
+def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, name: str, asked) -> Dataset:
+    """Return the zones of one solution time; zones without a time belong to every time."""
+    flows = [k for k, block in enumerate(blocks) if not _is_line(block)]
+    notes = []
+    if 0 < len(flows) < len(blocks):
+        notes = [f"zones of lines are left out: {', '.join(block.name for block in blocks if _is_line(block))}"]
+        blocks, times = [blocks[k] for k in flows], [times[k] for k in flows]
+    place, symmetry = coordinate_columns(variables)
+    length, factors = length_of(path, {variables[k]: "" for k in place.values()})
+    for index, factor in zip(place, factors, strict=True):
+        for block in blocks if factor != 1.0 else []:
+            block.points[:, index] *= factor
+    values = sorted({float(t) for t in times if t is not None})
+    chosen = chosen_time(path, values, asked)
+    kept = [block for block, t in zip(blocks, times, strict=True) if t is None or float(t) == chosen]
+    geometry = None if symmetry is None else "axisymmetric"
+    return Dataset(
+        kept, name, geometry, times=values, time=chosen, axis=symmetry, length=length, notes=notes
+    )  # fmt: skip
+
+
+def _is_line(block: Block) -> bool:
+    """Return whether a zone is a line: the surface of a profile, say, beside the flow."""
+    if block.shape is not None:
+        return sum(count > 1 for count in block.shape) < 2
+    return block.cells is not None and bool((block.cells.types == LINE).all())
+
+
+def _parts(path: Path, text: str):
+    """Return the variables' names, and the header and numbers of each zone."""
+    variables: list[str] = []
+    zones: list[tuple[dict[str, str], str]] = []
+    head: list[str] | None = None
+    body: list[str] = []
+    where = ""
+
+    def close() -> None:
+        if head is not None:
+            if len(written := " ".join(head)) > LONGEST_HEAD:
+                raise ReadError(path, f"the head of zone {len(zones) + 1} has {len(written)} letters", UNFINISHED)
+            zones.append((_pairs(written), "\n".join(body)))
+
+    for line in text.splitlines():
+        plain = line.strip()
+        if not plain or plain.startswith("#"):
+            continue
+        upper = plain.upper()
+        if upper.startswith("ZONE"):
+            close()
+            head, body, where = [plain[4:]], [], "zone"
+        elif upper.startswith(
+            ("TITLE", "FILETYPE", "DATASETAUXDATA", "TEXT", "GEOMETRY", "VARAUXDATA", "CUSTOMLABELS")
+        ):
+            where = "other"
+        elif upper.startswith("VARIABLES"):
+            variables, where = _names(plain.split("=", 1)[-1]), "variables"
+        elif _NUMBER.match(plain) and where in ("zone", "numbers"):
+            body.append(plain)
+            where = "numbers"
+        elif where == "variables":
+            variables += _names(plain)
+        elif where == "zone" and head is not None:
+            if not upper.startswith("AUXDATA"):
+                head.append(plain)
+        elif where == "numbers":
+            raise ReadError(path, f"{plain[:40]!r} is among the numbers of zone {len(zones) + 1}", UNFINISHED)
+    close()
+    if not variables or not zones:
+        raise ReadError(path, "it has no VARIABLES or no ZONE", "give a data file of Tecplot")
+    return variables, zones
+
+
+def _names(text: str) -> list[str]:
+    return [quoted or bare for quoted, bare in re.findall(r'"([^"]*)"|([^\s,"]+)', text)]
+
+
+def _pairs(text: str) -> dict[str, str]:
+    return {re.sub(r"\s", "", key.split()[-1]).upper(): value.strip('"') for key, value in _PAIR.findall(text)}
+
+
+def zone_block(path: Path, variables: list[str], head: dict[str, str], text: str, number: int) -> Block:
+    """Return the block of a zone."""
+    name = f"zone {number}" + (f" ({head['T']})" if head.get("T") else "")
+    stated = (head.get("ZONETYPE") or head.get("ET") or "ORDERED").upper()
+    kind = stated.removeprefix("FE")
+    if any(key in head for key in ("VARSHARELIST", "CONNECTIVITYSHAREZONE", "PASSIVEVARLIST")):
+        raise ReadError(path, f"{name} shares data with other zones", "write the file with all data in every zone")
+    in_cells = _cell_variables(path, head.get("VARLOCATION", ""), len(variables))
+    packing = _packing(path, name, head, text, len(variables), bool(in_cells))
+    if in_cells and packing != "BLOCK":
+        raise ReadError(path, f"{name} has values in cells without BLOCK packing", UNFINISHED)
+    ordered = kind == "ORDERED"
+    if ordered:
+        shape = tuple(_count(path, name, head.get(key, "1")) for key in "IJK")
+        nodes, cells, corners = math.prod(shape), math.prod(max(n - 1, 1) for n in shape), 0
+    else:
+        if kind not in ELEMENTS:
+            raise ReadError(path, f"{name} is of type {stated}", f"known are ORDERED, FE{', FE'.join(ELEMENTS)}")
+        nodes = _count(path, name, head.get("NODES") or head.get("N", ""))
+        cells = _count(path, name, head.get("ELEMENTS") or head.get("E", ""))
+        shape, corners = None, ELEMENTS[kind][1]
+    width = [cells if k in in_cells else nodes for k in range(len(variables))]
+    numbers = _numbers(path, name, text, sum(width) + cells * corners)
+    if packing == "BLOCK":
+        cuts = np.cumsum([0, *width])
+        arrays = [numbers[cuts[k] : cuts[k + 1]] for k in range(len(variables))]
+    else:
+        arrays = list(numbers[: nodes * len(variables)].reshape(nodes, len(variables)).T)
+    connectivity = numbers[sum(width) :]
+    whole = None
+    if corners:
+        index = connectivity.astype(np.int64) - 1
+        if (index + 1 != connectivity).any() or index.min() < 0 or index.max() >= nodes:
+            raise ReadError(path, f"elements of {name} refer to nodes beyond the {nodes} that there are", UNFINISHED)
+        whole = element_cells(ELEMENTS[kind][0], index.reshape(cells, corners))
+    return assembled(path, variables, arrays, in_cells, shape, whole, name)
+
+
+def _packing(path: Path, name: str, head: dict[str, str], text: str, variable_count: int, in_cells: bool) -> str:
+    """Return "POINT" or "BLOCK", as stated in the zone's header; programs differ in what they mean by neither.
+
+    Raises:
+        ReadError: Neither is stated, and the first line of numbers is not that of a point.
+    """
+    if stated := head.get("DATAPACKING") or head.get("F"):
+        return stated.upper().removeprefix("FE")
+    if in_cells:
+        return "BLOCK"
+    line = text.split("\n", 1)[0].replace(",", " ").split()
+    if len(line) != variable_count:
+        what = f"{name} does not state DATAPACKING, and its first line has {len(line)} of {variable_count} variables"
+        raise ReadError(path, what, "write DATAPACKING=POINT or DATAPACKING=BLOCK in the zone's header")
+    return "POINT"
+
+
+def element_cells(kind: int, corners: np.ndarray) -> Cells:
+    """Return cells of an element type; quadrilaterals that repeat their last corner are triangles."""
+    if kind == QUAD and (twice := corners[:, 3] == corners[:, 2]).any():
+        width = np.where(twice, 3, 4)
+        flat = corners[np.arange(4) < width[:, None]]
+        return Cells(np.where(twice, TRIANGLE, QUAD).astype(np.uint8), np.concatenate([[0], np.cumsum(width)]), flat)
+    return Cells.of_one_type(kind, corners)
+
+
+def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
+    """Return a block from its arrays: coordinates by their names, the rest as data."""
+    place, _ = coordinate_columns(variables)
+    if len(place) < 2 or any(k in in_cells for k in place.values()):
+        raise ReadError(path, f"no coordinates are known (there are: {', '.join(variables)})", "call them X, Y, Z")
+    points = np.zeros((len(arrays[next(iter(place.values()))]), 3))
+    for index, k in place.items():
+        points[:, index] = arrays[k]
+    data = {v: (k, np.asarray(arrays[k], np.float64)) for k, v in enumerate(variables) if k not in place.values()}
+    cell = {v: own for v, (k, own) in data.items() if k in in_cells}
+    point = {v: own for v, (k, own) in data.items() if k not in in_cells}
+    blank = next((own for v, own in point.items() if v.lower() == "iblank"), None)
+    hidden = None if blank is None or (blank != 0).all() else blank == 0
+    return Block(points, cells, shape, point, cell, hidden, name)
+
+
+def coordinate_columns(variables: list[str]) -> tuple[dict[int, int], tuple[float, float, float] | None]:
+    """Return the variable of the coordinate along each axis, {axis number: variable number}, and the symmetry axis."""
+    plain = [re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", v.lower())) for v in variables]
+    known = {axis: k for axis, names in COLUMNS.items() for k in reversed(range(len(plain))) if plain[k] in names}
+    axes, symmetry = axes_of(known)
+    return {PLACE[axis]: known[axis] for axis in axes}, symmetry
+
+
+def _cell_variables(path: Path, text: str, count: int) -> set[int]:
+    found: set[int] = set()
+    for numbers, place in re.findall(r"\[([\d,\-\s]+)\]\s*=\s*(\w+)", text):
+        if place.upper() != "CELLCENTERED":
+            continue
+        for part in numbers.split(","):
+            low, _, high = part.strip().partition("-")
+            first, last = whole_number(low.strip()), whole_number((high or low).strip())
+            if first is None or last is None:
+                raise ReadError(path, f"VARLOCATION names variables by {part.strip()[:20]!r}", UNFINISHED)
+            if last > count:  # before allocating a set of this size
+                raise ReadError(path, f"VARLOCATION names variable {last} of {count}", UNFINISHED)
+            found |= set(range(first - 1, last))
+    listed = re.fullmatch(r"\(((?:\s*(?:NODAL|CELLCENTERED)\s*,?)+)\)", text.strip(), re.IGNORECASE)
+    if listed:
+        found |= {k for k, word in enumerate(re.findall(r"\w+", listed[1])) if word.upper() == "CELLCENTERED"}
+    if found and max(found) >= count:
+        raise ReadError(path, f"VARLOCATION names variable {max(found) + 1} of {count}", UNFINISHED)
+    return found
+
+
+def _count(path: Path, name: str, word: str) -> int:
+    count = whole_number(word)
+    if count is None or not 0 < count < 2**40:
+        raise ReadError(path, f"{name} has the count {word[:20]!r}", UNFINISHED)
+    return count
+
+
+def _numbers(path: Path, name: str, text: str, expected: int) -> np.ndarray:
+    """Return the numbers of a zone, of which there must be `expected`; 3*0.5 means three times 0.5."""
+    text = text.replace(",", " ")
+    counts = None
+    if "*" in text:
+        words = [_REPEAT.fullmatch(word) or word for word in text.split()]
+        repeats = [1 if isinstance(word, str) else int(word[1]) for word in words]
+        _check_count(path, name, sum(repeats), expected)  # before expanding: a damaged count may be huge
+        if expected > MOST_REPEATED * len(words):
+            raise ReadError(path, f"{name} repeats {len(words)} numbers until they are {expected}", UNFINISHED)
+        counts, text = np.array(repeats), " ".join(word if isinstance(word, str) else word[2] for word in words)
+    try:
+        numbers = fortran_numbers(text)
+    except ValueError:
+        raise ReadError(path, f"{name} contains something that is not a number", UNFINISHED) from None
+    if counts is not None and len(counts) == len(numbers):
+        numbers = np.repeat(numbers, counts)
+    _check_count(path, name, len(numbers), expected)
+    return numbers
+
+
+def _check_count(path: Path, name: str, held: int, expected: int) -> None:
+    if held != expected:
+        raise ReadError(path, f"{name} announces {expected} numbers and has {held}", UNFINISHED)

@@ -1,0 +1,311 @@
+"""Read VTK's family of files with VTK: .vti .vtr .vts .vtu .vtk, their parallel and multi-block forms, and lists.
+
+VTK prints an error and returns what it has read so far. Here every printed error raises ReadError, and counts are
+compared with those that the file announces. Runs in the child process of fragile.py.
+"""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..dataset import CORNERS, FLAT, LINE, SOLID, Block, Cells, Dataset, Faces, Patch, Polygons, ReadError, chosen_time
+from ..volumes.solids import FACES
+from .high_order import joined, linear_cells
+from .vtk_collections import SUFFIXES, collection
+
+DAMAGED = "the file is damaged or of another version: write it again"
+READERS = {
+    ".vti": "vtkXMLImageDataReader",
+    ".vtr": "vtkXMLRectilinearGridReader",
+    ".vts": "vtkXMLStructuredGridReader",
+    ".vtu": "vtkXMLUnstructuredGridReader",
+    ".vtp": "vtkXMLPolyDataReader",
+    ".pvti": "vtkXMLPImageDataReader",
+    ".pvtr": "vtkXMLPRectilinearGridReader",
+    ".pvts": "vtkXMLPStructuredGridReader",
+    ".pvtu": "vtkXMLPUnstructuredGridReader",
+    ".vtm": "vtkXMLMultiBlockDataReader",
+    ".vtmb": "vtkXMLMultiBlockDataReader",
+}
+HIDDEN = 2 | 8  # flags of vtkDataSetAttributes for ghost cells; hidden cells have the flag 32
+BLANK = 32
+STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners in hexahedron, quad order
+SURFACE = (5, 7, 9)  # triangles, polygons, quadrilaterals
+LINEAR = {11: 12, 8: 9}
+# Quadratic cells, which list their corners first, and the linear cell of each.
+QUADRATIC = {21: 3, 35: 3, 22: 5, 34: 5, 23: 9, 28: 9, 30: 9, 24: 10, 25: 12, 29: 12, 33: 12, 26: 13, 31: 13, 32: 13,
+             27: 14, 37: 14}  # fmt: skip
+NO_FLOW = (0, 1, 2, 3, 4, 51, 60, 68, 75)  # empty cells, points, lines and curves
+
+
+def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+    """Read a file of VTK's family.
+
+    Raises:
+        ReadError: An error that VTK reports, or a file that does not contain what it announces.
+    """
+    suffix = path.suffix.lower()
+    if suffix in SUFFIXES:
+        return _series(path, time)
+    data = vtk_output(path, suffix)
+    name = {".vtk": "legacy VTK file"}.get(suffix, f"VTK file ({suffix})")
+    made = [joined(block) for block in blocks_of(path, data)]
+    notes = dict.fromkeys(note for _, note in made if note is not None)
+    blocks, patches = _boundaries([block for block, _ in made])
+    return Dataset(blocks, name, patches=patches, ambient=None, notes=list(notes))
+
+
+def _boundaries(blocks: list[Block]) -> tuple[list[Block], list[Patch]]:
+    """Separate blocks of surfaces, which become patches, from the other blocks, if some blocks have solid cells."""
+    if not any(min(block.shape) > 1 if block.shape else _has(block, SOLID) for block in blocks):
+        return blocks, []
+    kept: list[Block] = []
+    patches: list[Patch] = []
+    for block in blocks:
+        if block.cells is None or not np.isin(block.cells.types, SURFACE).all():
+            kept.append(block)
+            continue
+        faces = Polygons(block.points[block.cells.points], block.cells.start)
+        patches.append(Patch(block.name or f"surface {len(patches) + 1}", "patch", polygons=faces))
+    return kept, patches
+
+
+def _has(block: Block, kinds) -> bool:
+    return block.cells is not None and bool(np.isin(block.cells.types, kinds).any())
+
+
+def vtk_output(path: Path, suffix: str):
+    """Return the output of VTK's reader for a suffix."""
+    from vtkmodules import vtkIOLegacy, vtkIOXML
+
+    reader: Any
+    if suffix == ".vtk":
+        reader = vtkIOLegacy.vtkGenericDataObjectReader()
+        reader.ReadAllScalarsOn()
+        reader.ReadAllVectorsOn()
+        reader.ReadAllTensorsOn()
+        reader.ReadAllFieldsOn()
+    else:
+        reader = getattr(vtkIOXML, READERS[suffix])()
+    return run(path, reader)
+
+
+def run(path: Path, reader):
+    """Run a VTK reader on a file and return its output; raise ReadError for an error that it reports."""
+    from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+
+    window = vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(window)
+    reader.SetFileName(str(path))
+    reader.Update()
+    said = re.sub(r" ?\(0x[0-9a-f]+\)", "", " ".join(_text(window.GetOutput()).split()))
+    if "ERR" in said or "rror" in said or reader.GetErrorCode():
+        what = said.split("): ", 1)[-1][:200] or f"error {reader.GetErrorCode()}"
+        raise ReadError(path, f"VTK cannot read it ({what})", DAMAGED)
+    data = reader.GetOutputDataObject(0)
+    if data is None:
+        raise ReadError(path, "VTK finds nothing in it", DAMAGED)
+    return data
+
+
+def _text(said: str | bytes | None) -> str:
+    """Return a text of VTK as str; VTK returns bytes for texts that are not UTF-8."""
+    return said.decode("utf-8", "replace") if isinstance(said, bytes) else said or ""
+
+
+def _series(path: Path, time) -> Dataset:
+    """Read the files of a list that have the chosen time."""
+    entries = collection(path)
+    times = sorted({entry.time for entry in entries})
+    chosen = chosen_time(path, times, time)
+    parts = [read(entry.file) for entry in entries if entry.time == chosen]
+    blocks, patches = _boundaries([block for part in parts for block in part.blocks])
+    patches = [*patches, *(patch for part in parts for patch in part.patches)]
+    said = f"VTK series of {len(times)} times"
+    return replace(parts[0], blocks=blocks, patches=patches, times=times, time=chosen, format=said)
+
+
+def blocks_of(path: Path | str, data) -> list[Block]:
+    """Return the blocks of a data object, including nested ones."""
+    from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkDataSet
+
+    if isinstance(data, vtkCompositeDataSet):
+        found = []
+        iterator = data.NewIterator()
+        iterator.InitTraversal()
+        while not iterator.IsDoneWithTraversal():
+            own = ""
+            if iterator.HasCurrentMetaData():
+                own = _text(iterator.GetCurrentMetaData().Get(vtkCompositeDataSet.NAME()))
+            part = iterator.GetCurrentDataObject()
+            if isinstance(part, vtkDataSet) and part.GetNumberOfPoints():
+                found.append(_block(path, part, own))
+            iterator.GoToNextItem()
+        if not found:
+            raise ReadError(path, "it has no block with points", DAMAGED)
+        return found
+    if not isinstance(data, vtkDataSet):
+        raise ReadError(path, f"a {data.GetClassName()} is not a mesh", "give a grid with point or cell data")
+    if not data.GetNumberOfPoints():
+        raise ReadError(path, "it has no points", DAMAGED)
+    return [_block(path, data, "")]
+
+
+def _block(path: Path | str, data, name: str) -> Block:
+    from vtkmodules.vtkCommonDataModel import vtkImageData, vtkRectilinearGrid, vtkStructuredGrid
+
+    shape = None
+    if isinstance(data, (vtkImageData, vtkRectilinearGrid, vtkStructuredGrid)):
+        extent = data.GetExtent()  # GetDimensions has other arguments in other versions of VTK
+        shape = (extent[1] - extent[0] + 1, extent[3] - extent[2] + 1, extent[5] - extent[4] + 1)
+    point_data = _arrays(path, data.GetPointData(), data.GetNumberOfPoints())
+    cell_data = _arrays(path, data.GetCellData(), data.GetNumberOfCells())
+    ghosts = cell_data.pop("vtkGhostType", None)
+    point_ghosts = point_data.pop("vtkGhostType", None)
+    if any(own is not None and own.ndim != 1 for own in (ghosts, point_ghosts)):
+        raise ReadError(path, "its vtkGhostType has several components", DAMAGED)
+    blank = None
+    if ghosts is not None and (ghosts.astype(int) & (BLANK | HIDDEN | 1)).any():
+        blank = (ghosts.astype(int) & (BLANK | HIDDEN | 1)) != 0
+    elif point_ghosts is not None and (point_ghosts.astype(int) & 2).any():
+        blank = (point_ghosts.astype(int) & 2) != 0
+    cells, parent = (None, None) if shape is not None else _cells(path, data)
+    if parent is not None:
+        cell_data = {name: values[parent] for name, values in cell_data.items()}
+        blank = blank[parent] if blank is not None and ghosts is not None else blank
+    return Block(_points(data), cells, shape, point_data, cell_data, blank, name)
+
+
+def _points(data) -> np.ndarray:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonDataModel import vtkImageData, vtkRectilinearGrid
+
+    if isinstance(data, vtkImageData):
+        low, step, count = data.GetExtent()[::2], np.array(data.GetSpacing()), data.GetDimensions()
+        nodes = np.meshgrid(*(first + np.arange(n) for first, n in zip(low, count, strict=True)), indexing="ij")
+        index = np.stack([axis.ravel(order="F") for axis in nodes], axis=1)
+        matrix = data.GetDirectionMatrix()
+        turn = np.array([[matrix.GetElement(i, j) for j in range(3)] for i in range(3)])
+        return np.array(data.GetOrigin()) + (index * step) @ turn.T
+    if isinstance(data, vtkRectilinearGrid):
+        axes = [vtk_to_numpy(axis).astype(np.float64) for axis in
+                (data.GetXCoordinates(), data.GetYCoordinates(), data.GetZCoordinates())]  # fmt: skip
+        return np.stack([axis.ravel(order="F") for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
+    return vtk_to_numpy(data.GetPoints().GetData()).astype(np.float64)
+
+
+def _arrays(path: Path | str, attributes, count: int) -> dict[str, np.ndarray]:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    found = {}
+    for k in range(attributes.GetNumberOfArrays()):
+        array = attributes.GetArray(k)
+        if array is None:  # an array of texts
+            continue
+        values, name = vtk_to_numpy(array), _text(array.GetName()) or f"array {k}"
+        if len(values) != count:
+            raise ReadError(path, f"array {name!r} has {len(values)} entries instead of {count}", DAMAGED)
+        found[name] = np.array(values)
+    return found
+
+
+def _cells(path: Path | str, data) -> tuple[Cells | None, np.ndarray | None]:
+    """Return the cells, and the file's cell that each came from if high-order cells were divided, else None."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+    if not data.GetNumberOfCells():
+        return None, None
+    if isinstance(data, vtkPolyData):
+        return _polygons(path, data), None
+    array = data.GetCells()
+    start = vtk_to_numpy(array.GetOffsetsArray()).astype(np.int64)
+    points = vtk_to_numpy(array.GetConnectivityArray()).astype(np.int64)
+    kinds = np.array([data.GetCellType(0)]) if len(start) == 2 else vtk_to_numpy(_types(data))
+    kinds = kinds.astype(np.uint8)
+    start, points, kinds = _linear(start, points, kinds)
+    start, points, kinds, parent = linear_cells(path, start, points, kinds)
+    if len(unknown := np.setdiff1d(kinds, [*NO_FLOW, *FLAT, *SOLID])):
+        raise ReadError(
+            path, f"it has cells of VTK's type {unknown[0]}, which are not read", "write triangles, quadrilaterals, "
+            "polygons, tetrahedra, hexahedra, prisms, pyramids or polyhedra"
+        )  # fmt: skip
+    faces = None
+    if (kinds == 42).any():
+        if parent is not None:
+            raise ReadError(path, "it has polyhedra and cells of high order", "write linear cells")
+        faces = _polyhedra(path, data, start, points, kinds)
+    return Cells(kinds, start, points, faces), parent
+
+
+def _types(data):
+    from vtkmodules.vtkCommonCore import vtkVersion
+
+    # VTK 9.6 renamed the method.
+    named_anew = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) >= (9, 6)
+    return data.GetCellTypes() if named_anew else data.GetCellTypesArray()
+
+
+def _polygons(path: Path | str, data) -> Cells | None:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    array = data.GetPolys()
+    count = array.GetNumberOfCells()
+    if not count:
+        return None
+    if count != data.GetNumberOfCells():
+        raise ReadError(path, "it mixes polygons with lines or points", "give a surface of polygons, or a grid")
+    start = vtk_to_numpy(array.GetOffsetsArray()).astype(np.int64)
+    return Cells(np.full(count, 7, np.uint8), start, vtk_to_numpy(array.GetConnectivityArray()).astype(np.int64))
+
+
+def _linear(start, points, kinds):
+    """Convert voxels and pixels to hexahedra and quadrilaterals, and quadratic cells to their corners."""
+    for kind, order in STRUCTURED_ORDER.items():
+        own = np.flatnonzero(kinds == kind)
+        if len(own):
+            place = start[own][:, None] + np.array(order)
+            points = points.copy()
+            points[start[own][:, None] + np.arange(len(order))] = points[place]
+            kinds = np.where(kinds == kind, LINEAR[kind], kinds).astype(np.uint8)
+    if np.isin(kinds, list(QUADRATIC)).any():
+        width = np.diff(start)
+        keep = width.copy()
+        for kind, plain in QUADRATIC.items():
+            keep[kinds == kind] = {LINE: 2, **CORNERS}[plain]
+            kinds = np.where(kinds == kind, plain, kinds).astype(np.uint8)
+        within = np.arange(len(points)) - np.repeat(start[:-1], width)
+        points = points[within < np.repeat(keep, width)]
+        start = np.concatenate([[0], np.cumsum(keep)])
+    return start, points, kinds
+
+
+def _polyhedra(path, data, start: np.ndarray, points: np.ndarray, kinds: np.ndarray) -> Faces:
+    """Return the faces of all cells; a face between two cells is listed twice, once for each."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    faces, of_cells = data.GetPolyhedronFaces(), data.GetPolyhedronFaceLocations()
+    if faces is None or of_cells is None or of_cells.GetNumberOfCells() != len(kinds):
+        raise ReadError(path, "its polyhedra have no faces", DAMAGED)
+    begin, flat, first, number = (
+        vtk_to_numpy(array).astype(np.int64)
+        for own in (faces, of_cells)
+        for array in (own.GetOffsetsArray(), own.GetConnectivityArray())
+    )
+    if len(number) and (number.min() < 0 or number.max() >= len(begin) - 1):
+        raise ReadError(path, "its polyhedra name faces that are not there", DAMAGED)
+    width = np.diff(begin)[number]
+    at = np.arange(width.sum()) + np.repeat(begin[number] - (np.cumsum(width) - width), width)
+    widths, corners, owner = [width], [flat[at]], [np.repeat(np.arange(len(kinds)), np.diff(first))]
+    for kind, table in FACES.items():
+        own = np.flatnonzero(kinds == kind)
+        for face in table:
+            ring = list(dict.fromkeys(face))  # a triangle names its last corner twice
+            corners.append(points[start[own][:, None] + ring].ravel())
+            widths.append(np.full(len(own), len(ring)))
+            owner.append(own)
+    ends = np.concatenate([[0], np.cumsum(np.concatenate(widths))])
+    return Faces(ends, np.concatenate(corners), np.concatenate(owner), np.empty(0, np.int64))

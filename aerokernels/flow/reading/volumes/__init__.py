@@ -1,0 +1,1 @@
+"""Volumes: from the solid cells of any mesh to densities at the nodes of a uniform grid."""

@@ -1,0 +1,139 @@
+r"""Convert averages over uniform cells to values at their corners whose cubic spline keeps them, one axis at a time.
+
+The value at the face between two cells is their mean minus a sum of differences of slopes on either side,
+
+    v_(i+1/2) = (a_i + a_(i+1)) / 2 - sum_k c_k [ (a_(i+1+k) - a_(i+k)) - (a_(i+1-k) - a_(i-k)) ].
+
+With the c_k used here, the mean over each cell of the spline through these values equals the cell's average, up to the
+eighth order of the cell's size: within a millionth for a wave with sixteen cells. Next to the ends it is of fourth
+order. Beside a captured shock the mean of the two cells remains: no continuous function keeps both averages and their
+range there. The deficit of the integral along a row, due to ends and shocks, is distributed to the row's faces in
+proportion to the room that each has towards the adjacent averages, so that the integral along every row is the row's
+sum, to rounding.
+"""
+
+import numpy as np
+
+from ....medium import spline
+from ....medium.averages.vertex_values import SHOCK_SHARE
+from ....process.threads import in_threads
+from .point_values import LEAST_SHARE
+
+# The c_k for one and for three slopes on either side: M F = 1 + O(w^4) and O(w^8) for a wave exp(i w x / h), with M the
+# mean over a cell of the spline through values F exp(i w x / h) at the faces.
+NEAR = 1.0 / 12.0
+FAR = (239.0 / 1728.0, -29.0 / 864.0, 7.0 / 1728.0)
+FIRST_CELL = (24.0 / 9.0, -19.0 / 9.0, 5.0 / 9.0, -1.0 / 9.0)  # outer face of the cubic through average and three faces
+SLAB = 1 << 20  # averages processed at a time
+
+
+def at_corners(average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return values at the corners of uniform cells, one node more along each axis, and which cells are smooth.
+
+    Smooth cells neither contain a captured shock nor touch a cell that does.
+
+    Args:
+        average: Averages over the cells, three axes, at least two cells along each.
+    """
+    smooth = kept = _smooth(average)
+    for axis in range(average.ndim):
+        average = _along(average, smooth, axis)
+        before, after = ([(end if k == axis else (0, 0)) for k in range(smooth.ndim)] for end in ((1, 0), (0, 1)))
+        smooth = np.pad(smooth, before, mode="edge") & np.pad(smooth, after, mode="edge")
+    return average, kept
+
+
+def _smooth(values: np.ndarray) -> np.ndarray:
+    """Return which cells neither contain a captured shock nor touch a cell that does."""
+    jump, bound = np.zeros(values.shape, bool), SHOCK_SHARE * np.ptp(values)
+    for axis in range(values.ndim):
+        if values.shape[axis] > 2:
+            np.moveaxis(jump, axis, 0)[1:-1] |= np.abs(np.diff(np.moveaxis(values, axis, 0), 2, axis=0)) > bound
+    for axis in range(values.ndim):
+        moved = np.moveaxis(jump, axis, 0)
+        wider = moved.copy()
+        wider[1:] |= moved[:-1]
+        wider[:-1] |= moved[1:]
+        jump = np.moveaxis(wider, 0, axis)
+    return ~jump
+
+
+def _along(average: np.ndarray, smooth: np.ndarray, axis: int) -> np.ndarray:
+    """Return values at the faces across one axis; threads process slabs of rows."""
+    shape = list(average.shape)
+    shape[axis] += 1
+    found = np.empty(shape)
+    weight = integral_weights(shape[axis])
+    across = 1 if axis == 0 else 0
+    size = max(1, SLAB * average.shape[across] // max(average.size, 1))
+
+    def work(first: int) -> None:
+        part = tuple(slice(first, first + size) if k == across else slice(None) for k in range(average.ndim))
+        own, flags, faces = (np.moveaxis(each[part], axis, 0) for each in (average, smooth, found))
+        faces[:] = _at_faces(np.ascontiguousarray(own), flags, weight)
+
+    in_threads(work, range(0, average.shape[across], size))
+    return found
+
+
+def integral_weights(count: int) -> np.ndarray:
+    """Return the weights of `count` node values, one spacing apart, in the integral of their spline over all nodes."""
+    coefficient = spline.spline_along(np.eye(count), 0, False)
+    pieces = np.array([1.0, 11.0, 11.0, 1.0]) / 24.0
+    return sum(piece * coefficient[k : k + count - 1].sum(axis=0) for k, piece in enumerate(pieces))
+
+
+def _at_faces(average: np.ndarray, smooth: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Return values at the n + 1 faces of n cells along the first axis."""
+    faces = np.empty((len(average) + 1, *average.shape[1:]))
+    np.add(average[1:], average[:-1], out=faces[1:-1])
+    faces[1:-1] *= 0.5
+    _bend(faces[1:-1], average, smooth)
+    for edge, near in ((0, slice(None)), (-1, slice(None, None, -1))):
+        _set_edge(faces[near], average[near], smooth[edge])
+    _keep_sum(faces, average, weight)
+    return faces
+
+
+def _bend(inner: np.ndarray, average: np.ndarray, smooth: np.ndarray) -> None:
+    """Subtract the differences of slopes from the means of neighbours, shape (n - 1, ...), where both are smooth."""
+    slope, least = np.diff(average, axis=0), LEAST_SHARE * np.minimum(average[1:], average[:-1])
+    if len(slope) < 2:
+        return
+    free, reach = smooth[1:] & smooth[:-1], len(FAR)
+    first, last = 2.0 * slope[0] - slope[1], 2.0 * slope[-1] - slope[-2]  # extrapolated slopes, of a parabola
+    if len(slope) > 2:
+        first, last = first + slope[0] - 2.0 * slope[1] + slope[2], last + slope[-1] - 2.0 * slope[-2] + slope[-3]
+    beyond = np.concatenate([first[None], slope, last[None]])
+    bend = NEAR * (beyond[2:] - beyond[:-2])
+    count = len(slope) - 2 * reach
+    if count > 0:
+        wide = sum(
+            share * (slope[reach + k : reach + k + count] - slope[reach - k : reach - k + count])
+            for k, share in enumerate(FAR, start=1)
+        )
+        far = free[reach:-reach] & free[reach - 1 : -reach - 1] & free[reach + 1 : len(free) - reach + 1]
+        np.copyto(bend[reach:-reach], wide, where=far)
+    np.copyto(inner, np.maximum(inner - bend, least), where=free)
+
+
+def _set_edge(faces: np.ndarray, average: np.ndarray, smooth: np.ndarray) -> None:
+    """Set the first face: that of the cubic with the first cell's average, or beside a shock by the lesser change."""
+    own = average[0]
+    if len(average) < 3:  # two cells cannot tell a slope from a jump
+        faces[0] = own
+        return
+    near, far = own - average[1], average[1] - average[2]
+    lesser = np.where(near * far > 0.0, np.sign(near) * np.minimum(np.abs(near), np.abs(far)), 0.0)
+    cubic = sum(share * (each - own) for share, each in zip(FIRST_CELL, (own, *faces[1:4]), strict=True))
+    faces[0] = np.maximum(own + np.where(smooth, cubic, 0.5 * lesser), LEAST_SHARE * own)
+
+
+def _keep_sum(faces: np.ndarray, average: np.ndarray, weight: np.ndarray) -> None:
+    """Move faces within the range of their cells so that the integral along each row is the sum of its averages."""
+    low, high = np.minimum(average[1:], average[:-1]), np.maximum(average[1:], average[:-1])
+    # Differences from the row's first average keep the digits of a nearly uniform density.
+    lacks = (average - average[0]).sum(axis=0) - np.tensordot(weight, faces - average[0], axes=1)
+    room = np.maximum(np.where(lacks > 0.0, high - faces[1:-1], faces[1:-1] - low), 0.0)
+    slack = np.tensordot(weight[1:-1], room, axes=1)
+    faces[1:-1] += np.clip(lacks / np.where(slack > 0.0, slack, 1.0), -0.5, 0.5) * room

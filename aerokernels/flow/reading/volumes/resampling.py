@@ -1,0 +1,236 @@
+"""The map from the cells of a mesh to the nodes of a uniform grid; its mesh-dependent part is computed once and reused.
+
+The mesh alone determines which cell contains a node, how slopes follow from the surrounding cells, which nodes take an
+average, which nodes are in no cell, and from where their density is extrapolated. A set of densities then costs one
+pass over the cells and one over the nodes.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...sampled_density import GridDensity
+from ...species import Composition
+from ..dataset import Block, ReadError
+from .cell_nodes import CellNodes
+from .grid_choice import check_solids, choose_grid
+from .measuring_lines import MeasuringLines, VolumeResampling
+from .node_fill import EmptyNodes, SmallCells, foremost
+from .raster import CellFacts, NodeGrid, rasterise
+from .reconstruction import Reconstruction
+from .solid_walls import solid_body
+
+OUTSIDE = "are in a body or beyond the mesh: the density is extrapolated there"
+
+
+class Resampling:
+    """The map from the cells of a mesh to the nodes of a uniform grid, computed once for any number of snapshots.
+
+    `flow.Reader` reuses one from file to file; `apply` takes densities from any other source.
+
+    Attributes:
+        origin: The first node [m], shape (3,).
+        spacing: Node spacing [m], shape (3,).
+        shape: Number of nodes along x, y and z.
+        outside_share: Share of the nodes that are in no cell.
+        body: The solid body in the flow, or None.
+    """
+
+    def __init__(self, reading, moved: Sequence[np.ndarray], spacing=None, region=None, walls=None):
+        """Rasterise the cells of a file that was read into a grid.
+
+        Args:
+            reading: The file that was read.
+            moved: The points of its blocks in the optical frame [m], each (n, 3).
+            spacing: Greatest node spacing [m]; None follows from the cells.
+            region: Lowest and highest corner of the grid [m]; None takes the whole volume.
+            walls: Names of the patches that bound the body; None takes the file's walls, else holes of the mesh.
+
+        Raises:
+            ReadError: Cells inside out, duplicate points, no node in a cell.
+            ValueError: A spacing or a region that does not give a grid.
+        """
+        path, blocks = reading.path, list(reading.dataset.blocks)
+        low, step, shape = choose_grid(path, blocks, moved, spacing, region)
+        self.origin, self.spacing, self.shape = low, step, shape
+        self._asked = _plain(spacing), _plain(region), walls
+        self._frame, self._meshes = (reading.frame, reading.scale), [_mesh_of(block) for block in blocks]
+        self._where = [where for _, where in reading.densities]
+        grid, lines = NodeGrid(low, step, shape), MeasuringLines(low, step, shape)
+        self._parts: list[Reconstruction] = []
+        facts: list[CellFacts] = []
+        firsts = _first_numbers(blocks, moved)
+        for block, points, where, first in zip(blocks, moved, self._where, firsts, strict=True):
+            found = rasterise(block, points, [grid, lines.grid], first)
+            check_solids(path, block, points, found)
+            self._parts.append(Reconstruction(block, points, where, found))
+            facts.append(found)
+        held = grid.cell >= 0
+        if not held.any():
+            raise ReadError(
+                path, "no node of the grid is in one of its cells", "repair the mesh, or give a smaller spacing"
+            )
+        self.body = solid_body(path, reading.dataset, blocks, moved, reading.moved, grid, walls)
+        averages = all(where == "cell" for where in self._where)
+        self._small = SmallCells(grid, facts, blocks, held) if averages else None
+        self._front = foremost(held, shape)
+        self._empty = EmptyNodes(held, shape)
+        self.outside_share = 1.0 - float(held.mean())
+        counts = [block.cell_count for block in blocks]
+        lines.settle(self._parts, firsts, counts)
+        self._lines, self._cell_nodes = lines, []
+        for part, first, count in zip(self._parts, firsts, counts, strict=True):
+            self._cell_nodes.append(CellNodes.of(part, grid.cell, first, count))
+            part.forget_slopes()  # CellNodes keeps those of cells that contain a node
+
+    def fits(self, reading, spacing=None, region=None, walls=None) -> bool:
+        """Return whether another file has this mesh, in the same frame, and is to be read onto the same grid."""
+        if self._asked != (_plain(spacing), _plain(region), walls) or self._frame != (reading.frame, reading.scale):
+            return False
+        blocks = reading.dataset.blocks
+        if [where for _, where in reading.densities] != self._where or len(blocks) != len(self._meshes):
+            return False
+        return all(
+            len(one) == len(other) and all(_same(a, b) for a, b in zip(one, other, strict=True))
+            for one, other in zip(self._meshes, map(_mesh_of, blocks), strict=True)
+        )
+
+    def apply(
+        self, densities, *, ambient_density: float | None = None, conditions=None, provenance: str = ""
+    ) -> GridDensity:
+        """Resample densities of the cells (or the points) to the grid.
+
+        Args:
+            densities: [kg/m3], one per cell or per point as in the first file, in its order; one array, or a list of
+                one for each block.
+            ambient_density: [kg/m3]; None takes the median of the most upstream layers.
+            conditions: The free stream, or None.
+            provenance: Origin of the densities, for the field's provenance.
+
+        Raises:
+            ValueError: Arrays that do not fit the mesh, or densities that no gas has.
+        """
+        given = [densities] if isinstance(densities, np.ndarray) else list(densities)
+        if given and np.ndim(given[0]) == 0:
+            given = [np.asarray(given)]
+        if len(given) != len(self._parts):
+            raise ValueError(
+                f"{len(given)} arrays of densities for {len(self._parts)} blocks of cells: give one for each"
+            )
+        for part, own, name in zip(self._parts, given, self._where, strict=True):
+            if np.shape(own) != (part.count,):
+                raise ValueError(
+                    f"densities have shape {np.shape(own)}, the mesh {part.count} {name}s: give one for each"
+                )
+        values, density = self._resampled(given)
+        ambient = float(np.median(density[self._front])) if ambient_density is None else float(ambient_density)
+        self._empty.fill(density, ambient)
+        averaged = 0.0 if self._small is None else self._small.share
+        measured = self._lines.measure(values, density, self.outside_share, averaged)
+        density = density.reshape(self.shape)
+        density.setflags(write=False)
+        return GridDensity(
+            density,
+            self.origin,
+            self.spacing,
+            "volume",
+            ambient,
+            body=self.body,
+            conditions=conditions,
+            provenance=provenance,
+            resampling=measured,
+        )
+
+    def _resampled(self, given) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
+        """Return the inputs of the functions in each block's cells, and the values at the nodes inside cells."""
+        values = [part.values(own) for part, own in zip(self._parts, given, strict=True)]
+        density = np.empty(math.prod(self.shape))
+        for nodes, (value, near) in zip(self._cell_nodes, values, strict=True):
+            nodes.set_densities(value, near, self.origin, self.shape, self.spacing, density)
+        if self._small is not None:
+            own = [value for value, _ in values]
+            self._small.average(own[0] if len(own) == 1 else np.concatenate(own), density)
+        return values, density
+
+    def _composition(self, reading, ambient: float) -> Composition | None:
+        """Return the mixture at the nodes, from partial densities that are resampled like the density."""
+        fractions = reading.fractions
+        if fractions is None:
+            return None
+        pairs = list(zip(reading.densities, fractions.blocks, strict=True))
+        each = range(len(fractions.names))
+        partial = np.stack([self._resampled([rho * own[k] for (rho, _), own in pairs])[1] for k in each])
+        around = partial[:, self._front].mean(axis=1)
+        for own, share in zip(partial, around / around.sum(), strict=True):
+            self._empty.fill(own, share * ambient)
+        found: Composition = fractions.composition(partial.reshape(-1, *self.shape), around)
+        return found
+
+    def field(self, reading) -> GridDensity:
+        """Return the density field of a file on this mesh; its provenance states the changes due to resampling."""
+        found = self.apply(
+            [own for own, _ in reading.densities], ambient_density=reading.ambient or reading.dataset.ambient
+        )
+        measured = found.resampling
+        assert isinstance(measured, VolumeResampling)
+        said = [
+            *reading.described(),
+            f"resampled to {' x '.join(map(str, self.shape))} nodes of "
+            f"{' x '.join(f'{s:.4g}' for s in self.spacing)} m, which changes the density by "
+            f"{measured.density_rms:.2g} kg/m3 rms, columns along z by {measured.column_rms:.2g} kg/m2 rms",
+            *([f"{self.outside_share:.1%} of the nodes {OUTSIDE}"] if self.outside_share else []),
+            *([] if self.body is None else [f"a body of {len(self.body.triangles)} triangles"]),
+            *_walls_in_words(reading),
+            f"ambient {found.ambient_density:.6g} kg/m3",
+        ]
+        object.__setattr__(found, "composition", self._composition(reading, found.ambient_density))
+        object.__setattr__(found, "provenance", f"{reading.path}: {'; '.join(said)}")
+        return found
+
+
+def _walls_in_words(reading) -> list[str]:
+    """Return a note that wall values of the file, if any, are not used for volumes."""
+    averages = all(where == "cell" for _, where in reading.densities)
+    walls = sorted({patch.name for patch in reading.dataset.patches if patch.kind == "wall"})
+    if not (averages and walls):
+        return []
+    named = ", ".join(walls[:3]) + (", ..." if len(walls) > 3 else "")
+    return [f"the solver's values at walls ({named}) are not used in volumes: the cells beside them count"]
+
+
+def _first_numbers(blocks: Sequence[Block], moved: Sequence[np.ndarray]) -> list[int]:
+    """Return the number of each block's first cell, in descending order of cell size.
+
+    Where blocks overlap, the cell with the greatest number wins, which is then the finer one.
+    """
+
+    def coarseness(k: int) -> int:
+        extent = np.ptp(moved[k], axis=0).prod() if len(moved[k]) else 0.0
+        size = extent / max(blocks[k].cell_count, 1)
+        return round(math.log2(size)) if size > 0.0 else 0
+
+    firsts, number = [0] * len(blocks), 0
+    for k in sorted(range(len(blocks)), key=coarseness, reverse=True):
+        firsts[k] = number
+        number += blocks[k].cell_count
+    return firsts
+
+
+def _mesh_of(block: Block) -> tuple:
+    cells = block.cells
+    if cells is None:
+        return block.points, block.shape, block.blank
+    faces = cells.faces
+    more = () if faces is None else (faces.start, faces.points, faces.owner, faces.neighbour)
+    return block.points, block.blank, cells.types, cells.start, cells.points, *more
+
+
+def _same(one, other) -> bool:
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return one is other or np.array_equal(one, other)
+    return one is other or (not isinstance(one, np.ndarray) and not isinstance(other, np.ndarray) and one == other)
+
+
+def _plain(asked):
+    return None if asked is None else np.asarray(asked, dtype=np.float64).tolist()

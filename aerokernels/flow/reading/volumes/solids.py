@@ -1,0 +1,230 @@
+"""Solid cells in chunks: faces, volumes and centroids, for all cell types alike.
+
+A face is treated as the plane through its centroid perpendicular to its area vector. Where the four corners of a face
+are not in a plane, both cells that share it use the same plane, so that there is no gap between them.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ..dataset import CORNERS, HEXAHEDRON, POLYHEDRON, PRISM, PYRAMID, TETRAHEDRON, Block
+
+# Faces by their corners, counter-clockwise seen from outside; a triangle repeats its last corner.
+FACES = {
+    TETRAHEDRON: [(0, 2, 1, 1), (0, 1, 3, 3), (1, 2, 3, 3), (2, 0, 3, 3)],
+    HEXAHEDRON: [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)],
+    PRISM: [(0, 1, 2, 2), (3, 5, 4, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)],
+    PYRAMID: [(0, 3, 2, 1), (0, 1, 4, 4), (1, 2, 4, 4), (2, 3, 4, 4), (3, 0, 4, 4)],
+}
+CORNER_COUNT = {kind: CORNERS[kind] for kind in FACES}
+CHUNK = 16_384  # cells processed together: fits in a core's cache
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """Some cells of a block; the first axis of vectors is the component, and the last axis is the cell.
+
+    Attributes:
+        cell: Their numbers in the block, shape (n,).
+        area: Outward area vectors of their faces [m2], shape (3, f, n).
+        centre: Centroids of their faces [m], shape (3, f, n).
+        low: Lowest corner of the box around each [m], shape (3, n).
+        high: Highest corner [m], shape (3, n).
+        volume: [m3], negative for cells that are inside out, shape (n,).
+        middle: Centroids [m], shape (3, n).
+    """
+
+    cell: np.ndarray
+    area: np.ndarray
+    centre: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    volume: np.ndarray
+    middle: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Some cells of one type, by their corners, before their geometry is computed.
+
+    Attributes:
+        kind: VTK's number of the type.
+        cell: Their numbers in the block, shape (n,).
+        corners: Points of each, shape (k, n).
+    """
+
+    kind: int
+    cell: np.ndarray
+    corners: np.ndarray
+
+    def solids(self, across: np.ndarray) -> Solids:
+        """Compute faces, volumes and centroids from the coordinates of all points [m], shape (3, point_count)."""
+        at = across[:, self.corners]
+        table = FACES[self.kind]
+        a, b, c, d = (at[:, [face[k] for face in table]] for k in range(4))
+        area = 0.5 * _cross(c - a, d - b)
+        centre = a + b
+        centre += c
+        for number, face in enumerate(table):
+            if face[2] == face[3]:
+                centre[:, number] /= 3.0
+            else:
+                centre[:, number] += d[:, number]
+                centre[:, number] *= 0.25
+                centre[:, number] += _from_mean([own[:, number] for own in (a, b, c, d)], centre[:, number])
+        found = _finished(self.cell, area, centre, at.min(axis=1), at.max(axis=1), at.mean(axis=1))
+        if self.kind != PRISM:
+            return found
+        # VTK and most other programs list a prism's corners in opposite orientations: accept both.
+        turn = np.where(found.volume < 0.0, -1.0, 1.0)
+        return replace(found, area=turn * found.area, volume=turn * found.volume)
+
+
+@dataclass(frozen=True, eq=False)
+class _Polyhedra:
+    """Polyhedra with the geometry of their faces, and the faces of each cell.
+
+    Attributes:
+        face_area: Area vectors, out of the owner, shape (face_count, 3).
+        face_centre: Shape (face_count, 3).
+        face_box: Lowest and highest corner of each face, shape (face_count, 2, 3).
+        incident: Faces of the cells, sorted by cell; bits are inverted for faces that point inward.
+        start: First entry of each cell in `incident`, shape (cell_count + 1,).
+    """
+
+    face_area: np.ndarray
+    face_centre: np.ndarray
+    face_box: np.ndarray
+    incident: np.ndarray
+    start: np.ndarray
+
+
+def corner_chunks(block: Block) -> Iterator[Chunk]:
+    """Yield the solid cells of a block that are not polyhedra, in chunks."""
+    if block.shape is not None:
+        yield from _structured(block.shape)
+        return
+    cells = block.cells
+    if cells is None:
+        return
+    for kind, count in CORNER_COUNT.items():
+        own = np.flatnonzero(cells.types == kind)
+        for first in range(0, len(own), CHUNK):
+            cell = own[first : first + CHUNK]
+            yield Chunk(kind, cell, cells.points[cells.start[cell] + np.arange(count)[:, None]])
+
+
+def corner_counts(block: Block) -> np.ndarray:
+    """Return the number of corners of each cell of a block; 0 for polyhedra and for cells that are not solid."""
+    if block.shape is not None:
+        solid = min(block.shape) > 1
+        return np.full(block.cell_count, CORNER_COUNT[HEXAHEDRON] if solid else 0, np.int64)
+    count = np.zeros(256, np.int64)
+    count[list(CORNER_COUNT)] = list(CORNER_COUNT.values())
+    return count[block.cells.types] if block.cells is not None else np.zeros(0, np.int64)
+
+
+def solid_chunks(block: Block, across: np.ndarray) -> Iterator[Callable[[], Solids]]:
+    """Yield functions that compute the solid cells of a block, one for each chunk.
+
+    Args:
+        block: The block.
+        across: Its points in the optical frame [m], shape (3, point_count).
+    """
+    for chunk in corner_chunks(block):
+        yield partial(chunk.solids, across)
+    cells = block.cells
+    if cells is not None and cells.faces is not None and (own := np.flatnonzero(cells.types == POLYHEDRON)).size:
+        faces = _polyhedra(block, across.T)
+        width = np.diff(faces.start)[own]
+        for face_count in np.unique(width):
+            same = own[width == face_count]
+            for first in range(0, len(same), CHUNK):
+                yield partial(_of_faces, faces, same[first : first + CHUNK], int(face_count))
+
+
+def _structured(shape: tuple[int, int, int]) -> Iterator[Chunk]:
+    ni, nj, nk = shape
+    across = ni - 1
+    plane = across * (nj - 1)
+    step = max(1, CHUNK // max(plane, 1))
+    offsets = np.array([0, 1, ni + 1, ni, ni * nj, ni * nj + 1, ni * nj + ni + 1, ni * nj + ni])[:, None]
+    i, j = np.meshgrid(np.arange(across), np.arange(nj - 1))
+    base = (i + ni * j).ravel()
+    for first in range(0, nk - 1, step):
+        layers = np.arange(first, min(first + step, nk - 1))
+        corner = (base + ni * nj * layers[:, None]).ravel()
+        cell = (np.arange(plane) + plane * layers[:, None]).ravel()
+        yield Chunk(HEXAHEDRON, cell, corner + offsets)
+
+
+def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    result = np.empty_like(one)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        np.subtract(one[i] * other[j], one[j] * other[i], out=result[k])
+    return result
+
+
+def _from_mean(ring: list[np.ndarray], mean: np.ndarray) -> np.ndarray:
+    """Return the centroids of quadrilaterals minus the means of their corners, shape (3, n).
+
+    The centroid is that of the four triangles around the mean.
+    """
+    spoke = [corner - mean for corner in ring]
+    triangle = [_cross(spoke[k], spoke[(k + 1) % 4]) for k in range(4)]
+    area = sum(triangle)
+    share = [(own * area).sum(axis=0) for own in triangle]
+    whole = 3.0 * sum(share)
+    shift = sum(own * (spoke[k] + spoke[(k + 1) % 4]) for k, own in enumerate(share))
+    return np.asarray(shift / np.where(whole > 0.0, whole, 1.0))
+
+
+def _finished(cell, area, centre, low, high, inner) -> Solids:
+    """Compute volumes and centroids as sums over the pyramids from an inner point to each face."""
+    height = centre - inner[:, None]
+    part = (height * area).sum(axis=0) / 3.0
+    volume = part.sum(axis=0)
+    with np.errstate(all="ignore"):
+        shift = 0.75 * (part * height).sum(axis=1) / volume
+    return Solids(cell, area, centre, low, high, volume, inner + np.where(np.isfinite(shift), shift, 0.0))
+
+
+def _polyhedra(block: Block, points: np.ndarray) -> _Polyhedra:
+    assert block.cells is not None and block.cells.faces is not None
+    faces, count = block.cells.faces, len(block.cells)
+    width = np.diff(faces.start)
+    at = points[faces.points]
+    begin = faces.start[:-1]
+    mean = np.add.reduceat(at, begin, axis=0) / width[:, None]
+    following = np.arange(1, len(at) + 1)
+    following[faces.start[1:] - 1] = begin
+    spoke = at - np.repeat(mean, width, axis=0)
+    triangle = 0.5 * np.cross(spoke, spoke[following])
+    area = np.add.reduceat(triangle, begin, axis=0)
+    # The centroid of the face: of the triangles around its mean, weighted by area.
+    unit = area / np.maximum(np.linalg.norm(area, axis=1), 1e-300)[:, None]
+    share = np.einsum("nk,nk->n", triangle, np.repeat(unit, width, axis=0))
+    third = (spoke + spoke[following]) / 3.0
+    shift = np.add.reduceat(share[:, None] * third, begin, axis=0)
+    centre = mean + shift / np.maximum(np.add.reduceat(share, begin), 1e-300)[:, None]
+    box = np.stack([np.minimum.reduceat(at, begin, axis=0), np.maximum.reduceat(at, begin, axis=0)], axis=1)
+    inner = len(faces.neighbour)
+    cell = np.concatenate([faces.owner, faces.neighbour])
+    face = np.concatenate([np.arange(len(faces.owner)), ~np.arange(inner)])
+    order = np.argsort(cell, kind="stable")
+    start = np.searchsorted(cell[order], np.arange(count + 1))
+    return _Polyhedra(area, centre, box, face[order], start)
+
+
+def _of_faces(faces: _Polyhedra, cell: np.ndarray, face_count: int) -> Solids:
+    face = faces.incident[faces.start[cell] + np.arange(face_count)[:, None]]
+    inward = face < 0
+    face = np.where(inward, ~face, face)
+    area = np.where(inward, -1.0, 1.0) * np.moveaxis(faces.face_area[face], -1, 0)
+    centre, box = np.moveaxis(faces.face_centre[face], -1, 0), faces.face_box[face]
+    low, high = box[:, :, 0].min(axis=0).T, box[:, :, 1].max(axis=0).T
+    return _finished(cell, area, centre, low, high, centre.mean(axis=1))

@@ -1,0 +1,129 @@
+"""Density fields of volumes: a uniform grid is kept, every other mesh is resampled to one."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...sampled_density import GridDensity
+from ..dataset import SOLID, Block, ReadError
+from .even_averages import at_corners
+from .even_errors import estimated_error
+from .resampling import Resampling
+from .solids import corner_chunks
+
+EVEN, UNEVEN = 1e-6, 1e-3  # of a spacing: nodes may be so far off an even grid in any case, and by rounding at most
+SINGLE = 2.4e-7  # of a coordinate: rounding to single precision, of a node and of the ends of its row
+
+
+def volume_field(reading, spacing=None, region=None, walls=None, shared=None) -> GridDensity:
+    """Return the density of a volume on a uniform grid.
+
+    Args:
+        reading: The file that was read.
+        spacing: Greatest node spacing [m], or None.
+        region: Lowest and highest corner [m], or None.
+        walls: Names of the patches that bound the body; None takes the file's walls, else holes of the mesh.
+        shared: Shares the map from the mesh to the grid between files; or None.
+
+    Raises:
+        ReadError: A mesh without solid cells, with cells inside out or duplicate points.
+        ValueError: A spacing or a region that does not give a grid.
+    """
+    dataset, path = reading.dataset, reading.path
+    moved = [reading.moved(block.points) for block in dataset.blocks]
+    if len(moved) == 1 and spacing is None and region is None:
+        grid = uniform_grid(dataset.blocks[0], moved[0], *reading.densities[0])
+        if grid is not None:
+            density, low, step, told = grid
+            ambient = reading.ambient or dataset.ambient or float(np.median(density[:, :, -1]))
+            described = [*reading.described(), f"ambient {ambient:.6g} kg/m3"]
+            composition = None
+            if (fractions := reading.fractions) is not None:
+                rho, where = reading.densities[0]
+                parts = [uniform_grid(dataset.blocks[0], moved[0], rho * own, where) for own in fractions.blocks[0]]
+                partial = np.stack([part[0] for part in parts if part is not None])
+                composition = fractions.composition(partial, partial[..., -1].mean(axis=(1, 2)))
+            return GridDensity(
+                density,
+                low,
+                step,
+                "volume",
+                ambient,
+                provenance=f"{path}: {'; '.join(described)}",
+                resampling=told,
+                composition=composition,
+            )
+    for block in dataset.blocks:
+        if block.cells is None and block.shape is None:
+            raise ReadError(
+                path, f"block {block.name!r} has points and no cells", "give a file with cells, or a grid's shape"
+            )
+    if not any(block.shape is not None or np.isin(block.cells.types, SOLID).any() for block in dataset.blocks):
+        raise ReadError(path, "it has no solid cells: a surface in space", "give the volume's mesh")
+    blanked = [cells_blanked(block) for block in dataset.blocks]
+    if any(one is not other for one, other in zip(blanked, dataset.blocks, strict=True)):
+        reading = replace(reading, dataset=replace(dataset, blocks=blanked))
+    if shared is None or shared.resampling is None or not shared.resampling.fits(reading, spacing, region, walls):
+        found = Resampling(reading, moved, spacing, region, walls)
+        if shared is not None:
+            shared.resampling = found
+    else:
+        found = shared.resampling
+    return found.field(reading)
+
+
+def cells_blanked(block: Block) -> Block:
+    """Return the block with blanked points converted to blanked cells: cells with a blanked corner."""
+    blank = block.blank
+    if blank is None or not blank.any() or len(blank) == block.cell_count:
+        return block
+    hidden = np.zeros(block.cell_count, bool)
+    for chunk in corner_chunks(block):
+        hidden[chunk.cell] = blank[chunk.corners].any(axis=0)
+    return replace(block, blank=hidden)
+
+
+def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: str):
+    """Return density [x, y, z], first node and spacing of a uniform grid, and its error; None for any other block.
+
+    Cell averages become values at the corners of the cells: the grid covers what the cells cover, and the error states
+    the
+    deficit of this conversion. For values at nodes the error is None: the error budget estimates their interpolation
+    error.
+    """
+    if block.shape is None or min(block.shape) < 2 or (block.blank is not None and block.blank.any()):
+        return None
+    at = points.reshape(*block.shape[::-1], 3)
+    ends = at[0, 0, -1], at[0, -1, 0], at[-1, 0, 0]
+    steps = [(end - at[0, 0, 0]) / (count - 1) for end, count in zip(ends, block.shape, strict=True)]
+    along = [int(np.argmax(np.abs(step))) for step in steps]
+    if sorted(along) != [0, 1, 2]:
+        return None
+    size = np.array([abs(step[axis]) for step, axis in zip(steps, along, strict=True)])
+    if (size <= 0.0).any() or not _is_even(at, steps, along, size):
+        return None
+    cell = where == "cell"
+    counts = [n - 1 if cell else n for n in block.shape]
+    if cell and min(counts) < 2:
+        return None
+    values = density.reshape(counts[::-1]).transpose(2, 1, 0)  # [i, j, k]
+    values = np.transpose(values, [along.index(axis) for axis in range(3)])
+    first, step = np.empty(3), np.empty(3)
+    for i, axis in enumerate(along):
+        step[axis] = abs(at.reshape(-1, 3)[-1, axis] - at.reshape(-1, 3)[0, axis]) / (block.shape[i] - 1)
+        first[axis] = points[:, axis].min()
+        if steps[i][axis] < 0.0:
+            values = np.flip(values, axis)
+    if not cell:
+        return np.ascontiguousarray(values), first, step, None
+    density, smooth = at_corners(values)
+    return density, first, step, estimated_error(values, smooth, step)
+
+
+def _is_even(at: np.ndarray, steps, along: list[int], size: np.ndarray) -> bool:
+    """Return whether points [k, j, i] have constant steps along every axis, layer by layer."""
+    line = [np.arange(n)[:, None] * (step[axis] * np.eye(3)[axis]) for n, step, axis in
+            zip(at.shape[2::-1], steps, along, strict=True)]  # fmt: skip
+    plane = at[0, 0, 0] + (line[0][None] + line[1][:, None])
+    uneven = size.min() * np.clip(SINGLE * np.abs(at[[0, -1]]).max() / size.min(), EVEN, UNEVEN)
+    return all((np.abs(layer - (plane + more)) <= uneven).all() for layer, more in zip(at, line[2], strict=True))

@@ -1,0 +1,1 @@
+"""From averages over cells to an interpolant that keeps them, on grids and on meshes."""

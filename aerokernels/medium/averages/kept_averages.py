@@ -1,0 +1,224 @@
+r"""Vertex values whose bilinear interpolant has the given average over every cell of the flow, where bounds permit.
+
+Exact values at the vertices are not enough: on cells of size h the mean of their interpolant differs from a cell's
+average by h^2 / 12 times the second derivatives. This deficit has one sign wherever the flow is curved one way, and
+integrals along rays accumulate it. Every vertex is therefore moved by the weighted mean of the deficits of its cells,
+
+    v_k <- v_k + sum_c W_ck (a_c - mean_c(v)) / sum_c W_ck,
+
+with W_ck the weight of vertex k in the integral over the flow's cell c (of r dr dz, if axisymmetric).
+
+A mesh of quadrilaterals has about one vertex for each average, which leaves a continuous interpolant no freedom to
+follow the flow. A quadrilateral cut in four (a triangle is cut in three anyway) has four vertices and more, and sweeps
+of the formula above keep the averages. The sweeps are accelerated by Nesterov's extrapolation (Sov. Math. Dokl. 27
+(1983) 372), restarted where it leads back (B. O'Donoghue and E. Candes). They run over all cells, then over the
+neighbourhood of the cells that still have a deficit, until the deficits no longer change: their sum of squares is then
+least. The remaining deficit of a cell is transferred to the vertices that belong to no other cell.
+
+Beside a captured shock no vertex value leaves the range of the averages of its cells. Elsewhere it may exceed the range
+of these cells and their neighbours by at most a quarter of that range. Initial values are always allowed, except
+densities below a tenth of those around a vertex. With these bounds not every average can be kept: a cell of 1.1 between
+cells of 1 and 2 would need a value of 0.7 in its middle. The deficit of such a cell is transferred to its neighbours,
+so that the sums along rows and columns of cells are kept (row_sums.py); `cell_deficits` returns the deficit of each
+cell.
+
+Cells that are not cut ("bilinear") are swept twice where the flow is smooth; after one sweep the deficit is of fourth
+order.
+"""
+
+import numpy as np
+
+from ..mesh import QuadMesh
+from ..refined import cut_in_four, has_seam
+from .edge_lines import edge_lines
+from .opposite_sides import joined_across
+from .row_sums import keep_row_sums
+from .vertex_values import linear_values_and_smooth, of_parents, values_and_smooth, vertex_gradients
+from .vertex_weights import VertexWeights, vertex_weights
+
+PASSES = 2  # sweeps over cells that are not cut
+SWEEPS, FIRST_SWEEPS = 200, 40  # most sweeps near cells with a deficit, and over all cells
+CHECK_INTERVAL = 10  # sweeps between two checks whether the deficits still change
+SETTLED = 1e-8  # change of a deficit, over the range of the averages, at which the sweeps end
+RINGS = 4  # rings of cells around those with a deficit over which the sweeps continue
+OVERSHOOT = 0.25  # how far a vertex may leave the range of the averages around it in smooth flow, over that range
+AT_VERTEX = 1e-8  # points of a wall nearer than this to a vertex, over the mesh's size, are taken to be at the vertex
+LEAST_FRACTION = 0.1  # least value of a vertex over the least average around it, both measured from vacuum
+
+
+def conserving_values(mesh: QuadMesh, average: np.ndarray, vacuum: float = -np.inf) -> np.ndarray:
+    """Return vertex values, shape (vertex_count,), without cutting cells.
+
+    Args:
+        mesh: The mesh.
+        average: Averages, shape (cell_count,).
+        vacuum: The value in vacuum; vertex values stay above it where the averages do.
+    """
+    values, smooth = values_and_smooth(mesh, average)
+    if mesh.parents is not None:
+        return keep_averages(mesh, values, average, smooth, vacuum)
+    weights, vertex = mesh.corner_weights, mesh.cells.ravel()
+    share = np.bincount(vertex, weights.ravel(), len(mesh.vertices))
+    share = np.where(share > 0.0, share, 1.0)
+    for _ in range(PASSES):
+        deficit = np.where(smooth, cell_deficits(mesh, average, values), 0.0)
+        values = values + np.bincount(vertex, (weights * deficit[:, None]).ravel(), len(mesh.vertices)) / share
+    return np.asarray(values)
+
+
+def cell_deficits(mesh: QuadMesh, average: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return each cell's deficit: the flow's cell average minus the mean of the interpolant over that cell.
+
+    A cell that is a part of a flow's cell has the deficit of the flow's cell.
+
+    Args:
+        mesh: The mesh.
+        average: Averages, shape (cell_count,).
+        values: Values at the vertices, shape (vertex_count,).
+    """
+    weights = mesh.corner_weights
+    deficit = average - (weights * values[mesh.cells]).sum(axis=1) / weights.sum(axis=1)
+    return deficit if mesh.parents is None else of_parents(mesh, deficit)[mesh.parents]
+
+
+def cut_and_kept(
+    mesh: QuadMesh,
+    average: np.ndarray,
+    vacuum: float = -np.inf,
+    walls: tuple[np.ndarray, np.ndarray] | None = None,
+) -> tuple[QuadMesh, np.ndarray, np.ndarray]:
+    """Return the mesh cut in four, values at its vertices that keep the averages, and the average for each part.
+
+    Args:
+        mesh: The mesh; it is returned as it is where its cells are parts already.
+        average: Averages, shape (cell_count,).
+        vacuum: The value in vacuum; vertex values stay above it where the averages do.
+        walls: Positions [m], shape (n, 2), and the values that the interpolant has to take there.
+
+    Raises:
+        ValueError: A mesh that cannot be cut because it has two vertices in one place.
+    """
+    if has_seam(mesh):
+        raise ValueError(
+            "interpolation 'conserving' cuts cells, and this mesh closes on itself in a seam, with two vertices in one "
+            "place: take 'bilinear', or merge them"
+        )
+    values, smooth = linear_values_and_smooth(mesh, average)
+    if mesh.parents is None:
+        gradient = vertex_gradients(mesh, values)
+        gradient[mesh.cells[~smooth]] = 0.0
+        mesh, values = cut_in_four(mesh, values, gradient)
+        average = average[mesh.parents]
+        average.setflags(write=False)
+    fixed = None if walls is None else _vertices_at(mesh, *walls)
+    return mesh, keep_averages(mesh, values, average, smooth, vacuum, fixed), average
+
+
+def keep_averages(
+    mesh: QuadMesh,
+    values: np.ndarray,
+    average: np.ndarray,
+    smooth: np.ndarray,
+    vacuum: float = -np.inf,
+    fixed: tuple[np.ndarray, np.ndarray] | None = None,
+) -> np.ndarray:
+    """Return values near the given ones that keep the averages.
+
+    Args:
+        mesh: A mesh of parts of the flow's cells.
+        values: Initial values, shape (vertex_count,).
+        average: Averages, shape (cell_count,).
+        smooth: Which of the flow's cells neither contain a captured shock nor touch a cell that does.
+        vacuum: The value in vacuum.
+        fixed: Vertices whose values are fixed, and these values.
+    """
+    target, weights = of_parents(mesh, average), vertex_weights(mesh)
+    low, high = _bounds(weights.matrix, weights.transposed, target, smooth, values, vacuum)
+    if fixed is not None:
+        low[fixed[0]] = high[fixed[0]] = fixed[1]
+    found = np.clip(values, low, high)
+    settled = SETTLED * float(np.ptp(target))
+    _sweep(weights, np.arange(len(target)), target, found, low, high, settled, FIRST_SWEEPS)
+    near = (np.abs(weights.deficit(target, found)) > settled).astype(float)
+    if near.any():
+        for _ in range(RINGS):
+            near = ((weights.matrix @ (weights.transposed @ near)) > 0.0).astype(float)
+        _sweep(weights, np.flatnonzero(near), target, found, low, high, settled, SWEEPS)
+    single = np.flatnonzero(weights.single)
+    inner = weights.matrix[:, single]
+    room = np.asarray(inner.sum(axis=1))
+    deficit = weights.deficit(target, found) * weights.cell_total / np.where(room > 0.0, room, 1.0)
+    cell = weights.transposed.indices[weights.transposed.indptr[single]]
+    found[single] = np.clip(found[single] + deficit[cell], low[single], high[single])
+    joined = None if mesh.whole is None else joined_across(mesh.whole)
+    return keep_row_sums(weights, target, found, low, high, joined, edge_lines(mesh, target))
+
+
+def _sweep(weights: VertexWeights, some, target, found, low, high, settled: float, sweeps: int) -> None:
+    """Sweep over some of the flow's cells and the vertices that belong to no other cells, in place.
+
+    Ends when no deficit has changed by more than `settled` in CHECK_INTERVAL sweeps: all deficits are then
+    negligible, or as small as the bounds permit.
+    """
+    share, size, target = weights.matrix[some], weights.cell_total[some], target[some]
+    if len(some) < len(weights.cell_total):
+        count = np.bincount(share.indices, minlength=len(found))
+        vertex = np.flatnonzero((count > 0) & (count == np.diff(weights.transposed.indptr)))
+    else:
+        vertex = np.arange(len(found))
+    inner = share.tocsc()[:, vertex].tocsr()
+    transposed = inner.T.tocsr()
+    values, low, high = found[vertex], low[vertex], high[vertex]
+    wanted = target * size - share @ found + inner @ values
+    total = weights.vertex_total[vertex]
+    rate = np.where(total > 0.0, 1.0 / np.where(total > 0.0, total, 1.0), 0.0)
+    before, ahead, restart = np.full(len(target), np.inf), values, 0
+    for sweep in range(sweeps):
+        deficit = (wanted - inner @ ahead) / size
+        if sweep % CHECK_INTERVAL == 0:
+            if np.abs(deficit - before).max() <= settled:
+                break
+            before = deficit
+        moved = np.clip(ahead + rate * (transposed @ deficit), low, high)
+        step = moved - values
+        if np.sum((ahead - moved) * total * step) > 0.0:  # not by BLAS, whose threads cost more time than they save
+            restart = sweep
+        ahead = moved + (sweep - restart) / (sweep - restart + 3.0) * step
+        values = moved
+    found[vertex] = values
+
+
+def _vertices_at(mesh: QuadMesh, points: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices at some points, and the mean of the values at each."""
+    from scipy.spatial import KDTree
+
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    distance, vertex = KDTree(mesh.vertices).query(points)
+    near = distance < AT_VERTEX * size
+    count = np.bincount(vertex[near], minlength=len(mesh.vertices))
+    some = np.flatnonzero(count)
+    return some, np.bincount(vertex[near], values[near], len(mesh.vertices))[some] / count[some]
+
+
+def _bounds(share, transposed, target, smooth, values, vacuum: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and greatest value allowed at each vertex, initial values included except near vacuum."""
+    low, high = _extremes(transposed, target, target, values)
+    wide = _extremes(transposed, *_extremes(share, low, high, target), values)
+    single = np.diff(transposed.indptr) == 1  # one cell's average gives no range, so that of its neighbours is used
+    low, high = np.where(single, wide[0], low), np.where(single, wide[1], high)
+    touched = (transposed @ (~smooth).astype(float)) > 0.0
+    more = OVERSHOOT * (wide[1] - wide[0])
+    least, greatest = np.where(touched, low, wide[0] - more), np.where(touched, high, wide[1] + more)
+    least = np.minimum(least, values)
+    if np.isfinite(vacuum):
+        least = np.maximum(least, np.where(low > vacuum, vacuum + LEAST_FRACTION * (low - vacuum), -np.inf))
+    return least, np.maximum(greatest, values)
+
+
+def _extremes(rows, low, high, empty) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least `low` and greatest `high` over each row's entries of a sparse matrix; `empty` for empty rows."""
+    begin, some = rows.indptr[:-1], np.diff(rows.indptr) > 0
+    least, greatest = np.array(empty, dtype=float), np.array(empty, dtype=float)
+    least[some] = np.minimum.reduceat(low[rows.indices], begin[some])
+    greatest[some] = np.maximum.reduceat(high[rows.indices], begin[some])
+    return least, greatest

@@ -1,0 +1,212 @@
+"""A solid body in the flow, given by its profile: its surface, points inside it, and where lines cross it.
+
+Intersections of rays with the surface are exact: straight lines are intersected with the segments of the profile
+(`Body.crossings`, crossings.py); kernels find the segments in a tree of boxes (wall_tree.py). No table approximates the
+surface, so a body may be arbitrarily thin.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...derived import Derived
+from ...display.shown import shown
+from ...inputs.arguments import Numbers, checked
+from ..grid import as_points, check_finite
+from .crossings import crossings
+from .wall_tree import WallTree, wall_tree
+from .walls import bounding_walls
+
+TILE_POINTS = 512  # points whose nearest walls are sought together; speed only
+
+
+# Points of an axisymmetric profile nearer to the axis than this fraction of the body's size are moved onto the axis.
+ON_AXIS = 1e-12
+
+
+@checked
+@shown
+@dataclass(frozen=True, eq=False)
+class Body(Derived):
+    """A solid body.
+
+    Attributes:
+        profile: Points around the body [m], in order, shape (k, 2): (y, z) or (r, z). The last point is joined to the
+            first; segments of an axisymmetric profile on the axis are not walls.
+        geometry: "planar" or "axisymmetric".
+    """
+
+    profile: np.ndarray
+    geometry: str = "axisymmetric"
+
+    if TYPE_CHECKING:  # anything that NumPy makes an array of is accepted
+
+        def __init__(self, profile: ArrayLike, geometry: str = "axisymmetric") -> None: ...  # noqa: D107
+
+    def __post_init__(self):
+        """Check the profile."""
+        profile = np.array(self.profile, dtype=np.float64)
+        if self.geometry not in ("planar", "axisymmetric"):
+            raise ValueError(f"a body profile is 'planar' or 'axisymmetric', got {self.geometry!r}")
+        if profile.ndim != 2 or profile.shape[1] != 2 or len(profile) < 3:
+            raise ValueError(f"a body profile needs at least three points, shape (k, 2), got {profile.shape}")
+        check_finite(profile, "the body profile")
+        if self.geometry == "axisymmetric":
+            # radius * sin(pi) is not exactly zero; without this the body would have a hole along the axis.
+            near_axis = np.abs(profile[:, 0]) <= ON_AXIS * np.ptp(profile, axis=0).max()
+            profile[near_axis, 0] = 0.0
+        if self.geometry == "axisymmetric" and profile[:, 0].min() < 0.0:
+            raise ValueError("an axisymmetric body profile must not have a negative radius")
+        profile.setflags(write=False)
+        object.__setattr__(self, "profile", profile)
+        if len(self.walls[0]) == 0:
+            raise ValueError("the body profile has no wall: its points all coincide, or all lie on the axis")
+        if len(self.surface[0]) == 0:
+            raise ValueError("the body profile encloses nothing: give the points around a body of some thickness")
+
+    @property
+    def walls(self) -> tuple[np.ndarray, np.ndarray]:
+        """Start and end points of the wall segments [m], each (w, 2)."""
+        start, end = self.profile, np.roll(self.profile, -1, axis=0)
+        keep = np.linalg.norm(end - start, axis=1) > 0.0
+        if self.geometry == "axisymmetric":
+            keep &= ~((start[:, 0] == 0.0) & (end[:, 0] == 0.0))
+        return start[keep], end[keep]
+
+    @cached_property
+    def surface(self) -> tuple[np.ndarray, np.ndarray]:
+        """Start and end points [m] of the segments between air and solid, each (w, 2), with the solid on their left.
+
+        For a profile that neither touches nor crosses itself they are its walls; for others see walls.py.
+        """
+        start, end = bounding_walls(self.profile, self.contains)
+        if self.geometry == "axisymmetric":
+            keep = (start[:, 0] > 0.0) | (end[:, 0] > 0.0)
+            start, end = start[keep], end[keep]
+        return start, end
+
+    @cached_property
+    def _oriented_surface(self) -> tuple[np.ndarray, np.ndarray]:
+        """The surface in the direction of the profile, whichever side of that the solid is on."""
+        start, end = self.surface
+        first, second = self.profile.T
+        clockwise = np.sum(first * np.roll(second, -1) - second * np.roll(first, -1)) < 0.0
+        return (end, start) if clockwise else (start, end)
+
+    @cached_property
+    def tree(self) -> WallTree:
+        """The tree of boxes around the segments of the surface, for kernels."""
+        return wall_tree(np.stack(self.surface, axis=1))
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest coordinates of the profile [m]."""
+        return self.profile.min(axis=0), self.profile.max(axis=0)
+
+    @checked
+    def crossings(self, position: Numbers, direction: Numbers) -> np.ndarray:
+        """Return distances [m] at which straight lines cross the body's surface, ascending, shape (line_count, m).
+
+        They are exact to rounding. Rows with fewer than m crossings are padded with infinity. A line starts outside, at
+        infinity: it enters the body at its first, third, fifth ... crossing and leaves it at the others, so a point on
+        the line is inside if an odd number of crossings precede it. Lines along x never cross a planar body; `contains`
+        tells whether they are inside.
+
+        Args:
+            position: A point on each line in x, y, z [m], shape (line_count, 3) or (3,); crossings behind it have
+                negative distances.
+            direction: Unit vectors, shape (line_count, 3) or (3,).
+
+        Raises:
+            ValueError: Directions that are not unit vectors, or other shapes.
+        """
+        return crossings(*self.surface, self.geometry, position, direction)
+
+    @checked
+    def contains(self, points: Numbers) -> np.ndarray:
+        """Return whether each point (n, 2) is inside the body, by the crossing number along the first axis."""
+        points = as_points(points, 2)
+        # Sorted by the second coordinate, the points that an edge straddles are contiguous.
+        order = np.argsort(points[:, 1], kind="stable")
+        first, second = points[order].T
+        start, end = self.profile, np.roll(self.profile, -1, axis=0)
+        from_row = np.searchsorted(second, np.minimum(start[:, 1], end[:, 1]))
+        to_row = np.searchsorted(second, np.maximum(start[:, 1], end[:, 1]))
+        crossed = np.zeros(len(points), dtype=bool)
+        for edge in np.flatnonzero(to_row > from_row):
+            (a0, a1), (b0, b1) = start[edge], end[edge]
+            rows = slice(from_row[edge], to_row[edge])
+            crossed[rows] ^= a0 + (second[rows] - a1) / (b1 - a1) * (b0 - a0) > first[rows]
+        inside = np.empty(len(points), dtype=bool)
+        inside[order] = crossed
+        return inside
+
+    @checked
+    def nearest_wall(self, points: Numbers) -> np.ndarray:
+        """Return the exact point of the surface nearest to each point (n, 2) [m], shape (n, 2).
+
+        Points are processed in square tiles. A segment farther from a tile's middle than the nearest segment by more
+        than the tile's diameter is nearest to none of the tile's points, and is skipped.
+        """
+        points = as_points(points, 2)
+        check_finite(points, "the points")
+        foot = np.empty_like(points)
+        if len(points) == 0:
+            return foot
+        order, first = _tiles(points)
+        last = np.append(first[1:], len(points))
+        low = np.minimum.reduceat(points[order], first)
+        high = np.maximum.reduceat(points[order], first)
+        middle, radius = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
+        start, end = self._oriented_surface
+        block = max(1, 1_000_000 // len(start))  # speed only
+        for tile in range(0, len(first), block):
+            part = slice(tile, tile + block)
+            distance = np.sqrt(_squared_distances(middle[part], start, end))
+            reach = distance.min(axis=1) + 2.0 * radius[part] * (1.0 + 1e-9)
+            near = distance <= (reach * (1.0 + 1e-9))[:, None]
+            for k, kept in enumerate(near, start=tile):
+                rows, segments = order[first[k] : last[k]], np.flatnonzero(kept)
+                foot[rows] = _nearest_feet(points[rows], start[segments], end[segments])
+        return foot
+
+    @checked
+    def signed_distance(self, points: Numbers) -> np.ndarray:
+        """Return the distance to the surface [m], negative inside the body, at points (n, 2)."""
+        points = as_points(points, 2)
+        distance = np.linalg.norm(points - self.nearest_wall(points), axis=1)
+        return np.where(self.contains(points), -distance, distance)
+
+
+def _tiles(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return an order of points (n, 2) by square tiles of about TILE_POINTS each, and where each tile begins in it."""
+    low, extent = points.min(axis=0), np.ptp(points, axis=0)
+    side = max(np.sqrt(extent.prod() * TILE_POINTS / len(points)), extent.max() * TILE_POINTS / len(points), 1e-300)
+    row, column = np.floor((points - low) / side).astype(np.int64).T
+    key = row * (int(column.max()) + 1) + column
+    order = np.argsort(key, kind="stable")
+    return order, np.flatnonzero(np.diff(key[order], prepend=-1))
+
+
+def _squared_distances(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return the squared distance [m2] of each point (n, 2) to each segment (w, 2), shape (n, w)."""
+    length = np.linalg.norm(end - start, axis=1)
+    along = (end - start) / length[:, None]
+    across = along[:, ::-1] * [-1.0, 1.0]
+    share = points @ along.T - np.sum(start * along, axis=1)
+    beyond = share - np.clip(share, 0.0, length)
+    beside = points @ across.T - np.sum(start * across, axis=1)
+    return np.asarray(beyond**2 + beside**2)
+
+
+def _nearest_feet(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return the point of some segments (w, 2) that is nearest to each point (n, 2), shape (n, 2)."""
+    nearest = np.argmin(_squared_distances(points, start, end), axis=1)
+    start, step = start[nearest], (end - start)[nearest]
+    length = np.linalg.norm(step, axis=1)
+    along = step / length[:, None]
+    share = np.clip(np.sum((points - start) * along, axis=1), 0.0, length)
+    return np.asarray(start + share[:, None] * along)

@@ -1,0 +1,193 @@
+"""A solid body in a volume: a closed surface of triangles, points inside it, and where lines cross it.
+
+Intersections of rays with the triangles are exact, as with the profile of a `Body`: see triangle_crossings.py.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from ...derived import Derived
+from ...inputs.arguments import Numbers, checked
+from ...inputs.checks import check_count
+from ..grid import as_points, check_finite
+from .askew_lines import AskewLines
+from .body import Body
+from .section import outlines
+from .triangle_crossings import triangle_crossings
+from .triangle_distances import NearestTriangles
+from .wall_tree import WallTree, wall_tree
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class SolidBody(Derived):
+    """A solid body in a volume field, bounded by triangles.
+
+    A point is inside where an odd number of triangles lies on one side of it: where two closed parts overlap it counts
+    as outside, and a closed part within another is a cavity.
+
+    Attributes:
+        vertices: Points of the surface [m], shape (vertex_count, 3).
+        triangles: Corners of each triangle, shape (triangle_count, 3). Neighbours must have the same orientation,
+            outward or inward.
+
+    Raises:
+        ValueError: Shapes or indices that are not valid, points that are not finite, a surface that is not closed (the
+            message says how many edges are open, and where the first is) or whose triangles differ in orientation.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    geometry: ClassVar[str] = "volume"
+
+    def __post_init__(self):
+        """Check and turn the triangles outward."""
+        vertices = np.array(self.vertices, dtype=np.float64)
+        triangles = np.array(self.triangles)
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            raise ValueError(f"vertices of a body in a volume need shape (n, 3), got {vertices.shape}")
+        if triangles.ndim != 2 or triangles.shape[1] != 3 or len(triangles) < 4:
+            raise ValueError(f"a solid body needs at least four triangles, shape (n, 3), got {triangles.shape}")
+        if not np.issubdtype(triangles.dtype, np.integer):
+            raise ValueError(f"triangles are numbers of vertices, got dtype {triangles.dtype}")
+        if triangles.min() < 0 or triangles.max() >= len(vertices):
+            raise ValueError(f"triangles name vertices from {triangles.min()} to {triangles.max()} of {len(vertices)}")
+        check_finite(vertices, "the body's surface")
+        triangles = _outward(vertices, triangles.astype(np.int64))
+        for name, value in (("vertices", vertices), ("triangles", triangles)):
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    @checked
+    def of_revolution(cls, body: Body, count: int = 96) -> "SolidBody":
+        """Return the body of an axisymmetric profile as triangles, `count` of them around the axis z.
+
+        The vertices are on the body. Between them the surface lies inside by at most 1 - cos(pi / count) of the radius.
+
+        Raises:
+            ValueError: A planar body, or fewer than three triangles around.
+        """
+        count = check_count(count, "count", 3)
+        if body.geometry != "axisymmetric":
+            raise ValueError(f"a body of revolution needs an axisymmetric profile, got a {body.geometry} one")
+        angle = 2.0 * np.pi * np.arange(count) / count
+        around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        points, number = np.unique(np.concatenate(body.surface), axis=0, return_inverse=True)
+        start, end = number.reshape(2, -1)
+        on_axis = points[:, 0] == 0.0
+        first = np.cumsum(np.where(on_axis, 1, count)) - np.where(on_axis, 1, count)
+        rings = [
+            np.array([[0.0, 0.0, z]]) if r == 0.0 else np.column_stack([r * around, np.full(count, z)])
+            for r, z in points
+        ]
+        step, following = np.arange(count), (np.arange(count) + 1) % count
+
+        def vertex(point: int, place: np.ndarray) -> np.ndarray:
+            return first[point] + (0 if on_axis[point] else 1) * place
+
+        made = []
+        for a, b in zip(start, end, strict=True):
+            corners = vertex(a, step), vertex(b, step), vertex(b, following), vertex(a, following)
+            if not on_axis[b]:
+                made.append(np.stack([corners[0], corners[1], corners[2]], axis=1))
+            if not on_axis[a]:
+                made.append(np.stack([corners[0], corners[2], corners[3]], axis=1))
+        return cls(np.concatenate(rings), np.concatenate(made))
+
+    @cached_property
+    def surface(self) -> np.ndarray:
+        """Corners of the triangles [m], shape (triangle_count, 3, 3), counter-clockwise seen from outside."""
+        return self.vertices[self.triangles]
+
+    @cached_property
+    def tree(self) -> WallTree:
+        """The tree of boxes around the triangles."""
+        return wall_tree(self.surface)
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner [m]."""
+        return self.vertices.min(axis=0), self.vertices.max(axis=0)
+
+    @checked
+    def crossings(self, position: Numbers, direction: Numbers) -> np.ndarray:
+        """Return distances [m] at which straight lines cross the surface: see `Body.crossings`."""
+        return triangle_crossings(self.tree, position, direction)
+
+    @checked
+    def contains(self, points: Numbers) -> np.ndarray:
+        """Return whether each point (n, 3) is inside the body."""
+        points = as_points(points, 3)
+        low, high = self.box
+        inside = np.all((points >= low) & (points <= high), axis=1)
+        rows = np.flatnonzero(inside)
+        inside[rows] = self._askew_lines.count_ahead(points[rows]) % 2 == 1
+        return np.asarray(inside)
+
+    @checked
+    def nearest_wall(self, points: Numbers) -> np.ndarray:
+        """Return the exact point of the surface nearest to each point (n, 3) [m], shape (n, 3).
+
+        See triangle_distances.py.
+        """
+        points = as_points(points, 3)
+        check_finite(points, "the points")
+        return self._nearest(points)
+
+    @checked
+    def signed_distance(self, points: Numbers) -> np.ndarray:
+        """Return the distance to the surface [m], negative inside the body, at points (n, 3)."""
+        points = as_points(points, 3)
+        distance = np.linalg.norm(points - self.nearest_wall(points), axis=1)
+        return np.where(self.contains(points), -distance, distance)
+
+    def section(self) -> np.ndarray:
+        """Return the lines in which the surface crosses x = 0, as ends (y, z) of segments [m], shape (n, 2, 2)."""
+        pieces = [np.stack([line, np.roll(line, -1, axis=0)], axis=1) for line in self.outlines()]
+        return np.concatenate([np.empty((0, 2, 2)), *pieces])
+
+    def outlines(self) -> list[np.ndarray]:
+        """Return the closed lines in which the surface crosses x = 0, each as corners (y, z) [m], shape (n, 2)."""
+        return outlines(self.vertices, self.triangles)
+
+    @cached_property
+    def _askew_lines(self) -> AskewLines:
+        return AskewLines(self.surface)
+
+    @cached_property
+    def _nearest(self) -> NearestTriangles:
+        return NearestTriangles(self.tree)
+
+
+def _outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Return the triangles, with those of each closed part oriented so that its volume is positive."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    a, b = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    count = len(vertices)
+    there, back = np.sort(a * count + b), np.sort(b * count + a)
+    if (there[1:] == there[:-1]).any():
+        edge = int(there[:-1][there[1:] == there[:-1]][0])
+        raise ValueError(
+            f"triangles of the body differ in orientation, or overlap: two have the edge from vertex "
+            f"{edge // count} to {edge % count} at {vertices[edge // count].tolist()} m"
+        )
+    open_edges = np.setdiff1d(there, back, assume_unique=True)
+    if len(open_edges):
+        first = int(open_edges[0])
+        raise ValueError(
+            f"the body's surface is not closed: {len(open_edges)} edges have one triangle, the first is at "
+            f"{vertices[first // count].tolist()} m; close it, or merge its duplicate points"
+        )
+    part = connected_components(coo_matrix((np.ones(len(a), bool), (a, b)), shape=(count, count)), directed=False)[1]
+    corner = vertices[triangles] - vertices.mean(axis=0)
+    volume = np.bincount(
+        part[triangles[:, 0]], np.einsum("nk,nk->n", corner[:, 0], np.cross(corner[:, 1], corner[:, 2])), part.max() + 1
+    )
+    inward = volume[part[triangles[:, 0]]] < 0.0
+    return np.where(inward[:, None], triangles[:, ::-1], triangles)

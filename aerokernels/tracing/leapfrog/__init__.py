@@ -1,0 +1,1 @@
+"""How many leapfrog samples a bundle needs: what they cost, and what they could miss in between."""

@@ -1,0 +1,216 @@
+"""Bound the structure that a bundle's rays miss between leapfrog samples, and find how many samples suffice."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ...medium import IndexField
+from ...medium.grid_places import known
+from ...rays import RayBundle
+from ..error_limit import path_exceeds
+from ..lever_arms import LeverArms
+from ..stop import stop_key
+from ..straight_lines import lines_through
+from ..support import support_box
+from .missed_on_lines import disturbed_ends, greatest_error, missed_along
+from .unresolved import Sampling
+
+# Returns rays that show the extent of a bundle in a part of the field, given by its corners.
+Spread = Callable[[np.ndarray, np.ndarray], RayBundle]
+# Up to this factor more samples are taken in preference to computing the sharper bound of a field of two axes, and of a
+# volume, for which that takes ten times as long.
+A_FEW_MORE = {"planar": 1.25, "axisymmetric": 1.25, "volume": 1.5}
+
+# The pilot's greatest error is kept MARGIN times below the tolerance. Structure between samples may use up the rest
+# without being bounded for each ray.
+MARGIN = 4.0
+NEGLIGIBLE = 1.0 - 1.0 / MARGIN
+# Otherwise counts are tried in steps of this factor; a ray is expected to be rejected from this share of the tolerance
+# on.
+FINER = 1.3
+REJECTED = 0.7
+# Power of the number of samples with which the error falls at first.
+FIRST_ORDER = 8.0  # speed only
+# Number of lines from which the share of rejected rays is estimated.
+COUNTED_LINES = 1024
+# Rounding to single precision is visible in a bound for tolerances below this share of the field's greatest OPD.
+FINE_SHARE = 3e-5
+# The longest of all rays may be this many times as long as the longest examined ray, less what is rounded off: lengths
+# are rounded down to so many an octave.
+SPACING_MARGIN, LENGTHS = 1.02, 64
+# Greatest components of directions are rounded up to a multiple of a power of two: the least power that is no smaller
+# than one of so many parts of their range.
+PARTS = 16.0
+# Number of a bundle's rays whose lines are examined, besides its outermost rays.
+SPREAD_RAYS = 8192
+# Rays whose directions have components above those of all but STEEPER of these, and above AND_MORE times these, may be
+# traced again, if that leaves the others less steep than all by LESS_STEEP at least: of random slopes the steepest of a
+# million would otherwise decide how many samples all take.
+STEEPER, AND_MORE, LESS_STEEP = 16, 1.1, 0.8
+# Lines cached with a grid's node positions: for the last pilots, supports and bodies.
+CACHED = 12  # speed only
+
+
+class MissedStructure:
+    """The structure that the rays of a bundle may miss between their samples."""
+
+    def __init__(
+        self,
+        field: IndexField,
+        spread: Spread,
+        until,
+        limit: float,
+        lever_arms: LeverArms | None,
+        pilot: RayBundle | None = None,
+        leaves_steepest: bool = False,
+    ):
+        """Compute the lines of the rays that `spread` returns for the field's support; `limit` is their error [m].
+
+        If these are the `pilot`, they show where all rays begin and end, as those of a pupil do. With `leaves_steepest`
+        `steepness` need not hold for a few rays that are much steeper than the others.
+        """
+        self.field, self.limit = field, limit
+        low, high = support_box(field, limit, lever_arms)
+        rays = spread(low, high)
+        self.show_ends = rays is pilot
+        place = "lines of rays", field.geometry, field.body, rays, stop_key(until), low.tobytes(), high.tobytes()
+        self.lines = known(field.samples, place, lambda: lines_through(field, rays, until, low, high), CACHED)
+        self.ends = disturbed_ends(field, self.lines, limit) if len(self.lines.length) else b""
+        self._errors: dict[int, float] = {}
+        # Both are rounded, so that other rays of the same kind find the tables of these.
+        self.length, self.steepness = _rounded_length(self.lines.length), _rounded_steepness(self.lines.direction)
+        if leaves_steepest and rays.ray_count > SPREAD_RAYS:
+            self.steepness = _of_nearly_all(rays.direction, self.steepness)
+
+    def _sampled(self, count: int) -> Sampling:
+        # Where the stop is met at a right angle, a deflection still counts in second order.
+        lever_arm = math.sqrt(0.5 * self.limit * self.length)
+        is_fine = path_exceeds(self.field, self.limit / FINE_SHARE)
+        return Sampling(self.length / count, self.steepness, lever_arm, is_fine, self.ends)
+
+    def least_count(self, count: int, is_worth_it, cost_again) -> int:
+        """The number of samples, at least `count`, with the least cost including that of rays that are traced again.
+
+        Args:
+            count: The least number.
+            is_worth_it: Whether a number of samples costs less than error control.
+            cost_again: Predicts the cost of a ray that is traced again, in samples.
+        """
+        best, best_cost = 0, math.inf
+        before = 0, math.inf
+        while is_worth_it(count) and count < best_cost:
+            found = self._greatest(count)
+            if found <= NEGLIGIBLE * self.limit:
+                count = self._between_counts(before, (count, found))
+                return count if count < best_cost else best
+            some = self.lines.every(max(1, len(self.lines.length) // COUNTED_LINES))
+            missed = missed_along(self.field, self._sampled(count), some)
+            rejected = float((missed > REJECTED * self.limit).mean())
+            cost = count + (rejected * cost_again() if rejected > 0.0 else 0.0)
+            if cost < best_cost:
+                best, best_cost = count, cost
+            before = count, found
+            count = multiple_of_three(FINER * count)
+        return best
+
+    def enough(self, count: int, most: int) -> int:
+        """The least number of samples from `count` to `most` that miss no structure; 0 where there is none."""
+        found = self._greatest(count)
+        if found <= NEGLIGIBLE * self.limit:
+            return count
+        found_most = self._greatest(most)
+        enough = found_most <= NEGLIGIBLE * self.limit
+        return self._between_counts((count, found), (most, found_most)) if enough else 0
+
+    def fewest(self, count: int, most: int) -> int:
+        """As `enough`, searched from below and one step at a time: the error at first falls faster than further on."""
+        allowed = NEGLIGIBLE * self.limit
+        tried, found = count, self._greatest(count)
+        while found > allowed:
+            if tried >= most:
+                return 0
+            guess = multiple_of_three(tried * (found / allowed) ** (1.0 / FIRST_ORDER))
+            tried = min(max(guess, tried + 3), most)
+            found = self._greatest(tried)
+        while tried - 3 > count and self._greatest(tried - 3) <= allowed:
+            tried -= 3
+        return tried
+
+    def _between_counts(self, few: tuple[int, float], many: tuple[int, float]) -> int:
+        """The number of samples between one too small and one sufficient, by a power law through both errors."""
+        if few[0] and many[1] > 0.0:
+            order = math.log(few[1] / many[1]) / math.log(many[0] / few[0])
+            count = multiple_of_three(few[0] * (few[1] / (NEGLIGIBLE * self.limit)) ** (1.0 / order))
+            if count < many[0] and self._greatest(count) <= NEGLIGIBLE * self.limit:
+                return count
+        return many[0]
+
+    def _greatest(self, count: int) -> float:
+        """The greatest error of any ray with this many samples [m]."""
+        if not len(self.lines.length):
+            return 0.0
+        if count not in self._errors:
+            allowed = NEGLIGIBLE * self.limit
+            self._errors[count] = greatest_error(
+                self.field, self._sampled(count), self.lines, allowed=allowed, show_ends=self.show_ends
+            )
+        return self._errors[count]
+
+    def sufficient(self, count: int) -> int:
+        """This number of samples, or a few more, that miss no structure; 0 where they would.
+
+        The rule's own bound is taken if a few more samples suffice for it: they cost less than computing a sharper one.
+        """
+        if not len(self.lines.length):
+            return count
+        allowed = NEGLIGIBLE * self.limit
+        by_rule = self._by_rule(count)
+        if by_rule <= allowed:
+            return count
+        most = multiple_of_three(A_FEW_MORE[self.field.geometry] * count)
+        more = multiple_of_three(count * (1.02 * by_rule / allowed) ** 0.25)  # it falls with the fourth power
+        return more if more <= most else self.enough(count, most)
+
+    def _by_rule(self, count: int) -> float:
+        """The same by the rule's own bound, which is greater but faster to compute."""
+        return greatest_error(self.field, self._sampled(count), self.lines, by_rule=True, show_ends=self.show_ends)
+
+    def sampling(self, count: int) -> Sampling | None:
+        """How this many samples are distributed along the rays; None where they miss no structure."""
+        return None if self._greatest(count) <= NEGLIGIBLE * self.limit else self._sampled(count)
+
+
+def _rounded_length(lengths: np.ndarray) -> float:
+    """A length that no ray of the bundle exceeds, given those of examined rays; 0 where there are none."""
+    longest = SPACING_MARGIN * float(lengths.max(initial=0.0))
+    return 2.0 ** (math.floor(LENGTHS * math.log2(longest)) / LENGTHS) if longest > 0.0 else 0.0
+
+
+def _rounded_steepness(direction: np.ndarray) -> tuple[float, float, float]:
+    """Bounds of the components of unit vectors (n, 3); those that all of them share are exact."""
+    steepness = np.abs(direction).max(axis=0, initial=0.0)
+    extent = np.ptp(direction, axis=0) if len(direction) else np.zeros(3)
+    with np.errstate(divide="ignore"):
+        part = 2.0 ** np.ceil(np.log2(extent / PARTS))
+    rounded = np.where(part > 0.0, np.ceil(steepness / np.where(part > 0.0, part, 1.0)) * part, steepness)
+    x, y, z = np.minimum(rounded, 1.0).tolist()
+    return x, y, z
+
+
+def _of_nearly_all(direction: np.ndarray, steepness: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Bounds of the components of nearly all unit vectors (n, 3), or `steepness` of all where these are close to it."""
+    size = np.abs(direction[:SPREAD_RAYS])
+    most = np.minimum(AND_MORE * np.partition(size, -STEEPER - 1, axis=0)[-STEEPER - 1], 1.0)
+    with np.errstate(divide="ignore"):
+        part = 2.0 ** np.ceil(np.log2(most / PARTS))
+    rounded = np.minimum(np.where(most > 0.0, np.ceil(most / np.where(part > 0.0, part, 1.0)) * part, 0.0), steepness)
+    if (rounded >= LESS_STEEP * np.asarray(steepness)).all():
+        return steepness
+    x, y, z = rounded.tolist()
+    return x, y, z
+
+
+def multiple_of_three(count: float) -> int:
+    """The next multiple of three."""
+    return 3 * math.ceil(count / 3.0 - 1e-9)

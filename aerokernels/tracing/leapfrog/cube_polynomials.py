@@ -1,0 +1,236 @@
+r"""Cubic polynomials of cubes of cells: a volume's potential from 20 adjacent numbers in place of 64.
+
+A ray that is traced by itself loads 64 coefficients of the spline for each sample, in 16 pieces. Where the field is
+smooth on the scale of two cells, one polynomial of degree 3 for each cube of CUBE_SIDE x CUBE_SIDE x CUBE_SIDE cells is
+accurate enough for the tolerance: one piece of 64 bytes, which is a processor's cache line. To fit, coefficients of the
+third degree are rounded to the upper halves of floats.
+
+A polynomial is the spline's projection (least squares), so its deviation from the spline changes sign within the cube,
+and most of it cancels along a ray. A bound of the deviation is stored with the coefficients: a ray sums it over the
+cubes that it samples, as if nothing cancelled, and the sum is part of the ray's own error estimate.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.polynomial import Legendre, Polynomial, legendre
+
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ...medium.spline import SUPPORT, weights
+from ...process.one_core import product_on_one_core
+from ...process.threads import in_threads
+from ..scheme import CUBE_ROW, CUBE_SIDE
+from ..straight_lines import Lines
+
+DEGREE = 3
+# Powers of the three coordinates of each coefficient, in the kernels' order: the third degree last, each group ordered
+# by powers of the third coordinate, then of the second.
+POWERS = sorted(
+    ((i, j, k) for k in range(DEGREE + 1) for j in range(DEGREE + 1 - k) for i in range(DEGREE + 1 - k - j)),
+    key=lambda powers: sum(powers) == DEGREE,
+)
+WHOLE = sum(sum(powers) < DEGREE for powers in POWERS)
+# Points of a Gauss rule in each cell, for which the projection is exact.
+GAUSS = 4
+# Kinds of cubes, whole or cut off by the grid's end along each axis, whose operators are cached.
+CACHED = 8  # speed only
+# Windows of coefficients that are processed together.
+SLAB = 1 << 14  # speed only
+# The greatest deviation of the potential anywhere over the greatest at the tested points: nodes and the middles of
+# cells.
+BETWEEN_POINTS = 1.5
+# Relative rounding of a coefficient of the third degree, at most: the upper half of a float has eight binary digits.
+CUT = 2.0**-8
+# Places along a line at which is estimated whether a table is worth making.
+PLACES = 24
+# The share of the greatest deviation of a slope that counts for each sample in a cube. The greatest deviation occurs at
+# corners; the rms is about a fifth of it.
+OFTEN = 0.5
+
+
+def may_have_cubes(grid: UniformGrid, memory: float) -> bool:
+    """Whether a uniform grid is a cubic volume whose table fits this many bytes and a 32-bit index."""
+    if len(grid.shape) != 3 or grid.interpolation != "cubic":
+        return False
+    numbers = CUBE_ROW * int(np.prod([-(-(count - 1) // CUBE_SIDE) for count in grid.shape]))
+    return numbers < 2**31 and 4 * numbers <= memory
+
+
+def cube_polynomials(grid: UniformGrid) -> np.ndarray:
+    """The polynomials of a grid that `may_have_cubes`, float32, shape (cubes along each axis, CUBE_ROW).
+
+    Coefficients belong to powers of coordinates that run from -1 to 1 in a cube, in the order of POWERS. From WHOLE on
+    two share a float, of which the first has the lower bits. The last float holds the greatest deviation from the
+    spline's potential, and OFTEN times the greatest deviation from its slope along any axis [1/m]. Cached on the grid.
+    """
+    return grid.derive("cube polynomials", lambda: _cube_polynomials(grid))
+
+
+def cubes_of(field: IndexField) -> np.ndarray:
+    """The coefficients of `cube_polynomials` of a field's grid, flat."""
+    assert isinstance(field.samples, UniformGrid)
+    return cube_polynomials(field.samples).ravel()
+
+
+def _cube_polynomials(grid: UniformGrid) -> np.ndarray:
+    cells = [count - 1 for count in grid.shape]
+    shape = tuple(-(-count // CUBE_SIDE) for count in cells)
+    width = CUBE_SIDE + SUPPORT["cubic"] - 1
+    # Windows reach beyond the last cell; their coefficients there have no weight.
+    missing = [(0, CUBE_SIDE * cubes - count) for cubes, count in zip(shape, cells, strict=True)]
+    padded = np.pad(grid.coefficients.astype(np.float32), missing)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (width,) * 3)[::CUBE_SIDE, ::CUBE_SIDE, ::CUBE_SIDE]
+    table = np.empty((*shape, CUBE_ROW), np.float32)
+    steepest = DEGREE * 2.0 / (CUBE_SIDE * float(grid.spacing.min()))  # slope of a power over its size
+    for parts in product(*(_parts(count) for count in cells)):
+        place = tuple(part for part, _ in parts)
+        operators, points = _operators_on(grid, tuple(inside for _, inside in parts))
+
+        def fill(first: slice, place=place, operators=operators, points=points) -> None:
+            some = first, *place[1:]
+            made = product_on_one_core(windows[some].reshape(-1, width**3), operators).T
+            numbers, deviation = made[: len(POWERS)], np.abs(made[len(POWERS) :])
+            value, cut = _value_bound(numbers, deviation[:points])
+            slope = OFTEN * (deviation[points:].max(axis=0) + cut * steepest)
+            table[some] = _packed(numbers, value, slope).reshape(table[some].shape)
+
+        in_threads(fill, list(_slabs(place[0], table[place].size // CUBE_ROW)))
+    return table
+
+
+def _value_bound(numbers: np.ndarray, deviation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bound the deviation of polynomials from the spline, given deviations at some points; and its part by rounding."""
+    cut = CUT * np.abs(numbers[WHOLE:]).sum(axis=0)
+    return BETWEEN_POINTS * deviation.max(axis=0) + cut, cut
+
+
+def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
+    """Approximate sum of the polynomials' deviation from the spline along some lines [m of OPD], shape (n,).
+
+    PLACES cubes of each line are evaluated, only for this purpose: the table itself is made only if rays may use it.
+    """
+    whole = np.array([(count - 1) // CUBE_SIDE for count in grid.shape])
+    share = (np.arange(PLACES) + 0.5) / PLACES
+    place = lines.start[:, None] + (share * lines.length[:, None])[..., None] * lines.direction[:, None]
+    cube = np.clip((place.reshape(-1, 3) - grid.origin) / (CUBE_SIDE * grid.spacing), 0, whole - 1).astype(int)
+    width = CUBE_SIDE + SUPPORT["cubic"] - 1
+    node = [CUBE_SIDE * cube[:, axis, None] + np.arange(width) for axis in range(3)]
+    windows = grid.coefficients[node[0][:, :, None, None], node[1][:, None, :, None], node[2][:, None, None, :]]
+    operators, points = _operators_on(grid, (CUBE_SIDE,) * 3)
+    # Without lines the arrays are empty: the rays meet no disturbed air.
+    tested = np.ascontiguousarray(operators[:, : len(POWERS) + points])
+    made = product_on_one_core(windows.reshape(len(cube), width**3).astype(np.float32), tested).T
+    value, _ = _value_bound(made[: len(POWERS)], np.abs(made[len(POWERS) :]))
+    return value.reshape(-1, PLACES).mean(axis=1) * lines.length
+
+
+def _packed(numbers: np.ndarray, value: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Pack coefficients in the order of POWERS, shape (20, n), and bounds (n,) into rows of a table, (n, CUBE_ROW)."""
+    bits = np.concatenate([numbers[WHOLE:], [value, slope]]).astype(np.float32).view(np.uint32)
+    up = np.full((len(bits), 1), 0x8000, np.uint32)  # round to nearest; bounds are rounded up
+    up[-2:] = 0xFFFF
+    halves = bits + up >> np.uint32(16)
+    return np.concatenate([numbers[:WHOLE], (halves[0::2] | halves[1::2] << np.uint32(16)).view(np.float32)]).T
+
+
+def _parts(cells: int) -> list[tuple[slice, int]]:
+    """Cubes along an axis, and how many of their cells are in the grid: whole cubes, then the last if it is partial."""
+    whole, rest = divmod(cells, CUBE_SIDE)
+    parts = [(slice(0, whole), CUBE_SIDE), (slice(whole, whole + 1), rest)]
+    return [part for part in parts if part[0].stop > part[0].start and part[1]]
+
+
+def _slabs(cubes: slice, count: int) -> Iterator[slice]:
+    """Yield some layers of cubes at a time."""
+    layers = max(1, (cubes.stop - cubes.start) * SLAB // max(count, 1))  # speed only
+    for first in range(cubes.start, cubes.stop, layers):
+        yield slice(first, min(first + layers, cubes.stop))
+
+
+def _operators_on(grid: UniformGrid, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
+    """The operators of `_operators`, cached with the grid's node positions."""
+    key = "operators of cubes", inside
+    found: tuple[np.ndarray, int] = grid.places.derive(key, lambda: _operators(inside, grid.spacing), CACHED)
+    return found
+
+
+def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray, int]:
+    """The operator from a window of coefficients to a cube's polynomial and its deviations from the spline.
+
+    Args:
+        inside: Cells of the cube that are in the grid, along each axis; the fit ignores the others.
+        spacing: Node spacing [m].
+
+    Returns:
+        A matrix, float32, with columns for the coefficients of POWERS, for deviations of the potential at some points,
+        and for deviations of its slopes there [1/m]; and the number of points.
+    """
+    alike = {count: _axis(count) for count in set(inside)}
+    axes = [alike[count] for count in inside]
+    projected = np.stack([_tensor([axis.moments[n] for axis, n in zip(axes, row, strict=True)]) for row in POWERS], 1)
+    in_powers = np.array(
+        [[np.prod([axes[d].in_powers[row[d], to[d]] for d in range(3)]) for to in POWERS] for row in POWERS]
+    )
+    fit = projected @ in_powers
+    off = []
+    for slope in (None, 0, 1, 2):
+        for marks in range(2):
+            spline = [axis.spline[marks][int(d == slope)] for d, axis in enumerate(axes)]
+            cubic = [axis.cubic[marks][int(d == slope)] for d, axis in enumerate(axes)]
+            there = np.einsum("ax,by,cz->abcxyz", *spline).reshape(len(fit), -1)
+            made = np.stack([np.einsum("x,y,z->xyz", *(cubic[d][row[d]] for d in range(3))).ravel() for row in POWERS])
+            off.append((there - fit @ made) / (1.0 if slope is None else spacing[slope]))
+    points = off[0].shape[1] + off[1].shape[1]
+    return np.concatenate([fit, *off], axis=1).astype(np.float32), points
+
+
+@dataclass(frozen=True, eq=False)
+class _Axis:
+    """Factors along one axis of a cube, of which some cells are in the grid.
+
+    Attributes:
+        moments: Weights of the window's coefficients in each Legendre polynomial over those cells, (4, coefficients).
+        in_powers: Those polynomials in powers of the cube's coordinate, (4, 4).
+        spline: At the nodes, and in the middles of the cells: weights of the coefficients in the value and in the slope
+            per cell, each of shape (coefficients, points).
+        cubic: The same for the powers, (4, points).
+    """
+
+    moments: np.ndarray
+    in_powers: np.ndarray
+    spline: list[tuple[np.ndarray, np.ndarray]]
+    cubic: list[tuple[np.ndarray, np.ndarray]]
+
+
+def _axis(inside: int) -> _Axis:
+    gauss, share = legendre.leggauss(GAUSS)
+    place = (np.arange(inside)[:, None] + 0.5 * (gauss + 1.0)).ravel()
+    basis = [Legendre.basis(n, domain=[0.0, inside]) for n in range(DEGREE + 1)]
+    at = _window_weights(place, inside)[0] * np.tile(share, inside) / (2.0 * inside)
+    moments = np.stack([(2 * n + 1) * (at @ one(place)) for n, one in enumerate(basis)])
+    cube = [0.0, float(CUBE_SIDE)]
+    powers = [one.convert(kind=Polynomial, domain=cube, window=[-1.0, 1.0]).coef for one in basis]
+    in_powers = np.stack([np.pad(row, (0, DEGREE + 1 - len(row))) for row in powers])
+    spline, cubic = [], []
+    for marks in (np.arange(inside + 1.0), np.arange(inside) + 0.5):
+        spline.append(_window_weights(marks, inside))
+        of = [Polynomial.basis(n, domain=cube, window=[-1.0, 1.0]) for n in range(DEGREE + 1)]
+        cubic.append((np.stack([one(marks) for one in of]), np.stack([one.deriv()(marks) for one in of])))
+    return _Axis(moments, in_powers, spline, cubic)
+
+
+def _window_weights(place: np.ndarray, inside: int) -> tuple[np.ndarray, np.ndarray]:
+    """Weights of a window's coefficients at places in cells from its first node, in the values and in the slopes."""
+    cell = np.minimum(place.astype(int), inside - 1)
+    made = np.zeros((2, CUBE_SIDE + SUPPORT["cubic"] - 1, len(place)))
+    for kind, rows in enumerate(weights("cubic", place - cell)):
+        for k, row in enumerate(rows):
+            made[kind, cell + k, np.arange(len(place))] = row
+    return made[0], made[1]
+
+
+def _tensor(factors: list[np.ndarray]) -> np.ndarray:
+    return np.einsum("a,b,c->abc", *factors).ravel()

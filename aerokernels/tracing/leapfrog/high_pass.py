@@ -1,0 +1,186 @@
+r"""The part of a field's potential that evenly spaced samples along a ray do not resolve: a high pass on its grid.
+
+A component of frequency f [1/m] has along a unit vector u at most the frequency
+
+    phi = min(|f|, sum |u_i| f_i),     in r and z: f_r sqrt(u_x^2 + u_y^2) + f_z |u_z|
+
+(cos(2 pi f sqrt(b^2 + t^2)) is an entire function of t of that type, so this holds off the axis too), and samples H
+apart do not resolve it from about phi = edge / H on. The field is even about its faces, as an axisymmetric field is
+about its axis.
+
+A cubic spline through nodes h apart, whose values oscillate at v cycles a cell, v below 1 / 2, contains the share B(v)
+of the oscillation at that frequency and the share B(v + m) at each image v + m,
+
+    B(v) = 3 (sin(pi v) / (pi v))^4 / (2 + cos(2 pi v)).
+
+This is the spectrum that rays meet: it falls off fast beyond the frequencies that the nodes resolve, where H is below
+two cells.
+"""
+
+import math
+
+import numpy as np
+
+from ...medium.grid import UniformGrid
+from ...medium.grid_places import known
+from ...process.threads import in_threads, own_cores
+from ..step_bound import block_size, potential_at_nodes
+from .high_pass_along import PassAlong
+
+# The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at
+# x = 0.8 and 0.99 at x = 0.98.
+MOST_OVER_EDGE = 2.0
+# With lower edges it is 1 - exp(-(x / edge)^3), which grows like the error of a rule of fourth order at a line's end.
+STEEP_FROM = 0.5
+# Cells between samples from which on the nearest image is the only one that they do not resolve.
+COARSE = 1.35
+# Axes on which phi H over cycles a cell is smaller do not count; images count along axes on which it is above the
+# second.
+LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
+# Weights of the last transforms are cached with a grid's node positions, if they are no more numbers than this.
+CACHED, MOST_CACHED = 3, 1 << 21  # speed only
+# Weights that a thread computes at once.
+ROWS_AT_ONCE = 1 << 17  # speed only
+# Nodes along an axis up to which matrices are faster than transforms, and number of pairs of matrices in the cache.
+MOST_ALONG, CACHED_ALONG = 512, 16  # speed only
+
+
+def high_pass(
+    grid: UniformGrid,
+    steepness: np.ndarray,
+    spacing: float,
+    edges: tuple[float, ...],
+    is_fine: bool,
+    wanted: np.ndarray | None = None,
+) -> list[np.ndarray]:
+    """For each edge, the potential over the ambient index without low frequencies along the rays [1].
+
+    Where all rays run along one axis, matrices do what transforms do, except for rounding.
+
+    Args:
+        grid: The samples.
+        steepness: Greatest absolute components of the rays' unit vectors along the grid's axes.
+        spacing: H, distance of samples [m].
+        edges: Frequencies times H from about which on components are passed.
+        is_fine: Whether rounding to single precision would be visible.
+        wanted: Blocks (blocks.py) at whose nodes the second edge's result is needed, if not at all; 0 may be elsewhere.
+    """
+    from scipy.fft import dctn, idctn
+
+    kind = np.dtype(np.float64 if is_fine else np.float32)
+    values = potential_at_nodes(grid).astype(kind)
+    rates = steepness * spacing / grid.spacing  # phi H over cycles a cell
+    axes = [axis for axis, count in enumerate(grid.shape) if count > 1 and rates[axis] > LEAST_ALONG]
+    if not axes:
+        return [np.zeros_like(values) for _ in edges]
+
+    def find() -> list[np.ndarray]:
+        return _shares(grid, rates, axes, spacing, edges, kind)
+
+    if len(axes) == 1 and grid.shape[axes[0]] <= MOST_ALONG:
+        key = "high pass along an axis", rates.tobytes(), spacing, edges, kind
+        passes = known(grid, key, lambda: [PassAlong.of_shares(share.ravel()) for share in find()], CACHED_ALONG)
+        return _along(values, axes[0], passes, wanted, block_size(grid))
+    is_small = np.prod([grid.shape[axis] for axis in axes]) <= MOST_CACHED
+    key = "shares of a high pass", rates.tobytes(), spacing, edges, kind
+    shares = known(grid, key, find, CACHED) if is_small else find()
+    # Several sample counts are tried on one field, and each needs the same transform.
+    found = grid.derive(("transform", tuple(axes), kind), lambda: dctn(values, 1, axes=axes, workers=own_cores()), 1)
+    return [idctn(share * found, 1, axes=axes, overwrite_x=True, workers=own_cores()) for share in shares]
+
+
+def _along(
+    values: np.ndarray, axis: int, passes: list[PassAlong], wanted: np.ndarray | None, block: int
+) -> list[np.ndarray]:
+    """Pass values along an axis: all nodes for the first edge, the wanted ones for the others."""
+    others = [other for other in range(values.ndim) if other != axis]
+    moved = np.ascontiguousarray(values.transpose(*others, axis))
+    found = [passes[0].of_all(moved)]
+    for each in passes[1:]:
+        if wanted is None:
+            found.append(each.of_all(moved))
+        else:
+            count, blocks = moved.shape[-1], np.flatnonzero(wanted.any(axis=tuple(others)))
+            is_wanted = np.zeros(count, bool)
+            is_wanted[np.minimum(blocks[:, None] * block + np.arange(block + 1), count - 1)] = True
+            found.append(each.of_some(moved, np.flatnonzero(is_wanted)))
+    order = [*range(axis), values.ndim - 1, *range(axis, values.ndim - 1)]
+    return [each.transpose(order) for each in found]
+
+
+def _shares(
+    grid: UniformGrid, rates: np.ndarray, axes: list[int], spacing: float, edges: tuple[float, ...], kind: np.dtype
+) -> list[np.ndarray]:
+    """For each edge the weights of the cosines along some axes; `rates` are phi H over cycles a cell."""
+    # Frequencies of the cosines of a type I transform, in cycles a cell, along the axes.
+    cycles = []
+    for axis in axes:
+        count = grid.shape[axis]
+        shape = [count if other == axis else 1 for other in range(len(grid.shape))]
+        cycles.append((np.arange(count) / (2.0 * (count - 1))).reshape(shape))
+    steps = np.array([spacing / grid.spacing[axis] for axis in axes])
+    size = [count if axis in axes else 1 for axis, count in enumerate(grid.shape)]
+    shares = [np.empty(size, kind) for _ in edges]
+    first = axes[0]
+
+    def fill(rows: slice) -> None:
+        place = (slice(None),) * first + (rows,)
+        found = _shares_at([cycles[0][place], *cycles[1:]], rates[axes], steps, edges, kind)
+        for share, part in zip(shares, found, strict=True):
+            share[place] = part
+
+    some = max(1, ROWS_AT_ONCE * size[first] // math.prod(size))
+    in_threads(fill, [slice(row, row + some) for row in range(0, size[first], some)])
+    return shares
+
+
+def _shares_at(
+    cycles: list[np.ndarray], rates: np.ndarray, steps: np.ndarray, edges: tuple[float, ...], kind: np.dtype
+) -> list[np.ndarray]:
+    """The weights at some frequencies [cycles a cell], one array along each axis; `steps` are H in cells."""
+    shares = [np.zeros((), kind) for _ in edges]
+    rest = np.ones((), kind)  # the share that is in no image
+    for imaged, image in (*_images(rates), (None, 0)):
+        square, along, weight = np.zeros((), kind), np.zeros((), kind), np.ones((), kind)
+        for number, (rate, step) in enumerate(zip(rates, steps, strict=True)):
+            here = np.abs(cycles[number] + image) if number == imaged else cycles[number]
+            square = square + ((step * here) ** 2).astype(kind)
+            along = along + (rate * here).astype(kind)
+            if imaged is not None and rate > LEAST_IMAGED:
+                weight = weight * _held_share(here).astype(kind)
+        weight, rest = (rest, rest) if imaged is None else (weight, rest - weight)
+        along *= along
+        np.minimum(square, along, out=square)
+        for number, edge in enumerate(edges):
+            shares[number] = shares[number] + weight * _share_left(square, edge)
+    return shares
+
+
+def _share_left(square: np.ndarray, edge: float) -> np.ndarray:
+    """The share of components of this (phi H)^2 that is passed."""
+    over = np.minimum(square * square.dtype.type(edge**-2), square.dtype.type(MOST_OVER_EDGE))
+    if edge < STEEP_FROM:
+        over = over * np.sqrt(over)
+    else:
+        over *= over
+        over *= over
+        over = over * over * over
+    np.negative(over, out=over)
+    np.expm1(over, out=over)
+    return np.negative(over, out=over)
+
+
+def _images(rates: np.ndarray) -> list[tuple[int, int]]:
+    """Axes, and along each the numbers m of the images that count; images along two axes at once do not.
+
+    Interpolation keeps the sum of all shares at 1: the shares of the other images are counted at the frequency itself,
+    which is hardly lower.
+    """
+    main = int(np.argmax(rates))
+    near = [(number, -1) for number, rate in enumerate(rates) if rate > LEAST_IMAGED]
+    return [*near, (main, 1), (main, -2)] if rates[main] < COARSE else near
+
+
+def _held_share(cycles: np.ndarray) -> np.ndarray:
+    """B: the share of a cosine with these cycles a cell in a cubic spline through nodes, also for an image."""
+    return 3.0 * np.sinc(cycles) ** 4 / (2.0 + np.cos(2.0 * np.pi * cycles))

@@ -1,0 +1,175 @@
+"""What the rays of a bundle miss between leapfrog samples, by their straight lines and the tables of unresolved.py."""
+
+import numpy as np
+
+from ...medium import IndexField
+from ...medium.grid import UniformGrid, local_coordinates
+from ..blocks import greatest_of_neighbors
+from ..scheme import LOOKUP_STRIDE, MISSED_SLOPE
+from ..step_bound import block_size
+from ..straight_lines import Lines
+from .path_through_blocks import path_of
+from .unresolved import (
+    EVERYWHERE,
+    Sampling,
+    changes_missed,
+    lookup_table,
+    missed_at_ends,
+    missed_in_blocks,
+    potential_by_blocks,
+    with_neighbors,
+)
+
+# Ends of rays count where the potential over the length of a block exceeds this share of the tolerance.
+ENDS_SHARE = 0.02
+
+
+def disturbed_ends(field: IndexField, lines: Lines, limit: float) -> bytes:
+    """Blocks around those in which lines begin or end in disturbed air, as packed bits; empty if there are none.
+
+    For a volume, of which all blocks are examined at once, the answer is EVERYWHERE instead: bundles then share tables.
+
+    Args:
+        field: A field on a cubic uniform grid.
+        lines: The rays' straight lines through the support of the field.
+        limit: The OPD error allowed to them [m].
+    """
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    worth = potential_by_blocks(grid) * float((block_size(grid) * np.asarray(grid.spacing)).max())
+    key = "blocks of ends", field.geometry, worth.shape, _nodes_key(grid)
+    near = lines.derive(key, lambda: _blocks_of_ends(grid, field.geometry, lines, worth.shape))
+    near = near * (worth > ENDS_SHARE * limit)
+    if not near.any():
+        return b""
+    return EVERYWHERE if near.ndim == 3 else np.packbits(near).tobytes()
+
+
+def _blocks_of_ends(grid: UniformGrid, geometry: str, lines: Lines, shape: tuple[int, ...]) -> np.ndarray:
+    """1 in the blocks in which lines begin or end and in the adjacent blocks, 0 elsewhere."""
+    near = np.zeros(shape, dtype=np.uint8)
+    for end in _ends_of_lines(grid, geometry, lines, shape):
+        near[end] = 1
+    return with_neighbors(near)
+
+
+def _ends_of_lines(grid: UniformGrid, geometry: str, lines: Lines, shape: tuple[int, ...]) -> list[tuple]:
+    """The blocks in which lines begin, and in which they end, each as an index."""
+    places = lines.start, lines.start + lines.length[:, None] * lines.direction
+    return [_blocks_at(grid, geometry, place, shape) for place in places]
+
+
+def _blocks_at(grid: UniformGrid, geometry: str, place: np.ndarray, shape: tuple[int, ...]) -> tuple:
+    """The blocks at some places (n, 3) [m], as an index."""
+    size = block_size(grid) * np.asarray(grid.spacing)
+    entry = np.floor((local_coordinates(place, geometry) - grid.low) / size).astype(int)
+    return tuple(np.clip(entry, 0, np.array(shape) - 1).T)
+
+
+def _nodes_key(grid: UniformGrid) -> tuple[bytes, bytes]:
+    """What of a grid, besides its shape, decides which blocks a line crosses."""
+    return np.asarray(grid.low).tobytes(), np.asarray(grid.spacing).tobytes()
+
+
+def greatest_error(
+    field: IndexField,
+    sampling: Sampling,
+    lines: Lines,
+    by_rule: bool = False,
+    allowed: float = np.inf,
+    show_ends: bool = True,
+) -> float:
+    """Bound the path error of any ray by structure between its samples [m].
+
+    Args:
+        field: A field on a cubic uniform grid.
+        sampling: How its rays are sampled.
+        lines: Their straight lines through the support of the field.
+        by_rule: See `missed_in_blocks`.
+        allowed: A bound above this is refined: the change of the missed structure across the rays is computed.
+        show_ends: Whether rays begin and end where the lines do; otherwise anywhere between the outermost of these.
+    """
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    block, missed = missed_in_blocks(field, sampling, by_rule)
+    changes = MISSED_SLOPE / float(np.min(field.spacing)) * missed if lines.lever_arm.any() else None
+    found = _greatest_on_lines(grid, block, missed, changes, lines, field.geometry)
+    ends = _greatest_at_ends(field, sampling, lines, by_rule, show_ends)
+    if found + ends > allowed and changes is not None and not by_rule:
+        changes = np.minimum(changes_missed(field, sampling), changes)
+        found = min(found, _greatest_on_lines(grid, block, missed, changes, lines, field.geometry))
+    return found + ends
+
+
+def _greatest_at_ends(field: IndexField, sampling: Sampling, lines: Lines, by_rule: bool, show_ends: bool) -> float:
+    """Greatest error by structure at both ends of any ray [m]; see `greatest_error`."""
+    if show_ends:
+        return float(_missed_at_ends_of(field, sampling, lines, by_rule).max(initial=0.0))
+    at_ends = missed_at_ends(field, sampling, by_rule)
+    if at_ends is None or not len(lines.length):
+        return 0.0
+    found = 0.0
+    for places in _known_ends(field, lines, at_ends.shape):
+        part = tuple(slice(int(place.min()), int(place.max()) + 1) for place in places)
+        found += float(at_ends[part].max())
+    return found * float(_with_lever_arm(field, lines).max())
+
+
+def _missed_at_ends_of(field: IndexField, sampling: Sampling, lines: Lines, by_rule: bool = False) -> np.ndarray:
+    """Error of straight rays by structure at both of their ends [m], shape (line_count,)."""
+    at_ends = missed_at_ends(field, sampling, by_rule)
+    if at_ends is None:
+        return np.zeros(len(lines.length))
+    first, last = _known_ends(field, lines, at_ends.shape)
+    found: np.ndarray = (at_ends[first] + at_ends[last]) * _with_lever_arm(field, lines)
+    return found
+
+
+def _known_ends(field: IndexField, lines: Lines, shape: tuple[int, ...]) -> list[tuple]:
+    """The blocks of a field in which lines begin, and in which they end; cached."""
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    key = "ends", field.geometry, shape, _nodes_key(grid)
+    found: list[tuple] = lines.derive(key, lambda: _ends_of_lines(grid, field.geometry, lines, shape))
+    return found
+
+
+def _greatest_on_lines(
+    grid: UniformGrid, block: int, missed: np.ndarray, changes: np.ndarray | None, lines: Lines, geometry: str
+) -> float:
+    """Greatest sum along any line of the error `missed` in blocks, and of its `changes` times the lever arms.
+
+    None for `changes` means that no line has a lever arm.
+    """
+    key = "path", geometry, block, missed.shape, _nodes_key(grid)
+    path = lines.derive(key, lambda: path_of(grid, block, missed.shape, lines, geometry))
+    met, changing = missed[path.part], None if changes is None else changes[path.part]
+    found = float(met.max()) * path.longest
+    if changing is not None:
+        found += float(changing.max()) * path.lever_arm * path.longest
+    # Along an axis that all rays run along: layer by layer, as far to the side as a ray may get.
+    for layers in path.layers:
+        amount = met if changing is None else met + changing * layers.lever_arms
+        for other, count in layers.beside:
+            amount = greatest_of_neighbors(amount, count, other)
+        found = min(found, float(amount.sum(axis=layers.axis).max()) * layers.thickness / layers.least)
+    return found
+
+
+def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndarray:
+    """Error of straight rays by structure between samples, by the kernels' own lookup [m], shape (line_count,)."""
+    grid, (block, table) = field.samples, lookup_table(field, sampling)
+    assert isinstance(grid, UniformGrid)
+    size = block * np.asarray(grid.spacing)
+    count = max(1, int(np.ceil(float(lines.length.max(initial=0.0)) / (LOOKUP_STRIDE * float(size.min())))))
+    found = np.zeros(len(lines.length))
+    for k in range(count):
+        place = lines.start + ((k + 0.5) / count * lines.length)[:, None] * lines.direction
+        found += table[_blocks_at(grid, field.geometry, place, table.shape)]
+    found *= lines.length / count * _with_lever_arm(field, lines)
+    return found + _missed_at_ends_of(field, sampling, lines)
+
+
+def _with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
+    """The factor by which an error of the path grows with the error of direction that comes with it."""
+    return 1.0 + MISSED_SLOPE / float(np.min(field.spacing)) * lines.lever_arm

@@ -1,0 +1,64 @@
+"""Trace a pilot's rays with several numbers of leapfrog samples, and scale all rays' error estimates accordingly."""
+
+import math
+
+import numpy as np
+
+from ..launch import Trials
+from ..status import reached
+
+# A ray's estimate is scaled to SAFETY times the pilot's greatest error.
+SAFETY = 3.0
+# The error as a share of the difference from the sum over every third sample: for order 4, the order of the rule, and
+# for order 2.
+LEAST_SHARE, GREATEST_SHARE = 1.0 / 80.0, 1.0 / 8.0
+# The trajectory error as a share of int P^2 / p_t dt: it never exceeds the path that bending adds.
+GREATEST_BEND = 0.5
+# The share of the pilot's rays that may be unfit for leapfrog.
+UNFIT = 0.1
+
+
+def error_scales(level: "Level", worst: float, bends: float) -> tuple[float, float]:
+    """Scales of a ray's own error estimate that cover the pilot's greatest error `worst` [m]; see `greatest_bend`."""
+    share = SAFETY * worst / level.difference if level.difference > 0.0 else GREATEST_SHARE
+    trajectory_error_scale = SAFETY * worst / bends if bends > 0.0 else 0.0
+    return min(max(share, LEAST_SHARE), GREATEST_SHARE), min(trajectory_error_scale, GREATEST_BEND)
+
+
+def levels_of(trials: Trials, *counts: int) -> list["Level"]:
+    """The pilot with each of these numbers of samples; its error estimates are the unscaled differences."""
+    return [Level(*made) for made in zip(trials(*((count, 1.0, 0.0) for count in counts)), counts, strict=True)]
+
+
+def greatest_bend(trials: Trials, count: int) -> float:
+    """The greatest int P^2 / p_t dt of the pilot's rays with so many samples [m]."""
+    return Level(trials((count, 0.0, 1.0))[0], count).difference
+
+
+def level_pair(trials: Trials, count: int) -> tuple["Level", "Level", float]:
+    """The pilot with `count` samples, with three times as many, and `greatest_bend`, all launched together."""
+    level, finest, bending = trials((count, 1.0, 0.0), (3 * count, 1.0, 0.0), (count, 0.0, 1.0))
+    return Level(level, count), Level(finest, 3 * count), Level(bending, count).difference
+
+
+class Level:
+    """The pilot, traced with `count` samples a ray."""
+
+    def __init__(self, arrays: dict[str, np.ndarray], count: int):
+        """Take the traced arrays by name."""
+        self.count = count
+        self.opd, self.step_error, self.direction = arrays["opd"], arrays["step_error"], arrays["direction"]
+        self.good = reached(arrays["status"]) & np.isfinite(arrays["step_error"])
+        lost = reached(arrays["status"]) & ~self.good
+        self.is_fit = bool(self.good.any() and lost.mean() <= UNFIT)
+        self.difference = float(arrays["step_error"][self.good].max()) if self.good.any() else 0.0
+
+    def error(self, finer: "Level") -> float:
+        """Greatest change of the optical path difference from this level to a finer one [m]."""
+        good = self.good & finer.good
+        return float(np.abs(self.opd - finer.opd)[good].max()) if good.any() else math.inf
+
+    def turn(self, other: "Level") -> float:
+        """Greatest angle between the directions of this level and another one [rad]."""
+        good = self.good & other.good
+        return float(np.linalg.norm(self.direction - other.direction, axis=1)[good].max()) if good.any() else math.inf

@@ -1,0 +1,325 @@
+"""Choose the number of leapfrog samples of a bundle of nearly straight rays (engines/warp/kernels/leapfrog.py).
+
+A pilot of some of the rays is traced with N and 3 N samples and, where these differ too much, with 9 N: the differences
+give the order of convergence and the least N that meets the tolerance. The pilot is traced with this N too and compared
+with the finest trace. Each ray's own error estimate, which costs nothing, is scaled so that it covers the pilot's
+errors with a margin for the other rays. Rays whose estimate is above the tolerance nevertheless are traced again
+(retrace.py).
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...device_arrays import extremes_of, is_one_row
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ...medium.grid_places import known
+from ...rays import RayBundle
+from ..engines import engine_of
+from ..error_limit import error_limit
+from ..launch import Trials
+from ..lever_arms import lever_arms_of
+from ..plan import TracePlan
+from ..stop import ArcLength, stop_key
+from ..straight_lines import outermost, outermost_rays
+from ..support import support_box
+from .between_samples import MARGIN, SPREAD_RAYS, MissedStructure, Spread, multiple_of_three
+from .cube_polynomials import approximate_deviation, may_have_cubes
+from .pilot_levels import error_scales, greatest_bend, level_pair, levels_of
+from .sample_cost import LEAST_RAYS, SampleCost
+from .unresolved import Sampling
+
+# Greatest distance of samples in cells. Structure between the samples is bounded from the field as well.
+WIDEST = 6.0
+LEAST_SAMPLES = 36
+
+# Polynomials of cubes are made where rays take this many samples for each node of the grid, on a CPU (False) and on a
+# GPU (True), where a sample costs less. They are used where retracing rays because of them costs less than the share
+# CUBES_GAIN of the samples, which is their least saving.
+CUBES_WORTH = {False: 4.0, True: 16.0}
+CUBES_GAIN = 0.5
+CUBES_MORE = 1.4
+# Number of lines from which is estimated whether a table is worth making.
+CUBES_LINES = 64
+# The greatest share of the device's largest allocation that they may take.
+CUBES_MEMORY = 0.25
+# The greatest change of a pilot ray's direction caused by them [rad].
+CUBES_ANGLE = 5e-7
+
+# Number of pilots whose results are cached with a grid's node positions.
+CACHED = 4  # speed only
+
+
+def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
+    """Whether so many rays may be traced by leapfrog: on a cubic uniform grid, out of the box or to a plane."""
+    if not (isinstance(field.samples, UniformGrid) and field.interpolation == "cubic"):
+        return False
+    return ray_count >= LEAST_RAYS and not isinstance(until, ArcLength)
+
+
+def spread_of(geometry: str, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> RayBundle:
+    """Return more of the rays, including those that are outermost in position, in direction and in a part of the field.
+
+    The part is given by its corners [m, along the field's own axes]. Rays on a GPU are not copied to find those that
+    are outermost in it.
+    """
+    if rays.ray_count <= SPREAD_RAYS:
+        return rays
+    rows = [np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int)]
+    if rays.device not in (None, "cpu"):
+        rows += [extremes_of(rays.held(name)).rows for name in ("position", "direction")]
+    elif geometry != "axisymmetric" and _is_beam(rays):
+        rows.append(outermost(rays.position))
+    else:
+        rows.append(outermost_rays(geometry, rays.position, rays.direction, until, low, high))
+    return rays.rows(np.concatenate(rows))
+
+
+def _is_beam(rays: RayBundle) -> bool:
+    """Whether rays are parallel and start in a plane across an axis: they are as far apart everywhere as there."""
+    return is_one_row(rays.direction) and bool((np.ptp(rays.position, axis=0) == 0.0).any())
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """A number of leapfrog samples that meets the tolerance.
+
+    Attributes:
+        count: Samples of each ray.
+        scales: Scales of a ray's error estimate, quadrature and trajectory.
+        worst: The pilot's greatest error [m].
+        sampling: The distance of the samples, where structure between them counts.
+        searched: The number of samples that a search found, here or for a field like this one.
+        steepest: Greatest absolute components of the unit vectors for which `sampling`, or its absence, holds.
+    """
+
+    count: int
+    scales: tuple[float, float]
+    worst: float
+    sampling: Sampling | None
+    searched: int
+    steepest: tuple[float, float, float]
+
+
+def fit_leapfrog(
+    field: IndexField,
+    pilot: RayBundle,
+    plan: TracePlan,
+    until,
+    wavelength: float,
+    spread: Spread,
+    like: TracePlan | None = None,
+    ray_count: int = 0,
+) -> TracePlan | None:
+    """Return the plan with the number of leapfrog samples that meets its tolerance; None if error control is cheaper.
+
+    Args:
+        field: A field for which `may_be_leapfrog` is true.
+        pilot: Some of the rays.
+        plan: Backend, device, precision and tolerance; method "leapfrog".
+        until: The stop.
+        wavelength: Vacuum wavelength [m].
+        spread: Returns enough of the rays to show the extent of the bundle in a part of the field.
+        like: A plan of such rays through a field like this one; its number is taken where the pilot confirms it.
+        ray_count: Least number of rays that will take these samples.
+    """
+    stop = stop_key(until)
+    bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
+    place = "lever arms", field.geometry, pilot, stop
+    plan = replace(plan, lever_arms=known(field.samples, place, lambda: lever_arms_of(field, pilot, until), CACHED))
+    key = ("leapfrog", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
+    fitting = _Fitting(field, pilot, plan, until, wavelength, spread)
+    fit: _Fit | None = None
+    if like is not None and like.searched_count:
+        # Not the number confirmed last, which may be a few samples more: each confirmation would add a few again.
+        known_count = like.searched_count
+        fit = field.derive(("confirmed", *key[1:], known_count), lambda: fitting.confirm(known_count))
+    if fit is None:
+        fit = field.derive(key, fitting.search)
+    if fit is None:
+        return None
+    cubes: _Fit | None = None
+    if _may_take_cubes(field, plan, ray_count * fit.count):
+        by_spline = fit
+        cubes = field.derive(("cubes", *key, fit.count, fit.searched), lambda: fitting.with_cubes(by_spline))
+    fit = cubes or fit
+    reason = (
+        f"method leapfrog: {fit.count} leapfrog samples a ray, bending included; a pilot of {pilot.ray_count} rays has "
+        f"an error of {fit.worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are "
+        "traced again"
+    )
+    if cubes is not None:
+        reason += "; each evaluates a cubic polynomial of 2 x 2 x 2 cells, which is accurate enough for the tolerance"
+    if fit.sampling is not None:
+        reason += "; the field has structure between samples, whose effect on each ray is bounded along its path"
+    return replace(
+        plan,
+        sample_count=fit.count,
+        searched_count=fit.searched,
+        cubes=cubes is not None,
+        quadrature_error_scale=fit.scales[0],
+        trajectory_error_scale=fit.scales[1],
+        sampling=fit.sampling,
+        steepest=fit.steepest,
+        reasons=(reason, *plan.reasons),
+        predicted_evaluations=float(fit.count),
+        predicted_error=fit.worst / wavelength,
+    )
+
+
+def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
+    """Whether polynomials of cubes can be made for a field, and pay for so many samples."""
+    grid, engine = field.samples, engine_of(plan.backend, plan.device)
+    if plan.precision != "float32" or not isinstance(grid, UniformGrid):
+        return False
+    if not may_have_cubes(grid, CUBES_MEMORY * engine.memory[1]):
+        return False
+    return samples >= CUBES_WORTH[engine.is_gpu] * grid.samples.size
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitting:
+    """The search for the number of leapfrog samples of a bundle; attributes as the arguments of `fit_leapfrog`."""
+
+    field: IndexField
+    pilot: RayBundle
+    plan: TracePlan
+    until: Any
+    wavelength: float
+    spread: Spread
+
+    @cached_property
+    def grid(self) -> UniformGrid:
+        """The field's samples."""
+        assert isinstance(self.field.samples, UniformGrid)
+        return self.field.samples
+
+    @cached_property
+    def limit(self) -> float:
+        """The OPD error allowed to a ray [m]."""
+        return error_limit(self.field, self.plan.tolerance * self.wavelength)
+
+    def search(self) -> _Fit | None:
+        """The least number of samples that meets the tolerance; None where none does, or error control is cheaper."""
+        budget = self.limit / MARGIN
+        least = self._least_samples()
+        if not self.cost.is_worth_it(least):
+            return None
+        trials = self._trials(replace(self.plan, sample_count=least))
+        level, finest, bends = level_pair(trials, least)
+        if not finest.is_fit:
+            return None
+        levels, first, count = [level, finest], level.error(finest), least
+        if first > budget:
+            levels += levels_of(trials, 9 * least)
+            if not levels[-1].is_fit:
+                return None
+            second = finest.error(levels[-1])
+            order = 1.0
+            if second > 0.0:
+                order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
+            count = multiple_of_three(least * (first / budget) ** (1.0 / order))
+        count = self.structure.least_count(count, self.cost.is_worth_it, self.cost.of_retraced)
+        while count and self.cost.is_worth_it(count):
+            (level,) = [level for level in levels if level.count == count] or levels_of(trials, count)
+            finest = levels[-1]
+            if 2 * count > finest.count:
+                (finest,) = levels_of(trials, 3 * count)
+                levels.append(finest)
+            worst = level.error(finest)
+            if level.is_fit and worst <= budget:
+                bends = bends if count == least else greatest_bend(trials, count)
+                scales = error_scales(level, worst, bends)
+                return _Fit(count, scales, worst, self.structure.sampling(count), count, self.structure.steepness)
+            count = multiple_of_three(1.25 * count)
+        return None
+
+    def confirm(self, searched: int) -> _Fit | None:
+        """This number of samples, or a few more; None if they are inaccurate or may miss structure."""
+        if searched < self._least_samples():
+            return None
+        count = self.structure.sufficient(searched)
+        if not count:
+            return None
+        level, finest, bends = level_pair(self._trials(replace(self.plan, sample_count=count, few_rays=True)), count)
+        worst = level.error(finest)
+        if not (level.is_fit and finest.is_fit and worst <= self.limit / MARGIN):
+            return None
+        return _Fit(count, error_scales(level, worst, bends), worst, None, searched, self.structure.steepness)
+
+    def with_cubes(self, fit: _Fit) -> _Fit | None:
+        """At least as many samples of polynomials of cubes; None where the tolerance needs the spline.
+
+        Two conditions must be met: the pilot agrees with the spline at three times as many samples, and so does each
+        pilot ray's own bound of the polynomials' deviation from the spline where it samples them.
+        """
+        structure, count = self.structure, fit.count
+        some = structure.lines.every(max(1, len(structure.lines.length) // CUBES_LINES))
+        rough = np.count_nonzero(approximate_deviation(self.grid, some) > self.limit) / max(1, len(some.length))
+        if not self._may_retrace(rough, count):
+            return None  # decided before a table is made
+        # A sample costs so little that taking some more is cheaper than looking up the bound on structure between them.
+        count = structure.fewest(count, multiple_of_three(CUBES_MORE * count)) or count
+        sampling = structure.sampling(count)
+        plan = replace(self.plan, sample_count=count)
+        by_cubes = replace(plan, cubes=True)
+        spline, finest, bends = level_pair(self._trials(plan), count)
+        (level,) = levels_of(self._trials(by_cubes), count)
+        worst = level.error(finest)
+        if not (level.is_fit and finest.is_fit and worst <= self.limit / MARGIN and level.turn(spline) <= CUBES_ANGLE):
+            return None
+        scales = error_scales(spline, worst, bends)
+        final = self._trials(replace(by_cubes, sampling=sampling))
+        again = float((final((count, *scales))[0]["step_error"] > self.limit).mean())
+        if not self._may_retrace(again, count):
+            return None
+        return _Fit(count, scales, worst, sampling, fit.searched, fit.steepest)
+
+    def _may_retrace(self, share: float, count: int) -> bool:
+        """Whether tracing this share of the rays again costs less than cubes save of so many samples."""
+        return share == 0.0 or share * self.cost.of_retraced() <= CUBES_GAIN * count
+
+    def _trials(self, plan: TracePlan) -> Trials:
+        outputs = frozenset(("opd", "step_error", "direction"))
+        return Trials(self.field, self.pilot, plan, self.until, self.wavelength, outputs)
+
+    @cached_property
+    def structure(self) -> MissedStructure:
+        """The structure that the rays may miss between samples."""
+        # A few rays that are traced again take a GPU as long as some million samples.
+        leaves_steepest = not engine_of(self.plan.backend, self.plan.device).is_gpu
+        arms = self.plan.lever_arms
+        return MissedStructure(self.field, self.spread, self.until, self.limit, arms, self.pilot, leaves_steepest)
+
+    @cached_property
+    def cost(self) -> SampleCost:
+        """What samples cost beside error control."""
+        return SampleCost(self.field, self.pilot, self.plan, self.limit, self.structure.length)
+
+    def _least_samples(self) -> int:
+        """The number of samples that are WIDEST cells apart on the longest path through the field's support."""
+        low, high = support_box(self.field, self.limit, self.plan.lever_arms)
+        place = "cells of a pilot", self.field.geometry, self.pilot, low.tobytes(), high.tobytes()
+        cells: float = known(self.grid, place, lambda: _greatest_cells(self.field, self.pilot, low, high), CACHED)
+        return multiple_of_three(max(LEAST_SAMPLES, cells / WIDEST))
+
+
+def _greatest_cells(field: IndexField, pilot: RayBundle, low: np.ndarray, high: np.ndarray) -> float:
+    """Cells on the longest path through a part of the field, given by its corners along the local axes [m]."""
+    grid, size = field.samples, np.zeros(3)
+    size[-len(low) :] = high - low
+    if field.geometry == "axisymmetric":
+        size[:2] = 2.0 * high[0]
+    spacing = np.full(3, np.inf)
+    spacing[-len(grid.spacing) :] = grid.spacing
+    if field.geometry == "axisymmetric":
+        spacing[:2] = grid.spacing[0]
+    steep = np.maximum(np.abs(pilot.direction), 1e-12)
+    length = np.where(size > 0.0, size / steep, np.inf).min(axis=1)
+    length[~np.isfinite(length)] = 0.0  # the support is empty
+    cells = length * np.linalg.norm(pilot.direction / spacing, axis=1)
+    return float(cells.max(initial=0.0))

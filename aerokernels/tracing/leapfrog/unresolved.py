@@ -1,0 +1,278 @@
+r"""Bound, block by block, the structure of a field between leapfrog samples, so that no ray misses it unnoticed.
+
+The error of the midpoint rule with samples H apart, on a line along which the potential is f, is
+
+    E = sum over k != 0 of (-1)^k F(k / H)
+
+with F the Fourier transform of f: it comes from the components of f with frequencies of 1 / H and above. No estimate
+from the samples can see them, nor can other rays (a pilot) that pass elsewhere: the bound comes from the field.
+
+It is split into a part of low frequencies along the rays, on which the rule converges faster than any power of H, and
+a high-passed part R (high_pass.py) of the components from about 0.9 / H on. The error of the rule on R is at most
+2 int |R| dt along the ray.
+
+Where all rays run along one axis, within some 45 degrees, |R| is averaged along it over each block of cells: the sum
+over blocks is the integral. Across the rays the greatest value counts.
+
+Where a ray begins or ends in disturbed air, the convergence on whole lines does not apply: for a component
+a cos(2 pi phi t) the end corrections of the rule have an error of a H / 2 and, with x = phi H, of 9.5 a H x^3 where x
+is small. This error belongs to the place where the ray ends, not to rays that pass there: it has a table of its own,
+which is looked up at both ends of a ray.
+
+Where a field is smooth the rule's own bound, H^4 / 720 int |f''''| dt, is often less than the bound by R, above all
+near the box's faces, where the even continuation has a kink: in each block the lesser of the two is taken. At an end
+the rule's weights differ over three samples, where its bound is up to 8 times as great.
+
+The deflection of a ray has an error from the slope of the same components. It changes the path in the second order of
+the contrast or, where the stop is met at an angle, by the lever arm from there to the stop. The slope is at most
+MISSED_SLOPE times the size for each cell; where this bound is too large the slope is computed from the high-passed
+part.
+"""
+
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ..blocks import block_maxima, block_means, greatest_around
+from ..scheme import MISSED_SLOPE
+from ..step_bound import block_size, potential_at_nodes, roughness_of_blocks
+from .high_pass import high_pass
+from .path_through_blocks import along_axes
+
+# Frequencies along a ray, times H, from which on components are passed: along the ray, and at its ends, where half of
+# the share that is passed (high_pass.py) is then 9.9 x^3 for small x.
+EDGE, EDGE_AT_ENDS = 0.92, 0.37
+# The error at an end over H |R| there, and over H times the rule's own bound elsewhere, which is for a metre of path.
+END, RULE_AT_END = 0.5, 3.0 * (8.0 - 1.0)
+# The error over int |R| dt: one for the sum, and one for the integral.
+BOTH = 2.0
+# With fewer cells than this between samples, R is computed for this many and scaled: a spline's images have no end.
+FINEST = 0.8
+# Overshoot of a spline through one outstanding node between the next two nodes, at most, over the node's value.
+LOBE = 0.15
+# The greatest slope of a spline over the greatest difference of neighbouring nodes: sqrt(3) at nodes.
+STEEPER = 1.75
+# Greatest value of the end-corrected midpoint rule's Peano kernel, the Bernoulli polynomial of degree 4 over 4!.
+PEANO = 1.0 / 720.0
+# Components of a direction below which no neighbouring block is met within half a stride.
+LEAST_OBLIQUITY = 0.05
+# Least component along an axis that all rays run along; greatest components along the other axes for which rays move by
+# less than a cell in a block.
+LEAST_MAIN, LEVEL = 0.7, 0.25
+# Blocks along that axis over which a lookup averages; strides are shorter where a ray ends and find fewer of them.
+LOOKED_OVER, LOOKED_SHORT = 3, 1.1
+# In place of the blocks in which rays end: all of them.
+EVERYWHERE = b"everywhere"
+
+# Tables of blocks cached on a grid: a few for each sample count that is tried for a bundle, and some bundles.
+CACHED = 32  # speed only
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How a bundle is sampled.
+
+    Attributes:
+        spacing: Greatest distance of a ray's samples [m].
+        steepness: Greatest absolute value of each component of the rays' unit vectors.
+        lever_arm: Change of the path by an error of direction where the stop is met at a right angle [m/rad].
+        is_fine: Whether rounding to single precision would be visible in the bound.
+        ends: Blocks in which rays begin or end in disturbed air, see `disturbed_ends`; empty where they do not, and
+            EVERYWHERE where nothing is saved by leaving out the others.
+    """
+
+    spacing: float
+    steepness: tuple[float, float, float]
+    lever_arm: float
+    is_fine: bool = True
+    ends: bytes = b""
+
+
+def with_neighbors(values: np.ndarray) -> np.ndarray:
+    """For each block the greatest value of it and of all adjacent blocks."""
+    for axis in range(values.ndim):
+        values = greatest_around(values, -1, 1, axis)
+    return values
+
+
+def potential_by_blocks(grid: UniformGrid) -> np.ndarray:
+    """Greatest absolute potential over the ambient index in each block."""
+    return grid.derive("potential by blocks", lambda: block_maxima(np.abs(potential_at_nodes(grid)), block_size(grid)))
+
+
+def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = False) -> tuple[int, np.ndarray]:
+    """Cells in a block, and for each block the greatest error of a ray's path per metre of path in it [1].
+
+    What is missed where rays end is not in it: see `missed_at_ends`.
+
+    Args:
+        field: A field on a cubic uniform grid.
+        sampling: How its rays are sampled.
+        by_rule: Take the rule's own bound, which is faster to compute and never less.
+    """
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    key = ("missed by rule" if by_rule else "missed", field.geometry, sampling)
+    return grid.derive(key, lambda: _missed(grid, field.geometry, sampling, by_rule), CACHED)
+
+
+def missed_at_ends(field: IndexField, sampling: Sampling, by_rule: bool = False) -> np.ndarray | None:
+    """For each block the greatest error of a ray's path by beginning or ending in it [m]; None for rays that do not.
+
+    The arguments are those of `missed_in_blocks`.
+    """
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    if not sampling.ends:
+        return None
+    key = ("missed by rule at ends" if by_rule else "missed at ends", field.geometry, sampling)
+    found: np.ndarray = grid.derive(key, lambda: _at_ends(grid, field.geometry, sampling, by_rule), CACHED)
+    return found
+
+
+def changes_missed(field: IndexField, sampling: Sampling) -> np.ndarray:
+    """Greatest change of the missed potential across the rays in each block, per metre of path [1/m].
+
+    The arguments are those of `missed_in_blocks`.
+    """
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    key = "changes missed", field.geometry, sampling
+    found: np.ndarray = grid.derive(key, lambda: _changes(grid, field.geometry, sampling), CACHED)
+    return found
+
+
+def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
+    """Cells in a block, and the table in which kernels look up the error once within a stride of a ray."""
+    from scipy.ndimage import uniform_filter1d
+
+    block, missed = missed_in_blocks(field, sampling)
+    obliquities, main = along_axes(sampling.steepness, field.geometry), _main_axis(sampling.steepness, field.geometry)
+    for axis, obliquity in enumerate(obliquities):
+        if axis == main:
+            missed = LOOKED_SHORT * uniform_filter1d(missed, LOOKED_OVER, axis=axis, mode="nearest")
+        elif obliquity > LEAST_OBLIQUITY:
+            # Blocks that are found a block and a half away along the main axis are beside the ray by that slope.
+            wide = 3 if main is None or obliquity < 0.5 * obliquities[main] else 5
+            missed = greatest_around(missed, -(wide // 2), wide // 2, axis)
+    return block, missed
+
+
+def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
+    block = block_size(grid)
+    missed = grid.derive(("missed by rule itself", geometry, sampling), lambda: _by_rule(grid, geometry, sampling), 2)
+    factor = _turned(grid, sampling)
+    if by_rule:
+        return block, factor * missed
+    parts, _, share = _not_resolved(grid, geometry, sampling)
+    rest = _by_blocks(grid, geometry, sampling, np.abs(parts[0]))
+    main = _main_axis(sampling.steepness, geometry)
+    return block, factor * np.minimum(missed, BOTH * share * _with_lobes(rest, main))
+
+
+def _turned(grid: UniformGrid, sampling: Sampling) -> float:
+    """The factor by which an error grows with its error of direction where the stop is met at a right angle."""
+    return 1.0 + MISSED_SLOPE * sampling.lever_arm / float(grid.spacing.min())
+
+
+def _at_ends(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> np.ndarray:
+    rule = grid.derive(("missed by rule itself", geometry, sampling), lambda: _by_rule(grid, geometry, sampling), 2)
+    found = RULE_AT_END * sampling.spacing * rule
+    if not by_rule:
+        parts, spacing, share = _not_resolved(grid, geometry, sampling)
+        size = block_maxima(np.abs(parts[1]), block_size(grid))
+        if sampling.ends != EVERYWHERE:  # elsewhere the part is not known, but no greater than twice the whole
+            size = np.where(_ends_of(grid, sampling), size, 2.0 * potential_by_blocks(grid))
+        found = np.minimum(found, END * share * spacing * size)
+    return _turned(grid, sampling) * with_neighbors(found)
+
+
+def _by_rule(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
+    """The rule's own bound in each block, per metre of path [1]."""
+    obliquity = along_axes(sampling.steepness, geometry)
+    _, fourth, _ = roughness_of_blocks(grid)
+    strides = [PEANO * (u * sampling.spacing) ** 4 for u in obliquity]
+    return _joined([stride * change for stride, change in zip(strides, fourth, strict=True)])
+
+
+def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
+    parts, _, share = _not_resolved(grid, geometry, sampling)
+    main = _main_axis(sampling.steepness, geometry)
+    obliquity = along_axes(sampling.steepness, geometry)
+    square = np.zeros_like(parts[0])
+    for axis in range(square.ndim):
+        # Along the axis that all rays run along, only the component across the rays counts.
+        across = 1.0 if axis != main else min(1.0, float(np.linalg.norm(np.delete(obliquity, axis))))
+        step = np.abs(np.diff(parts[0], axis=axis)) * square.dtype.type(across / grid.spacing[axis])
+        none = [(0, 0)] * square.ndim
+        before, behind = list(none), list(none)
+        before[axis], behind[axis] = (1, 0), (0, 1)
+        square += np.maximum(np.pad(step, before), np.pad(step, behind)) ** 2
+    rest = _by_blocks(grid, geometry, sampling, np.sqrt(square))
+    return STEEPER * BOTH * share * _with_lobes(rest, main)
+
+
+def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[list[np.ndarray], float, float]:
+    """The parts of the potential at nodes that samples some distance apart do not resolve: along rays, and at ends.
+
+    Also returns that distance [m], and the share of these parts that counts.
+    """
+    obliquity = along_axes(sampling.steepness, geometry)
+    # At higher frequencies a spline's images fall off as the fourth power of the frequency.
+    finest = FINEST / max(float((obliquity / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
+    spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
+    edges = (EDGE, EDGE_AT_ENDS) if sampling.ends else (EDGE,)
+    key = ("not resolved", geometry, sampling)
+
+    def find() -> list[np.ndarray]:
+        wanted = None if sampling.ends == EVERYWHERE else _ends_of(grid, sampling)
+        return high_pass(grid, obliquity, spacing, edges, sampling.is_fine, wanted)
+
+    return grid.derive(key, find, 1), spacing, share
+
+
+def _ends_of(grid: UniformGrid, sampling: Sampling) -> np.ndarray:
+    """Whether rays begin or end in disturbed air in each block, or beside it."""
+    shape = tuple((count - 2) // block_size(grid) + 1 for count in grid.shape)
+    if not sampling.ends:
+        return np.zeros(shape, np.uint8)
+    return np.unpackbits(np.frombuffer(sampling.ends, np.uint8), count=int(np.prod(shape))).reshape(shape)
+
+
+def _by_blocks(grid: UniformGrid, geometry: str, sampling: Sampling, size: np.ndarray) -> np.ndarray:
+    """Greatest mean that a ray meets on its path through each block, of sizes at nodes, along the rays' main axis."""
+    block = block_size(grid)
+    obliquity, main = along_axes(sampling.steepness, geometry), _main_axis(sampling.steepness, geometry)
+    across = [axis for axis in range(len(obliquity)) if axis != main]
+    if main is None:
+        return block_maxima(size, block)
+    if obliquity[across].max(initial=0.0) > LEVEL:
+        return block_means(block_maxima(size, block, across), block, main)
+    return block_maxima(block_means(size, block, main), block, across)
+
+
+def _with_lobes(rest: np.ndarray, main: int | None) -> np.ndarray:
+    """Values of blocks, raised to the overshoot of their neighbours' splines into them."""
+    for axis in range(rest.ndim):
+        if axis != main:
+            rest = np.maximum(rest, LOBE * greatest_around(rest, -1, 1, axis))
+    return rest.astype(np.float64)
+
+
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    """Combine the axes' fourth derivatives to that of a structure with one normal: see step_bound.py."""
+    some = [part for part in parts if part.any()] or parts[:1]  # powers of zeros are slow too
+    root = reduce(np.add, [np.sqrt(np.sqrt(part)) for part in some])  # a tenth of the time of powers
+    return np.square(np.square(root))
+
+
+def _main_axis(steepness, geometry: str) -> int | None:
+    """The grid's axis that all rays of that steepness run along, None where there is none."""
+    least = np.sqrt(np.maximum(1.0 - (np.sum(np.square(steepness)) - np.square(steepness)), 0.0))
+    first = {"volume": 0, "planar": 1, "axisymmetric": 2}[geometry]
+    axis = first + int(np.argmax(least[first:]))
+    shift = 1 if geometry != "volume" else 0
+    return axis - shift if least[axis] > LEAST_MAIN else None

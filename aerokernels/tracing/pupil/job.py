@@ -1,0 +1,290 @@
+"""Pupil jobs: plan a pupil's rays and prepare them on the backend of the plan."""
+
+import weakref
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, partial
+
+import numpy as np
+
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ...medium.grid_places import known
+from ...rays import PILOT_RAYS, Pupil, RayBundle
+from ..engines import engine_of
+from ..engines.device_memory import memory_of
+from ..grid_tables import begun_grid
+from ..lines import box_size
+from ..plan import TracePlan
+from ..planning import check_choices, plan_rays
+from ..stop import Plane
+from .air import SAMPLE_RAYS, PupilAir, pupil_air
+from .lattice_quadrature import ACCEPTED, ENOUGH, LATTICES, lattice_sizes, may_still_settle
+from .radial_quadrature import RADIAL_RAYS, SETTLED, choose_radial, fewer_rays, radial_bundle
+from .run import PupilRun
+from .sums import PupilTask
+
+REPLICATES = 16
+# The seed of the points that decide which lattice is taken.
+PILOT_SEED = 0x1A771CE
+# Plans of pupils, and losses where the known air ends, that are cached on a field.
+CACHED = 4  # speed only
+# Up to so many rays through a volume leave most threads of a GPU idle, if each is traced by one.
+FEW_RAYS = 1 << 14  # speed only
+# The greatest reach of a pupil, over half of the diagonal of the field's box.
+GREATEST_RATIO = 10.0
+# A known number of samples is confirmed by one in this many of the rays that were used to find it.
+CONFIRMING = 2
+# The sample rays of a symmetric pupil lie along a radius, so that this share of them is enough.
+ALONG_RADIUS = 0.25
+
+
+@dataclass(eq=False)
+class PupilJob:
+    """A planned pupil that can be traced for any number of seeds.
+
+    Attributes:
+        plan: How the rays of the first run are traced.
+        plan_of: Returns the plan for a number of rays; tables are made only if there are enough rays for them to pay.
+        until: The plane at which its rays stop.
+        per_replicate: Requested rays of a replicate.
+        task: The pupil to trace; with fewer rays if radial quadrature replaces the disc.
+        air: The OPD that the rays may lose where the known air ends.
+        pilot: Some of its rays.
+        sizes: Points of the lattices that may replace the points of `task`, see lattice_quadrature.py.
+        is_known: Whether the first of them is taken without a trial.
+        is_alike: Whether the job was made from a job for another field.
+    """
+
+    plan: TracePlan
+    plan_of: Callable[[int], TracePlan]
+    until: Plane
+    per_replicate: int
+    task: PupilTask
+    air: PupilAir
+    pilot: RayBundle
+    sizes: tuple[int, ...] = ()
+    is_known: bool = False
+    is_alike: bool = False
+
+    @property
+    def predicted_ray_count(self) -> int:
+        """Rays of the first run, predicted before any is traced."""
+        return (self.sizes[0] if self.sizes else self.task.per_replicate) * REPLICATES
+
+    @property
+    def traced_ray_count(self) -> int:
+        """Rays of the first run."""
+        return self.run.task.per_replicate * REPLICATES
+
+    @property
+    def is_radial(self) -> bool:
+        """Whether radial quadrature replaces the disc: field, pupil and rays are symmetric about the axis."""
+        return self.task.is_radial
+
+    def settled(self, run: PupilRun) -> float:
+        """The standard error of the Strehl ratio of a run above which the next finer run is traced."""
+        if run.task.generator:
+            return ACCEPTED
+        return SETTLED if run.task.per_replicate >= RADIAL_RAYS else ENOUGH
+
+    @cached_property
+    def samples(self) -> tuple[RayBundle | None, RayBundle | None]:
+        """The pilot rays, and the rays on which the ends of the known air are examined, for jobs made from this one."""
+        if self.is_alike:
+            return self.pilot, self.air.rays
+        if not self.is_radial:
+            return self.pilot.rows(slice(None, None, CONFIRMING)), self.air.rays
+        pupil, look = self.task.pupil, self.task.look
+        pilot_rays, air_rays = (int(ALONG_RADIUS * count) for count in (PILOT_RAYS, SAMPLE_RAYS))
+        return radial_bundle(pupil, look, pilot_rays), radial_bundle(pupil, look, air_rays)
+
+    @cached_property
+    def run(self) -> PupilRun:
+        """The function that traces and sums the points of a seed; uploads and compiles when first read.
+
+        The smallest lattice is taken that is accurate enough for the points of PILOT_SEED, so that no answer depends on
+        other calls.
+        """
+        errors: dict[int, float] = {}
+        for size in self.sizes:
+            if may_still_settle(errors, size):
+                plan = self.plan_of(size * REPLICATES)
+                tried = _runner(replace(self.task, plan=plan, per_replicate=size, generator=LATTICES[size]))
+                if self.is_known:
+                    return tried
+                errors[size] = tried(PILOT_SEED).standard_error
+                if errors[size] <= ENOUGH:
+                    return tried
+        return _runner(replace(self.task, plan=self.plan_of(self.task.per_replicate * REPLICATES)))
+
+    @cached_property
+    def finer_runs(self) -> list[Callable[[], PupilRun]]:
+        """Runs with more rays than the first, up to the requested number; each is made when it is first called."""
+        possible = {RADIAL_RAYS, self.per_replicate} if self.is_radial else {self.per_replicate}
+        sizes = sorted(size for size in possible if self.run.task.per_replicate < size <= self.per_replicate)
+        return [cache(partial(_finer_run, self.task, self.plan_of, size)) for size in sizes]
+
+    @cached_property
+    def planned(self) -> TracePlan:
+        """The plan of the first run, including the reasons for its choice of rays."""
+        plan, chosen = self.run.task.plan, self._chosen
+        return replace(plan, reasons=(*plan.reasons, *chosen)) if chosen else plan
+
+    def planned_for(self, run: PupilRun, *more: str) -> TracePlan:
+        """The plan of a run, including the reasons for its choice of rays and for taking more of them."""
+        plan = run.task.plan
+        return self.planned if run is self.run else replace(plan, reasons=(*plan.reasons, *self._chosen, *more))
+
+    @property
+    def _chosen(self) -> tuple[str, ...]:
+        """The reasons for the choice of rays, in words."""
+        size = self.run.task.per_replicate if self.run.task.generator else 0
+        asked = f"{self.per_replicate * REPLICATES:,} over the pupil"
+        if size:
+            return (f"the wavefront is smooth: {REPLICATES} x {size} points of shifted lattices instead of {asked}",)
+        return (f"{asked}: the wavefront is too rough, or cut, for fewer",) if self.sizes else ()
+
+
+def make_job(
+    field: IndexField,
+    pupil: Pupil,
+    look: np.ndarray,
+    wavelength: float,
+    ray_count: int,
+    remove,
+    symmetry,
+    bundle: str = "auto",
+    like: PupilJob | None = None,
+    **choices,
+) -> PupilJob:
+    """Plan a pupil; `choices` are those of `make_plan`.
+
+    `like` is a job with the same choices through a field like this one: its results are confirmed, not searched again.
+
+    Raises:
+        ValueError: A name or number that makes no sense; symmetry=True without symmetry; no ray that meets the field.
+    """
+    _check_size(field, pupil)
+    tolerance = choices["tolerance"]
+    check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
+    pilot, air_rays = (None, None) if like is None else like.samples
+    begun = _begun(field, like)  # the device computes tables while the host examines the air at the faces
+    seen = (weakref.ref(pupil), tuple(look.tolist()), like is None)  # cache key for the same pupil with other seeds
+    try:
+        air = field.derive(
+            ("air of a pupil", *seen, tolerance * wavelength),
+            lambda: pupil_air(field, pupil, look, tolerance * wavelength, air_rays),
+            CACHED,
+        )
+    finally:
+        begun()
+    pilot = field.derive(
+        ("pilot of a pupil", *seen),
+        lambda: pilot or RayBundle.collimated(pupil, PILOT_RAYS, direction=look),
+        CACHED,
+    )
+    place = "plane beyond", field.geometry, weakref.ref(pupil), look.tobytes()
+    until = known(field.samples, place, lambda: plane_beyond(field, pupil, look), CACHED)
+    per_replicate = -(-int(ray_count) // REPLICATES)  # rounded up
+    sizes = lattice_sizes(field, pupil, per_replicate, REPLICATES, bundle)
+    most = RADIAL_RAYS if like is None else fewer_rays(field, pupil, REPLICATES)
+    radial_rays, why = choose_radial(field, pupil, look, per_replicate, REPLICATES, symmetry, most)
+    count = min(per_replicate, RADIAL_RAYS) if radial_rays else per_replicate
+    is_sparse = 0 < radial_rays < RADIAL_RAYS and like is not None
+    known_plan = None if like is None else like.plan  # so that `like` itself need not stay alive
+
+    def make_plan(rays: int) -> TracePlan:
+        plan = plan_rays(
+            field,
+            lambda: pilot,
+            REPLICATES * count,
+            until,
+            path_length=None,
+            wavelength=wavelength,
+            directions=look[None],
+            like=known_plan,
+            sure_count=rays,
+            **choices,
+        )
+        are_few = is_sparse or (field.geometry == "volume" and rays <= FEW_RAYS)
+        return replace(plan, reasons=(*plan.reasons, why), few_rays=are_few)
+
+    def plan_of(rays: int) -> TracePlan:
+        # `seen` separates plans confirmed from another job from plans searched for this one, so that no answer depends
+        # on other calls.
+        key = "plan of a pupil", *seen, count, rays, wavelength, tuple(choices.values()), why, is_sparse
+        plan: TracePlan = field.derive(key, lambda: make_plan(rays), CACHED)
+        return plan
+
+    taken = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
+    is_known = taken in sizes and not radial_rays
+    sizes = () if radial_rays else (taken,) if is_known else sizes
+    first = sizes[0] if sizes else radial_rays or per_replicate
+    plan = plan_of(REPLICATES * first)
+    task = PupilTask(
+        field,
+        pupil,
+        look,
+        until,
+        plan,
+        wavelength,
+        radial_rays or per_replicate,
+        REPLICATES,
+        # A symmetric wavefront has no tilt, and the piston changes no Strehl ratio.
+        terms=tuple(term for term in remove if term == "focus" or (term == "tilt" and not radial_rays)),
+        # In an axisymmetric field, rays at one radius from a pupil centre on the axis meet the same air.
+        by_radius=field.geometry == "axisymmetric"
+        and pupil.inner_ratio is not None
+        and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.reach,
+        is_radial=radial_rays > 0,
+    )
+    return PupilJob(plan, plan_of, until, per_replicate, task, air, pilot, sizes, is_known, like is not None)
+
+
+def _begun(field: IndexField, like: PupilJob | None) -> Callable[[], None]:
+    """Start the tables of a grid that a job like this one needs; return a function that waits for them."""
+    if like is None or not like.plan.sample_count or not isinstance(field.samples, UniformGrid):
+        return lambda: None
+    with memory_of(like.plan.device):
+        return begun_grid(engine_of(like.plan.backend, like.plan.device), field.samples)
+
+
+def _check_size(field: IndexField, pupil: Pupil) -> None:
+    """Reject a pupil so much larger than the field that hardly one ray in a hundred would meet it.
+
+    Raises:
+        ValueError: The pupil is more than ten times as large as the field.
+    """
+    size = 0.5 * box_size(field)
+    if pupil.reach > GREATEST_RATIO * size:
+        raise ValueError(
+            f"the pupil's reach of {pupil.reach:g} m is {pupil.reach / size:.0f} times the field's {size:.3g} m: "
+            "hardly any ray meets the field; give metres, 6e-3 for 6 mm"
+        )
+
+
+def _runner(task: PupilTask):
+    """Prepare a task on the backend of its plan."""
+    if task.plan.backend == "reference":
+        from ..engines.reference.pupil import PupilRun as ReferencePupilRun
+
+        return ReferencePupilRun(task)
+    with memory_of(task.plan.device):
+        return PupilRun(task)
+
+
+def _finer_run(task: PupilTask, plan_of: Callable[[int], TracePlan], per_replicate: int):
+    """Prepare the task with so many rays of a replicate."""
+    plan = replace(plan_of(per_replicate * REPLICATES), few_rays=False)
+    return _runner(replace(task, plan=plan, per_replicate=per_replicate))
+
+
+def plane_beyond(field: IndexField, pupil: Pupil, look: np.ndarray) -> Plane:
+    """The plane at which a pupil's rays stop: across the unit vector `look`, just beyond the box and the pupil."""
+    low, high = field.box
+    finite = np.isfinite(low) & np.isfinite(high)
+    corner = np.where(finite, np.where(look > 0.0, high, low), pupil.center)
+    reach = float((corner - pupil.center) @ look)
+    # A little beyond, so that the last face and the plane are never the same surface.
+    return Plane(pupil.center + (max(reach, 0.0) + pupil.reach + 1e-3 * box_size(field)) * look, look)

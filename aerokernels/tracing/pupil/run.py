@@ -1,0 +1,290 @@
+"""Run a pupil of millions of rays on an engine: make, trace and sum the rays there, without downloading any."""
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from functools import cache, partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ...medium.grid_places import known
+from ...process.clock import stage
+from ...rays import RayBundle
+from ..engines import OUTPUT_TYPES, engine_of
+from ..engines.device_memory import memory_of
+from ..launch import RAY_BYTES
+from ..retrace import retrace_rejected
+from ..status import RayStatus
+from .fit import fit_surface, metres_of, moments_in_metres
+from .lattice_quadrature import smoothed_axes
+from .sums import (
+    MOMENT_COUNT,
+    PUPIL_OUTPUTS,
+    SUM_COUNT,
+    PupilSums,
+    PupilTask,
+    batches_of,
+    group_count,
+    holds_tolerance,
+    joined_counts,
+    radial_rays,
+)
+
+# Bytes of a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
+KEPT_BYTES = 16 + 8 + 4
+# Constants of pupils that are cached on a device with a grid's node positions.
+CACHED = 8  # speed only
+# Rays along a radius that stay on a device with a grid's node positions: so many, of so many seeds and pupils.
+FEW, FEW_CACHED = 1 << 14, 4  # speed only
+
+
+@dataclass(eq=False)
+class Batch:
+    """Some replicates with their rays on the device.
+
+    Attributes:
+        rows: The replicates, as a slice.
+        count: Number of rays.
+        position: Start points.
+        direction: Directions.
+        place: Pupil coordinates.
+        weight: Weights of the rays in means.
+        weight_count: Number of weights: one for all rays, or one for each.
+        results: Outputs by name.
+    """
+
+    rows: slice
+    count: int
+    position: Any
+    direction: Any
+    place: Any
+    weight: Any
+    weight_count: int
+    results: dict[str, Any]
+
+
+class PupilRun:
+    """A pupil prepared on a device, to be traced any number of times, each with points of another seed.
+
+    Replicates are traced in batches. Fitting a tilt or focus that is removed needs all replicates, so the data for the
+    phasor sums then stay on the device. Otherwise phasors are summed batch by batch.
+
+    Raises:
+        ValueError: A device that does not open; a field, or so many rays, that do not fit it.
+    """
+
+    def __init__(self, task: PupilTask):
+        """Upload and compile everything that the task needs."""
+        self.task = task
+        self.engine = engine = engine_of(task.plan.backend, task.plan.device)
+        self.prepared = engine.prepare(
+            task.field, task.plan, task.until, task.wavelength, PUPIL_OUTPUTS, task.look[None]
+        )
+        self.batches = batches_of(task.replicates, task.per_replicate)
+        self.widest = self.batches[0].stop - self.batches[0].start
+        together = self.widest * task.per_replicate
+        kept = task.replicates * task.per_replicate if task.terms else together
+        check_memory(engine.device, engine.memory, together, kept)
+        needed = ("sum_rays", "reduce_sums")  # rays along a radius are made on the host
+        self.kernels = engine.kernels(needed if task.is_radial else ("launch_pupil", *needed))
+        with stage("upload"):
+            self.one = self._constant("one", lambda: np.ones(1))
+            self.seeds = None if task.is_radial else engine.sent(np.zeros((self.widest, 2), np.uint32))
+            self.starts = None if self.seeds is None else self._starts(self.seeds.buffer)
+            self.headings = None
+            if task.is_radial:
+                key = "headings", task.look.tobytes(), together
+                self.headings = self._constant(key, lambda: np.repeat(task.look[None], together, axis=0))
+        self.metres = np.append(metres_of(task), np.ones(SUM_COUNT - MOMENT_COUNT))  # of a row of sums
+        self.no_surface = self._phasor_numbers(np.zeros(4))
+        *joined, _ = joined_counts(task.per_replicate)
+        self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined]
+        arrays = [np.zeros(self.widest * SUM_COUNT)]
+        if self.prepared.rejected is not None:
+            arrays.append(np.zeros(1, np.int32))
+        self.reading = engine.fetched(arrays)
+        self.found = self.reading.arrays[0].reshape(-1, SUM_COUNT)
+        self.rejected = None if self.prepared.rejected is None else self.reading.arrays[1]
+        self.sums.append(self.reading.buffers[0])
+        if self.prepared.rejected is not None:
+            self.prepared.rejected = self.reading.buffers[1]
+            if engine.is_gpu:  # on a CPU the buffer is the array
+                engine.clear(self.prepared.rejected)
+        # A single batch, whose rays are made on the device, repeats the same launches for each seed.
+        self.repeat = engine.recorded() if len(self.batches) == 1 and not task.is_radial else None
+        self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
+        self.made: list[Batch] = []  # the batches whose rays are made on the device
+
+    def _starts(self, seeds: Any) -> list:
+        """Arguments of the kernel launch_pupil ahead of the rays, including the seeds of a batch."""
+        task, pupil = self.task, self.task.pupil
+        of_square = pupil.square_map
+        vectors = [pupil.center, *(pupil.reach * axis for axis in pupil.axes), task.look]
+        table = self._constant(("table", pupil), lambda: of_square.table)
+        shape = [of_square.shape, of_square.row_count, of_square.column_count, table]
+        key = "order", task.per_replicate, task.by_radius, task.generator
+        order = self._constant(key, task.order)
+        return [*vectors, *shape, seeds, order, task.per_replicate, task.generator, smoothed_axes(of_square)]
+
+    def _constant(self, key: Hashable, make: Callable[[], np.ndarray]) -> Any:
+        """A buffer that is never written to, shared with other fields on the grid."""
+        engine = self.engine
+        return known(
+            self.task.field.samples,
+            ("constants of pupils", *engine.grid_key, key),
+            lambda: engine.put(make()),
+            CACHED,
+        )
+
+    def __call__(self, seed: int | None) -> PupilSums:
+        """Trace and sum the points of a seed."""
+        with stage("kernel"), memory_of(self.task.plan.device):
+            return self._run(seed)
+
+    def _run(self, seed: int | None) -> PupilSums:
+        task = self.task
+        kept, parts, rejected = [], [], 0
+        # Of rays along a radius the points are needed only where the rays are not on the device already.
+        points = cache(partial(task.points, seed)) if self.seeds is None else task.points(seed)
+        for number, rows in enumerate(self.batches):
+            batch = self._place(number, rows, seed, points)
+            if self.repeat is None:
+                self._trace(batch)
+            else:
+                self.repeat(partial(self._trace, batch))
+            self.reading.wait()
+            found = self.found[: rows.stop - rows.start]
+            if self._has_rejected() or not holds_tolerance(found, task):
+                rejected += self._retrace(batch)
+                found = self._sums(batch, self.no_surface)
+            parts.append(found if len(self.batches) == 1 else found.copy())  # the next batch overwrites it
+            kept.append(batch)
+        sums = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        if task.terms:
+            numbers = self._phasor_numbers(fit_surface(sums[:, :MOMENT_COUNT], task.terms))
+            for batch in kept:  # batches share the memory of errors and counts, which would now be those of the last
+                sums[batch.rows, MOMENT_COUNT:] = self._sums(batch, numbers)[:, MOMENT_COUNT:]
+        in_metres = moments_in_metres(sums, task, self.metres)
+        phasors = in_metres[:, MOMENT_COUNT:].view(np.complex128)[:, 0]
+        return PupilSums(in_metres[:, :MOMENT_COUNT], phasors, task.replicates * task.per_replicate, rejected)
+
+    def _has_rejected(self) -> bool:
+        """Whether the kernel rejected rays of the last batch; resets its counter."""
+        return self.rejected is not None and self.prepared.taken(int(self.rejected[0])) > 0
+
+    def _buffers(self, number: int) -> dict[str, Any]:
+        """Buffers of a batch: later batches own only those that the second sum needs."""
+        engine, task = self.engine, self.task
+        rays = self.widest * task.per_replicate
+        if number == len(self.buffers):
+            fresh = {"place": engine.empty(rays, 2)}
+            if task.generator:
+                fresh["weight"] = engine.empty(rays)
+            if not number:
+                fresh |= {name: engine.empty(rays, 3) for name in ("start", "heading")} | self.prepared.allocate(rays)
+            fresh |= {name: engine.empty(rays, *OUTPUT_TYPES[name]) for name in ("opd", "status") if number}
+            self.buffers.append({**(self.buffers[0] if number else {}), **fresh})
+        return self.buffers[number]
+
+    def _place(self, number: int, rows: slice, seed: int | None, points: Any) -> Batch:
+        """Make a batch: upload the rays along a radius, or the seeds from which other rays are made on the device.
+
+        `points` are those of the task, as a function for rays along a radius.
+        """
+        task = self.task
+        if self.seeds is not None:
+            self.seeds.array[: rows.stop - rows.start] = points[rows]
+            if number < len(self.made):
+                return self.made[number]
+        count = (rows.stop - rows.start) * task.per_replicate
+        buffers = self._buffers(number if task.terms else 0)
+        results = {name: buffers[name] for name in OUTPUT_TYPES}
+        if self.seeds is None:
+            position, place, weight = self._along_radius(rows, seed, points)
+            return Batch(rows, count, position, self.headings, place, weight, count, results)
+        position, direction, place = (buffers[name] for name in ("start", "heading", "place"))
+        weight, weights = (buffers["weight"], count) if task.generator else (self.one, 1)
+        self.made.append(Batch(rows, count, position, direction, place, weight, weights, results))
+        return self.made[number]
+
+    def _along_radius(self, rows: slice, seed: int | None, points: Callable[[], Any]) -> list[Any]:
+        """Upload positions, pupil coordinates and weights of rays along a radius; few rays stay for other fields."""
+
+        def upload() -> list[Any]:
+            return [self.engine.put(array) for array in radial_rays(self.task, points(), rows)]
+
+        task = self.task
+        if seed is None or (rows.stop - rows.start) * task.per_replicate > FEW:
+            return upload()
+        key = "rays along a radius", *self.engine.grid_key, task.pupil, task.replicates, task.per_replicate, rows.start
+        found: list[Any] = known(task.field.samples, (*key, int(seed)), upload, FEW_CACHED)
+        return found
+
+    def _trace(self, batch: Batch) -> None:
+        """Start all launches of a batch, including the copy of its sums to the host."""
+        if self.seeds is not None:
+            assert self.starts is not None
+            self.seeds.send()
+            rays = [batch.position, batch.direction, batch.place, batch.weight]
+            self.engine.launch(self.kernels["launch_pupil"], self.starts, rays, batch.count)
+        self.prepared.launch([batch.position, batch.direction], batch.results, batch.count)
+        self._start_sums(batch, self.no_surface)
+        self.reading.start()
+
+    def _phasor_numbers(self, surface: np.ndarray) -> list:
+        """First arguments of the kernel sum_rays; arguments that are the same objects need not be set again."""
+        return [2.0 * np.pi / self.task.wavelength, surface[:3], float(surface[3]), self.task.per_replicate]
+
+    def _sums(self, batch: Batch, numbers: list) -> np.ndarray:
+        """Sums of the replicates of a batch, (n, SUM_COUNT), valid until the next; `numbers` as for `_start_sums`."""
+        self._start_sums(batch, numbers)
+        self.reading.start()
+        self.reading.wait()
+        return self.found[: batch.rows.stop - batch.rows.start]
+
+    def _start_sums(self, batch: Batch, numbers: list) -> None:
+        """Sum groups of the replicates of a batch, then groups of groups.
+
+        `numbers` are those of `_phasor_numbers`; they define the surface from which phases are measured.
+        """
+        per_replicate, engine, results = self.task.per_replicate, self.engine, batch.results
+        replicates = batch.rows.stop - batch.rows.start
+        groups = replicates * group_count(per_replicate)
+        per_ray = [results[name] for name in ("opd", "step_error", "evaluation_count", "status")]
+        given = [batch.weight_count, batch.weight, batch.place, *per_ray, self.sums[0]]
+        engine.launch(self.kernels["sum_rays"], numbers, given, groups)
+        for (rows, joined), sums in zip(pairwise(joined_counts(per_replicate)), pairwise(self.sums), strict=True):
+            engine.launch(self.kernels["reduce_sums"], [rows, joined], [*sums], replicates * joined * SUM_COUNT)
+
+    def _retrace(self, batch: Batch) -> int:
+        """Trace again the rays of a batch that are above the tolerance; return the number that still are."""
+        task, engine = self.task, self.engine
+        arrays: dict[str, np.ndarray] = {}
+        for name in ("opd", "step_error", "status", "evaluation_count"):
+            arrays[name] = np.empty(batch.count, OUTPUT_TYPES[name][1])
+            engine.get(batch.results[name], arrays[name])
+        position, direction = np.empty((batch.count, 3)), np.empty((batch.count, 3))
+        engine.get(batch.position, position)
+        engine.get(batch.direction, direction)
+        rays = RayBundle(position, direction)
+        retrace_rejected(task.field, rays, task.plan, task.until, task.wavelength, arrays)
+        for name, array in arrays.items():
+            engine.put_into(batch.results[name], array)
+        return int(np.count_nonzero(arrays["status"] == RayStatus.TOLERANCE_NOT_MET))
+
+
+def check_memory(device: str, memory: tuple[float, float], together: int, kept: int) -> None:
+    """Reject more rays than the device has memory for, before any is traced; `memory` is an Engine's.
+
+    Raises:
+        ValueError: The rays do not fit; the message has their size and the device's.
+    """
+    whole, piece = memory
+    needed = together * RAY_BYTES + kept * KEPT_BYTES
+    if needed > whole or 24 * together > piece:
+        raise ValueError(
+            f"rays of a pupil take {needed / 2**30:.1f} GiB, and {24 * together / 2**30:.1f} GiB in one piece; "
+            f"device {device!r} has {whole / 2**30:.1f} GiB and gives {piece / 2**30:.1f} GiB in one piece: use fewer "
+            "rays, or another device"
+        )

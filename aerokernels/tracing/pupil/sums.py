@@ -1,0 +1,202 @@
+"""Sums over a pupil's rays, which every backend computes alike, and the order of the rays."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...medium import IndexField
+from ...rays import Pupil
+from ..plan import TracePlan
+from ..scheme import GROUP, REDUCTION_WIDTH
+from ..stop import Plane
+from .lattice_quadrature import lattice_order
+from .radial_quadrature import radial_points
+
+# Per replicate: count, x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, then the greatest step error and
+# the field evaluations of all rays, and over those that arrived xq, yq, qq and qW with q = xx + yy.
+MOMENT_COUNT = 16
+GREATEST_ERROR = 10
+# A row of sums: the moments, then real and imaginary part of the phasor.
+SUM_COUNT = MOMENT_COUNT + 2
+# Rays that are on a device together, in whole replicates: this number times the bytes of a ray bounds the memory.
+BATCH_RAYS = 1 << 21  # speed only
+# Per-ray outputs of the tracer that the sums need, besides the status.
+PUPIL_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
+
+
+def replicate_seeds(seed: int | None, replicates: int) -> np.ndarray:
+    """Seeds of the scramble, uint32, shape (replicates, 2): one for each axis of each replicate."""
+    # Both halves of each number of the generator, the lower first: what `Generator.integers` returns, in half the time.
+    numbers = np.asarray(np.random.PCG64(seed).random_raw(replicates), "<u8")
+    return numbers.view("<u4").reshape(replicates, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class PupilTask:
+    """A pupil to trace and sum.
+
+    Attributes:
+        field: The refractive index.
+        pupil: The pupil.
+        look: Direction of its rays, a unit vector, shape (3,).
+        until: The plane at which they stop.
+        plan: How they are traced.
+        wavelength: Vacuum wavelength [m].
+        per_replicate: Rays of a replicate.
+        replicates: Number of replicates.
+        terms: Terms of the fitted surface from which phases are measured: "tilt", "focus", both, or none.
+        by_radius: Whether rays are ordered by their distance from the pupil's centre alone, see `point_order`.
+        is_radial: Whether the rays lie along one radius of the pupil, for radial quadrature (radial_quadrature.py).
+        generator: Generator of the lattice of a replicate's rays (lattice_quadrature.py); 0 for Sobol points.
+    """
+
+    field: IndexField
+    pupil: Pupil
+    look: np.ndarray
+    until: Plane
+    plan: TracePlan
+    wavelength: float
+    per_replicate: int
+    replicates: int
+    terms: tuple[str, ...] = ()
+    by_radius: bool = False
+    is_radial: bool = False
+    generator: int = 0
+
+    def order(self) -> np.ndarray:
+        """An order of a replicate's points in which neighbours are close, int32, shape (per_replicate,)."""
+        order_of = lattice_order if self.generator else point_order
+        key = "order of points", order_of.__name__, self.per_replicate, self.by_radius
+        order: np.ndarray = self.field.derive(key, lambda: order_of(self.per_replicate, self.by_radius), most=2)
+        return order
+
+    def points(self, seed: int | None) -> Any:
+        """What a seed determines: seeds of the scramble (replicates, 2), or points and weights of radial quadrature."""
+        if self.is_radial:
+            return radial_points(self.per_replicate, self.replicates, seed)
+        return replicate_seeds(seed, self.replicates)
+
+
+@dataclass(eq=False)
+class PupilSums:
+    """The sums over a pupil's rays.
+
+    Attributes:
+        moments: Shape (replicates, MOMENT_COUNT); x and y in metres.
+        phasors: Sums of exp(i k (OPD - surface)) with the surface fitted to the task's `terms`, shape (replicates,).
+        ray_count: Rays that were traced.
+        rejected_count: Number of rays whose own error estimate is above the tolerance even after tracing them again.
+        total: Moments of all replicates together, shape (MOMENT_COUNT,).
+    """
+
+    moments: np.ndarray
+    phasors: np.ndarray
+    ray_count: int
+    rejected_count: int = 0
+
+    def __post_init__(self) -> None:
+        """Sum the replicates."""
+        self.total: np.ndarray = np.add.reduce(self.moments, axis=0)
+
+    @property
+    def evaluation_count(self) -> int:
+        """Field evaluations of all rays."""
+        return int(self.total[11])
+
+    @property
+    def greatest_error(self) -> float:
+        """The greatest error estimate of a ray that arrived [m]."""
+        return float(self.moments[:, GREATEST_ERROR].max())
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of the Strehl ratio from the spread of the replicates; nan where no ray arrived."""
+        counts = self.moments[:, 0].tolist()
+        if not any(counts):
+            return float("nan")
+        pairs = zip(self.phasors.tolist(), counts, strict=True)
+        ratios = [abs(sum_ / count) ** 2 if count else 0.0 for sum_, count in pairs]
+        mean = sum(ratios) / len(ratios)
+        return math.sqrt(sum([(ratio - mean) ** 2 for ratio in ratios]) / (len(ratios) - 1) / len(ratios))
+
+
+def holds_tolerance(sums: np.ndarray, task: PupilTask) -> bool:
+    """Whether all rays that arrived are within the tolerance, by rows of sums; true without error control."""
+    budget = task.plan.tolerance * task.wavelength
+    return not task.plan.controls_error or all(error <= budget for error in sums[:, GREATEST_ERROR].tolist())
+
+
+def point_order(count: int, by_radius: bool) -> np.ndarray:
+    """An order of the first `count` Sobol points in which neighbours are close, int32, shape (count,).
+
+    The scramble keeps points together that share leading digits, so the order can be made without it. `by_radius` sorts
+    by the distance from the pupil's centre alone, which is sufficient in a field that is axisymmetric about it;
+    otherwise the points are divided into rings and sorted by angle within each.
+    """
+    index = np.arange(count, dtype=np.uint32)
+    radius = _reverse_bits(index)
+    if by_radius:
+        order = np.argsort(radius, kind="stable")
+    else:
+        rings = max(0, int(np.log2(max(count, 1)) / 2.0 - 2.0))
+        ring = radius >> np.uint32(32 - rings) if rings else np.zeros_like(radius)
+        order = np.lexsort((_second_axis(index), ring))
+    order = order.astype(np.int32)
+    order.setflags(write=False)
+    return order
+
+
+def _reverse_bits(x: np.ndarray) -> np.ndarray:
+    for shift, mask in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF)):
+        x = ((x >> np.uint32(shift)) & np.uint32(mask)) | ((x & np.uint32(mask)) << np.uint32(shift))
+    return (x >> np.uint32(16)) | (x << np.uint32(16))
+
+
+def _second_axis(index: np.ndarray) -> np.ndarray:
+    """Second coordinate of the Sobol points, as in the kernels."""
+    result = np.zeros_like(index)
+    column, rest = 0x80000000, index.copy()
+    while rest.any():
+        result ^= np.where(rest & np.uint32(1), np.uint32(column), np.uint32(0))
+        column ^= column >> 1
+        rest >>= np.uint32(1)
+    return result
+
+
+def radial_rays(task: PupilTask, points: tuple[np.ndarray, np.ndarray], rows: slice) -> tuple[np.ndarray, ...]:
+    """Starts [m] (n, 3), pupil coordinates (n, 2) and weights (n,) of the rays of some radial replicates.
+
+    The rays start on the pupil's first axis; `points` are those of `radial_points`.
+    """
+    squared, weight = (array[rows].reshape(-1, 1) for array in points)
+    hole = (task.pupil.inner_ratio or 0.0) ** 2
+    squared = hole + (1.0 - hole) * squared
+    place = np.sqrt(squared)
+    position = np.empty((len(place), 3))
+    for column, along, origin in zip(position.T, task.pupil.axes[0], task.pupil.center, strict=True):
+        np.multiply(task.pupil.reach * place[:, 0], along, out=column)  # twice as fast as by rows of three
+        column += origin
+    flat = np.zeros((len(place), 2))
+    flat[:, :1] = place
+    return position, flat, np.ascontiguousarray(weight[:, 0])
+
+
+def group_count(per_replicate: int) -> int:
+    """Number of groups in which a replicate's rays are summed."""
+    return -(-per_replicate // GROUP)
+
+
+def joined_counts(per_replicate: int) -> list[int]:
+    """Rows of sums of a replicate: the number of its groups, then after each joining, down to one."""
+    counts = [group_count(per_replicate)]
+    while counts[-1] > 1:
+        counts.append(-(-counts[-1] // REDUCTION_WIDTH))
+    return counts
+
+
+def batches_of(replicates: int, per_replicate: int) -> list[slice]:
+    """Slices of the replicates that are traced together."""
+    size = max(1, BATCH_RAYS // per_replicate)  # speed only
+    return [slice(first, min(first + size, replicates)) for first in range(0, replicates, size)]

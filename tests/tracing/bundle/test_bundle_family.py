@@ -1,0 +1,148 @@
+"""Families of two parameters: what is recognised in raw arrays, patches between lines, the bound from the field."""
+
+import re
+
+import numpy as np
+import pytest
+
+from aerokernels import ArcLength, Disc, IndexField, Plane, RayBundle
+from aerokernels.tracing.bundle.family import Family, find_family
+from aerokernels.tracing.bundle.hermite import BESIDE, NODES, WINDOW, finer, patches
+from aerokernels.tracing.bundle.tubes import Tubes
+
+H = 1e-3 / 16
+FAR = Plane((0.0, 0.0, 4e-3), (0.0, 0.0, 1.0))
+
+
+def volume(contrast: np.ndarray, interpolation: str = "cubic") -> IndexField:
+    origin = [-H * (count - 1) / 2 for count in contrast.shape]
+    return IndexField.from_samples(
+        contrast,
+        origin=origin,
+        spacing=(H,) * 3,
+        geometry="volume",
+        ambient_index=1.00027,
+        interpolation=interpolation,
+    )
+
+
+FIELD = volume(np.zeros((33, 33, 33)))
+RNG = np.random.default_rng(4)
+PLACES = np.c_[RNG.uniform(-8e-4, 8e-4, (400, 2)), np.full(400, -1.2e-3)]
+OBLIQUE = np.array([0.1, -0.05, 1.0]) / np.linalg.norm([0.1, -0.05, 1.0])
+
+
+def found(position, direction, until=FAR) -> Family:
+    family = find_family(FIELD, RayBundle(position, direction), until)
+    assert isinstance(family, Family), family
+    return family
+
+
+def through(apex, position) -> np.ndarray:
+    way = np.asarray(position) - apex
+    return way * np.sign(way[:, 2:]) / np.linalg.norm(way, axis=1)[:, None]
+
+
+@pytest.mark.parametrize("apex", [None, (1e-4, 2e-4, -30e-3), (0.0, -3e-4, 25e-3)])
+@pytest.mark.parametrize("start", ["across", "tilted", "anywhere ahead"])
+def test_parameters_give_every_ray_back(apex, start: str):
+    """Lines that are parallel or meet in a point, started in a plane or ahead of the box: each ray's own line again."""
+    position = PLACES.copy()
+    direction = np.tile(OBLIQUE, (400, 1)) if apex is None else through(apex, position)
+    if start == "tilted":
+        position += (position @ [0.1, 0.2, 0.0] / (direction @ [-0.1, -0.2, 1.0]))[:, None] * direction
+    if start == "anywhere ahead":
+        position -= RNG.uniform(1e-3, 2e-3, 400)[:, None] * direction
+    family = found(position, direction)
+    assert family.converges == (apex is not None)
+    if apex is not None:
+        assert np.abs(family.origin - apex).max() < 1e-9
+    parameters = family.parameters(position, direction)
+    assert (parameters > family.low).all() and (parameters < family.high).all()
+    start_at, along = family.rays(parameters)
+    assert np.abs(along - direction).max() < 1e-12
+    beside = start_at - position
+    beside -= np.sum(beside * direction, axis=1)[:, None] * direction
+    assert np.abs(beside).max() < 1e-11
+    if start != "anywhere ahead":
+        assert np.abs(start_at - position).max() < 1e-10
+    assert family.holds_for(position, direction).all()
+
+
+def test_another_sample_of_the_same_rays_is_the_same_family():
+    pupil = Disc(6e-4, np.array([0.0, 0.0, -1.2e-3]))
+    keys = {
+        found(bundle.position, bundle.direction).key
+        for bundle in (RayBundle.through(pupil, (1e-4, 0.0, -20e-3), 20_000, seed=seed) for seed in range(3))
+    }
+    assert len(keys) == 1
+
+
+@pytest.mark.parametrize(
+    ("position", "direction", "until", "why"),
+    [
+        (PLACES, RNG.normal([0.0, 0.0, 1.0], 0.02, (400, 3)), FAR, "neither parallel nor meet"),
+        (RNG.uniform(-5e-4, 5e-4, (400, 3)), np.tile(OBLIQUE, (400, 1)), FAR, "neither in one plane nor ahead"),
+        (PLACES - RNG.uniform(0, 1e-3, (400, 1)) * OBLIQUE, np.tile(OBLIQUE, (400, 1)), ArcLength(3e-3), "neither in"),
+        (PLACES[:1].repeat(400, 0), np.tile(OBLIQUE, (400, 1)), FAR, "one ray"),
+        (np.zeros((400, 3)), RNG.normal(size=(400, 3)), FAR, "axis|angle"),
+    ],
+    ids=["incoherent", "from within", "arc lengths", "one ray", "all directions"],
+)
+def test_what_is_no_smooth_map_is_refused(position, direction, until, why: str):
+    reason = find_family(FIELD, RayBundle(position, direction), until)
+    assert isinstance(reason, str)
+    assert re.search(why, reason)
+
+
+def test_rays_that_do_not_belong_are_told():
+    """Rays that miss the apex, or start elsewhere, are distinguished from the family of all the others."""
+    apex = np.array([1e-4, 2e-4, -30e-3])
+    direction = through(apex, PLACES)
+    family = found(PLACES, direction)
+    moved = PLACES.copy()
+    moved[7] += [0.0, 1e-3 * H, 0.0]
+    moved[9] += 4e-4 * direction[9]
+    assert np.flatnonzero(~family.holds_for(moved, direction)).tolist() == [7, 9]
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_patches_are_of_fourth_order(beside: bool):
+    """Of sin(x + 0.3) cos(0.7 y) with steps h the error falls as h^4, +-0.4, whether there are nodes beside or not."""
+    errors = []
+    for step in (0.4, 0.2, 0.1):
+        place = step * (np.arange(WINDOW) - BESIDE)
+        window = np.sin(place + 0.3)[:, None] * np.cos(0.7 * place)
+        usable = np.full((1, WINDOW, WINDOW), beside)
+        usable[:, BESIDE : BESIDE + NODES, BESIDE : BESIDE + NODES] = True
+        made = finer(patches(np.where(usable, window, 0.0)[..., None], usable))[0, ..., 0]
+        at = 0.5 * step * np.arange(9)
+        errors.append(np.abs(made - np.sin(at + 0.3)[:, None] * np.cos(0.7 * at)).max())
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (orders > 3.6).all() and errors[-1] < 1e-6
+
+
+def test_the_bound_holds_for_waves_and_sees_a_needle():
+    """With a cos(k x) over L = 2 mm and lines s apart patches err by a L (k s)^4 / 384 at least; the bound says more.
+
+    A needle of one node, which no line meets, is bounded by more than what it adds to a line through it.
+    """
+    x = (np.arange(33) - 16) * H
+    wave = 1e-5 * np.cos(2.0 * np.pi * x / (16 * H))[:, None, None] * np.ones((33, 33, 33))
+    step = np.full(2, 2.0 * H)
+    position = np.c_[PLACES[:, :2], np.full(400, -1.2e-3)]
+    family = found(position, np.tile([0.0, 0.0, 1.0], (400, 1)))
+
+    def bound(field: IndexField) -> float:
+        tubes = Tubes.of(field, family, FAR, False)
+        assert tubes is not None
+        return float(tubes.missed(np.zeros((1, 2)), 2.0 * step, step, np.zeros(1))[0])
+
+    least = 1e-5 * 32 * H * (2.0 * np.pi / 8.0) ** 4 / 384.0
+    assert least < bound(volume(wave)) < 40.0 * least
+    assert bound(FIELD) == 0.0
+    needle = np.zeros((33, 33, 33))
+    needle[17, 15, 4] = 1e-4
+    assert bound(volume(needle)) > 1e-4 * H
+    for kind in ("linear", "monotone"):
+        assert bound(volume(needle, kind)) > 1e-4 * H

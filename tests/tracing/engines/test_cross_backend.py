@@ -1,0 +1,340 @@
+"""Warp and OpenCL against each other, and what each backend promises beside right numbers."""
+
+import ctypes
+import gc
+import os
+import re
+import subprocess
+import sys
+import weakref
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import Plane, RayStatus, launch, trace
+from aerokernels.tracing.result import RAY_OUTPUTS
+from aerokernels.validation.random_fields import mesh_field, uniform_field
+from tests.small_fields import oblique_rays
+
+from ..backends import (
+    ENGINES,
+    FAR,
+    FIXED_STEPS,
+    MESHES,
+    OPD_LIMIT,
+    OPENCL,
+    STOPS,
+    WAVE,
+    assert_same_bits,
+    exact,
+    field_of,
+    on,
+    small_field,
+    small_rays,
+)
+from ..opencl_stands import before_path, need_opencl, run_python
+
+PRECISIONS = ("float32", "float64")
+# Asked for at equal steps [waves].
+EQUAL_STEPS = {"float32": 2e-4, "float64": 1e-9}
+
+
+def assert_agree(field, rays, engine, precision, waves, angle, until=FAR, **settings):
+    """Warp's CPU and an engine of OpenCL: equal statuses, OPD within so many waves, direction within an angle [rad]."""
+    opencl, warp = on(engine), on("warp-cpu")
+    ours, theirs = (
+        trace(field, rays, until=until, precision=precision, **backend, **settings) for backend in (opencl, warp)
+    )
+    assert ours.plan.backend == "opencl" and theirs.plan.backend == "warp"
+    assert np.array_equal(ours.status, theirs.status) and ours.ok.any()
+    assert np.abs(ours.opd - theirs.opd).max() < waves * WAVE
+    assert np.abs(ours.direction - theirs.direction).max() < angle
+    return ours, theirs
+
+
+# --- Warp against OpenCL ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", OPENCL)
+@pytest.mark.parametrize(("geometry", "interpolation", "precision"), FIXED_STEPS)
+def test_fixed_steps_are_those_of_warp(geometry, interpolation, precision, engine):
+    """500 rays, the same steps: rounding alone. 2e-4 wave asked for in float32, 1e-9 wave in float64."""
+    angle = 5e-8 if precision == "float32" else 1e-13
+    settings = {"method": "fixed", "step": 4e-5}
+    field, rays = field_of(geometry, interpolation), oblique_rays(500)
+    ours, theirs = assert_agree(field, rays, engine, precision, EQUAL_STEPS[precision], angle, **settings)
+    assert np.array_equal(ours.step_count, theirs.step_count)
+    assert np.array_equal(ours.evaluation_count, theirs.evaluation_count)
+
+
+@pytest.mark.parametrize("engine", OPENCL)
+@pytest.mark.parametrize(
+    ("geometry", "interpolation", "stop"),
+    [("planar", "cubic", stop) for stop in STOPS] + [("axisymmetric", "bilinear", "within")],
+)
+def test_fixed_steps_are_those_of_warp_at_every_stop(geometry, interpolation, stop, engine):
+    """A grid in float32 and a mesh in float64: stops share no code with interpolants."""
+    precision = "float32" if interpolation == "cubic" else "float64"
+    field, until = field_of(geometry, interpolation), STOPS[stop]
+    settings = {"method": "fixed", "step": 4e-5, "until": until}
+    assert_agree(field, oblique_rays(100), engine, precision, EQUAL_STEPS[precision], 5e-8, **settings)
+
+
+@pytest.mark.parametrize("engine", OPENCL)
+@pytest.mark.parametrize(("geometry", "interpolation"), [("volume", "cubic"), ("planar", "idw")])
+def test_steps_of_eq_5_are_those_of_warp(geometry, interpolation, engine):
+    """In float64, where rounding never puts a step into the neighbour of its cell, and in float32 where it did not."""
+    field, rays = field_of(geometry, interpolation), oblique_rays(200)
+    ours, theirs = assert_agree(field, rays, engine, "float64", 1e-9, 1e-13, method="paper")
+    assert np.array_equal(ours.step_count, theirs.step_count)
+    ours, theirs = assert_agree(field, rays, engine, "float32", 1e-3, 5e-7, method="paper")
+    same = ours.step_count == theirs.step_count
+    assert np.abs(ours.opd - theirs.opd)[same].max() < 2e-4 * WAVE and same.mean() > 0.9
+
+
+@pytest.mark.parametrize("engine", OPENCL)
+@pytest.mark.parametrize(
+    ("geometry", "stop"),
+    [*[("planar", stop) for stop in STOPS], ("volume", "arc"), ("axisymmetric", "box"), ("axisymmetric", "within")],
+)
+def test_adaptive_on_cubic_grids_takes_the_steps_of_warp(geometry, stop, engine):
+    """float64: equal counts, so equal to rounding. float32: a step more or less, 1e-3 wave."""
+    field, rays, until = field_of(geometry, "cubic"), oblique_rays(200), STOPS[stop]
+    ours, theirs = assert_agree(field, rays, engine, "float64", 1e-9, 1e-12, until, method="adaptive")
+    assert np.array_equal(ours.step_count, theirs.step_count)
+    assert np.abs(ours.step_error - theirs.step_error).max() < 1e-6 * WAVE
+    assert_agree(field, rays, engine, "float32", 1e-3, 5e-7, until, method="adaptive")
+
+
+@pytest.mark.parametrize("engine", OPENCL)
+@pytest.mark.parametrize(
+    ("geometry", "interpolation"), [("volume", "linear"), ("axisymmetric", "linear"), ("planar", "monotone")]
+)
+def test_adaptive_on_kinked_grids_agrees_with_warp(geometry, interpolation, engine):
+    """float32: 1e-3 wave, the tolerance."""
+    assert_agree(field_of(geometry, interpolation), oblique_rays(200), engine, "float32", 1e-3, 5e-7, method="adaptive")
+
+
+@pytest.mark.parametrize(
+    ("geometry", "interpolation", "engine"),
+    [
+        pytest.param(*kind, *engine.values, marks=engine.marks)
+        for kind in MESHES
+        for engine in (ENGINES if kind[1] == "bilinear" else OPENCL)
+    ],
+)
+def test_adaptive_on_meshes_keeps_its_tolerance(geometry, interpolation, engine):
+    """Rounding shifts where steps end at the kinks of a mesh: each backend is held to the reference, not to the other.
+
+    A few tolerances: 3e-3 wave at 1e-3. Warp in float32 on bilinear meshes only: its other kernels take long to build.
+    """
+    backend = on(engine)
+    field, rays = small_field(geometry, interpolation, 1, 3.0), small_rays(1)
+    expected = exact(geometry, interpolation, 1, 3.0, "far", 1)
+    for precision in PRECISIONS if backend["backend"] == "opencl" else ("float32",):
+        result = trace(field, rays, until=FAR, method="adaptive", precision=precision, **backend)
+        assert result.ok.all() and np.abs(result.opd - expected.opd).max() < 3e-3 * WAVE
+
+
+# --- what each backend promises --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("count", [1, 63, 64, 65, 129, 1000])
+def test_any_number_of_rays(engine, count):
+    """The first `count` of 1000 rays give what they give in the whole bundle: work-groups have 64 items."""
+    backend, field, rays = on(engine), field_of("planar", "cubic"), oblique_rays(1000)
+    settings = {"until": FAR, "method": "adaptive", **backend}
+    few = RayBundle(rays.position[:count], rays.direction[:count])
+    assert_same_bits(trace(field, rays, **settings), trace(field, few, **settings), slice(count))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("kind", [("volume", "cubic"), ("axisymmetric", "bilinear")])
+def test_chunks_of_a_bundle_change_nothing(monkeypatch, engine, kind):
+    """Chunks of 128 and a last one of 44 against one chunk: the same bits, whatever outputs are wanted."""
+    backend, field, rays = on(engine), field_of(*kind), oblique_rays(300)
+    settings = {"until": FAR, "method": "adaptive", **backend}
+    whole = trace(field, rays, **settings)
+    monkeypatch.setattr(launch, "CHUNK", 128)
+    chunked = trace(field, rays, **settings)
+    assert_same_bits(whole, chunked)
+    assert np.array_equal(whole.evaluation_count, chunked.evaluation_count)
+    only = trace(field, rays, outputs=("opd",), **settings)
+    assert np.array_equal(only.opd, whole.opd) and np.array_equal(only.status, whole.status)
+
+
+@pytest.mark.parametrize("engine", OPENCL)
+@pytest.mark.parametrize("name", [*RAY_OUTPUTS, "status"])
+def test_each_output_comes_alone(engine, name):
+    """What was not asked for is None; what was asked for is as in a full trace, in float64 or whole numbers."""
+    backend, field, rays = on(engine), field_of("planar", "cubic"), oblique_rays(70)
+    settings = {"until": FAR, "method": "adaptive", **backend}
+    whole, part = trace(field, rays, **settings), trace(field, rays, outputs=name, **settings)
+    assert np.array_equal(getattr(part, name), getattr(whole, name))
+    assert getattr(part, name).dtype == getattr(whole, name).dtype
+    assert np.array_equal(part.status, whole.status)
+    assert [other for other in RAY_OUTPUTS if getattr(part, other) is not None] == [name] * (name in RAY_OUTPUTS)
+
+
+def memory() -> int:
+    """What this process holds [bytes], without what the allocator has free: earlier tests leave much of that."""
+    with suppress(OSError, AttributeError):  # another C library
+        ctypes.CDLL("libc.so.6").malloc_trim(0)
+    found = re.search(r"VmRSS:\s*(\d+) kB", Path("/proc/self/status").read_text())
+    return 1024 * int(found[1]) if found else 0
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is measured by Linux's /proc")
+@pytest.mark.parametrize("engine", [one for one in ENGINES if not one.marks])
+def test_a_field_is_kept_once_as_long_as_it_lives(engine):
+    """1.4 million nodes, traced seven times: the same bits, kept once, and given back when the field is let go.
+
+    Samples, and an engine's spline of them in float32, are at least 12 bytes a node; asked for are 8 of them kept
+    at first, none more later, and half of all given back (allocators keep some).
+    """
+    backend, count = on(engine), 1200
+    wave = np.linspace(0.0, 2.0 * np.pi, count)
+    settings = {"until": Plane((0.0, 0.0, 3.0), (0.0, 0.0, 1.0)), "method": "adaptive", **backend}
+    rays = RayBundle(np.c_[np.zeros(5), np.linspace(-0.5, 0.5, 5), np.full(5, -0.1)], [[0.0, 0.0, 1.0]])
+
+    def field(nodes: int) -> IndexField:
+        samples = 1e-6 * np.sin(wave[:nodes, None]) * np.cos(wave[:nodes])
+        return IndexField.from_samples(samples, origin=(-1.0, 0.0), spacing=(2.0 / nodes,) * 2, geometry="planar")
+
+    trace(field(20), rays, **settings)  # compiled and loaded before memory is counted
+    gc.collect()
+    before = memory()
+    large = field(count)
+    first = trace(large, rays, **settings)
+    for _ in range(2):  # the allocator keeps some of what has passed through it once or twice
+        assert_same_bits(first, trace(large, rays, **settings))
+    gc.collect()
+    kept = memory() - before
+    for _ in range(4):
+        assert_same_bits(first, trace(large, rays, **settings))
+    gc.collect()
+    again = memory() - before
+    assert kept > 8 * count**2 and again - kept < 2 * count**2
+    alive = weakref.ref(large)
+    del large, first
+    gc.collect()
+    assert alive() is None and memory() - before < 0.5 * again
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_each_precision_has_its_own_numbers_on_the_device(engine):
+    """A trace in the other precision between two of one: the same bits before and after."""
+    field, rays = uniform_field("planar", amplitude=2e-4), oblique_rays(5)
+    settings = {"until": FAR, "method": "adaptive", **on(engine)}
+    single, double = (trace(field, rays, precision=precision, **settings) for precision in PRECISIONS)
+    assert not np.array_equal(single.opd, double.opd)
+    assert_same_bits(single, trace(field, rays, precision="float32", **settings))
+    assert_same_bits(double, trace(field, rays, precision="float64", **settings))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("method", ["adaptive", "fixed"])
+def test_every_status_in_one_bundle(engine, method):
+    """Rays that arrive, fly past, run away from the plane and run out of steps; each has its own status."""
+    backend, field = on(engine), field_of("volume", "cubic")
+    step = {"step": 4e-5} if method == "fixed" else {}
+    behind = (0.0, 0.0, 11e-3)
+    rays = RayBundle([[0, 0, -1e-3], [1.0, 0, 0], behind, [0, 0, 3.99e-3]], [[0.0, 0.0, 1.0]])
+    result = trace(field, rays, until=Plane((0, 0, 10e-3), (0, 0, 1)), method=method, max_steps=3, **step, **backend)
+    expected = [RayStatus.MAX_STEPS, RayStatus.OK, RayStatus.STOP_NOT_REACHED, RayStatus.OK]
+    assert list(result.traced_status) == expected
+    # The last one leaves a box that is full of disturbed air, the second passes it by the width of 300 boxes.
+    assert list(result.status) == [*expected[:3], RayStatus.LEFT_DISTURBED_AIR]
+    assert result.opd[1] == 0.0 and np.isfinite(result.opd).all() and np.isfinite(result.position).all()
+    assert result.step_count[0] == 3 and result.evaluation_count[1] == 0
+    missed = trace(field, rays[:2], method=method, **step, **backend)
+    assert missed.status[1] == RayStatus.MISSED_FIELD
+
+
+@pytest.mark.parametrize("engine", OPENCL)
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_two_fields_take_turns(engine, precision):
+    """Two fields of one kind share a program; neither is given the other's buffers or numbers."""
+    backend, rays = on(engine), oblique_rays(10)
+    first, second = uniform_field("planar"), uniform_field("planar", amplitude=-1e-4, ambient=1.2)
+    settings = {"until": FAR, "method": "fixed", "step": 4e-5, "precision": precision, **backend}
+    rounds = [[trace(field, rays, **settings) for field in (first, second)] for _ in range(2)]
+    assert_same_bits(rounds[0][0], rounds[1][0])
+    assert_same_bits(rounds[0][1], rounds[1][1])
+    assert np.abs(rounds[0][0].opd - rounds[0][1].opd).min() > OPD_LIMIT["float32"]
+
+
+def test_a_mesh_field_and_a_grid_field_in_one_process():
+    """Kernels of a grid get one row for a mesh's arrays, and the other way round: both orders work."""
+    need_opencl()
+    rays = oblique_rays(3)
+    for field in (mesh_field("idw"), uniform_field("planar"), mesh_field("bilinear")):
+        assert trace(field, rays, until=FAR, method="adaptive", backend="opencl").ok.all()
+
+
+# --- without OpenCL --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def without(tmp_path):
+    """PYTHONPATH on which importing pyopencl fails."""
+    package = tmp_path / "shadow" / "pyopencl"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text("raise ImportError('libOpenCL.so.1: cannot open shared object file')\n")
+    return before_path(package.parent)
+
+
+def test_without_opencl_warp_goes_on_and_opencl_names_the_remedy(tmp_path, without):
+    on("warp-cpu")
+    code = """
+import numpy as np
+from aerokernels import IndexField, RayBundle, trace
+field = IndexField.from_samples(np.full((4, 4), 1e-4), origin=(-1.5, 0), spacing=(1, 1), geometry="planar")
+rays = RayBundle([[0, 0, -1]], [[0, 0, 1]])
+result = trace(field, rays, backend="auto")
+print(result.plan.backend, result.traced_status[0])
+try:
+    trace(field, rays, backend="opencl")
+except ValueError as error:
+    print(error)
+"""
+    done = run_python(code, tmp_path, PYTHONPATH=without)
+    assert done.returncode == 0, done.stderr
+    plan, refusal = done.stdout.splitlines()
+    assert plan == "warp 0"
+    assert "backend 'opencl' cannot trace here" in refusal and "libOpenCL.so.1" in refusal and "pip install" in refusal
+
+
+def test_without_opencl_the_list_of_backends_says_so(tmp_path, without):
+    done = subprocess.run(
+        [sys.executable, "-m", "aerokernels", "backends"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": without, "COLUMNS": "400"},
+        capture_output=True,
+        encoding="utf-8",
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "libOpenCL.so.1" in done.stdout and "warp" in done.stdout and "Traceback" not in done.stderr
+
+
+def test_without_opencl_these_tests_are_skipped_with_the_reason(tmp_path, without, root):
+    on("warp-cpu")
+    chosen = "test_any_number_of_rays and (1- or 65-)"
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", chosen, __file__],
+        cwd=root,
+        env={**os.environ, "PYTHONPATH": without},
+        capture_output=True,
+        encoding="utf-8",
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    lines = [line for line in done.stdout.splitlines() if line.startswith("SKIPPED")]
+    assert any("no CPU for backend opencl here" in line and "libOpenCL.so.1" in line for line in lines), done.stdout
+    assert " passed" in done.stdout and " failed" not in done.stdout

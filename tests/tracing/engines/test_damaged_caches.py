@@ -1,0 +1,248 @@
+"""Kernel caches cut short, zeroed or overwritten, and a PATH without a linker: for real, in processes of their own.
+
+PoCL ends the process by a signal for the first kinds and for the last, so that the exit status is what shows it.
+"""
+
+import io
+import shutil
+import sqlite3
+import subprocess
+import sys
+import threading
+import warnings
+from pathlib import Path
+
+import pytest
+
+from aerokernels.tracing.engines.opencl.pocl_cache import RECORD, is_whole, remove_damaged
+
+from ..opencl_stands import need_opencl, run_python
+
+LAUNCH = (
+    "import numpy as np\n"
+    "from aerokernels.tracing.engines.opencl.devices import import_pyopencl, session\n"
+    "from aerokernels.tracing.engines.opencl.arguments import Kernel\n"
+    "from aerokernels.tracing.engines.opencl.engine import Engine\n"
+    "from aerokernels.tracing.engines.opencl.launchers import make_kernel\n"
+    "cl, on = import_pyopencl(), Engine(None)\n"
+    "source = '__kernel void fill(int a, int b, __global float *x) { x[get_global_id(0)] = 3.0f; }'\n"
+    "program = on.session.programs['fill'] = cl.Program(on.session.context, source).build(list(on.session.options))\n"
+    "buffer, out = on.empty(64, kind=np.float32), np.zeros(64, np.float32)\n"
+    "on.launch(Kernel(make_kernel(program, 'fill')), [], [buffer], 64)\n"
+    "on.get(buffer, out); print(out[5])\n"
+)
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory) -> Path:
+    """The caches of PoCL and PyOpenCL after one launch of one kernel."""
+    if "PoCL" not in need_opencl().info.description or not sys.platform.startswith("linux"):
+        pytest.skip("no PoCL here")
+    place = tmp_path_factory.mktemp("caches")
+    assert launched(place) == ""
+    return place
+
+
+def launched(place: Path) -> str:
+    """Launch a kernel with the caches in a folder; what stands on stderr."""
+    done = run_python(LAUNCH, place, XDG_CACHE_HOME=str(place), POCL_CACHE_DIR=str(place / "pocl"))
+    assert (done.returncode, done.stdout) == (0, "3.0\n"), (done.returncode, done.stderr)
+    return done.stderr
+
+
+def cut(path: Path) -> None:
+    with open(path, "r+b") as file:
+        file.truncate(path.stat().st_size // 3)
+
+
+def zero_the_end(path: Path) -> None:
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2] + bytes(len(content) - len(content) // 2))
+
+
+def overwrite(path: Path) -> None:
+    content = path.read_bytes()
+    path.write_bytes(content[:400] + bytes(byte ^ 255 for byte in content[400:700]) + content[700:])
+
+
+@pytest.mark.parametrize("damage", [cut, zero_the_end, overwrite])
+@pytest.mark.parametrize("kind", ["*.bc", "*.so"])
+def test_damaged_programs_are_found_and_removed_with_their_folder(filled, tmp_path, damage, kind):
+    cache = tmp_path / "pocl"
+    shutil.copytree(filled / "pocl", cache)  # keeps the times: what was recorded holds
+    programs = {path.parent for path in cache.rglob("program.bc")}
+    assert remove_damaged(cache) == [] and len(programs) == 2
+    for path in [*cache.rglob(kind)]:
+        damage(path)
+    removed = remove_damaged(cache)
+    assert removed and set(removed) <= programs and not any(path.exists() for path in removed)
+    assert remove_damaged(cache) == []
+
+
+def test_damage_is_seen_where_nothing_is_recorded_yet(filled):
+    for path in [*(filled / "pocl").rglob("*.bc"), *(filled / "pocl").rglob("*.so")]:
+        content = path.read_bytes()
+        assert is_whole(io.BytesIO(content), len(content))
+        for size in (0, 3, 63, 64, len(content) // 2, len(content) - 1):
+            assert not is_whole(io.BytesIO(content[:size]), size)
+        half = content[: len(content) // 2].ljust(len(content), b"\0")
+        assert not is_whole(io.BytesIO(half), len(content))
+
+
+def test_a_program_that_another_process_is_writing_is_left_to_it(filled, tmp_path):
+    """Half of a file, the rest 0.3 s later: it was taken for damaged, and the other process's build failed."""
+    cache = tmp_path / "pocl"
+    shutil.copytree(filled / "pocl", cache)
+    (cache / RECORD).unlink()
+    path = next(cache.rglob("*.so"))
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    rest = threading.Timer(0.3, path.write_bytes, [content])
+    rest.start()
+    assert remove_damaged(cache) == []
+    rest.join()
+    assert path.read_bytes() == content
+
+
+@pytest.mark.parametrize("record", [b"", b"[]", b'{"../../etc/x.so": [1, 2, 3]}', b'{"AA": 1}', b"\xff"])
+def test_a_damaged_record_is_no_record(filled, tmp_path, record):
+    cache = tmp_path / "pocl"
+    shutil.copytree(filled / "pocl", cache)
+    (cache / RECORD).write_bytes(record)
+    assert remove_damaged(cache) == [] and (cache / RECORD).read_bytes() != record
+
+
+def test_a_process_with_damaged_caches_says_so_once_and_goes_on(filled, tmp_path):
+    """Bitcode and library cut, PyOpenCL's file overwritten: SIGABRT, SIGBUS and sqlite3.DatabaseError before."""
+    place = tmp_path / "caches"
+    shutil.copytree(filled, place)
+    for path in [*place.rglob("*.so"), *place.rglob("*.bc")]:
+        cut(path)
+    for path in place.rglob("*.sqlite"):
+        path.write_bytes(b"no database" * 1000)
+    said = launched(place)
+    assert said.count("RuntimeWarning") == 2 and "had 2 programs" in said and "launchers is damaged" in said
+    assert launched(place) == ""
+
+
+def test_a_launcher_that_does_not_unpickle_is_made_anew(filled, tmp_path):
+    place = tmp_path / "caches"
+    shutil.copytree(filled, place)
+    (database,) = place.rglob("*.sqlite")
+    with sqlite3.connect(database) as connection:
+        assert connection.execute("update dict set key_value = x'80049500'").rowcount == 1
+    connection.close()
+    assert "launchers is damaged" in launched(place) and launched(place) == ""
+
+
+@pytest.mark.parametrize("linker", ["none", "without its libraries"])
+def test_without_a_linker_auto_takes_warp_and_says_why(tmp_path, linker):
+    """As on a machine with Debian's binutils and no compiler of C, where PoCL ends the process at its first kernel."""
+    if "PoCL" not in need_opencl().info.description or not sys.platform.startswith("linux"):
+        pytest.skip("no PoCL here")
+    if linker != "none":
+        (tmp_path / "ld").write_text("#!/bin/sh\necho cannot find -lc >&2\nexit 1\n")
+        (tmp_path / "ld").chmod(0o755)
+    code = "from aerokernels.tracing.engines.choice import choose_backend; print(choose_backend('auto', 'cpu'))"
+    caches = {"XDG_CACHE_HOME": str(tmp_path), "POCL_CACHE_DIR": str(tmp_path / "pocl")}
+    done = run_python(code, tmp_path, PATH=str(tmp_path), **caches)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("('warp', 'cpu'") and "apt install gcc" in done.stdout and not done.stderr
+    reason = "no `ld` on PATH" if linker == "none" else "not find the libraries of GCC"
+    assert reason in done.stdout
+
+
+def test_without_a_path_there_is_no_linker_either():
+    """Python then looks for programs in /usr/bin, and PoCL's compiler nowhere: it ended the process."""
+    code = (
+        "import os; os.environ.pop('PATH'); from aerokernels.tracing.engines.opencl import linker; "
+        "print(linker._linker())"
+    )
+    assert run_python(code, Path.cwd()).stdout == "None\n"
+
+
+@pytest.mark.parametrize("backend", ["warp", "opencl"])
+def test_a_home_that_takes_no_files_gives_the_process_caches_of_its_own(backend, tmp_path):
+    """As for a user of a service whose home is /nonexistent: both engines trace, say where kernels are, and tidy up."""
+    if backend == "opencl" and "PoCL" not in need_opencl().info.description:
+        pytest.skip("no PoCL here")
+    code = (
+        f"from aerokernels.tracing.engines.choice import choose_backend; print(choose_backend({backend!r}, 'cpu')[:1])"
+    )
+    nowhere = {"HOME": "/dev/null", "XDG_CACHE_HOME": "/dev/null/caches", "POCL_CACHE_DIR": ""}
+    done = run_python(code, tmp_path, TMPDIR=str(tmp_path), PYOPENCL_NO_CACHE="1", **nowhere)
+    assert done.returncode == 0 and done.stdout == f"('{backend}',)\n", done.stderr
+    assert "kernels are built in" in done.stderr and not list(tmp_path.iterdir())
+
+
+def test_a_limit_on_files_is_seen_before_pocl_meets_it(monkeypatch):
+    """`ulimit -f 200` ended in "LLVM ERROR: IO failure" and SIGABRT."""
+    from aerokernels.tracing.engines.opencl import linker
+
+    monkeypatch.setattr(linker, "_greatest_file", lambda: 102400)
+    assert "102400 bytes here (ulimit -f)" in linker.linker_trouble(("-DANOTHER",))
+
+
+def test_a_full_disk_gives_the_process_a_cache_of_its_own(tmp_path, monkeypatch):
+    from aerokernels.tracing.engines.opencl import pocl_cache
+
+    monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(pocl_cache, "LEAST_SPACE", float("inf"))
+    monkeypatch.setattr(pocl_cache, "_free_space", lambda folder: 0.0)
+    with pytest.warns(RuntimeWarning, match="is full: kernels are built in"):
+        pocl_cache.make_safe()
+    assert pocl_cache.cache_folder() != tmp_path and pocl_cache.cache_folder().is_dir()
+    pocl_cache.cache_folder().rmdir()
+
+
+def test_what_warp_keeps_is_built_anew_where_it_does_not_load():
+    """Warp's own module stands for a kernel: it loads at the second attempt only."""
+    from aerokernels.tracing.engines.warp import loading
+
+    class Module:
+        loads = 0
+
+        def load(self, device, block_size):
+            self.loads += 1
+            if self.loads == 1:
+                raise Exception("Failed to load CPU module")
+
+        def get_module_identifier(self, block_size):
+            return "wp_stand"
+
+    with pytest.raises(Exception, match="Failed to load"):  # nothing in the cache: no fault of the cache
+        loading.load_module(Module(), "cpu", 1)
+    folder = Path(loading.wp.config.kernel_cache_dir or loading.wp.init() or loading.wp.config.kernel_cache_dir)
+    (folder / "wp_stand").mkdir(parents=True)
+    module = Module()
+    with pytest.warns(RuntimeWarning, match="does not load"):
+        loading.load_module(module, "cpu", 1)
+    assert module.loads == 2 and not (folder / "wp_stand").exists()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        loading.load_module(module, "cpu", 1)
+
+
+def test_what_a_crash_left_of_warps_kernels_is_compiled_again(tmp_path: Path):
+    """Set-up: a whole module, one being made, and four that are not whole. Expected: those four go, and no other."""
+    from aerokernels.process.warp_cache import remove_damaged
+
+    contents = {"wp_whole": b"{}", "wp_made_p12_t34": b"", "wp_empty": b"", "wp_list": b"[]", "wp_bytes": b"\xff",
+                "wp_deep": b"[" * 100_000}  # fmt: skip
+    for name, described in contents.items():
+        (tmp_path / name).mkdir()
+        (tmp_path / name / f"{name}.meta").write_bytes(described)
+        (tmp_path / name / f"{name}.o").write_bytes(b"code")
+    removed = {path.name for path in remove_damaged(tmp_path)}
+    assert removed == {"wp_empty", "wp_list", "wp_bytes", "wp_deep"}
+    assert {path.name for path in tmp_path.iterdir()} == {"wp_whole", "wp_made_p12_t34"}
+    assert remove_damaged(tmp_path / "none") == []
+    # And where Warp itself keeps its kernels: a module without a byte is gone once it has started.
+    code = (
+        "import sys, warp as wp; from pathlib import Path; wp.config.kernel_cache_dir = sys.argv[1]\n"
+        "from aerokernels.process.quiet_warp import start_warp; start_warp()\n"
+        "print(sorted(path.name for path in Path(wp.config.kernel_cache_dir).iterdir()))\n"
+    )
+    (tmp_path / "wp_whole" / "wp_whole.o").write_bytes(b"")
+    done = subprocess.run([sys.executable, "-c", code, tmp_path], capture_output=True, encoding="utf-8", timeout=120)
+    assert done.returncode == 0 and "wp_whole" not in done.stdout, done.stderr

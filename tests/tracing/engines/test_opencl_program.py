@@ -1,0 +1,279 @@
+"""Kernel sources: found, expanded, built once, and built again when a header changes."""
+
+import re
+import shutil
+import sys
+import threading
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerokernels.tracing.engines.layout import OPTIONS
+from aerokernels.tracing.engines.opencl import program as opencl_program
+from aerokernels.tracing.engines.opencl.headers import HEADERS
+from aerokernels.tracing.engines.opencl.program import (
+    WORK_GROUP,
+    build,
+    build_options,
+    expand,
+    kernel_folder,
+)
+
+from ..opencl_stands import need_opencl, run_python
+
+KERNEL = """// Writes FACTOR times the item's number.
+#include "factor.h"
+#include "twice.h"
+
+__kernel void fill(__global float *out) { out[get_global_id(0)] = twice(FACTOR) * get_global_id(0); }
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A kernel folder: fill.cl and two headers, one of which includes the other."""
+    place = tmp_path / "sources"
+    (place / "include").mkdir(parents=True)
+    (place / "fill.cl").write_text(KERNEL)
+    (place / "include" / "factor.h").write_text("#define FACTOR 3.0f\n")
+    (place / "include" / "twice.h").write_text(
+        '#include "factor.h"  // already there\ninline float twice(float x) { return 2.0f * x; }\n'
+    )
+    return place
+
+
+def opened():
+    """A session on the best device."""
+    from aerokernels.tracing.engines.opencl.devices import session
+
+    return session(need_opencl().info.device)
+
+
+def filled(program, count: int = WORK_GROUP) -> np.ndarray:
+    """What the kernel `fill` writes."""
+    import pyopencl as cl
+
+    on = opened()
+    out = np.empty(count, np.float32)
+    buffer = cl.Buffer(on.context, cl.mem_flags.WRITE_ONLY, out.nbytes)
+    cl.Kernel(program, "fill")(on.queue, (count,), (WORK_GROUP,), buffer)
+    cl.enqueue_copy(on.queue, out, buffer)
+    return out
+
+
+def test_headers_are_written_in_place_once(folder):
+    text = expand("fill.cl", folder)
+    assert text.count("#define FACTOR") == 1 and text.count("float twice(") == 1 and "#include" not in text
+    assert text.index("#define FACTOR") < text.index("float twice(") < text.index("__kernel")
+
+
+def test_every_line_keeps_its_file_and_number(folder):
+    """Following the #line directives gives back each original line of each file."""
+    name, number, seen = "", 0, {}
+    for line in expand("fill.cl", folder).splitlines():
+        directive = re.fullmatch(r'#line (\d+) "(.*)"', line)
+        if directive:
+            number, name = int(directive[1]), directive[2]
+        else:
+            seen[name, number] = line
+            number += 1
+    for path in (folder / "fill.cl", *folder.glob("include/*")):
+        for number, line in enumerate(path.read_text().splitlines(), start=1):
+            if "#include" not in line:
+                assert seen.pop((path.relative_to(folder).as_posix(), number)) == line
+    assert not seen
+
+
+def test_headers_that_include_each_other_end(folder):
+    (folder / "include" / "factor.h").write_text('#include "twice.h"\n#define FACTOR 3.0f\n')
+    assert expand("fill.cl", folder).count("float twice(") == 1
+
+
+def test_a_missing_source_or_header_is_named(folder):
+    with pytest.raises(RuntimeError, match=r"kernel source none\.cl cannot be read at .*sources"):
+        expand("none.cl", folder)
+    (folder / "include" / "factor.h").unlink()
+    with pytest.raises(RuntimeError, match=r"fill\.cl, line 2: header 'factor\.h' is neither .*include"):
+        expand("fill.cl", folder)
+
+
+def test_the_sources_of_this_checkout_are_found(root: Path):
+    assert kernel_folder() == root / "kernels"
+    for path in kernel_folder().glob("*.cl"):
+        assert "#include" not in expand(path.name)
+
+
+def test_installed_sources_are_found_and_missing_ones_name_both_places(root: Path, tmp_path: Path):
+    """The package where a wheel would put it: kernels inside; then without them."""
+    shutil.copytree(
+        root / "aerokernels", tmp_path / "aerokernels", ignore=shutil.ignore_patterns("__pycache__", "data")
+    )
+    shutil.copytree(root / "kernels", tmp_path / "aerokernels" / "kernels")
+    code = "from aerokernels.tracing.engines.opencl.program import *\nprint(kernel_folder())"
+    done = run_python(code, tmp_path, PYTHONPATH=str(tmp_path))
+    assert done.stdout.strip() == str(tmp_path / "aerokernels" / "kernels"), done.stderr
+    shutil.rmtree(tmp_path / "aerokernels" / "kernels")
+    done = run_python(code, tmp_path, PYTHONPATH=str(tmp_path))
+    assert done.returncode == 1 and "install aerokernels again" in done.stderr
+    assert str(tmp_path / "aerokernels" / "kernels") in done.stderr and str(tmp_path / "kernels") in done.stderr
+
+
+def test_options_are_distinct_and_each_has_a_number_in_the_header():
+    """Every value that Python can ask for is one that options.h numbers, and no two scenes share their options."""
+    header = "\n".join(HEADERS["options.h"]())
+    named = [option.choices for option in OPTIONS.values() if isinstance(option.choices, tuple)]
+    made = set()
+    for geometry, interpolation, method, stop in product(*named):
+        options = build_options(geometry=geometry, interpolation=interpolation, method=method, stop=stop)
+        made.add(options)
+        for option in options:
+            name, value = re.fullmatch(r"-D(\w+)=(\w+)", option).groups()
+            assert re.search(rf"^#ifndef {name}$", header, flags=re.MULTILINE), name
+            assert value.isdigit() or re.search(rf"^#define {value} \d+$", header, flags=re.MULTILINE), value
+    for change in (
+        {"precision": "float64"},
+        {"on_mesh": True},
+        {"has_body": True},
+        {"measured": False},
+    ):
+        made.add(build_options(**change))
+    assert len(made) == np.prod([len(values) for values in named]) + 4
+    assert not [option for option in opencl_program.BASE_OPTIONS if "math" in option or "mad" in option]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"precision": "float16"}, "float32"),
+        ({"geometry": "sphere"}, "geometry 'sphere'.*axisymmetric"),
+        ({"method": "auto"}, "method 'auto'.*adaptive"),
+    ],
+)
+def test_unknown_options_are_refused(wrong, words):
+    with pytest.raises(ValueError, match=words):
+        build_options(**wrong)
+
+
+def test_a_program_is_built_once_and_runs(folder):
+    built = []
+    on = opened()
+    threads = [threading.Thread(target=lambda: built.append(build(on, "fill.cl", (), folder))) for _ in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(built) == 6 and all(program is built[0] for program in built)
+    assert np.array_equal(filled(built[0]), 6.0 * np.arange(WORK_GROUP))
+    assert build(on, "fill.cl", ("-DOTHER=1",), folder) is not built[0]
+
+
+def test_a_changed_header_is_noticed_at_once(folder):
+    build(opened(), "fill.cl", (), folder)
+    (folder / "include" / "factor.h").write_text("#define FACTOR 50.0f\n")
+    assert filled(build(opened(), "fill.cl", (), folder))[1] == 100.0
+
+
+def test_a_build_failure_names_file_line_and_options(folder):
+    (folder / "include" / "twice.h").write_text("\n\ninline float twice(float x) { return nonsense; }\n")
+    with pytest.raises(RuntimeError, match=r"fill\.cl does not build") as refused:
+        build(opened(), "fill.cl", ("-DSOME=1",), folder)
+    text = str(refused.value)
+    assert "include/twice.h:3" in text and "nonsense" in text and "-DSOME=1" in text
+
+
+def test_lines_of_the_expanded_source_are_named_as_in_the_original(folder):
+    """Set-up: messages that count lines of the expanded source, as NVIDIA's compiler does.
+
+    Expected: the file and the line in it where the same text stands.
+    """
+    source = expand("fill.cl", folder)
+    originals = {"fill.cl": KERNEL.splitlines()}
+    for header in ("factor.h", "twice.h"):
+        originals[f"include/{header}"] = (folder / "include" / header).read_text().splitlines()
+    for number, line in enumerate(source.splitlines(), start=1):
+        if line and not line.startswith("#line"):
+            named = opencl_program.places_named(f"<kernel>:{number}:3: error: here", source)
+            file, place, rest = named.split(":", 2)
+            assert originals[file][int(place) - 1] == line and rest == "3: error: here"
+    other = "fill.cl:3: <kernel>: nothing else"
+    assert opencl_program.places_named(other, source) == other
+
+
+def test_warnings_of_the_compiler_stay_away_from_users(folder, tmp_path):
+    """A program that its compiler warns of builds without a word in Python or on stderr."""
+    need_opencl()
+    (folder / "include" / "twice.h").write_text(
+        "#warning look here\ninline float twice(float x) { int y; return x; }\n"
+    )
+    done = run_python(BUILD, tmp_path, SOURCES=str(folder), POCL_CACHE_DIR=str(tmp_path), XDG_CACHE_HOME=str(tmp_path))
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+BUILD = (
+    "import os, pathlib, numpy as np\n"
+    "from aerokernels.tracing.engines.opencl.devices import import_pyopencl, session\n"
+    "from aerokernels.tracing.engines.opencl.program import *\n"
+    "cl = import_pyopencl()\n"
+    "on = session(); out = np.empty(128, np.float32)\n"
+    "program = build(on, 'fill.cl', (), pathlib.Path(os.environ['SOURCES']))\n"
+    "buffer = cl.Buffer(on.context, cl.mem_flags.WRITE_ONLY, out.nbytes)\n"
+    "cl.Kernel(program, 'fill')(on.queue, (128,), (64,), buffer)\n"
+    "cl.enqueue_copy(on.queue, out, buffer); print(out[1])"
+)
+
+
+def test_a_second_process_builds_nothing_and_a_changed_header_something(folder, tmp_path):
+    """What the drivers and PyOpenCL keep on disk: the same after a second process, more after a header has changed."""
+    if "PoCL" not in need_opencl().info.description or not sys.platform.startswith("linux"):
+        pytest.skip("the folder where this driver keeps programs is not known")
+    cache = tmp_path / "cache"
+    cache.mkdir()
+
+    def run() -> tuple[str, dict[Path, int]]:
+        done = run_python(
+            BUILD, tmp_path, SOURCES=str(folder), POCL_CACHE_DIR=str(cache), XDG_CACHE_HOME=str(tmp_path / "xdg")
+        )
+        assert done.returncode == 0, done.stderr
+        # PoCL leaves lock files and marks when it last used a program: only what holds code counts.
+        kept = {path for path in cache.rglob("*") if path.suffix in (".bc", ".so")}
+        return done.stdout.strip(), {path: path.stat().st_mtime_ns for path in kept}
+
+    first, second = run(), run()
+    assert first[0] == "6.0" and first[1] and second == first
+    (folder / "include" / "factor.h").write_text("#define FACTOR 4.0f\n")
+    third = run()
+    assert third[0] == "8.0" and set(third[1]) > set(first[1])
+
+
+def blocked(folder: Path) -> str:
+    """A folder that cannot be made, not even by root."""
+    (folder / "file").write_text("no folder")
+    return str(folder / "file" / "cache")
+
+
+@pytest.mark.parametrize("where", ["home", "pyopencl"])
+def test_a_cache_of_pyopencl_that_cannot_be_written_does_not_stop_a_launch(folder, tmp_path, where):
+    """PyOpenCL keeps launchers, and programs for drivers that do not: it is made to believe that this one does not."""
+    need_opencl()
+    if where == "home":
+        place = blocked(tmp_path)
+    else:
+        place = str(tmp_path / "xdg")
+        (tmp_path / "xdg").mkdir()
+        (tmp_path / "xdg" / "pyopencl").write_text("no folder")
+    code = (
+        "from aerokernels.tracing.engines.opencl.devices import import_pyopencl; import_pyopencl()\n"
+        "import pyopencl.characterize as c; c.has_src_build_cache = lambda device: False\n"
+    )
+    settings = {"SOURCES": str(folder), "XDG_CACHE_HOME": place, "POCL_CACHE_DIR": str(tmp_path)}
+    done = run_python(code + BUILD, tmp_path, **settings)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "6.0\n", "")
+
+
+def test_pocl_without_a_place_for_its_cache_gets_one_of_the_process(folder, tmp_path):
+    if "PoCL" not in need_opencl().info.description:
+        pytest.skip("no PoCL here")
+    done = run_python(BUILD, tmp_path, SOURCES=str(folder), POCL_CACHE_DIR=blocked(tmp_path))
+    assert done.returncode == 0 and "cannot be written" in done.stderr and "kernels are built in" in done.stderr

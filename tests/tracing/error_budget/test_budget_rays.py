@@ -1,0 +1,100 @@
+"""Which rays a budget traces again, and what it counts of faint air and of the reference engine."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from aerokernels import IndexField, RayBundle, trace
+from aerokernels.tracing import Plane
+from aerokernels.tracing.error_budget.rays import SHARPEST, SUBSET, roughness, subset
+
+CELL = 0.25e-3
+UP = (0.0, 0.0, 1.0)
+
+
+def needle(interpolation: str = "monotone", geometry: str = "planar") -> IndexField:
+    """A lump of 1.2 cells in a wide, smooth one: 1 ray in 60 of a bundle of 8 mm passes its middle."""
+    y = CELL * np.arange(0 if geometry == "axisymmetric" else -40, 41)
+    z = CELL * np.arange(-40, 41)
+    r, along = np.meshgrid(y, z, indexing="ij")
+    samples = 1e-6 * np.exp(-(r**2 + along**2) / 3e-3**2)
+    samples += 5e-5 * np.exp(-((r - 2.1e-3) ** 2 + along**2) / (1.2 * CELL) ** 2)
+    return IndexField.from_samples(
+        samples, origin=(y[0], z[0]), spacing=(CELL, CELL), geometry=geometry, interpolation=interpolation
+    )
+
+
+def bundle(count: int = 5000) -> RayBundle:
+    """Rays along z over 8 mm, in no order."""
+    rng = np.random.default_rng(5)
+    return RayBundle(np.c_[np.zeros(count), rng.uniform(-4e-3, 4e-3, count), np.full(count, -9e-3)], UP)
+
+
+@pytest.mark.parametrize("interpolation", ["cubic", "linear", "monotone"])
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+def test_rays_through_the_sharpest_air_are_among_them(geometry, interpolation):
+    """Of 5000 rays some pass within a cell of the needle: most of the sharpest do; none is twice."""
+    chosen = subset(needle(interpolation, geometry), bundle(), np.ones(5000, dtype=bool))
+    assert chosen.ray_count <= SUBSET and len(np.unique(chosen.position, axis=0)) == chosen.ray_count
+    near = np.abs((np.abs(chosen.position[:, 1]) if geometry == "axisymmetric" else chosen.position[:, 1]) - 2.1e-3)
+    assert (near < 2.0 * CELL).sum() >= SHARPEST
+
+
+def test_rays_that_did_not_arrive_are_left_out():
+    good = np.zeros(5000, dtype=bool)
+    good[100:400] = True
+    rays = bundle()
+    chosen = subset(needle(), rays, good)
+    assert np.isin(chosen.position[:, 1], rays.position[good, 1]).all()
+    assert subset(needle(), rays, np.arange(5000) < 50).ray_count == 50
+
+
+def test_lines_beside_the_box_and_along_an_axis_without_end_are_smooth():
+    field = needle()
+    rough = roughness(field, np.array([[0, 0.5, -9e-3], [0, 2.1e-3, 0]]), np.array([[0, 0, 1.0], [1.0, 0, 0]]))
+    assert np.isfinite(rough).all() and rough[0] == 0.0
+
+
+def test_the_greatest_error_of_a_bundle_is_that_of_its_needle():
+    """The budget's interpolation error is not below the change of the needle's rays between cubic and monotone."""
+    rays, until = bundle(), Plane((0.0, 0.0, 9e-3), UP)
+    one, other = (trace(needle(name), rays, until=until, outputs=("opd",)) for name in ("monotone", "cubic"))
+    assert one.error["interpolation"] >= np.abs(one.opd - other.opd).max()
+
+
+def test_faint_air_at_a_face_counts_in_the_budget():
+    """Contrast 1e-10 throughout a box of 20 mm, 4 mm missing: below what any status asks, but not below float64."""
+    field = IndexField.from_samples(
+        np.full((9, 9), 1e-10), origin=(-1e-2, -1e-2), spacing=(2.5e-3, 2.5e-3), geometry="planar"
+    )
+    result = trace(field, RayBundle([[0.0, 0.0, -9e-3]], UP), until=Plane((0.0, 0.0, 14e-3), UP))
+    assert result.status_summary() == {"OK": 1} and result.error["truncation"] >= 4e-3 * 1e-10
+
+
+def test_the_reference_engine_has_a_step_error():
+    """Its own estimate, of a few rays, above 0 and below its tolerance; under a rule of steps it is the rule's."""
+    rays, until = RayBundle(bundle(8).position, UP), Plane((0.0, 0.0, 9e-3), UP)
+    field = needle("cubic")
+    steps = {}
+    for method, step in (("adaptive", None), ("fixed", 2e-3)):
+        result = trace(field, rays, until=until, backend="reference", method=method, step=step)
+        steps[method] = result.error["step"]
+    exact = trace(field, rays, until=until, backend="reference").opd
+    assert 0.0 < steps["adaptive"] < 1e-8 * 905e-9
+    assert steps["fixed"] >= np.abs(result.opd - exact).max()
+
+
+def test_a_stop_that_no_better_trace_reaches_leaves_the_error_unknown():
+    """A plane almost along the rays, which they do not reach any more below some 1e-9 rad: NaN, not an exception."""
+    z = np.linspace(-1e-2, 1e-2, 21)
+    square = sum(axis**2 for axis in np.meshgrid(z - 1e-3, z, z, indexing="ij"))
+    field = IndexField.from_samples(1e-5 * np.exp(-square / 16e-6), origin=[z[0]] * 3, spacing=[1e-3] * 3,
+                                    geometry="volume")  # fmt: skip
+    rays = RayBundle([[-1e-3, 2e-3, -2e-2], [-3e-3, 1e-3, -2e-2]], [0.0, 0.0, 1.0])
+    for slope, is_known in ((1e-6, True), (1e-9, False)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            result = trace(field, rays, until=Plane((1.0, 0.0, 0.0), (1.0, 0.0, slope)))
+            found = np.array([result.error["step"], result.error["total"]])
+        assert (np.isfinite(found) == is_known).all()
