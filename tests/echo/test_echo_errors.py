@@ -213,7 +213,7 @@ def test_few_rays_on_the_same_rings_tell_what_is_between_them(ray_count):
 def test_a_body_that_falls_between_the_rays_is_in_the_error(kind):
     """Set-up: seven rays on one ring, 4.2 mm from the axis, in front of a hole of 5 mm: none of them is blocked.
 
-    Formula: the open share is (5 mm x 1.5 / 1.492 / 6 mm)^2 = 0.702, and the peak is 1 / 0.702 of it. It was told exact.
+    Formula: the open share is (5 mm x 1.5 / 1.492 / 6 mm)^2 = 0.702, the peak 1 / 0.702 of it. It was told exact.
     """
     corner = np.array([[0.005, 0.0], [0.012, 0.0], [0.012, 0.002], [0.005, 0.002]])
     settings = {"receiver.return_factor": kind, "receiver.ray_count": 7, "beam.exit_radius": "1 mm"}
