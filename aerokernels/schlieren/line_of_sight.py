@@ -30,9 +30,9 @@ from aerokernels.tracing import Plane, RayStatus, trace
 from ..inputs.arguments import checked
 from ..inputs.checks import check_count
 from ..inputs.warned import warn_caller
-from ..tracing.known_air import may_be_lost
+from ..tracing.error_budget.known_air import may_be_lost
 from ..tracing.lines import box_size
-from ..tracing.pupil_air import GREATEST_SHARE
+from ..tracing.pupil.air import GREATEST_SHARE
 from .window import Window, make_window, ray_lines
 
 GREATEST_RAY_COUNT = 100_000_000  # some 20 GB of stored results

@@ -28,7 +28,7 @@ from aerokernels.medium import IndexField
 from ..display.shown import shown
 from ..inputs.arguments import checked
 from ..pupils import Pupil
-from ..tracing.pupil_air import GREATEST_SHARE
+from ..tracing.pupil.air import GREATEST_SHARE
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset

@@ -8,7 +8,7 @@ import pytest
 from aerokernels import echo
 from aerokernels.echo.prediction import predict_echo
 from aerokernels.echo.pulse_curve import peak_height
-from aerokernels.medium import Body
+from aerokernels.medium import Body, IndexField
 from aerokernels.scene import Scene
 from tests.echo.lump_of_gas import lump
 from tests.echo.test_return_paths import blob_field, washer
