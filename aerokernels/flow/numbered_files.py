@@ -10,12 +10,13 @@ from fractions import Fraction
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from ..inputs.warned import warn_caller
 
 COUNTERS, DECIMALS = r"([0-9]+)", r"([0-9]+(?:\.[0-9]+)?)"
 # Deviation of a step from the mean of all at which they are still even: times in names are rounded.
-EVEN = Fraction(1, 4)
+EVEN = 0.25
 LEAST = 3  # files of which the steps can be compared
 
 
@@ -50,17 +51,17 @@ def _number(text: str) -> int | Fraction:
     return Fraction(text) if "." in text else int(text)
 
 
-def _steps(paths: Sequence[Path], reading: str) -> list[Fraction]:
+def _steps(paths: Sequence[Path], reading: str) -> list[float]:
     """Return the differences of the one number that differs from name to name; empty if several do, or none."""
-    names = [_pieces(path, reading) for path in paths]
+    names = [_pieces(path, reading)[1::2] for path in paths]
     if len({len(name) for name in names}) != 1:
         return []
-    columns = [column for column in list(zip(*names, strict=True))[1::2] if len(set(column)) > 1]
+    columns: list[Any] = [column for column in zip(*names, strict=True) if len(set(column)) > 1]
     if len(columns) != 1:
         return []
-    return [Fraction(after) - Fraction(before) for before, after in pairwise(columns[0])]
+    return [float(after - before) for before, after in pairwise(columns[0])]
 
 
-def _are_even(steps: Sequence[Fraction]) -> bool:
-    mean = sum(steps, Fraction(0)) / len(steps)
+def _are_even(steps: Sequence[float]) -> bool:
+    mean = sum(steps) / len(steps)
     return mean > 0 and all(abs(step - mean) <= EVEN * mean for step in steps)
