@@ -164,13 +164,16 @@ class Series:
             )
         return array
 
-    def mark(self) -> str:
-        """Return a hash of the first snapshot's samples, which distinguishes series of other contents.
+    def mark(self, index: int = 0) -> str:
+        """Return a hash of a snapshot's samples, which distinguishes series of other contents.
 
-        The first snapshot of an iterator can still be read afterwards. The hash of a formula, which has no samples, is
-        empty.
+        The first snapshot of an iterator can still be read afterwards, and its others have no hash. The hash of a
+        formula, which has no samples, is empty.
         """
-        found = self.get.first() if isinstance(self.get, InOrder) else self.get(0)
+        number = self._number(index)
+        if isinstance(self.get, InOrder) and number > 0:
+            return ""
+        found = self.get.first() if isinstance(self.get, InOrder) else self.get(number)
         density = getattr(found, "density", None) if isinstance(found, DensityField) else host_array(found)
         if density is None:
             return ""

@@ -1,7 +1,6 @@
 """Open a series from a file with a time axis, from numbered files, or from arrays of a solver in this process."""
 
 import os
-import re
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from importlib import import_module
@@ -15,6 +14,7 @@ from ..inputs.checks import check_path
 from ..medium import Body, QuadMesh
 from .density_field import DensityField
 from .gas import FreeStream
+from .numbered_files import in_order, warn_of_gaps
 from .series import GridMesh, InOrder, Series, mesh_of, times_of
 from .series_files import series_of_dataset, series_of_file
 
@@ -45,7 +45,8 @@ def open_series(
         source: One of
             a NetCDF file or a Zarr store with a time axis, or an xarray object: the density, with coordinates time and
             x, y, z, or y, z, or r, z, on even grids in metres or in the unit of their attribute `units`;
-            a pattern such as "run/flow_*.vtu", or a list of paths: numbered files, read by `read`;
+            a pattern such as "run/flow_*.vtu", whose files are ordered by the numbers in their names, or a list of
+            paths: read by `read`;
             a ParaView collection (.pvd) or file series (.vtu.series), an OpenFOAM case with time directories, or a
             file of Tecplot, CGNS or NumPy (.npz) with several times, read by `read` at the times that they give;
             a list or an iterator of arrays (NumPy, or any with DLPack), or of density fields. The snapshots of an
@@ -137,7 +138,7 @@ def open_series(
 
 
 def _matching(pattern: Path) -> list[Path]:
-    """Return the files of a pattern, ordered by the numbers in their names."""
+    """Return the files of a pattern, ordered by the numbers in their names: see numbered_files.py."""
     parts = pattern.parts
     first = next(k for k, part in enumerate(parts) if any(letter in part for letter in "*?["))
     root = Path(*parts[:first]) if first else Path()
@@ -145,10 +146,7 @@ def _matching(pattern: Path) -> list[Path]:
     if not found:
         raise ValueError(f"{pattern}: no file matches; check the folder and the pattern")
 
-    def numbers(path: Path) -> list[int | str]:
-        return [int(text) if text.isdecimal() else text for text in re.split(r"(\d+)", path.name)]
-
-    return sorted(found, key=numbers)
+    return in_order(found)
 
 
 def _of_files(
@@ -162,6 +160,8 @@ def _of_files(
     if missing:
         raise ValueError(f"{missing[0]}: no such file ({len(missing)} of {len(paths)} are missing)")
     times = times_of(time, step, start, len(paths))
+    if time is None:
+        warn_of_gaps(paths)
     identity = {"files": [[path.name, path.stat().st_size] for path in paths]}
     described = f"{len(paths)} files from {paths[0].name} to {paths[-1].name}"
     return _of_fields(lambda number: reader(paths[number]), times, reader(paths[0]), described, identity=identity)

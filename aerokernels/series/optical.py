@@ -21,7 +21,7 @@ from ..tracing.pupil.air import GREATEST_SHARE, PupilAir, TruncationWarning
 from ..wavefront import check_terms
 from .pupil_grid import PupilGrid, Reading, pupil_grid
 from .snapshot import METHODS, SnapshotResult, Snapshots, SnapshotSettings
-from .store import FIRST, NUMBERS, MemoryStore, ZarrStore
+from .store import FIRST, LAST, NUMBERS, MemoryStore, ZarrStore
 from .strehl_bound import strehl_error
 
 if TYPE_CHECKING:
@@ -284,6 +284,7 @@ def _definition(series: Series, template: "xarray.Dataset", settings: SnapshotSe
         "numbers": list(NUMBERS),
         "series": dict(series.identity),
         FIRST: series.mark(),
+        LAST: series.mark(-1),
         "time": [len(series), float(series.time[0]), float(series.time[-1]), _digest(series.time)],
         "mesh": [mesh.geometry, mesh.origin.tolist(), mesh.spacing.tolist(), list(mesh.shape)]
         if isinstance(mesh, GridMesh)

@@ -51,7 +51,8 @@ NUMBERS = {
 }
 
 
-FIRST = "first snapshot"  # key of a store's definition: a hash of the samples
+# Keys of a store's definition: hashes of samples. Runs from one initial flow differ in their last snapshots.
+FIRST, LAST = "first snapshot", "last snapshot"
 
 
 class Done:
@@ -156,7 +157,7 @@ class ZarrStore:
             key = next((key for key in keys if found.get(key) != self.definition.get(key)), "all")
             was, now = (cut(json.dumps(one.get(key))) for one in (found, self.definition))
             change = f"{key} was {was} and is {now}"
-            change = "whose first snapshot has other densities" if key == FIRST else change
+            change = f"whose {key} has other densities" if key in (FIRST, LAST) else change
             raise ValueError(f"out={self.path}: it contains another series, {change}; take another name, or remove it")
         for row in numbers:
             self.done.add(row)

@@ -1,6 +1,7 @@
 """Opening series: files with a time axis, numbered files, arrays and iterators; and what is refused."""
 
 import os
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import xarray
 
 from aerokernels import DensityField, QuadMesh, flow
 from aerokernels.files import netcdf_reading
+from aerokernels.flow.numbered_files import in_order
 
 TIME = [0.0, 1e-5, 2e-5]
 GRID = {"geometry": "volume", "origin": [0.0, 0.0, 0.0], "spacing": [1e-3] * 3, "ambient_density": 0.5}
@@ -116,6 +118,44 @@ def test_numbered_files_are_sorted_by_number_and_read_by_a_function(tmp_path: Pa
     assert [round(float(field.density.mean()), 9) for field in series] == [0.1, 0.2, 1.0]
     again = flow.open_series([tmp_path / "flow_2.npy"], time=[0.0], read=read)
     assert again.density(0).shape == (4, 5, 6)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["u_0.05", "u_0.1", "u_0.15", "u_0.2", "u_0.25"],
+        ["run1.8", "run1.9", "run1.10", "run1.11"],
+        ["t3_9", "t3_10", "t3_11"],
+        ["0.33s", "0.67s", "1s", "1.33s"],
+        ["b_3", "b_12", "b_100"],
+    ],
+)
+def test_numbers_in_names_are_times_or_counters(names: list[str]):
+    """Whichever grows evenly; 0.15 came after 0.2."""
+    paths = [Path(f"{name}.vtu") for name in names]
+    assert in_order(paths[::-1]) == paths
+
+
+def test_a_missing_file_is_told_where_all_get_even_times(tmp_path: Path):
+    """With one time for each there is nothing to tell, nor with names that have no numbers in common."""
+
+    def opened(*names: object, **times) -> flow.Series:
+        for name in names:
+            (tmp_path / f"f_{name}.npy").touch()
+        return flow.open_series([tmp_path / f"f_{name}.npy" for name in names], read=lambda path: still, **times)
+
+    still = flow.GridDensity(np.full((3, 3), 1.0), [0, 0], [1e-3] * 2, "planar", 1.0)
+    with pytest.warns(UserWarning, match=r"f_40\.npy comes after f_20\.npy"):
+        opened(0, 10, 20, 40, 50, time_step=1e-5)
+    with pytest.warns(UserWarning, match=r"f_010\.npy comes after f_10\.npy"):
+        opened(0, 10, "010", 20, 30, time_step=1e-5)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        opened(0, 10, 20, 40, time=[0.0, 1e-5, 2e-5, 4e-5])
+        opened(5, 10, 15, time_step=1e-5)
+        opened("0.1", "0.15", "0.2", time_step=1e-5)
+        opened("a", "b", "c7", time_step=1e-5)
+        opened("9", "77", time_step=1e-5)
 
 
 def test_collections_and_cases_have_their_times(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -328,6 +328,13 @@ def test_a_finished_store_is_opened_and_another_series_refused(tmp_path: Path):
     other = opened(Fourier.random(6), TIME[:2])  # of the same shape, times and surroundings
     with pytest.raises(ValueError, match="another series, whose first snapshot has other densities"):
         optical_series(other, pupil, pixel_count=8, out=tmp_path / "s.zarr", method="linear")
+    # Two runs from one initial flow.
+    where = {"geometry": "volume", "ambient_density": series.ambient_density} | {
+        name: getattr(series.mesh, name) for name in ("origin", "spacing")
+    }
+    alike = flow.open_series([series.density(0), other.density(1)], time=TIME[:2], **where)
+    with pytest.raises(ValueError, match="another series, whose last snapshot has other densities"):
+        optical_series(alike, pupil, pixel_count=8, out=tmp_path / "s.zarr", method="linear")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "notes.txt").write_text("mine")
     with pytest.raises(ValueError, match="something else is there"):
