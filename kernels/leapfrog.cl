@@ -179,6 +179,8 @@ APART void leave(
     if (STOP == PLANE) {
         rejected |= fabs(inner_with(VECTOR64(bounds->plane_normal), heading)) <= LEAST_COSINE;
     }
+    const real3 steepest = VECTOR(control->steepest);
+    rejected |= TO_TRUTHS((fabs(in->dx) > steepest.x) | (fabs(in->dy) > steepest.y) | (fabs(in->dz) > steepest.z));
     lateral_error = CHOOSE(lateral_error, (reals)INFINITY, rejected);
     // If the box's end is the stop, the path is wrong by the whole excess, else by the field's contribution on it.
     // A ray that has left the support must not have left the box before.

@@ -20,6 +20,17 @@ def host_array(found: Any) -> np.ndarray:
     return array if array.dtype in (np.float32, np.float64) else array.astype(np.float64)
 
 
+def own_copy(array: Any) -> Any:
+    """Return a complete copy of a NumPy or Warp array, which nobody else can change."""
+    if isinstance(array, np.ndarray):
+        return array.copy()
+    import warp as wp
+
+    copied = wp.clone(array)
+    wp.synchronize_device(copied.device)  # other libraries write on streams of their own
+    return copied
+
+
 def plain_array(found: Any) -> np.ndarray:
     """Return any object as a NumPy array; arrays on a device are copied, arrays on the host only if necessary.
 

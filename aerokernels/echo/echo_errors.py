@@ -2,8 +2,8 @@ r"""Compute the errors of an echo's numbers.
 
     Strehl ratio   the greatest change of S that a phase error of rms e over the pupil can cause (strehl_errors.py; this
                    bound is concave in S, so its mean over the target points is at most its value at the mean S), the
-                   error of the interpolation over the target, and the change of S when half of the pupil's rays are
-                   left out
+                   error of the interpolation over the target, and the change of S with more rays over the pupil
+                   (pupil_errors.py)
     peak power     P is proportional to the return factor: P x (error of the factor) / factor; the error of the pupil's
                    open share if a body blocks a part of the pupil; and the greatest error of the peak over positions of
                    the samples on the pulse, against the pulse between them
@@ -31,7 +31,7 @@ from ..scene import Scene
 from ..strehl import StrehlEstimate
 from ..wavefront.strehl_errors import strehl_error
 from .pulse_curve import PulseCurve, peak_height
-from .pupil_errors import open_share_error, own_phase_error, pupil_error
+from .pupil_errors import OPEN, is_blocked, open_share_error, own_phase_error, pupil_error
 from .rangefinder import Rangefinder
 from .ranging import AMPLITUDE_METHODS, RANGING_METHODS
 from .result import EchoResult
@@ -206,7 +206,7 @@ def _blocked_pupil_error(result: EchoResult, probe: EchoProbe) -> float:
     points = np.flatnonzero(np.isfinite(factor) & (result.beam_share > 0.0))
     # The return factor of an open pupil is the Strehl ratio, or 1.
     whole = result.strehl[points] if kind == "strehl" else 1.0
-    if not (factor[points] < (1.0 - 1e-9) * whole).any():
+    if kind == "none" or not ((factor[points] < OPEN * whole).any() or is_blocked(probe.scene, probe.field)):
         return 0.0
     some = points[np.unique(np.linspace(0, len(points) - 1, BLOCKED_POINTS).astype(int))]
     return open_share_error(probe.scene, probe.field, result.target_point[some], result.beam_share[some])

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..derived import Derived
-from ..device_arrays import device_array, host_array
+from ..device_arrays import device_array, host_array, own_copy
 from ..display.shown import shown
 from ..inputs.arguments import seconds
 from ..inputs.checks import check_choice, check_positive
@@ -156,6 +156,8 @@ class Series:
         array = device_array(found, pinned=True) if on_device else None
         if array is None:
             array = host_array(found)
+        if self.once:  # a solver may compute its next snapshot in the same memory while this one is processed
+            array = own_copy(array)
         if isinstance(self.mesh, GridMesh) and tuple(array.shape) != self.mesh.shape:
             raise ValueError(
                 f"snapshot {number} has shape {array.shape}, the first one {self.mesh.shape}: one mesh, one shape"

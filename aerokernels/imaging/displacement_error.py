@@ -14,12 +14,10 @@ from typing import Any
 import numpy as np
 
 from ..medium import IndexField
-from ..medium.levels import LOWEST_ORDER, ORDER
+from ..medium.level_maps import changes_between, pixels_around, remaining_error
 from .camera import Camera
 from .omitted_terms import middle_distance, omitted_displacement, stride
 
-# Cells of the field around a pixel over which the greatest error is taken.
-CELLS_AROUND = 4.0
 # Factor on the change with another number of points of the aperture, and on the omitted terms.
 SAFETY = 1.5
 
@@ -42,7 +40,8 @@ def displacement_error(
     moved = [landing(one) for one in fields]
     arrived = np.prod([one[1] for one in moved], axis=0) > 0.0
     changes = [np.hypot(*(after[0] - before[0])) for before, after in pairwise(moved)]
-    by_levels = _left(field, camera, [np.where(arrived, one, 0.0) for one in changes], levels.share)
+    around = _around(field, camera, shape)
+    by_levels = remaining_error(levels, [np.where(arrived, one, 0.0) for one in changes], around)
     return np.maximum(by_levels, _by_terms(field, camera, shape))
 
 
@@ -52,7 +51,7 @@ def _by_terms(field: IndexField, camera: Camera, shape: tuple[int, int]) -> np.n
 
     step = stride(shape)
     some = omitted_displacement(field, camera, shape)
-    around = maximum_filter(some, size=2 * (_pixels_around(field, camera, shape) // (2 * step) + 1) + 1, mode="nearest")
+    around = maximum_filter(some, size=2 * (_around(field, camera, shape) // (2 * step) + 1) + 1, mode="nearest")
     rows, columns = (np.minimum(np.arange(n) // step, m - 1) for n, m in zip(shape, some.shape, strict=True))
     return np.asarray(SAFETY * around[np.ix_(rows, columns)])
 
@@ -103,28 +102,10 @@ def blur_error(
         seen(one, count, tight=True) for one in (levels.fine, levels.coarse, levels.coarser) if one is not None
     )
     exact = fine if levels.fine is field else seen(field, count, tight=True)
-    left = _left(field, camera, [np.abs(after - before) for before, after in pairwise([fine, *rest])], levels.share)
+    left = remaining_error(levels, changes_between([fine, *rest]), _around(field, camera, blur.shape))
     return np.asarray(total + np.abs(exact - blur) + left)
 
 
-def _left(field: IndexField, camera: Camera, changes: list[np.ndarray], share: float) -> np.ndarray:
-    """Extrapolate the error from changes between versions of a field, the finest first, shapes (rows, columns, ...)."""
-    from scipy.ndimage import maximum_filter
-
-    around = _pixels_around(field, camera, changes[0].shape[:2])
-    size = (around, around, *([1] * (changes[0].ndim - 2)))
-    last, *before = (maximum_filter(np.nan_to_num(one), size=size, mode="nearest") for one in changes)
-    if not before:
-        return np.asarray(share * last)
-    # The order observed around each pixel: far from a shock it is the spline's, near a shock there is none.
-    ratio = before[0] / np.maximum(last, 1e-300)
-    order = np.clip(np.log2(np.maximum(ratio, 1e-300)), LOWEST_ORDER, ORDER[field.interpolation])
-    return np.asarray(last / (2.0**order - 1.0))
-
-
-def _pixels_around(field: IndexField, camera: Camera, shape: tuple[int, int]) -> int:
-    """Return the width in pixels of CELLS_AROUND cells on both sides of a pixel, at the middle of the field's box."""
-    if not field.is_uniform:
-        return 3
-    width = float(np.max(field.spacing)) / (middle_distance(field, camera) * camera.pixel_tangent)
-    return 2 * int(np.clip(np.ceil(CELLS_AROUND * width), 1, max(shape))) + 1
+def _around(field: IndexField, camera: Camera, shape: tuple[int, ...]) -> int:
+    """Return the width in pixels over which the greatest error is taken, at the middle of the field's box."""
+    return pixels_around(field, middle_distance(field, camera) * camera.pixel_tangent, (shape[0], shape[1]))

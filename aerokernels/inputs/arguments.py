@@ -7,7 +7,8 @@ messages about casts:
     Disc("6 mm")            radius must be a number of metres, got '6 mm': give 0.006 (in Disc)
     zernike_modes("a", ...) count must be a whole number, got 'a' (in zernike_modes)
 
-Whole numbers (counts, sizes, seeds) may be given as floats: 1e6 arrives as 1000000, and 1.5 raises a ValueError.
+Whole numbers (counts, sizes, seeds) may be given as floats: 1e6 arrives as 1000000, and 1.5 raises a ValueError. Other
+single numbers arrive as Python's floats, whatever they are: NumPy computes in single precision with its own float32.
 
 Numbers of the right kind that make a computation overflow (1e300) raise a ValueError that names them. The function
 itself checks whether a number makes sense, and checks parameters that are objects of a class.
@@ -93,15 +94,15 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
                     raise TypeError(wrong)
                 if taken.are_numbers and (wrong := _out_of_proportion(value, parameter, name)):
                     raise ValueError(wrong)
-        whole = {}
+        plain = {}
         for parameter, value in arguments.items():
             known = takes.get(parameter) or objects.get(parameter)
-            if known is not None and (number := known.whole(value, parameter, name)) is not value:
-                whole[parameter] = number
-        if whole:
+            if known is not None and (number := known.plain(value, parameter, name)) is not value:
+                plain[parameter] = number
+        if plain:
             bound = binding.signature.bind(*given, **named)
-            bound.arguments.update(whole)
-            given, named, arguments = bound.args, bound.kwargs, arguments | whole
+            bound.arguments.update(plain)
+            given, named, arguments = bound.args, bound.kwargs, arguments | plain
         try:
             return function(*given, **named)
         except (OverflowError, FloatingPointError, ZeroDivisionError) as error:

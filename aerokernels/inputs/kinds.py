@@ -39,16 +39,18 @@ class Kinds:
             isinstance(kind, type) and kind not in _NOUNS and kind not in (float, int) for kind in self.members
         )
 
-    def whole(self, value: Any, parameter: str, owner: str) -> Any:
-        """Return the value, with floats such as 1e6 as whole numbers where only whole ones make sense.
+    def plain(self, value: Any, parameter: str, owner: str) -> Any:
+        """Return the value; a single number as Python's float or, where only whole ones make sense, as its int.
+
+        What is computed from one of NumPy's float32 alone would be in single precision.
 
         Raises:
             ValueError: A float that is not whole.
         """
-        if type(value) is int:
+        if type(value) is int or (type(value) is float and float in self.members):
             return value
-        if int in self.members and float not in self.members and _is_float(value):
-            return _whole(value, parameter, owner)
+        if self.are_numbers and is_number(value):
+            return float(value) if float in self.members else _whole(value, parameter, owner)
         for kind in self.members:
             if isinstance(kind, tuple) and int in kind and _takes(kind, value) and any(map(_is_float, value)):
                 return tuple(_whole(one, parameter, owner) for one in value)

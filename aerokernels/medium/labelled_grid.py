@@ -5,8 +5,14 @@ import numpy as np
 from ..inputs.written_units import unit_of
 
 GEOMETRIES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
-EVEN = 1e-6  # fraction of the spacing by which nodes may deviate from an even grid
+EVEN, UNEVEN = 1e-6, 1e-3  # of a spacing: nodes may be so far off an even grid in any case, and by rounding at most
+SINGLE = 2.4e-7  # of a coordinate: rounding to single precision, of a node and of the ends of its row
 GREATEST = 1e3  # no medium has greater contrasts: the file is damaged
+
+
+def unevenness(step: float, farthest: float) -> float:
+    """Return how far nodes with coordinates up to `farthest` may be off an even grid of a spacing `step`, like it."""
+    return step * float(np.clip(SINGLE * farthest / step, EVEN, UNEVEN)) if step > 0.0 else 0.0
 
 
 def grid_arguments(array) -> dict:
@@ -44,7 +50,7 @@ def grid_arguments(array) -> dict:
             array, place = array.isel({names[axis]: slice(None, None, -1)}), place[::-1]
         step = (place[-1] - place[0]) / (len(place) - 1)
         off = np.abs(place - (place[0] + step * np.arange(len(place))))
-        if not off.max() <= EVEN * step:
+        if not off.max() <= unevenness(step, np.abs(place).max()):
             raise ValueError(
                 f"coordinates {axis} are not even: node {int(np.argmax(off))} is {off.max():.3g} m off; "
                 "interpolate to an even grid, or make a mesh of them with QuadMesh.structured"

@@ -12,7 +12,9 @@ Reference: W. Merzkirch, Flow Visualization, 2nd ed. (Academic Press, 1987), sec
 """
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,7 +26,9 @@ from ..inputs.arguments import checked
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
 from .picture import traced_dataset
-from .view import PictureView
+from .picture_error import error_of, shown_as
+from .source_light import SourceLight
+from .view import TracedPicture
 
 if TYPE_CHECKING:
     import xarray
@@ -32,7 +36,7 @@ if TYPE_CHECKING:
 
 @shown
 @dataclass(frozen=True, eq=False)
-class Interferogram(PictureView):
+class Interferogram(TracedPicture):
     """An interferogram, rows from the lowest up, with the data that it was made from.
 
     Attributes:
@@ -49,6 +53,8 @@ class Interferogram(PictureView):
         phase: of the undisturbed fringes at the middle of the picture [waves].
         visibility: contrast of the fringes, 0 to 1.
         exposure: brightness of a bright fringe, 1 for white.
+        known: pixels whose light is known, shape (ny, nx): see `LineOfSight.known`; None for all.
+        measure_error: function of the brightness without sensor noise that returns its error; `error` calls it.
     """
 
     intensity: np.ndarray
@@ -64,6 +70,8 @@ class Interferogram(PictureView):
     phase: float
     visibility: float
     exposure: float
+    known: np.ndarray | None = None
+    measure_error: Callable[[], np.ndarray] | None = field(default=None, repr=False)
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return the picture as a dataset with units."""
@@ -111,27 +119,22 @@ def interferogram(
         ValueError: an argument is out of range; the message names it and the remedy.
     """
     check_fringes(fringe_spacing, fringe_angle, phase, visibility, exposure)
-    fringes: dict[str, Any] = {
-        "fringe_spacing": fringe_spacing,
-        "fringe_angle": fringe_angle,
-        "phase": phase,
-        "visibility": visibility,
-        "exposure": exposure,
-    }
+    fringes = Fringes(fringe_spacing, fringe_angle, phase, visibility)
     if bench is None:
-        return fringe_picture(line_of_sight(field, **options), **fringes)
+        return _picture(line_of_sight(field, **options), fringes, exposure)
     points, shares = bench.points()
-    found = [
-        fringe_picture(
-            line_of_sight(field, focus=bench.focus, tilt=tuple(point), **options), **{**fringes, "exposure": 1.0}
-        )
-        for point in points
-    ]
-    # The mean includes light above white: a sensor may not be saturated by it.
-    light = exposure * sum(share * one.intensity for share, one in zip(shares, found, strict=True))
-    light = np.clip(light, 0.0, 1.0) if bench.sensor is None else bench.sensor.expose(light, bench.seed)
-    middle = found[int(np.argmin(np.hypot(*points.T)))]
-    return replace(middle, intensity=np.asarray(light), exposure=float(exposure))
+    traced = SourceLight(field, points, bench.focus, options)
+    make = partial(_mean_light, fringes=fringes, shares=shares)
+    light = exposure * make(traced)
+    assert traced.middle is not None
+    shown = np.clip(light, 0.0, 1.0)
+    return replace(
+        _picture(traced.middle, fringes, exposure),
+        # Light above white included: a sensor may not be saturated by it.
+        intensity=shown if bench.sensor is None else bench.sensor.expose(light, bench.seed),
+        known=traced.known,
+        measure_error=error_of(shown, traced.lights, partial(shown_as, make=make, exposure=exposure)),
+    )
 
 
 @checked
@@ -150,30 +153,60 @@ def fringe_picture(
         ValueError: as in `interferogram`; or the fringes are too fine for the pixels.
     """
     check_fringes(fringe_spacing, fringe_angle, phase, visibility, exposure)
-    window = traced.window
-    waves = traced.opd / traced.wavelength + phase
-    if fringe_spacing is not None:
-        if fringe_spacing < 2.0 * max(window.pitch):
-            raise ValueError(
-                f"fringe_spacing = {fringe_spacing:g} m is less than two pixels of {max(window.pitch):g} m: "
-                "widen the fringes or raise pixel_count"
-            )
-        across, along = traced.ray_grid
-        middle = 0.5 * (window.horizontal[0] + window.horizontal[-1]), 0.5 * (window.vertical[0] + window.vertical[-1])
-        place = (across - middle[0]) * math.cos(fringe_angle) + (along - middle[1]) * math.sin(fringe_angle)
-        waves = waves + place / fringe_spacing
-    light = np.where(traced.through, 0.5 * (1.0 + visibility * np.cos(2.0 * np.pi * waves)), 0.0)
+    return _picture(traced, Fringes(fringe_spacing, fringe_angle, phase, visibility), exposure)
+
+
+@dataclass(frozen=True)
+class Fringes:
+    """Undisturbed fringes: the arguments of `interferogram` of the same names."""
+
+    spacing: float | None
+    angle: float
+    phase: float
+    visibility: float
+
+    def light(self, traced: LineOfSight) -> np.ndarray:
+        """Return the light of traced rays, a mean over each pixel, shape (ny, nx).
+
+        Raises:
+            ValueError: the fringes are too fine for the pixels.
+        """
+        window = traced.window
+        waves = traced.opd / traced.wavelength + self.phase
+        if self.spacing is not None:
+            if self.spacing < 2.0 * max(window.pitch):
+                raise ValueError(
+                    f"fringe_spacing = {self.spacing:g} m is less than two pixels of {max(window.pitch):g} m: "
+                    "widen the fringes or raise pixel_count"
+                )
+            across, along = traced.ray_grid
+            middle = (0.5 * (line[0] + line[-1]) for line in (window.horizontal, window.vertical))
+            right, up = (place - at for place, at in zip((across, along), middle, strict=True))
+            waves = waves + (right * math.cos(self.angle) + up * math.sin(self.angle)) / self.spacing
+        light = np.where(traced.through, 0.5 * (1.0 + self.visibility * np.cos(2.0 * np.pi * waves)), 0.0)
+        return traced.pixel_mean(light)
+
+
+def _picture(traced: LineOfSight, fringes: Fringes, exposure: float) -> Interferogram:
+    make = partial(_mean_light, fringes=fringes, shares=np.ones(1))
+    shown = shown_as([traced], make, exposure)
     return Interferogram(
-        intensity=np.clip(exposure * traced.pixel_mean(light), 0.0, 1.0),
+        intensity=shown,
         opd=traced.pixel_mean(traced.opd),
         **traced.frame,
         wavelength=traced.wavelength,
-        fringe_spacing=None if fringe_spacing is None else float(fringe_spacing),
-        fringe_angle=float(fringe_angle),
-        phase=float(phase),
-        visibility=float(visibility),
+        fringe_spacing=None if fringes.spacing is None else float(fringes.spacing),
+        fringe_angle=float(fringes.angle),
+        phase=float(fringes.phase),
+        visibility=float(fringes.visibility),
         exposure=float(exposure),
+        measure_error=error_of(shown, [traced.light], partial(shown_as, make=make, exposure=exposure)),
     )
+
+
+def _mean_light(lights: Iterable[LineOfSight], fringes: Fringes, shares: np.ndarray) -> np.ndarray:
+    """Return the mean of the fringes of a source's points, by their shares of the light, shape (ny, nx)."""
+    return np.asarray(sum(share * fringes.light(traced) for share, traced in zip(shares, lights, strict=True)))
 
 
 def check_fringes(

@@ -13,7 +13,9 @@ Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001),
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,8 +27,10 @@ from ..inputs.arguments import checked
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
 from .picture import traced_dataset
+from .picture_error import error_of, shown_as
 from .shadowgraph import spread
-from .view import PictureView
+from .source_light import SourceLight
+from .view import TracedPicture
 
 if TYPE_CHECKING:
     import xarray
@@ -37,7 +41,7 @@ _BRIGHT_DIRECTION = {"vertical": 0.0, "horizontal": 0.5 * math.pi}
 
 @shown
 @dataclass(frozen=True, eq=False)
-class SchlierenImage(PictureView):
+class SchlierenImage(TracedPicture):
     """A schlieren picture, rows from the lowest up, with the data that it was made from.
 
     Attributes:
@@ -53,6 +57,8 @@ class SchlierenImage(PictureView):
         cut_off: fraction of the undisturbed source image that the edge holds back.
         sensitivity: change of light per deflection [1/rad].
         exposure: brightness of full light, 1 for white.
+        known: pixels whose light is known, shape (ny, nx): see `LineOfSight.known`; None for all.
+        measure_error: function of the brightness without sensor noise that returns its error; `error` calls it.
     """
 
     intensity: np.ndarray
@@ -67,6 +73,8 @@ class SchlierenImage(PictureView):
     cut_off: float
     sensitivity: float
     exposure: float = 1.0
+    known: np.ndarray | None = None
+    measure_error: Callable[[], np.ndarray] | None = field(default=None, repr=False)
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return the picture as a dataset with units."""
@@ -117,11 +125,7 @@ def schlieren(
     if bench is not None:
         if sensitivity is not None:
             raise ValueError(f"sensitivity = {sensitivity}: the bench's source and focal length give it; leave it out")
-        light, passed = _by_bench(field, bench, bright, cut_off, options)
-        brightness = exposure * passed
-        if bench.sensor is not None:
-            brightness = bench.sensor.expose(brightness, bench.seed)
-        return _image(light, brightness, knife_edge, cut_off, bench.sensitivity, exposure)
+        return _by_bench(field, bench, knife_edge, bright, cut_off, exposure, options)
     return knife_edge_picture(
         line_of_sight(field, **options),
         knife_edge=knife_edge,
@@ -145,43 +149,10 @@ def knife_edge_picture(
     cut = _across(traced.deflection, bright)
     if sensitivity is None:
         sensitivity = _full_range_sensitivity(cut[traced.through], cut_off)
-    passed = np.where(traced.through, np.clip(1.0 - cut_off + sensitivity * cut, 0.0, 1.0), 0.0)
-    return _image(traced, exposure * traced.pixel_mean(passed), knife_edge, cut_off, sensitivity, exposure)
-
-
-def _by_bench(
-    field: IndexField, bench: Bench, bright: float, cut_off: float, options: dict[str, Any]
-) -> tuple[LineOfSight, np.ndarray]:
-    """Return the rays of the source's middlemost point, and the light of all its points, shape (ny, nx)."""
-    points, shares = bench.points()
-    middle = int(np.argmin(np.hypot(*points.T)))
-    total, kept = 0.0, None
-    for number, (point, share) in enumerate(zip(points, shares, strict=True)):
-        right = point[0] * math.cos(bright) - point[1] * math.sin(bright)
-        up = point[0] * math.sin(bright) + point[1] * math.cos(bright)
-        traced = line_of_sight(field, focus=bench.focus, tilt=(right, up), **options)
-        cut = _across(traced.deflection, bright)
-        passed = bench.passed(point, cut, cut_off)
-        light = np.where(traced.through, passed, 0.0)
-        if min(light.shape) < 2:
-            raise ValueError(f"a bench's picture needs at least 2 x 2 rays, got {light.shape}: raise pixel_count")
-        total = total + share * spread(traced, traced.displacement, np.nan_to_num(light))
-        if number == middle:
-            kept = traced
-    assert kept is not None
-    return kept, np.asarray(total)
-
-
-def _image(
-    traced: LineOfSight,
-    brightness: np.ndarray,
-    knife_edge: str | float,
-    cut_off: float,
-    sensitivity: float,
-    exposure: float,
-) -> SchlierenImage:
+    make = partial(_brightness, bright=bright, cut_off=cut_off, sensitivity=sensitivity, exposure=exposure)
+    brightness = make([traced])
     return SchlierenImage(
-        intensity=np.clip(brightness, 0.0, 1.0),
+        intensity=brightness,
         deflection=traced.pixel_mean(traced.deflection),
         opd=traced.pixel_mean(traced.opd),
         **traced.frame,
@@ -189,7 +160,60 @@ def _image(
         cut_off=float(cut_off),
         sensitivity=float(sensitivity),
         exposure=float(exposure),
+        measure_error=error_of(brightness, [traced.light], make),
     )
+
+
+def _brightness(
+    lights: Iterable[LineOfSight], bright: float, cut_off: float, sensitivity: float, exposure: float
+) -> np.ndarray:
+    """Return the brightness of light along the axis, shape (ny, nx)."""
+    (traced,) = lights
+    open_share = np.clip(1.0 - cut_off + sensitivity * _across(traced.deflection, bright), 0.0, 1.0)
+    return np.clip(exposure * traced.pixel_mean(np.where(traced.through, open_share, 0.0)), 0.0, 1.0)
+
+
+def _by_bench(
+    field: IndexField,
+    bench: Bench,
+    knife_edge: str | float,
+    bright: float,
+    cut_off: float,
+    exposure: float,
+    options: dict[str, Any],
+) -> SchlierenImage:
+    """Make the picture of a bench; deflection and optical path are those of its source's middlemost point."""
+    points = bench.points()[0]
+    turned = np.array([[math.cos(bright), math.sin(bright)], [-math.sin(bright), math.cos(bright)]])
+    traced = SourceLight(field, points @ turned, bench.focus, options)
+    make = partial(_bench_light, bench=bench, bright=bright, cut_off=cut_off)
+    light = exposure * make(traced)
+    middle = traced.middle
+    assert middle is not None
+    brightness = np.clip(light, 0.0, 1.0)
+    return SchlierenImage(
+        intensity=brightness if bench.sensor is None else np.clip(bench.sensor.expose(light, bench.seed), 0.0, 1.0),
+        deflection=middle.pixel_mean(middle.deflection),
+        opd=middle.pixel_mean(middle.opd),
+        **{**middle.frame, "known": traced.known},
+        knife_edge=knife_edge,
+        cut_off=float(cut_off),
+        sensitivity=float(bench.sensitivity),
+        exposure=float(exposure),
+        measure_error=error_of(brightness, traced.lights, partial(shown_as, make=make, exposure=exposure)),
+    )
+
+
+def _bench_light(lights: Iterable[LineOfSight], bench: Bench, bright: float, cut_off: float) -> np.ndarray:
+    """Return the light of a bench's pixels, from that of its source's points, shape (ny, nx)."""
+    total = np.zeros(())
+    for point, share, traced in zip(*bench.points(), lights, strict=True):
+        passed = bench.passed(point, _across(traced.deflection, bright), cut_off)
+        light = np.where(traced.through, passed, 0.0)
+        if min(light.shape) < 2:
+            raise ValueError(f"a bench's picture needs at least 2 x 2 rays, got {light.shape}: raise pixel_count")
+        total = total + share * spread(traced, traced.displacement, np.nan_to_num(light))
+    return total
 
 
 def _across(deflection: np.ndarray, bright: float) -> np.ndarray:

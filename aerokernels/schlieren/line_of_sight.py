@@ -29,6 +29,10 @@ from aerokernels.tracing import Plane, RayStatus, trace
 
 from ..inputs.arguments import checked
 from ..inputs.checks import check_count
+from ..inputs.warned import warn_caller
+from ..tracing.error_budget.known_air import may_be_lost
+from ..tracing.lines import box_size
+from ..tracing.pupil.air import GREATEST_SHARE
 from .window import Window, make_window, ray_lines
 
 GREATEST_RAY_COUNT = 100_000_000  # some 20 GB of stored results
@@ -50,6 +54,9 @@ class LineOfSight:
         blocked: rays that met the body.
         wavelength: vacuum wavelength [m].
         focus: coordinate of the focal plane along the light [m].
+        doubtful: rays of which not all is known: they left the known air where it is disturbed, or failed; None for
+            none.
+        light: the light that was traced, to trace it again for the error of a picture.
     """
 
     window: Window
@@ -61,6 +68,8 @@ class LineOfSight:
     blocked: np.ndarray
     wavelength: float
     focus: float
+    doubtful: np.ndarray | None = None
+    light: "ParallelLight | None" = None
 
     @property
     def ray_grid(self) -> tuple[np.ndarray, np.ndarray]:
@@ -87,7 +96,100 @@ class LineOfSight:
             "blocked": self.pixel_mean(self.blocked.astype(np.float64)) > 0.5,  # more than half of the pixel
             "right": window.right,
             "up": window.up,
+            "known": self.known,
         }
+
+    @property
+    def known(self) -> np.ndarray:
+        """Mask of the pixels whose light is known: at most a thousandth of their rays is doubtful, shape (ny, nx)."""
+        if self.doubtful is None:
+            return np.ones((len(self.window.vertical), len(self.window.horizontal)), dtype=bool)
+        return np.asarray(self.pixel_mean(self.doubtful.astype(np.float64)) <= GREATEST_SHARE)
+
+
+@dataclass(frozen=True, eq=False)
+class ParallelLight:
+    """Parallel light before it is traced: everything that a `LineOfSight` is computed from.
+
+    Attributes:
+        field: the refractive index.
+        window: directions of the view and the pixels.
+        rays_per_pixel: k, rays along each side of a pixel.
+        focus: coordinate of the focal plane along the light [m].
+        sine: angles of the light toward right and up, as direction sines, shape (2,).
+        options: tolerance, wavelength, backend, device and precision of `trace`.
+    """
+
+    field: IndexField
+    window: Window
+    rays_per_pixel: int
+    focus: float
+    sine: np.ndarray
+    options: dict[str, Any]
+
+    def trace(self) -> LineOfSight:
+        """Trace the light."""
+        field, window, sine, plane = self.field, self.window, self.sine, self.focus
+        forward, right, up = window.forward, window.right, window.up
+        across, along = np.meshgrid(*ray_lines(window, self.rays_per_pixel))
+        row_count = len(along)
+        symmetric = _is_symmetric(field, window, along[:, 0]) and not sine.any()
+        if symmetric:  # only the upper half is traced; the lower one is its mirror image
+            across, along = across[row_count // 2 :], along[row_count // 2 :]
+        tangent = sine / np.sqrt(1.0 - sine @ sine)
+        ahead = (plane - window.entry) * tangent
+        start = (across[..., None] - ahead[0]) * right + (along[..., None] - ahead[1]) * up + window.entry * forward
+        light = forward + tangent[0] * right + tangent[1] * up
+        rays = RayBundle(start.reshape(-1, 3), np.broadcast_to(light, (across.size, 3)))
+        traced = trace(
+            field,
+            rays,
+            until=Plane(window.exit * forward, forward),
+            outputs=("position", "direction", "opd"),
+            **self.options,
+        )
+        assert traced.direction is not None and traced.opd is not None and traced.position is not None  # requested
+        shape, back = across.shape, window.exit - plane
+        direction = traced.direction.reshape(*shape, 3)
+        sines = np.stack([direction @ right, direction @ up], axis=-1)
+        deflection = sines - sine
+        # 1 / cos - 1 / cos_0 = (sin^2 - sin_0^2) / (cos cos_0 (cos + cos_0)): avoids a difference of nearly equal
+        # numbers
+        cosine, straight = direction @ forward, float(np.sqrt(1.0 - sine @ sine))
+        stretch = np.sum(deflection * (sines + sine), axis=-1) / (cosine * straight * (straight + cosine))
+        moved = traced.position.reshape(*shape, 3) - start
+        displacement = np.stack([moved @ right, moved @ up], axis=-1) - ahead - back * sines / cosine[..., None]
+        blocked = traced.traced_status == RayStatus.HIT_BODY
+        if field.body is not None and field.geometry == "planar":  # light along the axis never meets the body's side
+            blocked |= field.body.contains(field.local_coordinates(start.reshape(-1, 3)))
+        through = (traced.ok & ~blocked).reshape(shape)
+        # Real light comes from far away and goes on: what is before the rays' start and behind their stop counts too.
+        before = RayBundle(rays.position - box_size(field) * rays.direction, rays.direction)
+        lost = may_be_lost(field, before, None, self.options["tolerance"] * traced.wavelength)[0]
+        doubtful = ~blocked & (~traced.ok | (lost > self.options["tolerance"] * traced.wavelength))
+
+        def whole(values: np.ndarray) -> np.ndarray:
+            if not symmetric:
+                return values
+            lower = values[::-1][: row_count // 2]
+            return np.concatenate([lower * _UPSIDE_DOWN if values.ndim == 3 else lower, values])
+
+        def seen(values: np.ndarray) -> np.ndarray:
+            return whole(np.where(through.reshape(through.shape + (1,) * (values.ndim - 2)), values, np.nan))
+
+        return LineOfSight(
+            window=window,
+            rays_per_pixel=self.rays_per_pixel,
+            deflection=seen(deflection),
+            opd=seen(traced.opd.reshape(shape) - field.ambient_index * (back * stretch + displacement @ sine)),
+            displacement=seen(displacement),
+            through=whole(through),
+            blocked=whole(blocked.reshape(shape)),
+            wavelength=traced.wavelength,
+            focus=plane,
+            doubtful=whole(doubtful.reshape(shape)),
+            light=self,
+        )
 
 
 @checked
@@ -126,6 +228,9 @@ def line_of_sight(
 
     Raises:
         ValueError: an argument is out of range; the message names it and the remedy.
+
+    Warns:
+        RuntimeWarning: some pixels look through disturbed air that ends with the field's box; `known` marks them.
     """
     sine = np.asarray(tilt, dtype=np.float64)
     if sine.shape != (2,) or not np.isfinite(sine).all() or np.abs(sine).max() > 0.5:
@@ -140,63 +245,21 @@ def line_of_sight(
             f"{len(window.horizontal)} x {len(window.vertical)} pixels of {rays_per_pixel}^2 rays are {ray_count:.1e} "
             f"rays, more than {GREATEST_RAY_COUNT:.0e}: take a smaller pixel_count or rays_per_pixel"
         )
-    forward, right, up = window.forward, window.right, window.up
-    across, along = np.meshgrid(*ray_lines(window, rays_per_pixel))
-    row_count = len(along)
-    symmetric = _is_symmetric(field, window, along[:, 0]) and not sine.any()
-    if symmetric:  # only the upper half is traced; the lower one is its mirror image
-        across, along = across[row_count // 2 :], along[row_count // 2 :]
-    plane = window.middle + float(focus)
-    tangent = sine / np.sqrt(1.0 - sine @ sine)
-    ahead = (plane - window.entry) * tangent
-    start = (across[..., None] - ahead[0]) * right + (along[..., None] - ahead[1]) * up + window.entry * forward
-    light = forward + tangent[0] * right + tangent[1] * up
-    traced = trace(
-        field,
-        RayBundle(start.reshape(-1, 3), np.broadcast_to(light, (across.size, 3))),
-        until=Plane(window.exit * forward, forward),
-        tolerance=tolerance,
-        wavelength=wavelength,
-        backend=backend,
-        device=device,
-        precision=precision,
-        outputs=("position", "direction", "opd"),
-    )
-    assert traced.direction is not None and traced.opd is not None and traced.position is not None  # requested above
-    shape, back = across.shape, window.exit - plane
-    direction = traced.direction.reshape(*shape, 3)
-    sines = np.stack([direction @ right, direction @ up], axis=-1)
-    deflection = sines - sine
-    # 1 / cos - 1 / cos_0 = (sin^2 - sin_0^2) / (cos cos_0 (cos + cos_0)): avoids a difference of nearly equal numbers
-    cosine, straight = direction @ forward, float(np.sqrt(1.0 - sine @ sine))
-    stretch = np.sum(deflection * (sines + sine), axis=-1) / (cosine * straight * (straight + cosine))
-    moved = traced.position.reshape(*shape, 3) - start
-    displacement = np.stack([moved @ right, moved @ up], axis=-1) - ahead - back * sines / cosine[..., None]
-    blocked = traced.traced_status == RayStatus.HIT_BODY
-    if field.body is not None and field.geometry == "planar":  # light along the body's axis never meets its side
-        blocked |= field.body.contains(field.local_coordinates(start.reshape(-1, 3)))
-    through = (traced.ok & ~blocked).reshape(shape)
-
-    def whole(values: np.ndarray) -> np.ndarray:
-        if not symmetric:
-            return values
-        lower = values[::-1][: row_count // 2]
-        return np.concatenate([lower * _UPSIDE_DOWN if values.ndim == 3 else lower, values])
-
-    def seen(values: np.ndarray) -> np.ndarray:
-        return whole(np.where(through.reshape(through.shape + (1,) * (values.ndim - 2)), values, np.nan))
-
-    return LineOfSight(
-        window=window,
-        rays_per_pixel=int(rays_per_pixel),
-        deflection=seen(deflection),
-        opd=seen(traced.opd.reshape(shape) - field.ambient_index * (back * stretch + displacement @ sine)),
-        displacement=seen(displacement),
-        through=whole(through),
-        blocked=whole(blocked.reshape(shape)),
-        wavelength=traced.wavelength,
-        focus=plane,
-    )
+    options = {
+        "tolerance": tolerance,
+        "wavelength": wavelength,
+        "backend": backend,
+        "device": device,
+        "precision": precision,
+    }
+    found = ParallelLight(field, window, int(rays_per_pixel), window.middle + float(focus), sine, options).trace()
+    if not found.known.all():
+        warn_caller(
+            f"of {100.0 * float(np.mean(~found.known)):.3g} % of the picture's pixels the light is not known: their "
+            "rays leave the known air where it is disturbed, or fail; those pixels are marked in `known`",
+            RuntimeWarning,
+        )
+    return found
 
 
 def _is_symmetric(field: IndexField, window: Window, heights: np.ndarray) -> bool:

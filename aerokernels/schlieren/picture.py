@@ -79,7 +79,10 @@ def picture_dataset(
 def traced_dataset(
     picture: Any, extra: dict[str, tuple[str, np.ndarray, str, str]], attributes: dict[str, object]
 ) -> "xarray.Dataset":
-    """Return `picture_dataset` of a traced picture, with the pixels that the body hides, exposure and axes."""
+    """Return `picture_dataset` of a traced picture, with its marked pixels, exposure and axes."""
     blocked = ("pixel", picture.blocked.astype(np.int8), "1", "1 where the body hides the light")
+    marks = {"blocked": blocked}
+    if picture.known is not None:
+        marks["known"] = ("pixel", picture.known.astype(np.int8), "1", "0 where the light is not known")
     own = {"exposure": picture.exposure, "right": picture.right, "up": picture.up}
-    return picture_dataset(picture, {**extra, "blocked": blocked}, {**attributes, **own})
+    return picture_dataset(picture, {**extra, **marks}, {**attributes, **own})

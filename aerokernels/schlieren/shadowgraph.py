@@ -16,7 +16,9 @@ size: exact where light is stretched along the picture's axes, of second order i
 Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), chapter 6.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,12 +28,14 @@ from aerokernels.medium import IndexField
 from ..display.shown import shown
 from ..inputs.arguments import checked
 from ..pupils import Pupil
+from ..tracing.pupil.air import GREATEST_SHARE
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
+from .picture_error import error_of, shown_as
 from .source_blur import blurred
 from .source_shape import check_source
-from .view import PictureView
+from .view import TracedPicture
 from .window import Window, ray_lines
 
 if TYPE_CHECKING:
@@ -43,7 +47,7 @@ MOST_PARTS = 64  # along each side of a quadrilateral
 
 @shown
 @dataclass(frozen=True, eq=False)
-class Shadowgraph(PictureView):
+class Shadowgraph(TracedPicture):
     """A shadowgraph, rows from the lowest up, with the data that it was made from.
 
     Attributes:
@@ -58,6 +62,9 @@ class Shadowgraph(PictureView):
         source_angle: full angle that the source subtends [rad].
         exposure: brightness of undisturbed light, 1 for white.
         source: the source's shape, as in a `Bench`.
+        known: pixels whose light is known, shape (ny, nx): none of the rays that begin or land there is doubtful, see
+            `LineOfSight.known`; None for all.
+        measure_error: function of the brightness without sensor noise that returns its error; `error` calls it.
     """
 
     intensity: np.ndarray
@@ -71,6 +78,8 @@ class Shadowgraph(PictureView):
     source_angle: float
     exposure: float
     source: str | Pupil = "disc"
+    known: np.ndarray | None = None
+    measure_error: Callable[[], np.ndarray] | None = field(default=None, repr=False)
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return the picture as a dataset with units."""
@@ -144,22 +153,42 @@ def shadow_picture(
     window = traced.window
     if min(traced.through.shape) < 2:
         raise ValueError(f"a shadowgraph needs at least 2 x 2 rays, got {traced.through.shape}: raise pixel_count")
-    # `displacement` is the ray's displacement in the focal plane: from there it is extended straight to the screen.
-    sine = traced.deflection
-    tangent = sine / np.sqrt(1.0 - np.sum(sine**2, axis=-1, keepdims=True))
-    onward = distance - (traced.focus - window.middle)
-    irradiance = spread(traced, traced.displacement + onward * tangent)
-    if source_angle > 0.0:
-        irradiance = blurred(irradiance, source, distance * source_angle, window.pitch)
+    make = partial(_irradiance, distance=distance, source_angle=source_angle, source=source)
+    irradiance = make([traced])
+    brightness = np.clip(exposure * irradiance, 0.0, 1.0)
+    known = traced.known
+    if traced.doubtful is not None and traced.doubtful.any():
+        lands = spread(traced, _landing(traced, distance), traced.doubtful.astype(np.float64))
+        known = known & (_blurred(lands, window, distance, source_angle, source) <= GREATEST_SHARE)
     return Shadowgraph(
-        intensity=np.clip(exposure * irradiance, 0.0, 1.0),
+        intensity=brightness,
         irradiance=irradiance,
-        **traced.frame,
+        **{**traced.frame, "known": known},
         distance=float(distance),
         source_angle=float(source_angle),
         exposure=float(exposure),
         source=source,
+        measure_error=error_of(brightness, [traced.light], partial(shown_as, make=make, exposure=exposure)),
     )
+
+
+def _irradiance(lights: Iterable[LineOfSight], distance: float, source_angle: float, source: str | Pupil) -> np.ndarray:
+    """Return the irradiance of traced light on a screen, shape (ny, nx)."""
+    (traced,) = lights
+    return _blurred(spread(traced, _landing(traced, distance)), traced.window, distance, source_angle, source)
+
+
+def _landing(traced: LineOfSight, distance: float) -> np.ndarray:
+    """Return the displacement of the rays on a screen [m]: they go straight on from the focal plane."""
+    sine = traced.deflection
+    tangent = sine / np.sqrt(1.0 - np.sum(sine**2, axis=-1, keepdims=True))
+    return np.asarray(traced.displacement + (distance - (traced.focus - traced.window.middle)) * tangent)
+
+
+def _blurred(
+    light: np.ndarray, window: Window, distance: float, source_angle: float, source: str | Pupil
+) -> np.ndarray:
+    return blurred(light, source, distance * source_angle, window.pitch) if source_angle > 0.0 else light
 
 
 def check_screen(distance: float, source_angle: float, exposure: float) -> None:

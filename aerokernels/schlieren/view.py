@@ -1,5 +1,7 @@
-"""Base class of all pictures of a bench: plotting."""
+"""Base classes of pictures of a bench: plotting, and the error of the brightness."""
 
+from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,3 +29,22 @@ class PictureView:
         axes.imshow(self.intensity, origin="lower", extent=ends, cmap="gray", vmin=0.0, vmax=1.0)
         axes.set(xlabel="horizontal [mm]", ylabel="vertical [mm]")
         return axes
+
+
+class TracedPicture(PictureView):
+    """A picture made of traced light.
+
+    Attributes:
+        measure_error: Function that returns the error of each pixel's brightness, shape (ny, nx); None if the light is
+            not known.
+    """
+
+    measure_error: Callable[[], np.ndarray] | None
+
+    @cached_property
+    def error(self) -> np.ndarray:
+        """Error of each pixel's brightness before the sensor, shape (ny, nx); NaN if it is not known.
+
+        The light is traced again when it is first read: see picture_error.py.
+        """
+        return np.full(self.intensity.shape, np.nan) if self.measure_error is None else self.measure_error()

@@ -13,13 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from ..flow import GridMesh, Series, refractivity_model
+from ..device_arrays import host_array
+from ..flow import DensityField, GridMesh, Series, refractivity_model
 from ..rays import as_unit_vector
 from .line_integrals import LineIntegrals
 from .modes import first_zero_weights, integral_length
 from .uncertainty import Mean, mean_of, root_of
 
 RAYS = 49
+
+
+class NotLinkedError(ValueError):
+    """The linking equation does not hold for a series."""
 
 
 def linking_equation(
@@ -45,21 +50,36 @@ def linking_equation(
         "opd_rms_linking" and "opd_rms_path" [m].
 
     Raises:
-        ValueError: Fewer than two snapshots, no uniform grid, or a relation that is not linear.
+        NotLinkedError: Fewer than two snapshots, snapshots on several grids or of several gases, or a relation that is
+            not linear.
     """
     if not isinstance(series.mesh, GridMesh):
-        raise ValueError("the linking equation needs a series on one uniform grid")
+        raise NotLinkedError("the linking equation needs a series on one uniform grid")
     if len(series) < 2:
-        raise ValueError("the linking equation needs at least two snapshots")
+        raise NotLinkedError("the linking equation needs at least two snapshots")
     model = refractivity_model(relation, constant=constant)
     if model.form != "gladstone-dale":
-        raise ValueError(f"relation {relation!r} is not linear in the density: take 'gladstone-dale'")
+        raise NotLinkedError(f"relation {relation!r} is not linear in the density: take 'gladstone-dale'")
     chosen = points[np.unique(np.linspace(0, len(points) - 1, RAYS).round().astype(int))]
     lines = LineIntegrals(series.mesh, chosen, as_unit_vector(direction, "direction"), "linear")
     factor = float(model.constant(wavelength))
-    densities = np.stack([lines.along(series.density(number)) for number in range(len(series))])
+    densities = np.stack([lines.along(_on_grid(series, number)) for number in range(len(series))])
     linked, path = factor**2 * _linked_and_path(densities, lines.path_weights())
     return {"opd_rms_linking": root_of(mean_of(linked)), "opd_rms_path": root_of(mean_of(path))}
+
+
+def _on_grid(series: Series, number: int) -> np.ndarray:
+    """Return the densities of a snapshot [kg/m3] on the grid of the series."""
+    found = series.read(number)
+    if not isinstance(found, DensityField):
+        return host_array(found)
+    if not series.lies_here(found):
+        raise NotLinkedError(
+            f"the linking equation needs all snapshots on one uniform grid: snapshot {number} is elsewhere"
+        )
+    if getattr(found, "composition", None) is not None:
+        raise NotLinkedError(f"the linking equation needs one gas: snapshot {number} is a mixture with a K of its own")
+    return np.asarray(found.density)  # type: ignore[attr-defined]
 
 
 def _linked_and_path(densities: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -246,6 +246,8 @@ def _template(
     def meaning(units: str, words: str) -> dict[str, str]:
         return {"units": units, "long_name": words}
 
+    model = snapshots.model
+    constant = model.constant(settings.wavelength) if model.form == "gladstone-dale" else np.empty(0)
     return xarray.Dataset(
         {"weight": (("y", "x"), grid.weight, meaning("1", "share of the pixel in means over the pupil"))},
         {
@@ -264,6 +266,8 @@ def _template(
             "pupil_axes": np.concatenate(pupil.axes).tolist(),
             "relation": settings.relation,
             **({} if settings.constant is None else {"constant": settings.constant}),
+            # Of a composition as well, unless it varies in space.
+            **({} if np.ndim(constant) else {"gladstone_dale_constant": float(constant)}),
             "pupil": f"{type(pupil).__name__} at {pupil.center.tolist()} m, normal {pupil.normal.tolist()}",
             "tolerance": settings.tolerance,
             "plan": snapshots.reason

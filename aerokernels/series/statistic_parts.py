@@ -49,6 +49,17 @@ def spread_map(values: np.ndarray, lit: np.ndarray) -> np.ndarray:
     return found
 
 
+def terms_of(dataset: Any) -> tuple[str, ...]:
+    """Return the names of the terms that were removed from a dataset's maps; piston and tilt where it does not say."""
+    return tuple(term.strip() for term in str(dataset.attrs.get("remove", "piston,tilt")).split(","))
+
+
+def in_time(dataset: Any, *names: str) -> np.ndarray:
+    """Return numbers of each snapshot, shape (t, n); `dataset.where(...)` repeats them in all pixels that it keeps."""
+    found = [dataset[name] for name in names]
+    return np.stack([one.max([axis for axis in one.dims if axis != "time"]).values for one in found], axis=1)
+
+
 def pupil_width(x: np.ndarray, y: np.ndarray) -> float:
     """Return the pupil's greater side [m]."""
     sides = [float(axis[-1] - axis[0]) * len(axis) / (len(axis) - 1) for axis in (x, y) if len(axis) > 1]
@@ -180,31 +191,34 @@ def _error_by_parts(values: list) -> np.ndarray:
 
 
 def add_linking(table, dataset, series, opd, points, weight, wavelength) -> None:
-    """Add the linking equation, and the corresponding number of the maps."""
+    """Add the linking equation, and the corresponding number of the maps where no focus was removed from them."""
     about = dataset.attrs
     missing = [name for name in ("pupil_center", "pupil_axes", "direction") if name not in about]
     if missing:
         raise ValueError(f"series goes with a dataset of optical_series; this one has no {missing[0]}")
     axes = np.asarray(about["pupil_axes"]).reshape(2, 3)
     start = np.asarray(about["pupil_center"]) + points @ axes
+    linear = "gladstone_dale_constant" in about
     found = linking_equation(
         series,
         start,
         about["direction"],
         wavelength,
-        relation=about.get("relation", "gladstone-dale"),
-        constant=about.get("constant"),
+        relation="gladstone-dale" if linear else about.get("relation", "gladstone-dale"),
+        constant=about["gladstone_dale_constant"] if linear else about.get("constant"),
     )
     words = {"opd_rms_linking": "the linking equation", "opd_rms_path": "the covariance of density along the rays"}
     for name, mean in found.items():
         table.number(name, mean, "m", f"rms of optical path differences in time at a point, by {words[name]}")
     centred = points - weight @ points
     whole = opd + 0.0
-    terms = str(about.get("remove", "")).split(",")
+    terms = terms_of(dataset)
+    if "focus" in terms:
+        return
     if "piston" in terms:
-        whole += dataset["piston"].values[:, None]
+        whole += in_time(dataset, "piston")
     if "tilt" in terms:
-        whole += np.stack([dataset["boresight_x"].values, dataset["boresight_y"].values], axis=1) @ centred.T
+        whole += in_time(dataset, "boresight_x", "boresight_y") @ centred.T
     unsteady = (whole - whole.mean(axis=0)) ** 2 @ weight * len(whole) / max(len(whole) - 1, 1)
     described = "rms of optical path differences in time at a point, by the maps"
     table.number("opd_rms_point", root_of(mean_of(unsteady)), "m", described)

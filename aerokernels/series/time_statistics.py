@@ -14,6 +14,8 @@ from ..inputs.arguments import checked, seconds
 from ..inputs.checks import check_count, check_positive
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..inputs.written_units import unit_of
+from ..wavefront import weighted_mean
+from .linking import NotLinkedError
 from .modes import orthogonal_modes
 from .pupil_grid import MapReader
 from .statistic_parts import (
@@ -24,8 +26,10 @@ from .statistic_parts import (
     add_modes,
     add_spectra,
     covers_of,
+    in_time,
     pupil_width,
     spread_map,
+    terms_of,
 )
 from .uncertainty import Mean, mean_of, root_of
 
@@ -102,7 +106,7 @@ def statistics(
         about = (tilts[:, k] - tilts[:, k].mean()) ** 2
         table.number(f"jitter_{axis}", root_of(mean_of(about)), "rad", f"tilt along {axis} about its mean, rms")
     table.number("strehl", mean_of(ratios), "1", "Strehl ratio, exact mean")
-    variance = squares[:, 1] if "tilt" in str(dataset.attrs.get("remove", "piston,tilt")) else squares[:, 0]
+    variance = squares[:, 1] if "tilt" in terms_of(dataset) else squares[:, 0]
     large = np.exp(-((2.0 * np.pi / wave) ** 2) * variance)
     table.number("strehl_large_aperture", mean_of(large), "1", "Strehl ratio, large-aperture approximation")
     coordinates: dict[str, Any] = {"time": time, "y": y, "x": x}
@@ -116,10 +120,10 @@ def statistics(
     add_modes(table, coordinates, opd, weight, lit, int(mode_count))
     add_correlation(table, coordinates, opd, lit, x, y)
     if series is not None:
-        if len(opd) > 1:
+        try:
             add_linking(table, dataset, series, opd, points, weight, wave)
-        else:
-            skipped.append("the linking equation needs at least two snapshots")
+        except NotLinkedError as fault:
+            skipped.append(str(fault))
     return _dataset(table, coordinates, dataset, wave, skipped)
 
 
@@ -170,21 +174,20 @@ def _checked(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _readings(dataset: Any, opd: np.ndarray, points: np.ndarray, weight: np.ndarray, wavelength: float):
     """Return tilts (t, 2), mean squares with and without tilt (t, 2), and Strehl ratios (t,).
 
-    They are taken from the dataset where it has them, and computed from the maps otherwise.
+    They are those of the maps, which may be a part of the pupil, filtered, or at another wavelength than the dataset's
+    own numbers. A tilt that was removed from the maps is added back.
     """
     reader = MapReader(points, weight, ("piston",), wavelength)
     found = [reader(one) for one in opd]
-    tilts = np.array([one.tilt for one in found])
+    left = np.array([one.tilt for one in found])
+    removed = np.zeros_like(left)
+    if "tilt" in terms_of(dataset) and {"boresight_x", "boresight_y"} <= set(dataset.data_vars):
+        removed = in_time(dataset, "boresight_x", "boresight_y")
     squares = np.array([[one.rms**2, one.rms_without_tilt**2] for one in found])
-    ratios = np.array([one.strehl for one in found])
-    if {"boresight_x", "boresight_y"} <= set(dataset.data_vars):
-        tilts = np.stack([dataset["boresight_x"].values, dataset["boresight_y"].values], axis=1)
-    for k, name in enumerate(("opd_rms_with_tilt", "opd_rms")):
-        if name in dataset:
-            squares[:, k] = (dataset[name].values * _unit(dataset, name)) ** 2
-    if "strehl" in dataset:
-        ratios = dataset["strehl"].values
-    return tilts, squares, ratios
+    centred = points - weighted_mean(weight, points)
+    products = np.einsum("nk,n,nl->kl", centred, weight, centred)
+    squares[:, 0] += np.einsum("tk,kl,tl->t", removed, products, removed + 2.0 * left)
+    return left + removed, squares, np.array([one.strehl for one in found])
 
 
 def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray) -> None:

@@ -68,6 +68,8 @@ class TracePlan:
             P is the momentum across the ray and p_t the momentum along it.
         sampling: Distance of the leapfrog samples, from which a ray's error includes structure between them, see
             unresolved.py; None where that is negligible.
+        steepest: Greatest absolute components of a ray's unit vector for which the number of leapfrog samples holds;
+            steeper rays are traced again. None where all directions are known.
         lever_arms: How far the rays fly and at what angle they meet the stop, see lever_arms.py; None where it was not
             needed.
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
@@ -91,6 +93,7 @@ class TracePlan:
     quadrature_error_scale: float = 0.0
     trajectory_error_scale: float = 0.0
     sampling: Sampling | None = None
+    steepest: tuple[float, float, float] | None = None
     lever_arms: LeverArms | None = None
     predicted_evaluations: float | None = None
     predicted_error: float | None = None

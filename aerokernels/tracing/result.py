@@ -111,8 +111,12 @@ class TraceResult:
         """
         if self.known_air is None:
             return np.zeros(self.ray_count)
-        known = self.position is not None and self.direction is not None
-        return np.asarray(self.known_air.lost((self.position, self.direction) if known else None))
+        return np.asarray(self.known_air.lost(self.ends))
+
+    @property
+    def ends(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Where the rays ended [m] and their directions there, both (ray_count, 3); None if not both were requested."""
+        return None if self.position is None or self.direction is None else (self.position, self.direction)
 
     @cached_property
     def status(self) -> np.ndarray:

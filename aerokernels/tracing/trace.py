@@ -136,7 +136,8 @@ def trace(
 
 
 def _budget(field: IndexField, rays: RayBundle, retrace: Retrace, result: TraceResult) -> dict[str, float]:
-    return error_budget(field, rays, result.ok, result.plan, retrace, result.truncation)
+    ends = None if result.known_air is None else result.known_air.needed(result.ends)
+    return error_budget(field, rays, result.ok, result.plan, retrace, result.truncation, ends)
 
 
 def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> dict:

@@ -6,6 +6,7 @@ A pixel has one sample, at its centre, and the mean amplitude of its area. Error
                    and Schwarz, s^2 = <|A|^2> - w^2; edges that coincide after the shift, as those of a rectangle
                    shifted along an edge, reach this bound
     the moments    twice the second-order deficit of the shares of edge pixels (pixel_weights.py)
+    the halves     twice the change with pixels of half the side (half_pixels.py)
     the samples    the standard error of the mean over the four grids of every other row and column, and what that mean
                    differs by where the number is not linear in the transfer function
 
@@ -22,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from .data import WavefrontMap
+from .half_pixels import halved
 from .modes import centroid_weights
 from .pixel_errors import INTERLEAVED, SAFETY, pixel_errors
 from .pixel_weights import exact_weights
@@ -61,20 +63,26 @@ def sensitivity_errors(wavefront: WavefrontMap, fried: float) -> np.ndarray:
         return normalised_sensitivity(otf, wavefront.wavelength, fried, cubic)
 
     transfer = transfer_function(wavefront)
-    coincident, moments, spread, mean = _parts(wavefront, number)
+    coincident, moments, halves, spread, mean = _parts(wavefront, number)
     by_spacing = number(transfer, False) - number(transfer)
-    return np.asarray(np.linalg.norm(np.array([coincident, moments, SAFETY * spread, mean, by_spacing])))
+    return np.asarray(np.linalg.norm(np.array([coincident, moments, halves, SAFETY * spread, mean, by_spacing])))
 
 
 def _parts(wavefront: WavefrontMap, number: Callable[[Transfer], Any]) -> list[np.ndarray]:
-    """Return the parts of the error of a number: by the shares, the moments, the samples, and their mean.
+    """Return the parts of the error of a number: by the shares, the moments, the halves, the samples, and their mean.
 
     The mean over the four grids differs from the number where that is not linear in the transfer function.
     """
     plain = np.asarray(number(transfer_function(wavefront)))
-    coincident, exact, *grids = (np.asarray(number(one)) for one in _transfers(wavefront))
+    coincident, exact, halves, *grids = (np.asarray(number(one)) for one in _transfers(wavefront))
     spread = np.sqrt(np.var(grids, axis=0, ddof=1) / len(grids))
-    return [np.abs(coincident - plain), SAFETY * np.abs(exact - plain), spread, np.abs(np.mean(grids, axis=0) - plain)]
+    return [
+        np.abs(coincident - plain),
+        SAFETY * np.abs(exact - plain),
+        SAFETY * np.abs(halves - plain),
+        spread,
+        np.abs(np.mean(grids, axis=0) - plain),
+    ]
 
 
 def encircled_errors(wavefront: Any, angle: np.ndarray, center: np.ndarray, is_centroid: bool) -> np.ndarray:
@@ -112,7 +120,7 @@ def centroid_errors(wavefront: Any) -> np.ndarray:
 
 
 def _transfers(wavefront: WavefrontMap) -> Iterator[Transfer]:
-    """Yield the transfer functions of coincident edges, of the exact weights, and of each interleaved grid."""
+    """Yield the transfer functions of coincident edges, exact weights, half pixels, and each interleaved grid."""
     weight, intensity = np.asarray(wavefront.weight), np.asarray(wavefront.intensity)
     lit, plain = wavefront.lit, transfer_function(wavefront)
 
@@ -124,6 +132,10 @@ def _transfers(wavefront: WavefrontMap) -> Iterator[Transfer]:
     yield _at_rest(replace(plain, value=plain.value + more, perfect=plain.perfect + perfect.real))
     exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
     value, perfect = (autocorrelation(one) / wavefront.power for one in (wave(exact), exact))
+    yield _at_rest(replace(plain, value=value, perfect=perfect.real))
+    finer, shares = halved(wavefront)
+    finest = shares * complex_amplitude(finer, (shares > 0.0).astype(np.float64), wavefront.wavelength)
+    value, perfect = (autocorrelation(one)[1::2, 1::2] / (4.0 * wavefront.power) for one in (finest, shares))
     yield _at_rest(replace(plain, value=value, perfect=perfect.real))
     for every in INTERLEAVED:
         some = np.zeros(weight.shape)

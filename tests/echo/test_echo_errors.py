@@ -8,6 +8,7 @@ import pytest
 from aerokernels import echo
 from aerokernels.echo.prediction import predict_echo
 from aerokernels.echo.pulse_curve import peak_height
+from aerokernels.medium import Body, IndexField
 from aerokernels.scene import Scene
 from tests.echo.lump_of_gas import lump
 from tests.echo.test_return_paths import blob_field, washer
@@ -179,6 +180,41 @@ def test_a_pupil_that_is_partly_blocked_has_the_error_of_its_rays(kind, ray_coun
     difference = abs(few.peak_power - many.peak_power)
     assert difference > 0.1 * many.peak_power
     assert difference <= few.errors.peak_power <= 3.0 * difference
+
+
+@pytest.mark.parametrize("ray_count", [6, 23, 36, 61])
+def test_few_rays_on_the_same_rings_tell_what_is_between_them(ray_count):
+    """Set-up: a lump of 2 mm on the axis, 30 m before the target: OPD sqrt(pi) w m exp(-(r / w)^2) over 6 mm.
+
+    Formula: the Strehl ratio is |2 / R^2 int exp(i k OPD) r dr|^2. Error: rays that are not parallel, 1e-4 of r.
+    Half of 23 rays lie on the same two rings, whose mean is the same: the told error was a millionth of what it is.
+    """
+    width, strength, radius = 2e-3, 4e-5, 6e-3
+    r, z = np.arange(0.0, 0.0121, 2.5e-4), np.arange(0.0, 0.0121, 2.5e-4)
+    contrast = strength * np.exp(-(r[:, None] ** 2 + (z - 6e-3) ** 2) / width**2)
+    field = IndexField.from_samples(contrast, origin=(0.0, 0.0), spacing=(2.5e-4, 2.5e-4), geometry="axisymmetric")
+    found = echo(scene(**{"receiver.ray_count": ray_count, "target.distance": "30 m"}), field=field, phase_error=0.0)
+    node, weight = np.polynomial.legendre.leggauss(200)
+    squared = 0.5 * (node + 1.0) * radius**2
+    opd = math.sqrt(math.pi) * width * strength * np.exp(-squared / width**2)
+    exact = abs(0.5 * weight @ np.exp(2j * math.pi / 905e-9 * opd)) ** 2
+    off = abs(found.mean_strehl - exact)
+    assert off > 1e-3 and off <= found.errors.strehl <= 3.0 * off
+    assert abs(found.peak_power - found.peak_power / found.mean_strehl * exact) <= found.errors.peak_power
+
+
+@pytest.mark.parametrize("kind", ["bucket", "strehl"])
+def test_a_body_that_falls_between_the_rays_is_in_the_error(kind):
+    """Set-up: seven rays on one ring, 4.2 mm from the axis, in front of a hole of 5 mm: none of them is blocked.
+
+    Formula: the open share is (5 mm x 1.5 / 1.492 / 6 mm)^2 = 0.702, the peak 1 / 0.702 of it. It was told exact.
+    """
+    corner = np.array([[0.005, 0.0], [0.012, 0.0], [0.012, 0.002], [0.005, 0.002]])
+    settings = {"receiver.return_factor": kind, "receiver.ray_count": 7, "beam.exit_radius": "1 mm"}
+    found = echo(scene(**settings), field=blob_field(1e-7, Body(corner)), phase_error=0.0)
+    assert found.beam_mean(found.return_factor) == pytest.approx(1.0, abs=1e-3)
+    off = found.peak_power * (1.0 - 0.702)
+    assert off <= found.errors.peak_power <= 3.0 * off
 
 
 def test_the_least_light_of_a_saturated_amplifier_is_that_which_reaches_the_threshold():

@@ -8,11 +8,13 @@ import pytest
 
 from aerokernels import Camera, Disc, DotPattern, IndexField, Rectangle
 from aerokernels.imaging.camera import rows_and_columns
-from aerokernels.imaging.displacement_error import _left, _pixels_around, by_points
+from aerokernels.imaging.displacement_error import _around, by_points
 from aerokernels.imaging.dots import Background, _box
 from aerokernels.imaging.render import hat
 from aerokernels.imaging.shift import _others, aperture
 from aerokernels.imaging.through import filled
+from aerokernels.medium.level_maps import changes_between, pixels_around, remaining_error
+from aerokernels.medium.levels import LOWEST_ORDER, RefinementLevels
 
 
 def test_a_camera_by_the_lens_equation():
@@ -146,26 +148,24 @@ def test_errors_are_extrapolated_by_the_order_around_each_pixel():
     away = float((0.5 * (low + high) - camera.pupil.center) @ camera.pupil.normal)
     width = 5e-3 / (away * camera.pixel_tangent)
     around = 2 * min(max(math.ceil(4.0 * width), 1), 12) + 1
-    assert _pixels_around(field, camera, (12, 12)) == around
-    assert _pixels_around(SimpleNamespace(is_uniform=False), camera, (12, 12)) == 3
+    assert _around(field, camera, (12, 12, 2)) == around
+    assert pixels_around(SimpleNamespace(is_uniform=False), 1e-3, (12, 12)) == 3
     near = Camera(Rectangle(1e-3, 1e-3, (0.0, 0.0, 0.51)), 0.05, 5e-5, 12)
     size = math.hypot(0.04, 0.032)
-    assert (
-        _pixels_around(field, near, (400, 3)) == 2 * min(math.ceil(4.0 * 5e-3 / (size * near.pixel_tangent)), 400) + 1
-    )
-    for first, second, order in ((1e-3, 4e-3, 2.0), (1e-3, 1e-1, 4.0), (1e-3, 1e-4, None)):
-        found = _left(field, camera, [np.full((12, 12), first), np.full((12, 12), second)], 0.3)
-        if order is None:
-            from aerokernels.medium.levels import LOWEST_ORDER
-
-            order = LOWEST_ORDER
-        np.testing.assert_allclose(found, first / (2.0**order - 1.0))
-    np.testing.assert_allclose(_left(field, camera, [np.full((12, 12), 0.2)], 0.3), 0.06)
+    assert _around(field, near, (400, 3)) == 2 * min(math.ceil(4.0 * 5e-3 / (size * near.pixel_tangent)), 400) + 1
+    levels = RefinementLevels(field, field, field, 0.3)
+    for first, second, order in ((1e-3, 4e-3, 2.0), (1e-3, 1e-1, 4.0), (1e-3, 1e-4, LOWEST_ORDER)):
+        changes = [np.full((12, 12), first), np.full((12, 12), second)]
+        np.testing.assert_allclose(remaining_error(levels, changes, around), first / (2.0**order - 1.0))
+    np.testing.assert_allclose(remaining_error(levels, [np.full((12, 12), 0.2)], around), 0.06)
     spot = np.zeros((12, 12))
     spot[6, 6] = 1.0
-    wide = _left(field, camera, [spot], 1.0)
-    half = around // 2
-    assert wide.sum() == min(12, 6 + half + 1) ** 2 if half >= 6 else wide.sum() == around**2
+    for width, lit in ((1, 1), (3, 9), (5, 25), (13, 144)):
+        wide = remaining_error(levels, [spot], width)
+        assert np.count_nonzero(wide) == lit and wide.max() == 0.3
+    maps = changes_between([spot, 3.0 * spot, np.full((12, 12), np.nan)])
+    assert maps[0].max() == 2.0 and np.isnan(maps[1]).all()
+    assert not remaining_error(levels, maps[1:], 3).any()
     assert (_others(4, 16), _others(15, 16), _others(16, 16), _others(4, 3), _others(40, 16)) == (16, 16, 4, 2, 10)
 
 

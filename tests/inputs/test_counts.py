@@ -1,5 +1,7 @@
 """Counts, sizes and seeds may be floats without a fraction, 1e4 among them; other floats and True are refused."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -90,3 +92,13 @@ def test_limits_of_counts():
     for wrong in (15.0, 17.0, 16.5, True, None, "16"):
         with pytest.raises(ValueError, match="ray_count must be a whole number from 16 to 16"):
             check_count(wrong, "ray_count", 16, 16)
+
+
+@pytest.mark.parametrize(
+    "number", [np.float32(0.25), np.float64(0.25), np.array(0.25), np.longdouble(0.25), Fraction(1, 4)]
+)
+def test_single_numbers_arrive_as_floats(number):
+    """Whatever is computed from one of NumPy's float32 alone would be in single precision; int16 would overflow."""
+    assert type(Disc(number).radius) is float and Disc(number).radius == 0.25
+    assert type(Disc(np.int16(300)).radius) is float and Disc(np.int16(300)).area == pytest.approx(np.pi * 300**2)
+    assert type(Disc(2).radius) is int

@@ -153,6 +153,15 @@ def test_strehl_ratio_of_a_phase_plate_through_every_shape(name: str, engine: st
     assert found.blocked == 0.0
 
 
+@pytest.mark.parametrize("engine", ["warp-cpu", "opencl-cpu"])
+def test_sizes_in_single_precision_are_those_numbers(engine: str):
+    """As slices of float32 arrays have them. By OpenCL the annulus lost its obstruction, by Warp the launch failed."""
+    field, options = phase_plate(plate_opd, 4.2e-3), {"ray_count": 1 << 10, "wavelength": WAVELENGTH, **on(engine)}
+    outer, inner = np.float32(2e-3), np.float32(1.5e-3)
+    found = estimate_strehl(field, Annulus(outer, inner), **options)
+    assert found.value == estimate_strehl(field, Annulus(float(outer), float(inner)), **options).value
+
+
 def test_an_annulus_on_the_axis_is_traced_by_radial_quadrature():
     """Axisymmetric field and pupil: radial quadrature gives the Strehl ratio of the annulus, focus removed or not."""
     r, z = np.linspace(0.0, 5e-3, 51), np.linspace(0.0, 4e-3, 25)

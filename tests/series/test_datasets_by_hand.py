@@ -95,3 +95,69 @@ def test_three_pixels_are_a_pupil():
     shares = covers_of(np.array([0.0, 1e-3]), np.array([0.0, 2e-3]), np.ones((2, 2), dtype=bool))(2e-3)
     edges = 1e-3 * np.array([-1.0, 0.0, 1.0]), 2e-3 * np.array([-1.0, 0.0, 1.0])
     np.testing.assert_allclose(shares, Disc(1e-3).coverage(*edges).ravel())
+
+
+@pytest.mark.parametrize("terms", [("piston",), ("piston", "tilt"), ("piston", "tilt", "focus")])
+def test_statistics_are_those_of_the_maps_given(terms: tuple[str, ...]):
+    """Another wavelength, a part of the pupil, maps without their mean: fitted anew by least squares.
+
+    A dataset's own Strehl ratios and rms, of the whole pupil at its wavelength, were taken for those of the maps.
+    """
+    draw = np.random.default_rng(12)
+    grid = pupil_grid(Disc(0.01), 8)
+    x, y = np.meshgrid(grid.x, grid.y)
+    amplitude = 1e-7 * draw.normal(size=(20, 5, 1, 1))
+    basis = np.stack([x, y, 50.0 * (x**2 + y**2), np.sin(500.0 * x), np.cos(400.0 * (x + y))])
+    whole = np.sum(amplitude * basis / np.abs(basis).max(axis=(1, 2), keepdims=True), axis=1)
+
+    def fit(maps: np.ndarray, lit: np.ndarray, terms: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Return coefficients of x and y, and the maps without the terms."""
+        columns = [np.ones(lit.sum())]
+        columns += [x[lit], y[lit]] if "tilt" in terms else []
+        columns += [(x**2 + y**2)[lit]] if "focus" in terms else []
+        root = np.sqrt(grid.weight[lit])
+        found = np.linalg.lstsq(np.stack(columns, axis=1) * root[:, None], maps[:, lit].T * root[:, None])[0]
+        left = np.full(maps.shape, np.nan)
+        left[:, lit] = maps[:, lit] - (np.stack(columns, axis=1) @ found).T
+        return found[1:3].T, left
+
+    def mean(maps: np.ndarray, lit: np.ndarray) -> np.ndarray:
+        return np.average(maps[:, lit], weights=grid.weight[lit], axis=1)
+
+    tilt, flat = fit(whole, grid.lit, ("tilt",))
+    opd = fit(whole, grid.lit, terms)[1]
+    times = ("time",)
+    numbers = {"strehl": np.abs(mean(np.exp(2j * np.pi / WAVELENGTH * opd), grid.lit)) ** 2}
+    numbers |= {"boresight_x": tilt[:, 0], "boresight_y": tilt[:, 1]}
+    numbers |= {"opd_rms": np.sqrt(mean(flat**2, grid.lit)), "piston": mean(whole, grid.lit)}
+    numbers["opd_rms_with_tilt"] = np.sqrt(mean(fit(whole, grid.lit, ("piston",))[1] ** 2, grid.lit))
+    dataset = xarray.Dataset(
+        {"opd": (("time", "y", "x"), opd), "weight": (("y", "x"), grid.weight)}
+        | {name: (times, value) for name, value in numbers.items()},
+        {"time": np.arange(20.0), "y": grid.y, "x": grid.x},
+        {"wavelength": WAVELENGTH, "remove": ",".join(terms)},
+    )
+    part = np.abs(x) < 0.006
+    steady = dataset.assign(opd=dataset.opd - dataset.opd.mean("time"))
+    for data, wavelength in (
+        (dataset, WAVELENGTH),
+        (dataset, 2.5 * WAVELENGTH),
+        (dataset.where(xarray.DataArray(part, dims=("y", "x"))), WAVELENGTH),
+        (dataset.isel(x=slice(2, 6)), WAVELENGTH),
+        (steady, WAVELENGTH),
+    ):
+        found = statistics(data, wavelength=wavelength)
+        maps = np.full(opd.shape, np.nan)
+        there = np.isin(grid.x, data.x)
+        maps[:, :, there] = data.opd.values
+        lit = np.isfinite(maps).all(axis=0) & grid.lit
+        ratio = np.abs(mean(np.exp(2j * np.pi / wavelength * maps), lit)) ** 2
+        assert float(found.strehl) == pytest.approx(ratio.mean(), rel=1e-9, abs=0.0)
+        level = fit(maps, lit, ("tilt",))[1]
+        assert float(found.opd_rms) == pytest.approx(np.sqrt(mean(level**2, lit).mean()), rel=1e-9, abs=0.0)
+        if "focus" in terms:
+            continue  # a part of the pupil has the tilt of the focus too, which no dataset has
+        plane = tilt[:, :1, None] * x + tilt[:, 1:, None] * y if "tilt" in terms else 0.0
+        total, left = fit(maps + plane, lit, ("tilt",))[0], fit(maps + plane, lit, ("piston",))[1]
+        assert float(found.boresight_x) == pytest.approx(total[:, 0].mean(), rel=1e-9, abs=1e-15)
+        assert float(found.opd_rms_with_tilt) == pytest.approx(np.sqrt(mean(left**2, lit).mean()), rel=1e-9, abs=0.0)

@@ -78,3 +78,41 @@ def test_statistics_add_back_what_was_removed_from_the_maps(count: int, remove: 
     for name, mean in linked.items():
         assert float(found[name]) == pytest.approx(mean.value, rel=1e-9, abs=0.0)
     assert float(found.opd_rms_path) == pytest.approx(point, rel=0.1, abs=0.0)
+
+
+def test_the_constant_is_the_one_of_the_maps():
+    """Helium refracts less than air by its K at this wavelength: all three numbers do so in one proportion."""
+    series, options = moving(5), {"pixel_count": 8, "wavelength": WAVELENGTH}
+    pupil = Rectangle(0.012, 0.009, (1e-3, -1e-3, 2e-3))
+    air, helium = (
+        statistics(optical_series(series, pupil, composition=gas, **options), series=series)
+        for gas in (None, {"He": 1.0})
+    )
+    ratio = float(flow.refractivity_model(composition={"He": 1.0}).constant(WAVELENGTH)) / float(
+        flow.refractivity_model().constant(WAVELENGTH)
+    )
+    assert ratio < 0.9
+    for name in ("opd_rms_linking", "opd_rms_path"):
+        assert float(helium[name]) == pytest.approx(ratio * float(air[name]), rel=1e-9, abs=0.0)
+    assert float(helium.opd_rms_point) == pytest.approx(float(helium.opd_rms_path), rel=0.1, abs=0.0)
+
+
+def test_series_without_a_linking_equation_have_their_other_statistics():
+    """Grids that move along with the flow, a mixture, a relation that is not linear: named in `skipped`."""
+    series, pupil, options = moving(4), Rectangle(0.012, 0.009, (1e-3, -1e-3, 2e-3)), {"pixel_count": 4}
+    grid = series.mesh
+    fields = [
+        flow.GridDensity(series.density(k), np.add(grid.origin, (1e-3 * k, 0.0, 0.0)), grid.spacing, "volume", 0.9)
+        for k in range(4)
+    ]
+    moved = flow.open_series(fields, time_step=2e-5)
+    for each, more, words in (
+        (moved, {}, "snapshot 1 is elsewhere"),
+        (series, {"relation": "lorentz-lorenz"}, "not linear"),
+    ):
+        found = statistics(optical_series(each, pupil, **options, **more), series=each)
+        assert words in found.attrs["skipped"]
+        assert "opd_rms_path" not in found and float(found.opd_rms) > 0.0
+    blurred = optical_series(series, pupil, remove=("piston", "tilt", "focus"), **options)
+    found = statistics(blurred, series=series)
+    assert "opd_rms_path" in found and "opd_rms_point" not in found

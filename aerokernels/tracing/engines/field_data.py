@@ -26,6 +26,8 @@ from ..support import left_out, support_box
 KEPT = 16  # speed only
 # A mesh whose coordinates exceed so many lengths of its box counts as far from 0.
 FAR_BOX = 2.0
+# Directions are rounded to single precision before they are compared.
+ROUNDED_UP = 1.0 + 1e-6
 # Greatest count of steps: the kernels' counters have 32 bits.
 MOST_STEPS = 2**31 - 1
 # No ray in the box meets a plane further than this from the box, however its last step rounds [cells].
@@ -206,6 +208,7 @@ def stop_kind(until) -> str:
 def plan_members(plan: TracePlan, outputs: frozenset) -> dict[str, object]:
     """Return the members of Control that depend on the plan and the requested outputs alone."""
     return {
+        "steepest": ROUNDED_UP * np.array(plan.steepest or (1.0, 1.0, 1.0)),
         "quadrature_error_scale": plan.quadrature_error_scale,
         "trajectory_error_scale": plan.trajectory_error_scale,
         "sample_count": plan.sample_count,

@@ -104,6 +104,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("quadrature_error_scale", "real", "leapfrog: share of a difference that counts as the error"),
         Value("trajectory_error_scale", "real", "leapfrog: share of int P^2 / w dt that counts as the error"),
         Value("sample_count", "int", "leapfrog: samples of a ray, a multiple of three"),
+        Value("steepest", "real3", "leapfrog: greatest components of unit vectors for which these samples suffice"),
         Value("left_potential", "real", "leapfrog: greatest potential outside the support"),
         Value("left_slope", "real", "leapfrog: greatest slope outside the support [1/m]"),
         Value("outputs", "int", "requested outputs of a ray, a bit each, see result.py"),

@@ -39,7 +39,7 @@ from ..status import reached
 from ..stop import Plane
 from .average_deficit import deficit_integrals
 from .grid_error import greatest, grid_error
-from .known_air import may_be_lost
+from .known_air import Ends, may_be_lost
 from .rays import subset
 
 SAFETY = 3.0
@@ -184,16 +184,24 @@ def _change(one, other) -> np.ndarray:
 
 
 def error_budget(
-    field: IndexField, rays: RayBundle, good: np.ndarray, plan: TracePlan, retrace: Retrace, lost: np.ndarray
+    field: IndexField,
+    rays: RayBundle,
+    good: np.ndarray,
+    plan: TracePlan,
+    retrace: Retrace,
+    lost: np.ndarray,
+    ends: Ends | None = None,
 ) -> dict[str, float]:
     """The budget of a trace [m of OPD]: the greatest error of each cause over the rays that arrived.
 
     `good` says which arrived, `lost` is the OPD that each may have lost where the known air ends [m], both of shape
-    (ray_count,).
+    (ray_count,). `ends` are the traced end points [m] and directions by which it was estimated; None: straight lines.
     """
-    chosen = subset(field, rays, good) if good.any() else None
-    if chosen is None:
+    if not good.any():
         return dict.fromkeys((*CAUSES, "total"), float("nan"))
+    rows = subset(field, rays, good)
+    chosen = rays.rows(rows)
+    ended = None if ends is None else (ends[0][rows], ends[1][rows])
     found = opd_errors(field, chosen, plan, retrace)
     refractivity, omitted = _greatest(found.pop("refractivity")), greatest(found.pop("omitted"))
     causes = {cause: SAFETY * _greatest(array) for cause, array in found.items()}
@@ -202,7 +210,8 @@ def error_budget(
     causes["refractivity"] = refractivity
     causes["precision"] += float64_rounding(field, chosen)
     causes["bundle"] = 0.0 if plan.bundle is None else plan.bundle.error
-    causes["truncation"] = SAFETY * max(_greatest(lost[good]), _greatest(faintly_lost(field, chosen, retrace.until)))
+    faint = faintly_lost(field, chosen, retrace.until, ended)
+    causes["truncation"] = SAFETY * max(_greatest(lost[good]), _greatest(faint))
     return combine(causes)
 
 
@@ -211,9 +220,9 @@ def column_error(field: IndexField) -> float:
     return 0.0 if field.upstream is None else field.upstream.columns
 
 
-def faintly_lost(field: IndexField, rays: RayBundle, until) -> np.ndarray:
+def faintly_lost(field: IndexField, rays: RayBundle, until, ends: Ends | None = None) -> np.ndarray:
     """OPD that each of a few rays may lose where the known air ends [m], down to rounding, shape (ray_count,)."""
-    return may_be_lost(field, rays, until, float64_rounding(field, rays))[0]
+    return may_be_lost(field, rays, until, float64_rounding(field, rays), ends)[0]
 
 
 def combine(causes: dict[str, float]) -> dict[str, float]:

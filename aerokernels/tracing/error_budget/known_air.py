@@ -46,6 +46,7 @@ CHUNK = 1 << 13  # speed only
 PLACES_BESIDE, PLACES_ALONG = 16, 3
 # Bundles of one chunk whose crossings of a box are cached with a grid's node positions.
 CACHED = 2  # speed only
+Ends = tuple[np.ndarray, np.ndarray]  # where rays ended [m] and their directions there, both (ray_count, 3)
 BESIDE = -1  # in place of a face, for a ray that passes beside the box or crosses the rim of a mesh
 
 
@@ -65,11 +66,13 @@ class KnownAir:
     until: Plane | ArcLength | None
     tolerance: float
 
-    def lost(self, ends: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
+    def lost(self, ends: Ends | None = None) -> np.ndarray:
         """OPD that each ray may have lost [m], (ray_count,); `ends` are traced end points [m] and directions."""
-        # Straight lines are taken wherever they suffice, so that the answer does not depend on the requested outputs.
-        ends = ends if ends is not None and may_bend(self.field) else None
-        return may_be_lost(self.field, self.rays, self.until, self.tolerance, ends)[0]
+        return may_be_lost(self.field, self.rays, self.until, self.tolerance, self.needed(ends))[0]
+
+    def needed(self, ends: Ends | None) -> Ends | None:
+        """Return traced ends where straight lines do not suffice: the answer depends on the requested outputs there."""
+        return ends if ends is not None and may_bend(self.field) else None
 
 
 def may_bend(field: IndexField) -> bool:
@@ -106,7 +109,7 @@ def _find_face_strengths(field: IndexField) -> np.ndarray:
 
 
 def may_be_lost(
-    field: IndexField, rays: RayBundle, until, tolerance: float, ends: tuple[np.ndarray, np.ndarray] | None = None
+    field: IndexField, rays: RayBundle, until, tolerance: float, ends: Ends | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """OPD that each ray may lose [m] where the known air ends, and the face with the greatest loss, both (ray_count,).
 

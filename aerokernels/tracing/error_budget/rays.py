@@ -27,8 +27,8 @@ DIFFERENCES = {"cubic": (1.0, -4.0, 6.0, -4.0, 1.0)}
 OTHER_DIFFERENCES = (1.0, -2.0, 1.0)
 
 
-def subset(field: IndexField, rays: RayBundle, good: np.ndarray) -> RayBundle:
-    """Return up to SUBSET of the rays that arrived; `good` says which did, shape (ray_count,)."""
+def subset(field: IndexField, rays: RayBundle, good: np.ndarray) -> np.ndarray:
+    """Return the rows of up to SUBSET of the rays that arrived; `good` says which did, shape (ray_count,)."""
     arrived = np.flatnonzero(good)
     rows = _evenly(arrived, SUBSET)
     if len(arrived) > SUBSET and field.is_uniform:
@@ -37,7 +37,7 @@ def subset(field: IndexField, rays: RayBundle, good: np.ndarray) -> RayBundle:
         strength = roughness(field, some.position, some.direction)
         sharpest = compared[np.argsort(strength, kind="stable")[-SHARPEST:]]
         rows = np.union1d(_evenly(arrived, SUBSET - SHARPEST), sharpest)
-    return rays.rows(rows)
+    return rows
 
 
 def _evenly(rows: np.ndarray, count: int) -> np.ndarray:

@@ -42,6 +42,12 @@ SPACING_MARGIN, LENGTHS = 1.02, 64
 # Greatest components of directions are rounded up to a multiple of a power of two: the least power that is no smaller
 # than one of so many parts of their range.
 PARTS = 16.0
+# Number of a bundle's rays whose lines are examined, besides its outermost rays.
+SPREAD_RAYS = 8192
+# Rays whose directions have components above those of all but STEEPER of these, and above AND_MORE times these, may be
+# traced again, if that leaves the others less steep than all by LESS_STEEP at least: of random slopes the steepest of a
+# million would otherwise decide how many samples all take.
+STEEPER, AND_MORE, LESS_STEEP = 16, 1.1, 0.8
 # Lines cached with a grid's node positions: for the last pilots, supports and bodies.
 CACHED = 12  # speed only
 
@@ -57,10 +63,12 @@ class MissedStructure:
         limit: float,
         lever_arms: LeverArms | None,
         pilot: RayBundle | None = None,
+        leaves_steepest: bool = False,
     ):
         """Compute the lines of the rays that `spread` returns for the field's support; `limit` is their error [m].
 
-        If these are the `pilot`, they show where all rays begin and end, as those of a pupil do.
+        If these are the `pilot`, they show where all rays begin and end, as those of a pupil do. With `leaves_steepest`
+        `steepness` need not hold for a few rays that are much steeper than the others.
         """
         self.field, self.limit = field, limit
         low, high = support_box(field, limit, lever_arms)
@@ -72,6 +80,8 @@ class MissedStructure:
         self._errors: dict[int, float] = {}
         # Both are rounded, so that other rays of the same kind find the tables of these.
         self.length, self.steepness = _rounded_length(self.lines.length), _rounded_steepness(self.lines.direction)
+        if leaves_steepest and rays.ray_count > SPREAD_RAYS:
+            self.steepness = _of_nearly_all(rays.direction, self.steepness)
 
     def _sampled(self, count: int) -> Sampling:
         # Where the stop is met at a right angle, a deflection still counts in second order.
@@ -185,6 +195,19 @@ def _rounded_steepness(direction: np.ndarray) -> tuple[float, float, float]:
         part = 2.0 ** np.ceil(np.log2(extent / PARTS))
     rounded = np.where(part > 0.0, np.ceil(steepness / np.where(part > 0.0, part, 1.0)) * part, steepness)
     x, y, z = np.minimum(rounded, 1.0).tolist()
+    return x, y, z
+
+
+def _of_nearly_all(direction: np.ndarray, steepness: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Bounds of the components of nearly all unit vectors (n, 3), or `steepness` of all where these are close to it."""
+    size = np.abs(direction[:SPREAD_RAYS])
+    most = np.minimum(AND_MORE * np.partition(size, -STEEPER - 1, axis=0)[-STEEPER - 1], 1.0)
+    with np.errstate(divide="ignore"):
+        part = 2.0 ** np.ceil(np.log2(most / PARTS))
+    rounded = np.minimum(np.where(most > 0.0, np.ceil(most / np.where(part > 0.0, part, 1.0)) * part, 0.0), steepness)
+    if (rounded >= LESS_STEEP * np.asarray(steepness)).all():
+        return steepness
+    x, y, z = rounded.tolist()
     return x, y, z
 
 

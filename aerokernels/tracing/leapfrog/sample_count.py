@@ -27,7 +27,7 @@ from ..plan import TracePlan
 from ..stop import ArcLength, stop_key
 from ..straight_lines import outermost, outermost_rays
 from ..support import support_box
-from .between_samples import MARGIN, MissedStructure, Spread, multiple_of_three
+from .between_samples import MARGIN, SPREAD_RAYS, MissedStructure, Spread, multiple_of_three
 from .cube_polynomials import approximate_deviation, may_have_cubes
 from .pilot_levels import error_scales, greatest_bend, level_pair, levels_of
 from .sample_cost import LEAST_RAYS, SampleCost
@@ -52,8 +52,6 @@ CUBES_ANGLE = 5e-7
 
 # Number of pilots whose results are cached with a grid's node positions.
 CACHED = 4  # speed only
-# Number of a bundle's rays whose lines are examined.
-SPREAD_RAYS = 8192
 
 
 def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
@@ -96,6 +94,7 @@ class _Fit:
         worst: The pilot's greatest error [m].
         sampling: The distance of the samples, where structure between them counts.
         searched: The number of samples that a search found, here or for a field like this one.
+        steepest: Greatest absolute components of the unit vectors for which `sampling`, or its absence, holds.
     """
 
     count: int
@@ -103,6 +102,7 @@ class _Fit:
     worst: float
     sampling: Sampling | None
     searched: int
+    steepest: tuple[float, float, float]
 
 
 def fit_leapfrog(
@@ -164,6 +164,7 @@ def fit_leapfrog(
         quadrature_error_scale=fit.scales[0],
         trajectory_error_scale=fit.scales[1],
         sampling=fit.sampling,
+        steepest=fit.steepest,
         reasons=(reason, *plan.reasons),
         predicted_evaluations=float(fit.count),
         predicted_error=fit.worst / wavelength,
@@ -233,7 +234,7 @@ class _Fitting:
             if level.is_fit and worst <= budget:
                 bends = bends if count == least else greatest_bend(trials, count)
                 scales = error_scales(level, worst, bends)
-                return _Fit(count, scales, worst, self.structure.sampling(count), count)
+                return _Fit(count, scales, worst, self.structure.sampling(count), count, self.structure.steepness)
             count = multiple_of_three(1.25 * count)
         return None
 
@@ -248,7 +249,7 @@ class _Fitting:
         worst = level.error(finest)
         if not (level.is_fit and finest.is_fit and worst <= self.limit / MARGIN):
             return None
-        return _Fit(count, error_scales(level, worst, bends), worst, None, searched)
+        return _Fit(count, error_scales(level, worst, bends), worst, None, searched, self.structure.steepness)
 
     def with_cubes(self, fit: _Fit) -> _Fit | None:
         """At least as many samples of polynomials of cubes; None where the tolerance needs the spline.
@@ -274,7 +275,9 @@ class _Fitting:
         scales = error_scales(spline, worst, bends)
         final = self._trials(replace(by_cubes, sampling=sampling))
         again = float((final((count, *scales))[0]["step_error"] > self.limit).mean())
-        return _Fit(count, scales, worst, sampling, fit.searched) if self._may_retrace(again, count) else None
+        if not self._may_retrace(again, count):
+            return None
+        return _Fit(count, scales, worst, sampling, fit.searched, fit.steepest)
 
     def _may_retrace(self, share: float, count: int) -> bool:
         """Whether tracing this share of the rays again costs less than cubes save of so many samples."""
@@ -287,7 +290,10 @@ class _Fitting:
     @cached_property
     def structure(self) -> MissedStructure:
         """The structure that the rays may miss between samples."""
-        return MissedStructure(self.field, self.spread, self.until, self.limit, self.plan.lever_arms, self.pilot)
+        # A few rays that are traced again take a GPU as long as some million samples.
+        leaves_steepest = not engine_of(self.plan.backend, self.plan.device).is_gpu
+        arms = self.plan.lever_arms
+        return MissedStructure(self.field, self.spread, self.until, self.limit, arms, self.pilot, leaves_steepest)
 
     @cached_property
     def cost(self) -> SampleCost:

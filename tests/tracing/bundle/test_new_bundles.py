@@ -175,3 +175,23 @@ def test_lever_arms_of_layers_are_those_of_the_lines_in_them():
     met = np.unique(layer)
     assert (greatest[met] <= layers.lever_arms.ravel()[met] * (1.0 + 1e-9)).all()
     assert np.allclose(greatest[met], layers.lever_arms.ravel()[met], rtol=0.02)
+
+
+@pytest.mark.parametrize("engine", ["warp-cpu", "opencl-cpu"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_few_steep_rays_do_not_decide_how_all_are_sampled(engine, kind):
+    """Four rays three times as steep as the others are traced again, and the others take no more samples for them."""
+    air, here = field(kind), on(engine)
+    one, steep = rays(8, slope=0.02), [900, 5_000, 12_345, 17_001]
+    way = np.array(one.direction / one.direction[:, 2:])
+    way[steep, :2] = np.array([[0.25, 0.2], [-0.22, 0.24], [0.21, -0.27], [-0.2, -0.2]])
+    start = np.array(one.position)
+    start[steep] = np.array([0.0, 0.0, 3e-3]) - 4e-3 * way[steep]
+    both = [RayBundle(start, way), RayBundle(np.delete(start, steep, axis=0), np.delete(way, steep, axis=0))]
+    outputs = ("opd", "status", "evaluation_count")
+    found, without = (trace(air, each, until=STOP, wavelength=WAVE, outputs=outputs, **here) for each in both)
+    assert found.plan.sample_count == without.plan.sample_count > 0
+    assert (found.evaluation_count[steep] != found.plan.sample_count).all()
+    finer = trace(air, both[0].rows(steep), until=STOP, wavelength=WAVE, tolerance=1e-5, precision="float64", **here)
+    assert np.abs(finer.opd).min() > 0.1 * WAVE
+    assert np.abs(found.opd[steep] - finer.opd).max() < 1e-3 * WAVE

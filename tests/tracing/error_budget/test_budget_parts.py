@@ -70,12 +70,12 @@ def test_rays_that_are_traced_again():
     """All of a few; of many 128 evenly spread ones and the 64 in the sharpest air of 4096, all of which arrived."""
     field = field_of()
     few = rays_through(SUBSET)
-    np.testing.assert_array_equal(subset(field, few, np.ones(SUBSET, bool)).position, few.position)
+    np.testing.assert_array_equal(subset(field, few, np.ones(SUBSET, bool)), np.arange(SUBSET))
     rng = np.random.default_rng(133)
     count = 9000
     many = RayBundle(np.c_[rng.uniform(-0.8, 0.8, (count, 2)), np.full(count, -1.0)], [0.0, 0.0, 1.0])
     good = rng.uniform(size=count) < 0.9
-    chosen = subset(field, many, good)
+    chosen = many.rows(subset(field, many, good))
     arrived = np.flatnonzero(good)
 
     def even(number):

@@ -284,6 +284,7 @@ class Law(MissedStructure):
     def __init__(self, limit: float, law):
         self.limit, self.law, self.rule, self.field = limit, law, law, SimpleNamespace(geometry="volume")
         self.lines = Lines(*(np.zeros((1, 3)),) * 2, *(np.ones(1),) * 3)
+        self.steepness = (1.0, 1.0, 1.0)
 
     def _greatest(self, count: int) -> float:
         return self.law(count)

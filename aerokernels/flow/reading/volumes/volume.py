@@ -4,15 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....medium.labelled_grid import unevenness
 from ...sampled_density import GridDensity
 from ..dataset import SOLID, Block, ReadError
 from .even_averages import at_corners
 from .even_errors import estimated_error
 from .resampling import Resampling
 from .solids import corner_chunks
-
-EVEN, UNEVEN = 1e-6, 1e-3  # of a spacing: nodes may be so far off an even grid in any case, and by rounding at most
-SINGLE = 2.4e-7  # of a coordinate: rounding to single precision, of a node and of the ends of its row
 
 
 def volume_field(reading, spacing=None, region=None, walls=None, shared=None) -> GridDensity:
@@ -125,5 +123,5 @@ def _is_even(at: np.ndarray, steps, along: list[int], size: np.ndarray) -> bool:
     line = [np.arange(n)[:, None] * (step[axis] * np.eye(3)[axis]) for n, step, axis in
             zip(at.shape[2::-1], steps, along, strict=True)]  # fmt: skip
     plane = at[0, 0, 0] + (line[0][None] + line[1][:, None])
-    uneven = size.min() * np.clip(SINGLE * np.abs(at[[0, -1]]).max() / size.min(), EVEN, UNEVEN)
+    uneven = unevenness(size.min(), np.abs(at[[0, -1]]).max())
     return all((np.abs(layer - (plane + more)) <= uneven).all() for layer, more in zip(at, line[2], strict=True))

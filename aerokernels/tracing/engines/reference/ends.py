@@ -220,6 +220,18 @@ class Ends:
         flight.cell[rows[entering]] = cell[entering]
         integrator.enter(flight, rows[entering])
 
+    def settle(self, integrator: Integrator, flight: Flight, rows, face, potential, force) -> None:
+        """Fly rays on, or back, to the face through which their undisturbed lines leave the field's air.
+
+        They are beside their lines, and the air ends at the face: without this the optical path would hold the air of
+        a contrast m over a length of m L too much, L being the length of the line.
+        """
+        normal = integrator.air.normal(flight.cell[rows], face, integrator.place(flight, rows))
+        rate = dot(self.ambient * flight.direction[rows] + flight.momentum[rows], normal)
+        steep = np.abs(rate) > LEAST_COSINE * self.ambient
+        h = np.where(steep, -dot(flight.q[rows], normal) / np.where(steep, rate, 1.0), 0.0)
+        integrator.drift(flight, rows, h, potential, force)
+
     def finish(
         self, interval: Interval, rows, flight: Flight | None, turn, start, heading, straight: bool
     ) -> dict[str, np.ndarray]:

@@ -201,18 +201,7 @@ class Integrator:
         flight.failed[rows[~finite & (h <= self.least)]] = True
         if accept.any():
             self.accept(
-                flight,
-                rows,
-                accept,
-                lands & ~off,
-                chosen,
-                h,
-                y,
-                potential,
-                force,
-                miss,
-                error + rounding,
-                turning,
+                flight, rows, accept, lands & ~off, chosen, h, y, potential, force, miss, error + rounding, turning
             )
 
     def accept(self, flight, rows, accept, lands, chosen, h, y, potential, force, miss, error, turning) -> None:
@@ -240,6 +229,9 @@ class Integrator:
         tangent = a * flight.direction[rows] + (0.0 if self.straight else flight.momentum[rows])
         cell, left = self.air.cross(flight.cell[rows], chosen, self.place(flight, rows), tangent)
         self.hold(flight, rows, chosen, h[down][face] <= self.least)
+        if self.straight:
+            leaves = left | self.air.in_gap(cell)
+            self.stop.settle(self, flight, rows[leaves], chosen[leaves], potential[face][leaves], force[face][leaves])
         flight.cell[rows] = cell
         flight.left[rows[left]] = True
         if self.air.jumps:

@@ -271,6 +271,8 @@ def build_leapfrog_kernel(
             fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > wp.float64(LEAST_COSINE)
             if wp.static(stop == "plane"):
                 fit = fit and wp.abs(wp.dot(bounds.plane_normal, heading)) > wp.float64(LEAST_COSINE)
+            steepest = control.steepest
+            fit = fit and wp.abs(d[0]) <= steepest[0] and wp.abs(d[1]) <= steepest[1] and wp.abs(d[2]) <= steepest[2]
             # If the box's end is the stop, the path is wrong by the whole excess, else by the field's contribution on
             # it.
             excess = overrun(bounds, control, ends_on, end, heading)
