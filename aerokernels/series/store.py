@@ -155,9 +155,9 @@ class ZarrStore:
             keys = {**found, **self.definition}
             key = next((key for key in keys if found.get(key) != self.definition.get(key)), "all")
             was, now = (cut(json.dumps(one.get(key))) for one in (found, self.definition))
-            change = f"{key} was {was} and is {now}"
-            change = "whose first snapshot has other densities" if key == FIRST else change
-            raise ValueError(f"out={self.path}: it contains another series, {change}; take another name, or remove it")
+            told = f"{key} was {was} and is {now}"
+            told = "whose first snapshot has other densities" if key == FIRST else told
+            raise ValueError(f"out={self.path}: it contains another series, {told}; take another name, or remove it")
         for row in numbers:
             self.done.add(row)
 
@@ -263,7 +263,7 @@ class ZarrStore:
         group = zarr.open_group(str(making), mode="r+")
         dims = ("time", "y", "x")
         times, *sides = (self.template.sizes[name] for name in dims)
-        numbers = {name: ("f8", *described) for name, described in NUMBERS.items()}
+        numbers = {name: ("f8", *told) for name, told in NUMBERS.items()}
         for name, (kind, units, words) in {**MAPS, **numbers}.items():
             is_map = name in MAPS
             group.create_array(
