@@ -264,7 +264,7 @@ class ZarrStore:
         group = zarr.open_group(str(making), mode="r+")
         dims = ("time", "y", "x")
         times, *sides = (self.template.sizes[name] for name in dims)
-        numbers = {name: ("f8", *described) for name, described in NUMBERS.items()}
+        numbers = {name: ("f8", *told) for name, told in NUMBERS.items()}
         for name, (kind, units, words) in {**MAPS, **numbers}.items():
             is_map = name in MAPS
             group.create_array(

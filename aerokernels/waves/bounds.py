@@ -20,7 +20,6 @@ diffraction widths sqrt(lambda L).
 """
 
 import math
-import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -57,7 +56,7 @@ class ChangeBound:
 
 def change_bound(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: float) -> ChangeBound:
     """Return the bound for light that leaves a pupil along the unit vector `look`."""
-    key = ("bound of the wave's change", weakref.ref(pupil), look.tobytes(), wavelength)
+    key = ("bound of the wave's change", pupil.key, look.tobytes(), wavelength)
     found: ChangeBound = field.derive(key, lambda: _change_bound(field, pupil, look, wavelength), KEPT)
     return found
 

@@ -6,7 +6,6 @@ allows, and the length, which depends on the field and the pupil only, is cached
 """
 
 import math
-import weakref
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -137,7 +136,7 @@ class Disturbance:
 
 def disturbance(field: IndexField, pupil: Pupil, look: np.ndarray) -> Disturbance:
     """Return the range over which a pupil's light is disturbed, cached on the field."""
-    key = ("disturbance", weakref.ref(pupil), look.tobytes())
+    key = ("disturbance", pupil.key, look.tobytes())
     found: Disturbance = field.derive(key, lambda: _on_lines(field, pupil, look), KEPT)
     return found
 

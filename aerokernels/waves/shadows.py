@@ -5,7 +5,6 @@ ends on it. The rest diffracts at the body's rim: little if its Fresnel number i
 """
 
 import math
-import weakref
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,7 +104,7 @@ def is_clear(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: floa
     """Return whether a field's body is far from a pupil's light, by straight lines through and beside the pupil."""
     if field.body is None:
         return True
-    key = ("clear of the body", weakref.ref(pupil), look.tobytes(), wavelength)
+    key = ("clear of the body", pupil.key, look.tobytes(), wavelength)
     found: bool = field.derive(key, lambda: _is_clear(field, pupil, look, wavelength), KEPT)
     return found
 

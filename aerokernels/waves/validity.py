@@ -30,7 +30,6 @@ time as a few hundred calls of NumPy, and no wave can be propagated through a fi
 wavefront only a wave is evaluated.
 """
 
-import weakref
 from dataclasses import replace
 from typing import Any
 
@@ -118,7 +117,7 @@ def validity(
             map_key = (len(paths.path), squares, wavefront.wavelength, wavefront.blocked, wavefront.removed)
     # A verdict is cached on the field by the light and the map. The map's pixels and squares distinguish it from one
     # traced with another tolerance.
-    key = ("verdict", weakref.ref(pupil), look.tobytes(), wavelength, limit, map_key)
+    key = ("verdict", pupil.key, look.tobytes(), wavelength, limit, map_key)
     # A wave that the caller did not request has a key of its own: it may have been limited.
     key_of_limited = ("verdict of a limited wave", *key[1:])
     cached: Validity | None = field.held(key)

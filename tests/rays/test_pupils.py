@@ -260,6 +260,26 @@ def test_vectors_by_their_numbers_are_numpys_to_the_last_bit():
         assert np.stack(transverse_axes(normal)).tobytes() == np.stack([first, np.cross(normal, first)]).tobytes()
 
 
+@pytest.mark.parametrize(
+    "made",
+    [
+        (Disc, (1e-3,)),
+        (Annulus, (2e-3, 1e-3)),
+        (Rectangle, (1e-3, 2e-3)),
+        (Mask, ([[1.0, 0.5], [1.0, 1.0]], [1e-3, 2e-3])),
+        (Polygon, ([[0.0, 0.0], [1e-3, 0.0], [0.0, 1e-3]],)),
+    ],
+)
+def test_equal_pupils_have_one_key_and_others_have_others(made):
+    """Equal numbers, whether as lists or arrays; another number, place or kind makes another key."""
+    kind, numbers = made
+    one = kind(*numbers, (0.0, 0.0, 1e-3))
+    same = kind(*(np.array(each) for each in numbers), np.array([0.0, 0.0, 1e-3]))
+    greater = kind(*(1.5 * np.array(each) for each in numbers), (0.0, 0.0, 1e-3))
+    keys = {one.key, kind(*numbers).key, greater.key, Disc(1.0, (0.0, 0.0, 1e-3)).key}
+    assert one.key == same.key and len(keys) == 4
+
+
 def test_axes_are_made_once_and_nobody_changes_them():
     pupil = Disc(1e-3, normal=(0.0, 0.6, 0.8))
     assert pupil.axes is pupil.axes

@@ -80,7 +80,7 @@ def trace_bundle(request: BundleRequest) -> tuple[TracePlan, dict[str, np.ndarra
     if rays.ray_count < LEAST_BUNDLE:
         return f"fewer than {LEAST_BUNDLE} rays are traced one by one"
     # The same rays are often traced repeatedly, and recognising a family takes longer than the kernel.
-    key = ("last bundle", weakref.ref(rays), request.until, request.wavelength, channels_of(request.outputs))
+    key = ("last bundle", weakref.ref(rays), stop_key(request.until), request.wavelength, channels_of(request.outputs))
     found = field.derive((*key, tuple(request.choices.values())), lambda: _recognised(request), 1)
     if isinstance(found, str):
         return f"rays are traced one by one: {found}"

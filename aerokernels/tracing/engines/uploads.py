@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 
 from ...medium import IndexField
+from ...medium.grid import UniformGrid
 from ...process.clock import stage
 from ..bundle.frame import kernel_arrays, kernel_numbers
 from ..bundle.table import BundleTable
-from ..leapfrog.cube_polynomials import cubes_of
+from ..leapfrog.cube_polynomials import cube_polynomials
 from ..plan import TracePlan
 from ..stop import stop_key
 from .field_data import FieldData, array_of, field_data, plan_members, step_bound_tables, trace_members
@@ -130,4 +131,6 @@ class Uploads(ABC):
 
     def _cubes(self, field: IndexField) -> Any:
         """Return the table of polynomials of cubes, cached on the field."""
-        return field.derive((*self.grid_key[1:], "cubes"), lambda: self.put(cubes_of(field)))
+        grid = field.samples
+        assert isinstance(grid, UniformGrid)
+        return field.derive((*self.grid_key[1:], "cubes"), lambda: self.put(cube_polynomials(grid).ravel()))

@@ -17,7 +17,6 @@ from itertools import product
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial, legendre
 
-from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...medium.spline import SUPPORT, weights
 from ...process.one_core import product_on_one_core
@@ -64,18 +63,9 @@ def cube_polynomials(grid: UniformGrid) -> np.ndarray:
 
     Coefficients belong to powers of coordinates that run from -1 to 1 in a cube, in the order of POWERS. From WHOLE on
     two share a float, of which the first has the lower bits. The last float holds the greatest deviation from the
-    spline's potential, and OFTEN times the greatest deviation from its slope along any axis [1/m]. Cached on the grid.
+    spline's potential, and OFTEN times the greatest deviation from its slope along any axis [1/m]. An engine caches
+    what it uploads of them.
     """
-    return grid.derive("cube polynomials", lambda: _cube_polynomials(grid))
-
-
-def cubes_of(field: IndexField) -> np.ndarray:
-    """The coefficients of `cube_polynomials` of a field's grid, flat."""
-    assert isinstance(field.samples, UniformGrid)
-    return cube_polynomials(field.samples).ravel()
-
-
-def _cube_polynomials(grid: UniformGrid) -> np.ndarray:
     cells = [count - 1 for count in grid.shape]
     shape = tuple(-(-count // CUBE_SIDE) for count in cells)
     width = CUBE_SIDE + SUPPORT["cubic"] - 1

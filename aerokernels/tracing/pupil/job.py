@@ -1,6 +1,5 @@
 """Pupil jobs: plan a pupil's rays and prepare them on the backend of the plan."""
 
-import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
@@ -170,7 +169,7 @@ def make_job(
     check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
     pilot, air_rays = (None, None) if like is None else like.samples
     begun = _begun(field, like)  # the device computes tables while the host examines the air at the faces
-    seen = (weakref.ref(pupil), tuple(look.tolist()), like is None)  # cache key for the same pupil with other seeds
+    seen = (pupil.key, tuple(look.tolist()), like is None)  # cache key for equal pupils with other seeds
     try:
         air = field.derive(
             ("air of a pupil", *seen, tolerance * wavelength),
@@ -184,7 +183,7 @@ def make_job(
         lambda: pilot or RayBundle.collimated(pupil, PILOT_RAYS, direction=look),
         CACHED,
     )
-    place = "plane beyond", field.geometry, weakref.ref(pupil), look.tobytes()
+    place = "plane beyond", field.geometry, pupil.key, look.tobytes()
     until = known(field.samples, place, lambda: plane_beyond(field, pupil, look), CACHED)
     per_replicate = -(-int(ray_count) // REPLICATES)  # rounded up
     sizes = lattice_sizes(field, pupil, per_replicate, REPLICATES, bundle)

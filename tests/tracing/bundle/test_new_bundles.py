@@ -5,8 +5,9 @@ import pytest
 
 from aerokernels.medium import IndexField
 from aerokernels.medium.grid import local_coordinates
-from aerokernels.rays import RayBundle
-from aerokernels.tracing import Plane, trace
+from aerokernels.rays import Disc, RayBundle
+from aerokernels.tracing import ArcLength, Plane, trace
+from aerokernels.tracing.bundle import run
 from aerokernels.tracing.error_limit import error_limit
 from aerokernels.tracing.leapfrog.between_samples import NEGLIGIBLE, SPACING_MARGIN, MissedStructure
 from aerokernels.tracing.leapfrog.path_through_blocks import path_of
@@ -67,6 +68,21 @@ def test_an_answer_does_not_depend_on_earlier_bundles(engine, slope):
     assert before.plan == after.plan
     for name in ("opd", "position", "direction", "optical_path", "step_error", "status"):
         assert np.array_equal(getattr(before, name), getattr(after, name)), name
+
+
+@pytest.mark.parametrize("stop", [lambda: Plane((0.0, 0.0, 5e-3), (0.0, 0.1, 1.0)), lambda: ArcLength(6e-3)])
+def test_the_same_rays_to_an_equal_stop_are_recognised_once(monkeypatch, stop):
+    """Set-up: three calls with one bundle and stops made anew. Expected: its family is looked for once."""
+    looked = []
+    known = run.known_family
+    monkeypatch.setattr(run, "known_family", lambda *given: looked.append(given) or known(*given))
+    y, z = np.meshgrid(np.linspace(-2e-3, 2e-3, 41), np.linspace(0.0, 4e-3, 41), indexing="ij")
+    air = 1e-5 * np.exp(-(y**2 + (z - 2e-3) ** 2) / 0.5e-3**2)
+    layer = IndexField.from_samples(air, origin=(-2e-3, 0.0), spacing=(1e-4, 1e-4), geometry="planar")
+    some = RayBundle.collimated(Disc(1e-3, (0.0, 0.0, -1e-3)), 10_000)
+    found = [trace(layer, some, until=stop(), wavelength=WAVE) for _ in range(3)]
+    assert found[0].plan.bundle is not None and len(looked) == 1
+    assert np.array_equal(found[0].opd, found[2].opd)
 
 
 def test_other_rays_of_a_kind_are_sampled_alike():

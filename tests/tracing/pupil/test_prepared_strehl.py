@@ -10,6 +10,7 @@ import pytest
 
 from aerokernels import Disc, IndexField, estimate_strehl, prepare_strehl
 from aerokernels.tracing import launch
+from aerokernels.tracing.pupil import job
 from aerokernels.tracing.pupil.lattice_quadrature import ENOUGH
 
 from ..backends import ENGINES, on
@@ -40,6 +41,20 @@ def test_each_call_is_an_estimate_of_its_own_seed(engine, remove):
         assert (alone.value, alone.standard_error, alone.opd_rms) == (found.value, found.standard_error, found.opd_rms)
         assert (alone.boresight == found.boresight).all() and alone.error == found.error
         assert alone.plan == found.plan == seen.plan
+
+
+def test_equal_pupils_made_anew_share_their_plan(monkeypatch):
+    """Set-up: two estimates of one seed with pupils made for each. Expected: planned once, the same bits."""
+    planned = []
+    plan = job.plan_rays
+    monkeypatch.setattr(job, "plan_rays", lambda *given, **options: planned.append(given) or plan(*given, **options))
+    there, options = lens(), {"ray_count": 16 * 300, "wavelength": 905e-9, "allow_truncation": True}
+    first = estimate_strehl(there, Disc(PUPIL.radius, PUPIL.center, PUPIL.normal), **options)
+    times = len(planned)
+    again = estimate_strehl(there, Disc(PUPIL.radius, PUPIL.center, PUPIL.normal), **options)
+    assert len(planned) == times > 0 and first.value == again.value and first.plan == again.plan
+    estimate_strehl(there, Disc(0.9 * PUPIL.radius, PUPIL.center, PUPIL.normal), **options)
+    assert len(planned) > times
 
 
 def test_a_field_does_not_outlive_the_pupil_that_was_made_ready_for_it():
