@@ -3,7 +3,8 @@
 The picture is made again from the same light and compared. The error is the sum of
 
     the tracing   its change with rays of a tenth of the tolerance in double precision
-    the rays      its change with two rays for each along both sides of a pixel: a pixel is the mean over its area
+    the rays      twice its greatest change with two and three rays for each along both sides of a pixel: a pixel is the
+                  mean over its area, and one number of rays may agree with another by chance at a body's edge
     the grid      its change through every second and every fourth node of the field, extrapolated by the observed order
                   around each pixel (medium/level_maps.py); for a resampled field, these of the field before, and the
                   change by resampling it
@@ -24,11 +25,11 @@ from .line_of_sight import LineOfSight, ParallelLight
 
 # Tolerance of the rays that measure the error of others, as a factor.
 TIGHTER = 0.1
-# Rays along a side of a pixel that measure the error of others, as a multiple.
-FINER = 2
+# Rays along a side of a pixel that measure the error of others, as multiples.
+FINER = (2, 3)
 # Factor on the change with other rays: four times the rays leave a quarter of the error of a smooth picture, and half
-# of it where there is an edge.
-SAFETY = 2.0
+# of it where there is an edge. Factor on the extrapolated error, which coarser grids tell roughly.
+SAFETY, GRID_SAFETY = 2.0, 1.5
 
 # Makes the brightness, shape (ny, nx), from traced light: one for each point of the source.
 Make = Callable[[Iterable[LineOfSight]], np.ndarray]
@@ -76,9 +77,8 @@ def picture_error(shown: np.ndarray, lights: Sequence[ParallelLight], make: Make
     if base is not field:
         flow = through[0] if levels.fine is base else again(base)
         left = left + _greatest_around(flow - traced, pixels_around(field, pitch, (shown.shape[0], shown.shape[1])))
-    return np.asarray(
-        _greatest_around(traced - shown, 3) + SAFETY * _greatest_around(again(field, FINER) - traced, 3) + left
-    )
+    rays = np.max([_greatest_around(again(field, finer) - traced, 3) for finer in FINER], axis=0)
+    return np.asarray(_greatest_around(traced - shown, 3) + SAFETY * rays + GRID_SAFETY * left)
 
 
 def _greatest_around(change: np.ndarray, width: int) -> np.ndarray:
