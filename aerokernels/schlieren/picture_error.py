@@ -29,8 +29,8 @@ TIGHTER = 0.1
 # Rays along a side of a pixel that measure the error of others, as multiples.
 FINER = (2, 3)
 # Factor on the change with other rays: four times the rays leave a quarter of the error of a smooth picture, and half
-# of it where there is an edge. Factor on the extrapolated error, which coarser grids tell roughly.
-SAFETY, GRID_SAFETY = 2.0, 1.5
+# of it where there is an edge.
+SAFETY = 2.0
 
 # Makes the brightness, shape (ny, nx), from traced light: one for each point of the source.
 Make = Callable[[Iterable[LineOfSight]], np.ndarray]
@@ -88,7 +88,7 @@ def picture_error(shown: np.ndarray, lights: Sequence[ParallelLight], make: Make
     finer = [again(field, factor) for factor in FINER]
     rays = SAFETY * np.max([_greatest_around(one - traced, 3) for one in finer], axis=0)
     strip = _range_around(finer[-1]) / (2.0 * FINER[-1] * lights[0].rays_per_pixel)
-    return np.asarray(_greatest_around(traced - shown, 3) + rays + np.where(outline, strip, 0.0) + GRID_SAFETY * left)
+    return np.asarray(_greatest_around(traced - shown, 3) + rays + np.where(outline, strip, 0.0) + left)
 
 
 def _range_around(values: np.ndarray) -> np.ndarray:
