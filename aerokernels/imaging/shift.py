@@ -76,16 +76,18 @@ class BackgroundDisplacement:
     def error(self) -> np.ndarray:
         """Error of the size of the displacement [pixels], shape (rows, columns); NaN if it is not known.
 
-        It includes the error due to the field's grid (displacement_error.py) and, for a mean over several points of the
-        aperture, due to their number: the change with OTHER_RAYS points, in the neighbouring pixels too. Three more
-        bundles and those of the other points are traced when it is first read.
+        It includes the errors due to the field's grid and to the rays' tolerance (displacement_error.py) and, for a
+        mean over several points of the aperture, due to their number: the change with OTHER_RAYS points, in the
+        neighbouring pixels too. Four more bundles and those of the other points are traced when it is first read.
         """
         if self.view is None:
             return np.full(self.through.shape, np.nan)
         camera, shape, options = self.camera, self.through.shape, self.options
-        grid = displacement_error(
-            self.view.field, camera, shape, lambda field: landing_shift(field, camera, shape, np.zeros(2), options)
-        )
+
+        def landing(field: IndexField, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
+            return landing_shift(field, camera, shape, np.zeros(2), _tight(options) if tight else options)
+
+        grid = displacement_error(self.view.field, camera, shape, landing)
         count = len(self.view.points)
         if count == 1:
             return grid
@@ -105,10 +107,7 @@ class BackgroundDisplacement:
         camera, shape, count = self.camera, self.through.shape, len(self.view.points)
 
         def seen(field: IndexField, points: int, tight: bool = False) -> np.ndarray:
-            options = dict(self.options)
-            if tight:
-                tolerance = TIGHTER * float(options.get("tolerance", DEFAULT_TOLERANCE))
-                options |= {"tolerance": tolerance, "precision": "float64"}
+            options = _tight(self.options) if tight else self.options
             return gather(field, camera, shape, points, options, allow_truncation=True).blur
 
         other = _others(count, BLUR_RAYS)
@@ -291,6 +290,12 @@ def check_view(field: IndexField, camera: Camera, options: dict[str, Any]) -> No
     if isinstance(tolerance, bool) or not isinstance(tolerance, Real):
         raise TypeError(f"tolerance must be a number of waves, got {tolerance!r}")
     check_positive(float(tolerance), "tolerance", "waves")
+
+
+def _tight(options: dict[str, Any]) -> dict[str, Any]:
+    """Return the options of rays that measure the error of others."""
+    tolerance = TIGHTER * float(options.get("tolerance", DEFAULT_TOLERANCE))
+    return {**options, "tolerance": tolerance, "precision": "float64"}
 
 
 def _others(count: int, many: int) -> int:

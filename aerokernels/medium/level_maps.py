@@ -13,6 +13,8 @@ from .levels import LOWEST_ORDER, ORDER, RefinementLevels
 
 # Cells of the field around a pixel over which the greatest change is taken.
 CELLS_AROUND = 4.0
+# Factor on the extrapolated error, which coarser grids tell roughly.
+SAFETY = 1.5
 # Pixels around a pixel for a field that is not on a uniform grid.
 PIXELS_AROUND = 1
 
@@ -45,11 +47,11 @@ def remaining_error(levels: RefinementLevels, changes: list[np.ndarray], around:
     size = (around, around, *([1] * (changes[0].ndim - 2)))
     last, *before = (maximum_filter(np.nan_to_num(one), size=size, mode="nearest") for one in changes)
     if not before:
-        return np.asarray(levels.share * last)
+        return np.asarray(SAFETY * levels.share * last)
     # Far from a shock the order is the spline's, near a shock there is none.
     ratio = before[0] / np.maximum(last, 1e-300)
     order = np.clip(np.log2(np.maximum(ratio, 1e-300)), LOWEST_ORDER, ORDER[levels.fine.interpolation])
-    return np.asarray(last / (2.0**order - 1.0))
+    return np.asarray(SAFETY * last / (2.0**order - 1.0))
 
 
 def changes_between(maps: list[np.ndarray]) -> list[np.ndarray]:

@@ -3,7 +3,9 @@
 The picture is made again from the same light and compared. The error is the sum of
 
     the tracing   its change with rays of a tenth of the tolerance in double precision
-    the rays      its change with two rays for each along both sides of a pixel: a pixel is the mean over its area
+    the rays      twice its greatest change with two and three rays for each along both sides of a pixel: a pixel is the
+                  mean over its area, and one number of rays may agree with another by chance at a body's edge; beside
+                  the outline of a body also half of the distance of the rays, which may miss a strip of that width
     the grid      its change through every second and every fourth node of the field, extrapolated by the observed order
                   around each pixel (medium/level_maps.py); for a resampled field, these of the field before, and the
                   change by resampling it
@@ -24,8 +26,8 @@ from .line_of_sight import LineOfSight, ParallelLight
 
 # Tolerance of the rays that measure the error of others, as a factor.
 TIGHTER = 0.1
-# Rays along a side of a pixel that measure the error of others, as a multiple.
-FINER = 2
+# Rays along a side of a pixel that measure the error of others, as multiples.
+FINER = (2, 3)
 # Factor on the change with other rays: four times the rays leave a quarter of the error of a smooth picture, and half
 # of it where there is an edge.
 SAFETY = 2.0
@@ -59,12 +61,19 @@ def picture_error(shown: np.ndarray, lights: Sequence[ParallelLight], make: Make
     if levels is None:
         return np.full(shown.shape, np.nan)
 
+    outline = np.zeros(shown.shape, dtype=bool)
+
+    def lit(one: ParallelLight) -> LineOfSight:
+        traced = one.trace()
+        share = traced.pixel_mean(traced.blocked.astype(np.float64))
+        outline[...] |= _range_around(share) > 0.0
+        return traced
+
     def again(through: IndexField, finer: int = 1) -> np.ndarray:
         options = lights[0].options
         tight = {**options, "tolerance": TIGHTER * options["tolerance"], "precision": "float64"}
         return make(
-            replace(one, field=through, options=tight, rays_per_pixel=finer * one.rays_per_pixel).trace()
-            for one in lights
+            lit(replace(one, field=through, options=tight, rays_per_pixel=finer * one.rays_per_pixel)) for one in lights
         )
 
     traced = again(field)
@@ -76,9 +85,17 @@ def picture_error(shown: np.ndarray, lights: Sequence[ParallelLight], make: Make
     if base is not field:
         flow = through[0] if levels.fine is base else again(base)
         left = left + _greatest_around(flow - traced, pixels_around(field, pitch, (shown.shape[0], shown.shape[1])))
-    return np.asarray(
-        _greatest_around(traced - shown, 3) + SAFETY * _greatest_around(again(field, FINER) - traced, 3) + left
-    )
+    finer = [again(field, factor) for factor in FINER]
+    rays = SAFETY * np.max([_greatest_around(one - traced, 3) for one in finer], axis=0)
+    strip = _range_around(finer[-1]) / (2.0 * FINER[-1] * lights[0].rays_per_pixel)
+    return np.asarray(_greatest_around(traced - shown, 3) + rays + np.where(outline, strip, 0.0) + left)
+
+
+def _range_around(values: np.ndarray) -> np.ndarray:
+    """Return the greatest value less the least one of a pixel and its neighbours."""
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    return np.asarray(maximum_filter(values, 3, mode="nearest") - minimum_filter(values, 3, mode="nearest"))
 
 
 def _greatest_around(change: np.ndarray, width: int) -> np.ndarray:

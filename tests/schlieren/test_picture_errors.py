@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from aerokernels import IndexField
+from aerokernels import IndexField, Rectangle
+from aerokernels.medium import Body
 from aerokernels.schlieren import Bench, interferogram, line_of_sight, schlieren, shadowgraph
 
 WIDTH, STRENGTH, HALF = 0.008, 3e-6, 0.024
@@ -126,3 +127,24 @@ def test_light_that_leaves_the_known_air_is_marked():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert schlieren(lump(2e-3), **VIEW).known.all()
+
+
+@pytest.mark.parametrize("k", [1, 2])
+def test_the_outline_of_a_body_within_pixels_is_in_the_error(k):
+    """A cylinder along the axis in still air, seen from the side: a pixel is dark by its exact share of a rectangle.
+
+    Its ends and sides are moved over a pixel in steps of a ninth: samples of few rays count a pixel wholly or not.
+    """
+    r, z = np.arange(0.0, 0.0101, 1e-3), np.arange(-0.01, 0.0101, 1e-3)
+    for part in range(9):
+        radius, half = 0.004 + part * 1e-3 / 9.0, 0.003 + (8 - part) * 1e-3 / 9.0
+        rod = Body(np.array([[0.0, -half], [radius, -half], [radius, half], [0.0, half]]))
+        still = IndexField.from_samples(
+            np.zeros((len(r), len(z))), origin=(0.0, -0.01), spacing=(1e-3, 1e-3), geometry="axisymmetric", body=rod
+        )
+        seen = schlieren(
+            still, extent=(-0.008, 0.008, -0.008, 0.008), pixel_count=16, rays_per_pixel=k, sensitivity=1.0
+        )
+        dark = Rectangle(2.0 * half, 2.0 * radius).coverage(edges(seen.horizontal), edges(seen.vertical))
+        assert (np.abs(seen.intensity - 0.5 * (1.0 - dark)) <= seen.error + 1e-9).all()
+        assert (seen.error[:2] < 1e-9).all() and seen.error.max() <= 1.0
