@@ -1,6 +1,8 @@
 """The base class of all pupils."""
 
+import weakref
 from abc import ABC, abstractmethod
+from collections.abc import Hashable
 from dataclasses import fields
 from functools import cached_property
 from hashlib import blake2b
@@ -50,11 +52,16 @@ class Pupil(ABC):
         object.__setattr__(self, "center", as_vector(self.center, f"{kind} center"))
         object.__setattr__(self, "normal", as_unit_vector(self.normal, f"{kind} normal"))
 
+    @property
+    def key(self) -> Hashable:
+        """A key for caches that is equal for equal pupils; classes made elsewhere may hold more than their fields."""
+        return self._digest if type(self).__module__.startswith(f"{__package__}.") else weakref.ref(self)
+
     @cached_property
-    def key(self) -> tuple:
-        """A key for caches that is equal for equal pupils: a digest of each attribute's numbers, and their shape."""
+    def _digest(self) -> tuple:
+        """Digests of the numbers of each attribute, and their shapes."""
         numbers = [np.array(getattr(self, entry.name), np.float64) for entry in fields(self)]  # type: ignore[arg-type]
-        return type(self).__name__, *((one.shape, blake2b(one.tobytes(), digest_size=16).digest()) for one in numbers)
+        return type(self), *((one.shape, blake2b(one.tobytes(), digest_size=16).digest()) for one in numbers)
 
     @cached_property
     def axes(self) -> tuple[np.ndarray, np.ndarray]:

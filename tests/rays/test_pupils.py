@@ -280,6 +280,16 @@ def test_equal_pupils_have_one_key_and_others_have_others(made):
     assert one.key == same.key and len(keys) == 4
 
 
+def test_a_pupil_of_a_users_class_has_a_key_of_its_own():
+    """It may hold more than the fields of the class that it is made from."""
+
+    class Dusty(Disc):
+        pass
+
+    one, other = Dusty(1e-3), Dusty(1e-3)
+    assert one.key == one.key != other.key
+
+
 def test_axes_are_made_once_and_nobody_changes_them():
     pupil = Disc(1e-3, normal=(0.0, 0.6, 0.8))
     assert pupil.axes is pupil.axes
