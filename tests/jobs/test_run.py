@@ -55,7 +55,7 @@ def test_progress_names_every_stage_once_and_never_goes_back():
 def test_a_run_computes_all_before_its_clock_stops(monkeypatch):
     """Reading and writing what it made traces nothing more, and its stages add up to its total at most."""
     made = simulate(Scene.load("wind-tunnel-static", SMALL))
-    for module, name in (("trace", "launch"), ("retrace", "launch"), ("leapfrog", "Trials")):
+    for module, name in (("trace", "launch"), ("retrace", "launch"), ("leapfrog.sample_count", "Trials")):
         tracing = import_module(f"aerokernels.tracing.{module}")
         monkeypatch.setattr(tracing, name, lambda *_: pytest.fail("rays were traced"))
     made.to_xarray()
