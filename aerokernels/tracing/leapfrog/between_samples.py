@@ -191,20 +191,23 @@ def _rounded_steepness(direction: np.ndarray) -> tuple[float, float, float]:
     """Bounds of the components of unit vectors (n, 3); those that all of them share are exact."""
     steepness = np.abs(direction).max(axis=0, initial=0.0)
     extent = np.ptp(direction, axis=0) if len(direction) else np.zeros(3)
-    with np.errstate(divide="ignore"):
-        part = 2.0 ** np.ceil(np.log2(extent / PARTS))
-    rounded = np.where(part > 0.0, np.ceil(steepness / np.where(part > 0.0, part, 1.0)) * part, steepness)
+    rounded = _rounded_up(steepness, extent)
     x, y, z = np.minimum(rounded, 1.0).tolist()
     return x, y, z
+
+
+def _rounded_up(values: np.ndarray, ranges: np.ndarray) -> np.ndarray:
+    """Round values up to multiples of a power of two, see PARTS; those whose range is 0 stay."""
+    with np.errstate(divide="ignore"):
+        part = 2.0 ** np.ceil(np.log2(ranges / PARTS))
+    return np.where(part > 0.0, np.ceil(values / np.where(part > 0.0, part, 1.0)) * part, values)
 
 
 def _of_nearly_all(direction: np.ndarray, steepness: tuple[float, float, float]) -> tuple[float, float, float]:
     """Bounds of the components of nearly all unit vectors (n, 3), or `steepness` of all where these are close to it."""
     size = np.abs(direction[:SPREAD_RAYS])
     most = np.minimum(AND_MORE * np.partition(size, -STEEPER - 1, axis=0)[-STEEPER - 1], 1.0)
-    with np.errstate(divide="ignore"):
-        part = 2.0 ** np.ceil(np.log2(most / PARTS))
-    rounded = np.minimum(np.where(most > 0.0, np.ceil(most / np.where(part > 0.0, part, 1.0)) * part, 0.0), steepness)
+    rounded = np.minimum(_rounded_up(most, most), steepness)
     if (rounded >= LESS_STEEP * np.asarray(steepness)).all():
         return steepness
     x, y, z = rounded.tolist()

@@ -36,6 +36,26 @@ def mean_of_listed(first: int, start_in: Starts, column_in: Indices, value_in: N
     mean_out[row] = total / wp.max(count, wp.float64(1.0))
 
 
+@wp.func
+def slope_and_range(
+    row: int, value: wp.float64, start_in: Starts, column_in: Indices, weight_in: Vectors, near_in: Numbers
+):
+    """Return the slope in a cell, a weighted sum of its row's values, and the range of these and its own value."""
+    low = value
+    high = value
+    slope = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+    k = start_in[row]
+    end = start_in[row + 1]
+    while k < end:
+        near = near_in[column_in[k]]
+        # The weights sum to zero: differences keep the digits of a nearly uniform density.
+        slope += (near - value) * weight_in[k]
+        low = wp.min(low, near)
+        high = wp.max(high, near)
+        k += wp.int64(1)
+    return slope, low, high
+
+
 @wp.kernel(enable_backward=False)
 def linear_functions(
     first: int,
@@ -48,21 +68,10 @@ def linear_functions(
     origin: wp.vec3d,
     function_out: Functions,
 ):
-    """Compute the slope in each cell, a weighted sum of its row's values, and the range of these and its own value."""
+    """Compute the linear function of each cell, and its range: see `slope_and_range`."""
     cell = first + wp.tid()
     value = value_in[cell]
-    low = value
-    high = value
-    slope = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
-    k = start_in[cell]
-    end = start_in[cell + 1]
-    while k < end:
-        near = near_in[column_in[k]]
-        # The weights sum to zero: differences keep the digits of a nearly uniform density.
-        slope += (near - value) * weight_in[k]
-        low = wp.min(low, near)
-        high = wp.max(high, near)
-        k += wp.int64(1)
+    slope, low, high = slope_and_range(cell, value, start_in, column_in, weight_in, near_in)
     constant = value - wp.dot(middle_in[cell] - origin, slope)
     function_out[cell] = Function(constant, slope[0], slope[1], slope[2], low, high)
 
@@ -121,17 +130,7 @@ def densities_at_nodes(
     """Evaluate the linear function of each cell, clamped to the cell's range, at the nodes inside the cell."""
     held = first + wp.tid()
     value = value_in[cell_in[held]]
-    low = value
-    high = value
-    slope = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
-    k = start_in[held]
-    end = start_in[held + 1]
-    while k < end:
-        near = near_in[column_in[k]]
-        slope += (near - value) * weight_in[k]
-        low = wp.min(low, near)
-        high = wp.max(high, near)
-        k += wp.int64(1)
+    slope, low, high = slope_and_range(held, value, start_in, column_in, weight_in, near_in)
     constant = value - wp.dot(middle_in[held] - origin, slope)
     first_node = int(node_start_in[held])
     last_node = int(node_start_in[held + 1])
