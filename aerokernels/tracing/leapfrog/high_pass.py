@@ -6,7 +6,7 @@ A component of frequency f [1/m] has along a unit vector u at most the frequency
 
 (cos(2 pi f sqrt(b^2 + t^2)) is an entire function of t of that type, so this holds off the axis too), and samples H
 apart do not resolve it from about phi = edge / H on. The field is even about its faces, as an axisymmetric field is
-about its axis.
+about its axis; about faces that rays run along it is continued without a kink (beyond_faces.py).
 
 A cubic spline through nodes h apart, whose values oscillate at v cycles a cell, v below 1 / 2, contains the share B(v)
 of the oscillation at that frequency and the share B(v + m) at each image v + m,
@@ -25,6 +25,7 @@ from ...medium.grid import UniformGrid
 from ...medium.grid_places import known
 from ...process.threads import in_threads, own_cores
 from ..step_bound import block_size, potential_at_nodes
+from .beyond_faces import continued
 from .high_pass_along import PassAlong
 
 # The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at
@@ -74,19 +75,27 @@ def high_pass(
     if not axes:
         return [np.zeros_like(values) for _ in edges]
 
-    def find() -> list[np.ndarray]:
-        return _shares(grid, rates, axes, spacing, edges, kind)
+    def find(shape: tuple[int, ...]) -> list[np.ndarray]:
+        return _shares(shape, grid.spacing, rates, axes, spacing, edges, kind)
 
     if len(axes) == 1 and grid.shape[axes[0]] <= MOST_ALONG:
         key = "high pass along an axis", rates.tobytes(), spacing, edges, kind
-        passes = known(grid, key, lambda: [PassAlong.of_shares(share.ravel()) for share in find()], CACHED_ALONG)
+        passes = known(
+            grid, key, lambda: [PassAlong.of_shares(share.ravel()) for share in find(grid.shape)], CACHED_ALONG
+        )
         return _along(values, axes[0], passes, wanted, block_size(grid))
-    is_small = np.prod([grid.shape[axis] for axis in axes]) <= MOST_CACHED
-    key = "shares of a high pass", rates.tobytes(), spacing, edges, kind
-    shares = known(grid, key, find, CACHED) if is_small else find()
+    beside = [axis for axis in axes if axis != int(np.argmax(rates))]
+
+    def transform() -> tuple[np.ndarray, tuple[slice, ...]]:
+        whole, inner = continued(values, grid, beside)
+        return dctn(whole, 1, axes=axes, workers=own_cores()), inner
+
     # Several sample counts are tried on one field, and each needs the same transform.
-    found = grid.derive(("transform", tuple(axes), kind), lambda: dctn(values, 1, axes=axes, workers=own_cores()), 1)
-    return [idctn(share * found, 1, axes=axes, overwrite_x=True, workers=own_cores()) for share in shares]
+    found, inner = grid.derive(("transform", tuple(axes), tuple(beside), kind), transform, 1)
+    key = "shares of a high pass", found.shape, rates.tobytes(), spacing, edges, kind
+    is_small = np.prod([found.shape[axis] for axis in axes]) <= MOST_CACHED
+    shares = known(grid, key, lambda: find(found.shape), CACHED) if is_small else find(found.shape)
+    return [idctn(share * found, 1, axes=axes, overwrite_x=True, workers=own_cores())[inner] for share in shares]
 
 
 def _along(
@@ -109,17 +118,26 @@ def _along(
 
 
 def _shares(
-    grid: UniformGrid, rates: np.ndarray, axes: list[int], spacing: float, edges: tuple[float, ...], kind: np.dtype
+    shape: tuple[int, ...],
+    cells: np.ndarray,
+    rates: np.ndarray,
+    axes: list[int],
+    spacing: float,
+    edges: tuple[float, ...],
+    kind: np.dtype,
 ) -> list[np.ndarray]:
-    """For each edge the weights of the cosines along some axes; `rates` are phi H over cycles a cell."""
+    """For each edge the weights of the cosines along some axes of values of a shape.
+
+    `cells` are the nodes' distances [m], and `rates` are phi H over cycles a cell.
+    """
     # Frequencies of the cosines of a type I transform, in cycles a cell, along the axes.
     cycles = []
     for axis in axes:
-        count = grid.shape[axis]
-        shape = [count if other == axis else 1 for other in range(len(grid.shape))]
-        cycles.append((np.arange(count) / (2.0 * (count - 1))).reshape(shape))
-    steps = np.array([spacing / grid.spacing[axis] for axis in axes])
-    size = [count if axis in axes else 1 for axis, count in enumerate(grid.shape)]
+        count = shape[axis]
+        line = [count if other == axis else 1 for other in range(len(shape))]
+        cycles.append((np.arange(count) / (2.0 * (count - 1))).reshape(line))
+    steps = np.array([spacing / cells[axis] for axis in axes])
+    size = [count if axis in axes else 1 for axis, count in enumerate(shape)]
     shares = [np.empty(size, kind) for _ in edges]
     first = axes[0]
 

@@ -34,7 +34,7 @@ from .sample_cost import LEAST_RAYS, SampleCost
 from .unresolved import Sampling
 
 # Greatest distance of samples in cells. Structure between the samples is bounded from the field as well.
-WIDEST = 6.0
+WIDEST = 7.0
 LEAST_SAMPLES = 36
 
 # Polynomials of cubes are made where rays take this many samples for each node of the grid, on a CPU (False) and on a

@@ -53,8 +53,9 @@ BOTH = 2.0
 FINEST = 0.8
 # Overshoot of a spline through one outstanding node between the next two nodes, at most, over the node's value.
 LOBE = 0.15
-# The greatest slope of a spline over the greatest difference of neighbouring nodes: sqrt(3) at nodes.
-STEEPER = 1.75
+# The slope of a spline in a cell is at most the difference of its nodes and this share of the second differences at
+# both: through one outstanding node it is sqrt(3) times the difference.
+BENT = 0.25
 # Greatest value of the end-corrected midpoint rule's Peano kernel, the Bernoulli polynomial of degree 4 over 4!.
 PEANO = 1.0 / 720.0
 # Components of a direction below which no neighbouring block is met within half a stride.
@@ -206,13 +207,25 @@ def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray
     for axis in range(square.ndim):
         # Along the axis that all rays run along, only the component across the rays counts.
         across = 1.0 if axis != main else min(1.0, float(np.linalg.norm(np.delete(obliquity, axis))))
-        step = np.abs(np.diff(parts[0], axis=axis)) * square.dtype.type(across / grid.spacing[axis])
-        none = [(0, 0)] * square.ndim
-        before, behind = list(none), list(none)
-        before[axis], behind[axis] = (1, 0), (0, 1)
-        square += np.maximum(np.pad(step, before), np.pad(step, behind)) ** 2
+        square += np.square(_slopes(parts[0], axis) * square.dtype.type(across / grid.spacing[axis]))
     rest = _by_blocks(grid, geometry, sampling, np.sqrt(square))
-    return STEEPER * BOTH * share * _with_lobes(rest, main)
+    return BOTH * share * _with_lobes(rest, main)
+
+
+def _slopes(values: np.ndarray, axis: int) -> np.ndarray:
+    """The greatest slope along an axis of a spline through values, per cell, in both cells beside each node."""
+    rows = np.moveaxis(values, axis, 0)
+    steps = np.diff(rows, axis=0)
+    bends = np.diff(steps, axis=0)
+    np.abs(steps, out=steps)
+    np.abs(bends, out=bends)
+    bends *= values.dtype.type(BENT)
+    steps[1:] += bends
+    steps[:-1] += bends
+    found = np.empty_like(rows)
+    found[0], found[-1] = steps[0], steps[-1]
+    np.maximum(steps[1:], steps[:-1], out=found[1:-1])
+    return np.moveaxis(found, 0, axis)
 
 
 def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[list[np.ndarray], float, float]:
