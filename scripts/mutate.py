@@ -31,7 +31,7 @@ from mutant_forks import Waiting, fast, forked, imported, in_turn
 from mutants import ROOT, RULES, Mutant, changes, places
 
 CORE: list[str] = tomllib.loads((ROOT / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))["modules"]
-MADE = ROOT / "scripts" / "mutated_tests.json"  # written by scripts/mutated_tests
+MADE = ROOT / "build" / "mutated_tests.json"  # written by scripts/mutated_tests
 SECONDS = 20.0  # of tests for one mutant
 
 
@@ -39,7 +39,13 @@ class Suite:
     """The tests of each mutant, and which of them pass without a mutant."""
 
     def __init__(self) -> None:
-        """Read the list of tests."""
+        """Read the list of tests.
+
+        Raises:
+            SystemExit: There is none.
+        """
+        if not MADE.exists():
+            raise SystemExit(f"there is no {MADE.relative_to(ROOT)}: first run scripts/mutated_tests, which makes it")
         listed = json.loads(MADE.read_text(encoding="utf-8"))
         self.cost = {f"{file}::{name}": cost for file, tests in listed["tests"].items() for name, cost in tests}
         names = list(self.cost)

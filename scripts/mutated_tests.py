@@ -4,7 +4,7 @@ Each test file runs in a forked process. Each test, and each fixture that severa
 a shared fixture runs counts for every test that requests it, and caches of a test module are cleared before each of its
 tests. A test that takes longer than --longest seconds of computing is aborted and left out, as is one that fails. The
 measurements are stored in build/mutated_tests, one file per test file; an unchanged test file is not measured again.
-From these scripts/mutated_tests.json is made: for each function the quickest tests that run it. Where files are named,
+From these build/mutated_tests.json is made: for each function the quickest tests that run it. Where files are named,
 their tests alone are replaced in the list, and a function gets at most a quarter of its seconds and tests from them.
 Only Python code is measured, not kernels. Needs `fork`.
 """
@@ -28,7 +28,7 @@ from mutant_forks import silence
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "aerokernels"
-MADE = ROOT / "scripts" / "mutated_tests.json"
+MADE = ROOT / "build" / "mutated_tests.json"
 MEASURED = ROOT / "build" / "mutated_tests"
 MODULES = list(tomllib.loads((ROOT / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))["modules"])
 # Tests of whole commands, boards and documents are left out: they take minutes, or run the core in other processes.
@@ -229,7 +229,7 @@ def written(seconds: float, most: int, files: list[Path]) -> None:
 
 def _kept(replaced: set[str]) -> tuple[dict[str, dict], dict[str, list[str]]]:
     """Return the tests of the list that are not of replaced files, and the functions' tests among them."""
-    listed = json.loads(MADE.read_text(encoding="utf-8"))
+    listed = json.loads(MADE.read_text(encoding="utf-8")) if MADE.exists() else {"tests": {}, "functions": {}}
     names = [(f"{file}::{name}", cost) for file, tests in listed["tests"].items() for name, cost in tests]
     kept = {name: {"cost": cost} for name, cost in names if name.partition("::")[0] not in replaced}
     functions_tests = {
