@@ -52,7 +52,7 @@ APART int start_of(
         if (hits < NEVER) {
             status = RAY_HIT_BODY;
             enter = hits;
-        } else if (has_stop && STOP != NONE && stop_distance <= leaves) {
+        } else if (has_stop && STOP != NONE && stop_distance <= lesser64(leaves, span.y)) {
             meets = 0;
         } else if ((leaves > enter && leaves >= (1.0 - ENTRY_ROUNDING) * span.y) || leaves >= NEVER) {
             status = RAY_INSIDE_BODY;  // it comes out where the box ends, if at all

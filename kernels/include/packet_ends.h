@@ -37,7 +37,9 @@ static inline void start_at_walls(
         if (hits < NEVER) {
             NUMBER_AT(starts->status, lane) = RAY_HIT_BODY;
             DOUBLE_AT(*enter, lane) = hits;
-        } else if (STOP != NONE && TRUTH_AT(starts->has_stop, lane) && stop_distance <= leaves) {
+        } else if (
+            STOP != NONE && TRUTH_AT(starts->has_stop, lane) &&
+            stop_distance <= lesser64(leaves, DOUBLE_AT(span.leave, lane))) {
             NUMBER_AT(starts->meets, lane) = 0;
         } else if (
             (leaves > first && leaves >= (1.0 - ENTRY_ROUNDING) * DOUBLE_AT(span.leave, lane)) || leaves >= NEVER) {

@@ -77,7 +77,7 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
                 if hits < wp.float64(NEVER):
                     status = int(hit_body)
                     enter = hits
-                elif has_stop and wp.static(stop != "none") and stop_distance <= leaves:
+                elif has_stop and wp.static(stop != "none") and stop_distance <= wp.min(leaves, span[1]):
                     meets = bool(False)
                 elif (leaves > enter and leaves >= wp.float64(1.0 - ENTRY_ROUNDING) * span[1]) or leaves >= wp.float64(
                     NEVER
