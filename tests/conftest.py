@@ -23,22 +23,25 @@ settings.load_profile("at any load")
 
 # Files that take longest, first: with two processes none of them is left to one alone at the end (see scripts/test).
 LONGEST = (
-    "tests/tracing/engines/test_cross_backend.py",
     "tests/tracing/error_budget/test_budget_coverage.py",
+    "tests/tracing/engines/test_cross_backend.py",
     "tests/tracing/error_budget/test_scene_budgets.py",
-    "tests/jobs/test_sweep.py",
-    "tests/tracing/leapfrog/test_support.py",
-    "tests/tracing/leapfrog/test_leapfrog.py",
-    "tests/tracing/bundle/test_bundles_against_reference.py",
-    "tests/tracing/engines/test_twins.py",
     "tests/tracing/engines/test_backends_agree.py",
-    "tests/tracing/engines/test_random_fields_backends.py",
-    "tests/stress/test_hard_fields.py",
-    "tests/commands/test_cli.py",
-    "tests/benchmark/test_benchmark.py",
+    "tests/tracing/leapfrog/test_leapfrog.py",
     "tests/tracing/test_along_faces.py",
-    "tests/tracing/test_methods.py",
+    "tests/jobs/test_sweep.py",
+    "tests/tracing/engines/test_random_fields_backends.py",
     "tests/tracing/test_bodies.py",
+    "tests/tracing/engines/test_twins.py",
+    "tests/tracing/bundle/test_bundles_against_reference.py",
+    "tests/commands/test_cli.py",
+    "tests/tracing/leapfrog/test_support.py",
+    "tests/tracing/test_methods.py",
+    "tests/stress/test_hard_fields.py",
+    "tests/jobs/test_pupil_table.py",
+    "tests/benchmark/test_benchmark.py",
+    "tests/jobs/test_compare_loop.py",
+    "tests/jobs/test_series_job.py",
 )
 
 

@@ -1,5 +1,6 @@
 """Optical paths from a scene to a camera's pupil, against rays that are aimed until they meet the scene's point."""
 
+import functools
 import math
 
 import numpy as np
@@ -30,14 +31,15 @@ def traced(field: IndexField, start: np.ndarray, way: np.ndarray, plane: Plane):
     return found.position[0], found.direction[0], float(found.opd[0]) + 1.2 * length
 
 
-@pytest.mark.parametrize("focus", [None, 2.0])
-def test_paths_from_a_near_point(focus: float | None):
-    """What light from the point takes to a place of the pupil, less what it takes without air, to third order."""
-    field, camera = prism(), Camera(Disc(6e-3, (0.0, 0.0, -0.01)), 0.1, 1e-5, 8, distance=0.6, focus=focus)
-    found, arrived, _ = node_paths(field, camera, TANGENT, Q, OPTIONS)
-    assert (arrived == 1.0).all()
-    plane = Plane(np.array([0.0, 0.0, 0.59]), np.array([0.0, 0.0, 1.0]))
-    defocus = 1.2 * defocus_paths(camera, TANGENT, Q)
+@functools.cache
+def from_near_points() -> np.ndarray:
+    """Optical path [m] from points 0.6 m ahead of the pupil to places of it, less that without air, by single rays.
+
+    A ray that begins in a place of the pupil is aimed until it ends in the point: it misses that by more than 30 um if
+    it starts straight toward it. Shape (points, places).
+    """
+    field, plane = prism(), Plane(np.array([0.0, 0.0, 0.59]), np.array([0.0, 0.0, 1.0]))
+    found = np.empty((len(TANGENT), len(Q)))
     for i, tangent in enumerate(TANGENT):
         point = np.array([0.0, 0.0, -0.01]) + 0.6 * np.array([*tangent, 1.0])
         for j, q in enumerate(Q):
@@ -47,10 +49,19 @@ def test_paths_from_a_near_point(focus: float | None):
                 way = (aim - start) / np.linalg.norm(aim - start)
                 end, _, path = traced(field, start, way, plane)
                 aim = aim + point - end
-            expected = path - 1.2 * np.linalg.norm(point - start)
+            found[i, j] = path - 1.2 * np.linalg.norm(point - start)
             moved = traced(field, start, (point - start) / np.linalg.norm(point - start), plane)[0] - point
             assert np.linalg.norm(moved) > 3e-5
-            assert found[i, j] - defocus[i, j] == pytest.approx(expected, abs=2e-9)
+    return found
+
+
+@pytest.mark.parametrize("focus", [None, 2.0])
+def test_paths_from_a_near_point(focus: float | None):
+    """What light from the point takes to a place of the pupil, less what it takes without air, to third order."""
+    camera = Camera(Disc(6e-3, (0.0, 0.0, -0.01)), 0.1, 1e-5, 8, distance=0.6, focus=focus)
+    found, arrived, _ = node_paths(prism(), camera, TANGENT, Q, OPTIONS)
+    assert (arrived == 1.0).all()
+    assert found - 1.2 * defocus_paths(camera, TANGENT, Q) == pytest.approx(from_near_points(), abs=2e-9)
 
 
 def test_paths_from_a_far_point():

@@ -1,4 +1,4 @@
-"""The whole loop on one machine: board -> record at four labels -> compare with the four wind-tunnel runs."""
+"""The whole loop on one machine: board -> record at three labels -> compare with three wind-tunnel runs."""
 
 import csv
 import os
@@ -15,7 +15,7 @@ from aerokernels.jobs.run import simulate
 from aerokernels.jobs.store import RESULT_FILE, SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.scene import Scene
 
-SCENES = {"0": "wind-tunnel-static", "2": "wind-tunnel-mach2", "3": "wind-tunnel-mach3", "4": "wind-tunnel-mach4"}
+SCENES = {"0": "wind-tunnel-static", "2": "wind-tunnel-mach2", "3": "wind-tunnel-mach3"}
 SMALL = {"strehl.ray_count": 1024, "beam.ray_count": 32, "receiver.ray_count": 32, "grid.spacing": "0.5 mm"}
 ECHOES, NOISE = 60, 0.02
 
@@ -71,7 +71,7 @@ def test_board_record_compare(tmp_path: Path, aerokernels, command_line):
         assert abs(off) < 5.0 * float(row["matched_filter_systematic_standard_error_m"])
         assert int(row["matched_filter_ranged_count"]) == ECHOES
     peaks = {mach: float(row["simulated_peak_v"]) for mach, row in rows.items()}
-    assert peaks["0"] > max(peaks[mach] for mach in "234")
+    assert peaks["0"] > max(peaks[mach] for mach in "23")
 
 
 @pytest.mark.parametrize(

@@ -49,7 +49,8 @@ def test_report_holds_every_picture_and_loads_nothing(page: str):
     for _, data in images:
         pixels = matplotlib.image.imread(io.BytesIO(base64.b64decode(data)), format="png")
         assert pixels.shape[0] > 300 and pixels.shape[1] > 600
-        assert np.unique(pixels[..., :3].reshape(-1, 3), axis=0).shape[0] > 20, "a blank picture"
+        colours = (255.0 * pixels[..., :3]).round().astype(int) @ [1 << 16, 1 << 8, 1]
+        assert np.unique(colours).size > 20, "a blank picture"
     assert not re.search(r"(src|href)\s*=\s*['\"](?!data:)|@import|<script", page)
 
 

@@ -49,7 +49,7 @@ def run(folder: Path, *arguments: str):
     )
 
 
-def test_a_series_gives_maps_statistics_and_a_report(folder: Path):
+def test_a_series_gives_maps_statistics_and_a_report(folder: Path, command_line):
     done = run(folder, "layer.toml", "--out", "out")
     assert done.returncode == 0, done.stderr
     assert "Strehl ratio, exact mean\t" in done.stdout and " +- " in done.stdout
@@ -78,7 +78,7 @@ def test_a_series_gives_maps_statistics_and_a_report(folder: Path):
     frames = json.loads(re.search(r"const frames = (\[.*?\]), times", page)[1])  # type: ignore[index]
     assert len(frames) == 24 and all(frame.startswith("data:image/png;base64,") for frame in frames)
     before = (out / ".series.zarr.journal").read_bytes()
-    assert run(folder, "layer.toml", "--out", "out").returncode == 0
+    assert command_line("series", folder / "layer.toml", "--out", out).returncode == 0
     assert (out / ".series.zarr.journal").read_bytes() == before
 
 

@@ -26,7 +26,7 @@ SMALL = {
     "grid.spacing": "0.4 mm",
 }
 OPTIONS = [part for key, value in SMALL.items() for part in ("--set", f"{key}={value}")]
-VARY = ["--vary", "flow.source=mach2,mach3", "--vary", "target.tilt=0 deg:25 deg:6"]
+VARY = ["--vary", "flow.source=mach2,mach3", "--vary", "target.tilt=0 deg:15 deg:4"]
 COMMAND = ["sweep", "wind-tunnel-mach3", *VARY, *OPTIONS, "--out", "out"]
 
 
@@ -67,12 +67,12 @@ def children(pid: int, words: str) -> list[int]:
 
 
 def checked(folder: Path) -> xarray.Dataset:
-    """The dataset of the 12 cases: all there, none computed twice."""
-    assert sorted(line["case"] for line in lines(folder)) == list(range(12))
+    """The dataset of the 8 cases: all there, none computed twice."""
+    assert sorted(line["case"] for line in lines(folder)) == list(range(8))
     with xarray.open_dataset(folder / "out" / DATASET_FILE, engine="h5netcdf") as found:
         found.load()
-    assert dict(found.strehl.sizes) == {"flow.source": 2, "target.tilt": 6}
-    np.testing.assert_allclose(np.degrees(found["target.tilt"]), [0, 5, 10, 15, 20, 25], atol=1e-12)
+    assert dict(found.strehl.sizes) == {"flow.source": 2, "target.tilt": 4}
+    np.testing.assert_allclose(np.degrees(found["target.tilt"]), [0, 5, 10, 15], atol=1e-12)
     assert found["target.tilt"].attrs["units"] == "rad"
     assert np.isfinite(found.strehl).all() and not found.failed.any()
     return found
@@ -80,7 +80,7 @@ def checked(folder: Path) -> xarray.Dataset:
 
 @pytest.fixture(scope="module")
 def unbroken(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, xarray.Dataset]:
-    """The 12 cases, by two local workers, of which one was killed in the middle and replaced."""
+    """The 8 cases, by two local workers, of which one was killed in the middle and replaced."""
     folder = tmp_path_factory.mktemp("sweep")
     process = started(folder, *COMMAND, "--workers", "2")
     wait_for_cases(process, folder, 2)
@@ -89,7 +89,7 @@ def unbroken(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, xarray.Dat
     os.kill(workers[0], signal.SIGKILL)
     told, faults = process.communicate(timeout=300)
     assert process.returncode == 0, faults
-    assert "12 of 12 cases" in told and "left" in faults
+    assert "8 of 8 cases" in told and "left" in faults
     return folder, checked(folder)
 
 
@@ -107,7 +107,7 @@ def test_variables_are_those_of_a_summary(unbroken):
     ).all() and found.tracing_processor_seconds.min() > 0
     page = (unbroken[0] / "out" / "report.html").read_text()
     assert re.findall(r'<figure id="([\w-]+)">', page)[0] == "strehl" and "No picture" not in page
-    assert page.count("<tr>") == 13 and not re.search(r'(src|href)="http', page)
+    assert page.count("<tr>") == 9 and not re.search(r'(src|href)="http', page)
     falls = found.echo_peak_v.sel({"flow.source": "mach3"}).values  # a tilted Lambertian reflector returns less
     assert np.all(np.diff(falls) < 0.0)
 
@@ -120,14 +120,13 @@ def test_a_finished_sweep_does_nothing(unbroken, monkeypatch: pytest.MonkeyPatch
     assert process.returncode == 0 and "nothing to do" in told
     assert {path: path.stat().st_mtime_ns for path in (folder / "out").iterdir()} == before
     monkeypatch.setattr("aerokernels.jobs.sweeps.run.run_sweep", None)  # in Python: neither
-    tilts = [f"{tilt} deg" for tilt in range(0, 30, 5)]
     again = aerokernels.sweep(
         "wind-tunnel-mach3",
         {"flow.source": ["mach2", "mach3"], "target.tilt": [0.0, *found["target.tilt"].values[1:]]},
         settings=SMALL,
         out=folder / "out",
     )
-    assert again.equals(found) and len(tilts) == 6
+    assert again.equals(found)
 
 
 @pytest.mark.parametrize(
@@ -167,9 +166,9 @@ def test_killed_in_the_middle_it_goes_on(unbroken, tmp_path: Path):
     os.kill(process.pid, signal.SIGKILL)
     process.communicate()
     before = (tmp_path / "out" / CASES_FILE).read_bytes()
-    assert 3 <= before.count(b"\n") < 12 and not (tmp_path / "out" / DATASET_FILE).exists()
+    assert 3 <= before.count(b"\n") < 8 and not (tmp_path / "out" / DATASET_FILE).exists()
     with (tmp_path / "out" / CASES_FILE).open("ab") as file:
-        file.write(b'{"case": 11, "summary": {"stre')  # as if it had died while writing
+        file.write(b'{"case": 7, "summary": {"stre')  # as if it had died while writing
     process = started(tmp_path, *COMMAND, "--workers", "1")
     _, faults = process.communicate(timeout=300)
     assert process.returncode == 0, faults

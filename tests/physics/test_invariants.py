@@ -14,7 +14,7 @@ TIGHT = {"precision": "float64", "tolerance": 1e-6}
 
 def shares(medium: Case) -> np.ndarray:
     """Lengths along the rays, up to where the shortest of them ends."""
-    return medium.ends.arc_length.min() * np.array([0.06, 0.31, 0.5, 0.77, 0.98])
+    return medium.ends.arc_length.min() * np.array([0.06, 0.5, 0.98])
 
 
 def launch(medium: Case) -> np.ndarray:

@@ -115,7 +115,7 @@ def equal_steps(geometry: str, interpolation: str, seed: int, width: float, ampl
     amplitude=st.floats(1e-6, 1e-3),
     step=st.floats(3e-5, 3e-4),
 )
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None, derandomize=True)
 def test_equal_steps_meet_the_limits(engine, kind, seed, width, amplitude, step):
     """Any field, any step from 0.3 to 3 cells, with the reference taking the same; each engine is given the same.
 
