@@ -88,3 +88,23 @@ def test_pictures_take_the_flow_s_interpolation_and_no_mesh_route():
     scene = picture_scene("mach3", {"grid.route": "mesh"})
     with pytest.raises(ValueError, match=r"grid\.route = 'mesh' is not for pictures"):
         picture_field(scene.density_field(), scene, options)
+
+
+def test_errors_of_the_brightness_on_request(command_line, tmp_path: Path):
+    """They hold the difference from a picture of 16 rays to a pixel; they are printed and stored."""
+    options = ("--kind", "schlieren", "--pixels", "24", "--spacing", "1.5 mm", "--extent", "-60 mm,5 mm,-40 mm,40 mm")
+    sharp = ("--sensitivity", "2000")
+    plain, told, _ = (
+        command_line("schlieren", "mach3", "--out", name, *options, *sharp, *more)
+        for name, more in (("plain", ()), ("told", ("--errors",)), ("finer", ("--rays-per-pixel", "4")))
+    )
+    assert re.search(r"Error of the schlieren\s+median \S+, greatest \S+ of white", told.stdout), told.stdout
+    assert "Error of" not in plain.stdout
+    data, fine = (xarray.open_dataset(tmp_path / name / "pictures.nc", engine="h5netcdf") for name in ("told", "finer"))
+    with data, fine:
+        assert "schlieren_error" not in fine
+        error, off = data["schlieren_error"].values, np.abs(data["schlieren"] - fine["schlieren"]).values
+    summary = json.loads((tmp_path / "told" / "summary.json").read_text())
+    assert summary["schlieren_error_greatest"] == pytest.approx(error.max())
+    assert summary["schlieren_error_median"] == pytest.approx(np.median(error))
+    assert off.max() > 0.01 and np.mean(off <= error + 1e-6) > 0.98
