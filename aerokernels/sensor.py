@@ -72,11 +72,15 @@ def write_grey(path: "str | Path", brightness) -> None:
     The format is TIFF or PNG according to the file's ending.
 
     Raises:
-        ValueError: Another ending, or an array that has not two axes.
+        ValueError: Another ending, a folder that does not exist, or an array that has not two axes.
+        OutputError: The disk is full; an earlier file is as it was.
     """
+    import io
     from pathlib import Path
 
     from PIL import Image
+
+    from .files.drafts import replacing
 
     path, brightness = Path(path), np.asarray(brightness)
     kinds = {".tif": "TIFF", ".tiff": "TIFF", ".png": "PNG"}
@@ -85,4 +89,7 @@ def write_grey(path: "str | Path", brightness) -> None:
     if brightness.ndim != 2:
         raise ValueError(f"a picture must have two axes [y, x], got shape {brightness.shape}")
     levels = np.rint(np.clip(np.nan_to_num(brightness), 0.0, 1.0) * 65535.0).astype(np.uint16)
-    Image.fromarray(np.ascontiguousarray(levels[::-1])).save(path, format=kinds[path.suffix.lower()])
+    made = io.BytesIO()  # Pillow does not notice that a full disk takes a part of the last block only
+    Image.fromarray(np.ascontiguousarray(levels[::-1])).save(made, format=kinds[path.suffix.lower()])
+    with replacing(path) as (draft,):
+        draft.write_bytes(made.getbuffer())

@@ -35,6 +35,7 @@ def bench(
     from aerokernels.benchmark.table import COLUMNS, table_rows
     from aerokernels.commands._output import note
     from aerokernels.commands._table import print_table
+    from aerokernels.files.drafts import replacing
 
     settings = Settings(
         suites=tuple(suites or ()),
@@ -51,7 +52,8 @@ def bench(
         raise ValueError(f"--out {out}: give a file name in an existing folder")
     measured = run_bench(settings, report=lambda line: typer.echo(line, err=True))
     if out is not None:
-        out.write_text(json.dumps(measured, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        with replacing(out, name="--out ") as (draft,):
+            draft.write_text(json.dumps(measured, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     print_table(f"Benchmark on {measured['machine']['cpu']}", COLUMNS, table_rows(measured))
     if out is not None:
         note(f"wrote {out}")

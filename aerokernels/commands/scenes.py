@@ -34,6 +34,7 @@ def copy(
 ) -> None:
     """Copy a shipped scene to a file, with its comments."""
     from aerokernels.commands._output import note
+    from aerokernels.files.drafts import replacing
     from aerokernels.scene.loading import shipped_scene_text
 
     text = shipped_scene_text(name)
@@ -42,5 +43,6 @@ def copy(
         raise ValueError(f"{place}: the folder {place.parent} does not exist; make it, or choose another one")
     if place.exists() and not force:
         raise ValueError(f"{place} already exists: choose another name, or give --force to replace it")
-    place.write_text(text, encoding="utf-8")
+    with replacing(place) as (draft,):
+        draft.write_text(text, encoding="utf-8")
     note(f"wrote {place}; run it with: aerokernels run {place} --out out")

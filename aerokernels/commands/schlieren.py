@@ -72,6 +72,13 @@ def schlieren(
             metavar="FROM,TO", help='Measure the shock\'s angle in this horizontal interval: "-60 mm,-30 mm".'
         ),
     ] = None,
+    errors: Annotated[
+        bool,
+        typer.Option(
+            "--errors",
+            help="Measure the error of each pixel's brightness, from five or six more pictures of each kind.",
+        ),
+    ] = False,
     measured: Annotated[
         Path | None, typer.Option(help="A schlieren photograph (PNG, TIFF, ...) for the lower half of comparison.png.")
     ] = None,
@@ -97,6 +104,8 @@ def schlieren(
 
     Rays are traced through the flow of a scene or a shipped flow.
     """
+    import numpy as np
+
     from aerokernels.commands._output import note
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
@@ -125,6 +134,7 @@ def schlieren(
         fringe_spacing=None if fringes is None else _number("--fringes", fringes, "length"),
         fringe_angle=_number("--fringe-angle", fringe_angle, "angle"),
         shock_window=None if shock is None else _numbers("--shock", shock, "length", 2),  # type: ignore[arg-type]
+        errors=errors,
     )
     photograph = None
     if measured is None:
@@ -150,6 +160,8 @@ def schlieren(
         progress("writing the pictures", 0.9)
         files = write_pictures(made, out)
     rows = [("Pictures", ", ".join(made.pictures)), ("Pixel", f"{1e3 * made.line_of_sight.window.pitch[0]:.4g} mm")]
+    for one, error in made.errors.items():
+        rows.append((f"Error of the {one}", f"median {np.median(error):.2g}, greatest {error.max():.2g} of white"))
     for words, found in (("Shock angle", made.shock), ("Shock angle, photograph", made.measured_shock)):
         if found is not None:
             angle = Quantity(math.degrees(found.angle), math.degrees(found.standard_error), "deg")

@@ -1,4 +1,4 @@
-"""Name the drafts of files and folders, written beside those they will replace, and remove abandoned drafts.
+"""Write drafts of files and folders beside those they will replace, and remove abandoned drafts.
 
 A process that is killed leaves its draft, and the next process to write to the same place removes it. A draft's name
 contains the machine and the process that writes it; a draft whose process has ended is abandoned.
@@ -9,7 +9,8 @@ import os
 import re
 import shutil
 import socket
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -34,6 +35,49 @@ def draft_of(path: Path) -> Path:
             if found and not _lives(int(found[1])):
                 _remove(other)
     return path.with_name(f".{path.name}.partial-{here}-{os.getpid()}")
+
+
+@contextmanager
+def replacing(*paths: Path, name: str = "") -> Iterator[tuple[Path, ...]]:
+    """Yield drafts that replace files on success and are removed on failure: readers find old files or new ones.
+
+    Each draft has its file's own name, in a hidden folder beside it. A link is followed; what is no regular file, such
+    as /dev/stdout, is written as it is.
+
+    Args:
+        *paths: The files.
+        name: Precedes a path in messages, such as "--out ".
+
+    Raises:
+        ValueError: A path is a folder, or its folder does not exist.
+        OutputError: The disk is full.
+    """
+    with ExitStack() as stack:
+        drafts = [stack.enter_context(_draft(path, name)) for path in paths]
+        yield tuple(drafts)
+
+
+@contextmanager
+def _draft(path: Path, name: str) -> Iterator[Path]:
+    if path.is_dir():
+        raise ValueError(f"{name}{path}: is a folder: give the name of a file in it")
+    if not path.parent.is_dir():
+        raise ValueError(f"{name}{path}: folder {path.parent} does not exist: make it, or choose another one")
+    target = path.resolve()
+    if target.exists() and not target.is_file():
+        yield path
+        return
+    folder = draft_of(target)
+    draft = folder / target.name
+    try:
+        folder.mkdir(exist_ok=True)  # of a process of this number, before a restart
+        yield draft
+        if draft.exists():
+            draft.replace(target)
+    except OSError as fault:
+        raise (OutputError(path, fault, name) if fault.errno in FULL else fault) from fault
+    finally:
+        _remove(folder)
 
 
 def _machine() -> str:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..files.drafts import replacing
 from ..files.netcdf_file import write_netcdf
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
@@ -56,14 +57,16 @@ class BackgroundPictures:
 
         Raises:
             ValueError: `format` is neither "tiff" nor "png".
+            OutputError: The disk is full; earlier files are as they were.
         """
         check_choice(format, "format", FORMATS)
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         paths = folder / f"reference.{format}", folder / f"flow.{format}"
-        for path, brightness in zip(paths, (self.reference, self.picture), strict=True):
-            write_grey(path, brightness)
-        write_netcdf(folder / "displacement.nc", self.traced.to_xarray())
+        with replacing(*paths, folder / "displacement.nc") as (*drafts, displacement):
+            for path, brightness in zip(drafts, (self.reference, self.picture), strict=True):
+                write_grey(path, brightness)
+            write_netcdf(displacement, self.traced.to_xarray())
         return paths
 
     def to_xarray(self):

@@ -8,13 +8,14 @@ grids agree by chance, the error is at least that of the terms that the interpol
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ..medium import IndexField
-from ..medium.level_maps import changes_between, pixels_around, remaining_error
+from ..medium.level_maps import pixels_around, remaining_error
 from .camera import Camera
 from .omitted_terms import middle_distance, omitted_displacement, stride
 
@@ -80,35 +81,82 @@ def blur_error(
     field: IndexField,
     camera: Camera,
     blur: np.ndarray,
-    count: int,
-    other: int,
-    seen: Callable[..., np.ndarray],
+    other: np.ndarray,
+    points: np.ndarray,
+    weights: np.ndarray,
+    landing: Callable[..., tuple[np.ndarray, np.ndarray]],
 ) -> np.ndarray:
     """Return the error of a blur [pixels], shape (rows, columns, 2); NaN on a mesh without coarser levels.
 
     It is the sum of the blur's change with another number of points of the aperture, of its change with rays of a tenth
     of the tolerance in double precision, and of the error extrapolated from such traces of the field's coarser versions
-    by the order observed around each pixel.
+    by the order observed around each pixel. The last two are root mean squares over the aperture of the changes of its
+    rays' distances from their mean, which no change of the blur exceeds (the triangle inequality): the change of the
+    blur itself vanishes by chance where some distances grow and others shrink.
 
     Args:
         field: The refractive index.
         camera: The camera.
         blur: The blur [pixels].
-        count: Number of points of the aperture in `blur`.
-        other: Another number of points.
-        seen: Function that returns the blur of a field with a number of points of the aperture; `tight` sets the
-            tighter tolerance.
+        other: The blur with another number of points of the aperture.
+        points: The points of the aperture in `blur` [m], shape (n, 2).
+        weights: Shares of the light of these points, shape (n,).
+        landing: As in `displacement_error`, for any point of the aperture.
     """
     levels = field.refinement
     if levels is None:
         return np.full(blur.shape, np.nan)
-    total = by_points(seen(field, other) - blur)[..., None]
-    fine, *rest = (
-        seen(one, count, tight=True) for one in (levels.fine, levels.coarse, levels.coarser) if one is not None
-    )
-    exact = fine if levels.fine is field else seen(field, count, tight=True)
-    left = remaining_error(levels, changes_between([fine, *rest]), _around(field, camera, blur.shape))
-    return np.asarray(total + np.abs(exact - blur) + left)
+    fields = [one for one in (levels.fine, levels.coarse, levels.coarser) if one is not None]
+    versions = [(field, False), *([] if levels.fine is field else [(field, True)]), *((one, True) for one in fields)]
+    spreads = [Spread.of(blur.shape) for _ in versions]
+    differences = [Spread.of(blur.shape) for _ in versions[1:]]
+    for point, weight in zip(points, weights, strict=True):
+        before = None
+        for number, (one, tight) in enumerate(versions):
+            moved, arrived = landing(one, point, tight=tight)
+            moved, light = np.moveaxis(moved, 0, -1), float(weight) * arrived
+            spreads[number].add(moved, light)
+            if before is not None:
+                differences[number - 1].add(moved - before[0], np.minimum(light, before[1]))
+            before = moved, light
+    sizes = [one.size for one in spreads]
+    # Rays that arrive in one version only are in no difference, but in the blur.
+    changes = [np.maximum(d.size, np.abs(b - a)) for d, (a, b) in zip(differences, pairwise(sizes), strict=True)]
+    left = remaining_error(levels, changes[1 - len(fields) :], _around(field, camera, blur.shape))
+    return np.asarray((by_points(other - blur) + by_points(changes[0]))[..., None] + left)
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Root mean square distances of vectors from their mean, summed up one point of the aperture after another.
+
+    Attributes:
+        light: Sum of the weights, shape (rows, columns, 1).
+        total: Weighted sum of the vectors, shape (rows, columns, 2).
+        square: Weighted sum of the squares of their components, shape (rows, columns, 2).
+    """
+
+    light: np.ndarray
+    total: np.ndarray
+    square: np.ndarray
+
+    @classmethod
+    def of(cls, shape: tuple[int, ...]) -> "Spread":
+        """Return the spread of no vectors yet, for pictures of shape (rows, columns, 2)."""
+        return cls(np.zeros((*shape[:2], 1)), np.zeros(shape), np.zeros(shape))
+
+    def add(self, vectors: np.ndarray, weight: np.ndarray) -> None:
+        """Add vectors, shape (rows, columns, 2), of a weight, shape (rows, columns)."""
+        share = weight[..., None]
+        self.light[...] += share
+        self.total[...] += share * vectors
+        self.square[...] += share * vectors**2
+
+    @property
+    def size(self) -> np.ndarray:
+        """Root mean square distance from the mean along x and y, shape (rows, columns, 2); 0 without light."""
+        light = np.maximum(self.light, 1e-300)
+        return np.sqrt(np.maximum(self.square / light - (self.total / light) ** 2, 0.0))
 
 
 def _around(field: IndexField, camera: Camera, shape: tuple[int, ...]) -> int:

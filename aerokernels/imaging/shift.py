@@ -99,19 +99,19 @@ class BackgroundDisplacement:
         """Error of the blur along x and y [pixels], shape (rows, columns, 2); NaN if it is not known.
 
         It includes the errors due to the field's grid, the rays' tolerance and the number of points of the aperture:
-        see blur_error in displacement_error.py. Pictures of three fields and of 36 points are traced when it is first
-        read.
+        see blur_error in displacement_error.py. Four or five pictures, and one of 36 points, are traced when it is
+        first read.
         """
         if self.view is None:
             return np.full(self.blur.shape, np.nan)
-        camera, shape, count = self.camera, self.through.shape, len(self.view.points)
+        camera, shape, options, count = self.camera, self.through.shape, self.options, len(self.view.points)
 
-        def seen(field: IndexField, points: int, tight: bool = False) -> np.ndarray:
-            options = _tight(self.options) if tight else self.options
-            return gather(field, camera, shape, points, options, allow_truncation=True).blur
+        def landing(field: IndexField, point: np.ndarray, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
+            return landing_shift(field, camera, shape, point, _tight(options) if tight else options)
 
-        other = _others(count, BLUR_RAYS)
-        return blur_error(self.view.field, camera, self.blur, count, other, seen)
+        field, points, weights = self.view.field, self.view.points, self.view.weights
+        other = gather(field, camera, shape, _others(count, BLUR_RAYS), options, allow_truncation=True).blur
+        return blur_error(field, camera, self.blur, other, points, weights, landing)
 
     @cached_property
     def truncated(self) -> np.ndarray:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from aerokernels.files.drafts import replacing
 from aerokernels.flow import DensityField
 from aerokernels.jobs.dataset import density_cells
 from aerokernels.jobs.figure_layout import styled_figure
@@ -46,10 +47,12 @@ def save_flow_figure(flow: DensityField, place: Path, title: str = "") -> None:
 
     Raises:
         ValueError: No format has this extension.
+        OutputError: The disk is full; an earlier file is as it was.
     """
     figure = flow_figure(flow, title)
     known = figure.canvas.get_supported_filetypes()
     if place.suffix[1:].lower() not in known:
         raise ValueError(f"{place}: {place.suffix!r} is not a picture format: use .png, .pdf or .svg")
     place.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(place)
+    with replacing(place) as (draft,):
+        figure.savefig(draft)

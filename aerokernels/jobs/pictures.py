@@ -71,6 +71,7 @@ class PictureOptions:
         fringe_angle: direction across the interferogram's fringes [rad].
         shock_window: interval of the horizontal axis in which to measure the outermost shock's angle [m]; None: do not
             measure it.
+        errors: whether to measure the error of each pixel's brightness, from five or six further pictures of each kind.
     """
 
     kinds: tuple[str, ...] = KINDS
@@ -89,6 +90,7 @@ class PictureOptions:
     fringe_spacing: float | None = None
     fringe_angle: float = 0.5 * math.pi
     shock_window: tuple[float, float] | None = None
+    errors: bool = False
 
     def __post_init__(self) -> None:
         """Check, before anything is read or traced.
@@ -128,6 +130,7 @@ class BenchPictures:
         shock: the outermost shock, if requested.
         comparison: comparison with a photograph, if one was given.
         measured_shock: the photograph's shock, if requested and a photograph was given.
+        errors: the error of each pixel's brightness by kind, shape (ny, nx), if requested; NaN if it is not known.
     """
 
     scene: Scene
@@ -137,6 +140,7 @@ class BenchPictures:
     shock: ShockAngle | None
     comparison: HalfComparison | None
     measured_shock: ShockAngle | None
+    errors: Mapping[str, np.ndarray]
 
     @cached_property
     def summary(self) -> dict[str, Any]:
@@ -160,6 +164,8 @@ class BenchPictures:
                     f"{name}_angle_standard_error_rad": shock.standard_error,
                     f"{name}_place_m": shock.place,
                 }
+        for kind, error in self.errors.items():
+            summary |= {f"{kind}_error_median": float(np.median(error)), f"{kind}_error_greatest": float(error.max())}
         if self.comparison is not None:
             summary |= {"correlation": self.comparison.correlation, "covered": self.comparison.covered}
         return summary
@@ -175,6 +181,9 @@ class BenchPictures:
             attributes |= {
                 f"{kind}_{key}": value for key, value in one.attrs.items() if key not in ("kind", "right", "up")
             }
+            if kind in self.errors:
+                words = {"units": "1", "long_name": f"error of the brightness of the {kind}"}
+                one[f"{kind}_error"] = (one["intensity"].dims, self.errors[kind], words)
             merged = merged.merge(one.rename(intensity=kind).drop_attrs(deep=False), compat="override")
         if self.comparison is not None:
             merged["comparison"] = self.comparison.to_xarray()["intensity"]
@@ -284,8 +293,12 @@ def make_pictures(
         shock = measure_shock_angle(pictures["schlieren"], options.shock_window, half="both", degree=2)
         if measured is not None:
             measured_shock = measure_shock_angle(measured, options.shock_window, half="lower", degree=2)
+    errors = {}
+    for kind, picture in pictures.items() if options.errors else ():
+        progress(f"measuring the error of the {kind}", 0.85)
+        errors[kind] = picture.error
     comparison = None if measured is None else compare_halves(pictures["schlieren"], measured)
-    return BenchPictures(scene, density, traced, pictures, shock, comparison, measured_shock)
+    return BenchPictures(scene, density, traced, pictures, shock, comparison, measured_shock, errors)
 
 
 def write_pictures(made: BenchPictures, out: Path) -> list[str]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.display.plain_text import plain_json
-from aerokernels.files.drafts import FULL, OutputError, draft_of
+from aerokernels.files.drafts import FULL, OutputError, draft_of, replacing
 from aerokernels.files.netcdf_file import write_netcdf
 from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.files.one_writer import only_writer
@@ -211,27 +211,14 @@ def replace_result(path: Path, dataset: "xarray.Dataset") -> None:
     Raises:
         OutputError: The disk is full.
     """
-    with _replacing(path) as draft:
+    with replacing(path, name="--out ") as (draft,):
         write_result(draft, dataset)
 
 
 def write_text(path: Path, text: str) -> None:
     """Replace a text file atomically; raises the errors of `replace_result`."""
-    with _replacing(path) as draft:
+    with replacing(path, name="--out ") as (draft,):
         draft.write_text(text, encoding="utf-8")
-
-
-@contextlib.contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """Yield a draft that replaces a file on success and is removed on failure."""
-    draft = draft_of(path)
-    try:
-        yield draft
-        draft.replace(path)
-    except OSError as fault:
-        raise (OutputError(path, fault) if fault.errno in FULL else fault) from fault
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def read_result(path: Path) -> "xarray.Dataset":

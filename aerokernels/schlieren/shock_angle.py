@@ -1,16 +1,21 @@
 """Measure the angle of a shock in a picture, with its standard error."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..inputs.checks import check_choice
 from .fronts import LEAST_LINES, fit_curve, inner_bands, outer_fronts, smoothed
+from .picture import Picture
 from .staircase import is_staircase, slope_error
 from .view import PictureView
 
 HALVES = ("upper", "lower", "both")
+# Error by the width of a shock's edge over the change of the angle with half of the smoothing; smoothing that a picture
+# without any is compared with [pixels].
+EDGE_FACTOR, LEAST_WIDTH = 2.0, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +24,8 @@ class ShockAngle:
 
     Attributes:
         angle: between the shock and the picture's horizontal [rad], positive.
-        standard_error: of the angle, from the scatter of the points, and from steps of a staircase of pixels [rad].
+        standard_error: of the angle, from the scatter of the points, from steps of a staircase of pixels, and from the
+            width of the shock's edge [rad]; NaN if it is not known.
         place: position along the horizontal at which the angle holds [m].
         points: the shock on the scan lines that were used, (horizontal, vertical) [m], shape (n, 2).
         curve: coefficients of the fitted height above the axis against the distance from `place`, lowest power first
@@ -61,6 +67,10 @@ def measure_shock_angle(
     then not in the scatter, and is added (see `staircase.py`; recognised up to a noise of a fifth of the shock's change
     of brightness). Pictures with several `rays_per_pixel` have a smaller error.
 
+    A shock's edge is as wide as pixels, smoothing and the field's cells make it. Where the band behind it widens along
+    the shock, as in a conical flow, its half height moves and turns the line. This error is added too: it is about
+    proportional to the edge's width, and taken as twice the angle's change with half of the smoothing.
+
     Args:
         picture: a Picture or any of the synthetic pictures; a horizontal knife edge shows slanted shocks best.
         window: range along the horizontal [m].
@@ -83,23 +93,74 @@ def measure_shock_angle(
     if (near is None) != (reach is None):
         raise ValueError("near and reach belong together: give both, or neither for the outermost shock")
     columns = columns_in(picture, window)
-    if half == "both":
-        up, down = (
-            measure_shock_angle(
-                picture, window, half=one, degree=degree, axis=axis, near=near, reach=reach, level=level,
-                smoothing=smoothing,
-            )
-            for one in ("upper", "lower")
-        )  # fmt: skip
-        return ShockAngle(
-            angle=0.5 * (up.angle + down.angle),
-            standard_error=0.5 * math.hypot(up.standard_error, down.standard_error),
-            place=up.place,
-            points=np.concatenate([up.points, down.points]),
-            curve=0.5 * (up.curve + down.curve),
-            residual_rms=math.sqrt(0.5 * (up.residual_rms**2 + down.residual_rms**2)),
-            roll=0.5 * float(np.arctan(up.curve[1]) - np.arctan(down.curve[1])),
-        )
+
+    seen = Picture(_without_body(picture), picture.horizontal, picture.vertical)
+
+    def found_with(width: float) -> ShockAngle:
+        brightness = smoothed(seen.intensity, width)
+        halves = [
+            _in_half(seen, brightness, columns, one, degree=degree, axis=axis, near=near, reach=reach, level=level)
+            for one in (HALVES[:2] if half == "both" else (half,))
+        ]
+        return halves[0] if len(halves) == 1 else _mean_of(*halves)
+
+    found = found_with(smoothing)
+    error = math.hypot(found.standard_error, _edge_error(found.angle, found_with, smoothing))
+    return replace(found, standard_error=error)
+
+
+def _without_body(picture: PictureView) -> np.ndarray:
+    """Return a picture's brightness with the nearest air's where a body is known to hide the light, shape (ny, nx).
+
+    Its outline would else be a front, and where it is darker than the shock the only one.
+    """
+    from scipy.ndimage import binary_dilation, distance_transform_edt
+
+    blocked = getattr(picture, "blocked", None)
+    if blocked is None or not np.any(blocked):
+        return picture.intensity
+    hidden = binary_dilation(blocked, np.ones((3, 3)))  # pixels on the outline are darker too
+    if hidden.all():
+        return picture.intensity
+    row, column = distance_transform_edt(hidden, return_distances=False, return_indices=True)
+    return np.asarray(picture.intensity[row, column])
+
+
+def _edge_error(angle: float, found_with: Callable[[float], ShockAngle], smoothing: float) -> float:
+    """Return the error of an angle by the width of the shock's edge in the picture [rad]; NaN if it is not known."""
+    for width in (0.5 * smoothing, 2.0 * smoothing) if smoothing > 0.0 else (LEAST_WIDTH,):
+        try:
+            return EDGE_FACTOR * abs(found_with(width).angle - angle)
+        except ValueError:  # no front with this width, as in noise
+            continue
+    return math.nan
+
+
+def _mean_of(up: ShockAngle, down: ShockAngle) -> ShockAngle:
+    return ShockAngle(
+        angle=0.5 * (up.angle + down.angle),
+        standard_error=0.5 * math.hypot(up.standard_error, down.standard_error),
+        place=up.place,
+        points=np.concatenate([up.points, down.points]),
+        curve=0.5 * (up.curve + down.curve),
+        residual_rms=math.sqrt(0.5 * (up.residual_rms**2 + down.residual_rms**2)),
+        roll=0.5 * float(np.arctan(up.curve[1]) - np.arctan(down.curve[1])),
+    )
+
+
+def _in_half(
+    picture: Picture,
+    brightness: np.ndarray,
+    columns: np.ndarray,
+    half: str,
+    *,
+    degree: int,
+    axis: float,
+    near: tuple[tuple[float, float], tuple[float, float]] | None,
+    reach: float | None,
+    level: float,
+) -> ShockAngle:
+    """Measure the shock in one half of a picture whose brightness was smoothed; the error is that of its points."""
     rows = np.flatnonzero(picture.vertical > axis if half == "upper" else picture.vertical < axis)
     if rows.size < 2 * LEAST_LINES:
         raise ValueError(
@@ -107,7 +168,7 @@ def measure_shock_angle(
         )
     inwards = rows[::-1] if half == "upper" else rows
     scanned = np.ix_(inwards, columns)
-    lines = smoothed(picture.intensity, smoothing)[scanned].T
+    lines = brightness[scanned].T
     height = np.abs(picture.vertical[inwards] - axis)  # decreases from a line's start to its end
     pitch = float(height[0] - height[1])
     along = picture.horizontal[columns]

@@ -9,6 +9,7 @@ in time at a point of the pupil, with the mean over the pupil and the tilt of ea
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ from .modes import first_zero_weights, integral_length
 from .uncertainty import Mean, mean_of, root_of
 
 RAYS = 49
+# Greatest difference between times of one snapshot, over the step between snapshots.
+SAME_TIME = 0.01
 
 
 class NotLinkedError(ValueError):
@@ -35,6 +38,7 @@ def linking_equation(
     *,
     relation: str = "gladstone-dale",
     constant: float | None = None,
+    snapshots: Sequence[int] | None = None,
 ) -> dict[str, Mean]:
     """Return both values [m], each with its standard error.
 
@@ -45,6 +49,7 @@ def linking_equation(
         wavelength: Vacuum wavelength [m].
         relation: Density to index, linear ones only.
         constant: K [m3/kg].
+        snapshots: Numbers of the snapshots to take; None takes all.
 
     Returns:
         "opd_rms_linking" and "opd_rms_path" [m].
@@ -55,7 +60,8 @@ def linking_equation(
     """
     if not isinstance(series.mesh, GridMesh):
         raise NotLinkedError("the linking equation needs a series on one uniform grid")
-    if len(series) < 2:
+    numbers = range(len(series)) if snapshots is None else snapshots
+    if len(numbers) < 2:
         raise NotLinkedError("the linking equation needs at least two snapshots")
     model = refractivity_model(relation, constant=constant)
     if model.form != "gladstone-dale":
@@ -63,9 +69,31 @@ def linking_equation(
     chosen = points[np.unique(np.linspace(0, len(points) - 1, RAYS).round().astype(int))]
     lines = LineIntegrals(series.mesh, chosen, as_unit_vector(direction, "direction"), "linear")
     factor = float(model.constant(wavelength))
-    densities = np.stack([lines.along(_on_grid(series, number)) for number in range(len(series))])
+    densities = np.stack([lines.along(_on_grid(series, number)) for number in numbers])
     linked, path = factor**2 * _linked_and_path(densities, lines.path_weights())
     return {"opd_rms_linking": root_of(mean_of(linked)), "opd_rms_path": root_of(mean_of(path))}
+
+
+def snapshots_at(series: Series, times: np.ndarray) -> list[int]:
+    """Return the numbers of a series' snapshots at the times of maps [s], which may be a part of them.
+
+    Raises:
+        NotLinkedError: The series has no snapshot at one of these times, or one of them is NaN.
+    """
+    if len(times) == len(series):  # dates are known from the first of them on only
+        return list(range(len(series)))
+    known = np.asarray(series.time, dtype=np.float64)
+    nearest = np.abs(times[:, None] - known).argmin(axis=1)
+    step = np.diff(np.sort(known)).min() if len(known) > 1 else 0.0
+    apart = np.abs(known[nearest] - times)
+    same = apart <= SAME_TIME * step + 1e-12 * np.abs(times)
+    if not same.all():
+        time = times[int(np.argmin(same))]
+        raise NotLinkedError(
+            f"the linking equation needs the series of the maps: it has no snapshot at {time:g} s, as the maps have; "
+            "keep the times of optical_series, in seconds"
+        )
+    return nearest.tolist()
 
 
 def _on_grid(series: Series, number: int) -> np.ndarray:

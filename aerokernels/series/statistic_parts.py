@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..pupils import Disc
-from .linking import linking_equation
+from .linking import linking_equation, snapshots_at
 from .modes import about_mean, first_zero_weights, integral_length, orthogonal_modes, two_point_correlation
 from .pupil_grid import MapReader
 from .spectra import Spectrum, sample_rate, welch
@@ -190,7 +190,7 @@ def _error_by_parts(values: list) -> np.ndarray:
     return np.asarray(np.std(values, axis=0, ddof=1) / math.sqrt(len(values)))
 
 
-def add_linking(table, dataset, series, opd, points, weight, wavelength) -> None:
+def add_linking(table, dataset, series, time, opd, points, weight, wavelength) -> None:
     """Add the linking equation, and the corresponding number of the maps where no focus was removed from them."""
     about = dataset.attrs
     missing = [name for name in ("pupil_center", "pupil_axes", "direction") if name not in about]
@@ -199,6 +199,7 @@ def add_linking(table, dataset, series, opd, points, weight, wavelength) -> None
     axes = np.asarray(about["pupil_axes"]).reshape(2, 3)
     start = np.asarray(about["pupil_center"]) + points @ axes
     linear = "gladstone_dale_constant" in about
+    dated = dataset["time"].dtype.kind == "M"  # which snapshot is the first one of a part is then not known
     found = linking_equation(
         series,
         start,
@@ -206,6 +207,7 @@ def add_linking(table, dataset, series, opd, points, weight, wavelength) -> None
         wavelength,
         relation="gladstone-dale" if linear else about.get("relation", "gladstone-dale"),
         constant=about["gladstone_dale_constant"] if linear else about.get("constant"),
+        snapshots=snapshots_at(series, np.full(len(time), np.nan) if dated else time),
     )
     words = {"opd_rms_linking": "the linking equation", "opd_rms_path": "the covariance of density along the rays"}
     for name, mean in found.items():

@@ -63,7 +63,8 @@ def statistics(
         mode_count: Proper orthogonal modes.
         segment: Samples of a segment of the spectra.
         wavelength: Vacuum wavelength [m]; None: the dataset's.
-        series: The snapshots that the dataset was made of, for the linking equation; they are read once more.
+        series: The snapshots that the dataset was made of, for the linking equation; those at the dataset's times are
+            read once more.
 
     Returns:
         A dataset with NAME and NAME_error:
@@ -121,7 +122,7 @@ def statistics(
     add_correlation(table, coordinates, opd, lit, x, y)
     if series is not None:
         try:
-            add_linking(table, dataset, series, opd, points, weight, wave)
+            add_linking(table, dataset, series, time, opd, points, weight, wave)
         except NotLinkedError as fault:
             skipped.append(str(fault))
     return _dataset(table, coordinates, dataset, wave, skipped)

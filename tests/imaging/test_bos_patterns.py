@@ -47,6 +47,25 @@ def test_the_error_told_holds_the_rounding_of_rays():
     assert seen.error.max() < 1e-4 * np.abs(exact.displacement).max()
 
 
+def test_the_error_of_a_blur_holds_the_rounding_of_rays_in_every_pixel():
+    """A weaker lump seen by 16 points: rounding changes some rays' distances from their mean and hardly the blur.
+
+    The rays' own rounding is then more than the change of the blur with tight steps in double precision: it was above
+    the told error by a factor of 1.3 in 20 of 512 numbers. Truth: 36 points, double precision, tolerance 1e-5.
+    """
+    r, z = np.linspace(0.0, 0.03, 241), np.linspace(-0.03, 0.03, 481)
+    contrast = 2e-6 * np.exp(-(r[:, None] ** 2 + z**2) / 0.0045**2)
+    spacing = (r[1], z[1] - z[0])
+    field = IndexField.from_samples(contrast, origin=(0.0, -0.03), spacing=spacing, geometry="axisymmetric")
+    pupil = Disc(1.5e-3, center=(-1.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0))
+    camera = Camera(pupil, focal_length=0.1, pixel=1e-4, pixel_count=(16, 16), focus=2.0)
+    seen = background_displacement(field, camera, aperture_rays=16, tolerance=2e-4)
+    exact = background_displacement(field, camera, aperture_rays=36, tolerance=1e-5, precision="float64")
+    off = np.abs(seen.blur - exact.blur)
+    assert off.max() > 1e-10 and (off <= seen.blur_error).all()
+    assert seen.blur_error.max() < 1e-4 * exact.blur.max()
+
+
 @pytest.mark.parametrize("finer", [4.0, 3.3, 1.6])
 def test_a_pixel_sees_the_mean_of_a_fine_pattern(finer: float):
     """Squares of a random pattern, `finer` to a pixel: a pixel's brightness is their mean over its area, exactly.

@@ -88,3 +88,18 @@ def test_pictures_take_the_flow_s_interpolation_and_no_mesh_route():
     scene = picture_scene("mach3", {"grid.route": "mesh"})
     with pytest.raises(ValueError, match=r"grid\.route = 'mesh' is not for pictures"):
         picture_field(scene.density_field(), scene, options)
+
+
+def test_errors_of_the_brightness_on_request(command_line, tmp_path: Path):
+    """Printed, in the summary and beside the picture; what they hold is tested in test_picture_errors.py."""
+    options = ("--kind", "schlieren", "--pixels", "12", "--spacing", "3 mm", "--extent", "-60 mm,5 mm,-40 mm,40 mm")
+    done = command_line("schlieren", "mach3", "--out", "out", *options, "--errors")
+    with xarray.open_dataset(tmp_path / "out" / "pictures.nc", engine="h5netcdf") as data:
+        assert data["schlieren_error"].dims == data["schlieren"].dims and data["schlieren_error"].units == "1"
+        error = data["schlieren_error"].values
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    median, greatest = np.median(error), error.max()
+    assert 0.0 <= median < greatest < np.inf
+    assert summary["schlieren_error_median"] == pytest.approx(median)
+    assert summary["schlieren_error_greatest"] == pytest.approx(greatest)
+    assert f"median {median:.2g}, greatest {greatest:.2g} of white" in done.stdout

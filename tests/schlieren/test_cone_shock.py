@@ -6,7 +6,8 @@ Formula: the shock is a cone, its outline in the picture the line y = -z tan b.
 Error sources: the edge of a band between pixels, measured at 0.03 pixel rms over 67 columns, 0.01 degree; a constant
 offset of the edge does not turn the line; the grid's bell at the shock, two cells or 0.5 mm, whose half height shifts
 as the band flattens along the cone: a tenth of a pixel over 67, 0.08 degree.
-Tolerance: 0.1 degree; asked for are 0.3.
+Tolerance: 0.1 degree; asked for are 0.3. The standard error holds the last one by the change with half the smoothing:
+before, 14 of these 28 pictures were off by more than three of it, up to nine.
 """
 
 import math
@@ -40,8 +41,8 @@ def test_shock_angle_is_taylor_maccoll(mach: float, degrees: float):
     assert exact == gas.shock.shock_angle
     for knife_edge in ("horizontal", "vertical", math.radians(115.0), math.pi):
         found = measure_shock_angle(knife_edge_picture(light, knife_edge=knife_edge), WINDOW)
-        assert abs(found.angle - exact) < math.radians(0.1), knife_edge
-        assert 0.0 < found.standard_error < math.radians(0.05)
+        assert abs(found.angle - exact) < min(math.radians(0.1), 3.0 * found.standard_error), knife_edge
+        assert 0.0 < found.standard_error < math.radians(0.15)
         assert len(found.points) >= 60 and found.place == pytest.approx(-0.03, abs=1e-3)
 
 
@@ -74,7 +75,8 @@ def test_standard_error_tells_the_scatter():
     """With noise of 5 % of full light on 40 pictures the angles scatter as the standard errors say, or less.
 
     Error source: a standard deviation of 40 numbers is good to 11 %; smoothing and the pixels' pattern tie neighbours
-    together, which the correlation of the residuals takes in on the safe side: told is 0.7 to 2.5 times the scatter.
+    together, which the correlation of the residuals takes in on the safe side; the change with half the smoothing has
+    scatter of its own: told is 0.7 to 3.5 times the scatter.
     """
     _, light = sight(3.0, 20.0)
     clean = knife_edge_picture(light, knife_edge="horizontal")
@@ -85,5 +87,19 @@ def test_standard_error_tells_the_scatter():
         found.append(measure_shock_angle(Picture(noisy, clean.horizontal, clean.vertical), WINDOW))
     scatter = np.std([one.angle for one in found], ddof=1)
     reported = np.sqrt(np.mean([one.standard_error**2 for one in found]))
-    assert 0.7 * scatter < reported < 2.5 * scatter
+    assert 0.7 * scatter < reported < 3.5 * scatter
     assert scatter < math.radians(0.3)
+
+
+def test_the_outline_of_the_body_is_no_shock():
+    """Mach 4.8, half angle 22.3 degrees: a knife edge that hardly shows the upper shock, beside the dark body.
+
+    The body's edge was measured, 5 degrees less than the shock. The shock is 2 to 5 pixels from it in this window.
+    """
+    gas = flow.cone(4.81, math.radians(22.3), length=LENGTH, density=0.33)
+    reach = 1.15 * LENGTH * math.tan(gas.shock.shock_angle)
+    extent = (-LENGTH, 0.004, -reach, reach)
+    light = line_of_sight(gas.index_field(spacing=LENGTH / 74), extent=extent, pixel_count=(80, 88))
+    picture = knife_edge_picture(light, knife_edge=math.radians(147.0), cut_off=0.2)
+    found = measure_shock_angle(picture, (-0.042, -0.019), degree=2)
+    assert abs(found.angle - gas.shock.shock_angle) < min(math.radians(1.0), 3.0 * found.standard_error)

@@ -36,7 +36,7 @@ def test_three_shocks_and_their_angles_fall_with_mach(fields):
         for heights, window in ((SECOND[name], (-0.07, -0.05)), (THIRD[name], (-0.108, -0.096))):
             near = ((window[0], heights[1]), (window[1], heights[0]))
             shocks.append(measure_shock_angle(picture, window, near=near, reach=0.003, degree=2))
-        assert all(shock.standard_error < math.radians(0.5) for shock in shocks)
+        assert all(shock.standard_error < math.radians(0.7) for shock in shocks)
         angles.append([shock.angle for shock in shocks])
         assert min(angles[-1]) > math.asin(1.0 / MACH[name])
     bow, second, third = np.degrees(np.transpose(angles))

@@ -90,5 +90,7 @@ def test_the_steps_of_uneven_pixels_are_in_the_error():
     assert used.all() and curve[1] == pytest.approx(found.curve[1])
     steps = 0.5 * slope_error(curve[1] / 0.5, 50)
     assert steps > 0.0
-    expected = math.hypot(math.sqrt(covariance[1, 1]), steps) / (1.0 + curve[1] ** 2)
+    blurred = measure_shock_angle(picture, (0.9e-3, 1.09e-2), axis=0.5e-3, smoothing=0.5)
+    width = 2.0 * abs(blurred.angle - found.angle)
+    expected = math.hypot(math.hypot(math.sqrt(covariance[1, 1]), steps) / (1.0 + curve[1] ** 2), width)
     assert found.standard_error == pytest.approx(expected, rel=1e-9)

@@ -80,6 +80,24 @@ def test_statistics_add_back_what_was_removed_from_the_maps(count: int, remove: 
     assert float(found.opd_rms_path) == pytest.approx(point, rel=0.1, abs=0.0)
 
 
+def test_maps_of_some_times_are_linked_with_the_snapshots_at_these_times():
+    """The second half is a series of its own, and every second snapshot; another series' times are named."""
+    series, pupil = moving(8), Rectangle(0.012, 0.009, (1e-3, -1e-3, 2e-3))
+    options = {"direction": ALONG, "pixel_count": 8, "method": "linear", "constant": CONSTANT, "wavelength": WAVELENGTH}
+    maps = optical_series(series, pupil, **options)
+    for part in (slice(4, None), slice(None, None, 2)):
+        fields = [series[k] for k in range(8)[part]]
+        alone = flow.open_series(fields, time=np.asarray(series.time)[part])
+        expected = statistics(optical_series(alone, pupil, **options), series=alone)
+        found = statistics(maps.isel(time=part), series=series)
+        for name in ("opd_rms_linking", "opd_rms_path", "opd_rms_point"):
+            assert float(found[name]) == pytest.approx(float(expected[name]), rel=1e-6, abs=0.0)
+    later = maps.isel(time=slice(4)).assign_coords(time=maps.time.values[:4] + 1.0)
+    dated = maps.isel(time=slice(4, 8)).assign_coords(time=np.datetime64("2026-01-01", "ns") + np.arange(4) * 20_000)
+    for part, time in ((later, "1"), (dated, "nan")):
+        assert f"no snapshot at {time}" in statistics(part, series=series).attrs["skipped"]
+
+
 def test_the_constant_is_the_one_of_the_maps():
     """Helium refracts less than air by its K at this wavelength: all three numbers do so in one proportion."""
     series, options = moving(5), {"pixel_count": 8, "wavelength": WAVELENGTH}

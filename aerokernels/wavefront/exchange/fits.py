@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...files.drafts import replacing
 from ...inputs.arguments import checked
 from ..data import WavefrontMap
 from .packages import package
@@ -20,21 +21,24 @@ def to_fits(wavefront: WavefrontMap, path: str | Path) -> tuple[Path, Path]:
 
     Raises:
         ModuleNotFoundError: astropy is not installed.
+        ValueError: The path is a folder, or its folder does not exist.
+        OutputError: The disk is full; earlier files are as they were.
     """
     path = Path(path)
     fits = package("astropy.io.fits")
     amplitude = path.with_name(f"{path.stem}_amplitude{path.suffix}")
-    for name, array, unit, kind in (
-        (path, poppy_opd(wavefront), "meter", "OPD"),
-        (amplitude, np.array(wavefront.weight), "", "AMPLITUD"),
-    ):
-        header = fits.Header()
-        header["PIXELSCL"] = (wavefront.pixel, "[m/pixel]")
-        header["PUPLSCAL"] = (wavefront.pixel, "[m/pixel]")
-        if unit:
-            header["BUNIT"] = unit
-        header["CONTENT"] = (kind, "what the pixels hold")
-        header["WAVELEN"] = (wavefront.wavelength, "[m] vacuum wavelength")
-        header["OPDSIGN"] = ("NEGATIVE", "where light is delayed (poppy's sign)")
-        fits.PrimaryHDU(array, header).writeto(name, overwrite=True)
+    with replacing(path, amplitude) as drafts:
+        for name, array, unit, kind in (
+            (drafts[0], poppy_opd(wavefront), "meter", "OPD"),
+            (drafts[1], np.array(wavefront.weight), "", "AMPLITUD"),
+        ):
+            header = fits.Header()
+            header["PIXELSCL"] = (wavefront.pixel, "[m/pixel]")
+            header["PUPLSCAL"] = (wavefront.pixel, "[m/pixel]")
+            if unit:
+                header["BUNIT"] = unit
+            header["CONTENT"] = (kind, "what the pixels hold")
+            header["WAVELEN"] = (wavefront.wavelength, "[m] vacuum wavelength")
+            header["OPDSIGN"] = ("NEGATIVE", "where light is delayed (poppy's sign)")
+            fits.PrimaryHDU(array, header).writeto(name, overwrite=True)
     return path, amplitude

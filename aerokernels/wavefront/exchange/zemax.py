@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...files.drafts import replacing
 from ...inputs.arguments import checked
 from ...inputs.checks import check_choice
 from ..data import WavefrontMap
@@ -23,7 +24,8 @@ def to_zemax(wavefront: WavefrontMap, path: str | Path, kind: str = "phase") -> 
     """Write a Zemax grid file.
 
     Raises:
-        ValueError: `kind` is neither "phase" nor "sag".
+        ValueError: `kind` is neither "phase" nor "sag", or the path is a folder or in none.
+        OutputError: The disk is full; an earlier file is as it was.
     """
     check_choice(kind, "kind", KINDS)
     scale = 2.0 * np.pi / wavefront.wavelength if kind == "phase" else 1e3
@@ -32,4 +34,5 @@ def to_zemax(wavefront: WavefrontMap, path: str | Path, kind: str = "phase") -> 
     count, pixel = len(height), wavefront.pixel * 1e3
     lines = [f"{count} {count} {pixel:.17g} {pixel:.17g} 0 0 0"]
     lines += [f"{z:.17g} 0 0 0 {int(no)}" for z, no in zip(height.ravel() + 0.0, lost.ravel(), strict=True)]
-    Path(path).write_text("\n".join(lines) + "\n", encoding="ascii")
+    with replacing(Path(path)) as (draft,):
+        draft.write_text("\n".join(lines) + "\n", encoding="ascii")
