@@ -17,7 +17,7 @@ from .engines.device_memory import lacks_memory, memory_of
 from .engines.layout import REAL_TYPES
 from .error_limit import error_limit
 from .plan import TracePlan
-from .retry import ROOM, Retry
+from .retry import Retry, room_for
 from .status import RayStatus
 
 # Kernel arguments: an array on the host, or one on its device.
@@ -72,7 +72,7 @@ def launch(
 
             def retry(size: int) -> Retry:
                 other = engine.prepare(field, spline, until, wavelength, outputs, directions)
-                return Retry(other, limit, float(REAL_TYPES[plan.precision](limit)), min(size, ROOM))
+                return Retry(other, limit, float(REAL_TYPES[plan.precision](limit)), room_for(size))
 
         order = coherent_order(field, rays.position, rays.direction) if prepared.is_packed else None
         if order is None:

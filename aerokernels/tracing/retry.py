@@ -14,8 +14,14 @@ from .engines import Prepared
 from .result import output_mask
 from .scheme import FAR_AWAY
 
-# Most rays of a chunk that are traced again here; the others are left to retrace.py.
-ROOM = 1 << 14  # speed only
+# Most rays of a chunk that are traced again here, or this share of its rays if that is more; the others are left to
+# retrace.py. Of the cone scene's incoherent rays one in 200 is rejected.
+ROOM, ROOM_SHARE = 1 << 14, 1 / 64  # speed only
+
+
+def room_for(size: int) -> int:
+    """The number of places for chunks of so many rays."""
+    return min(size, max(ROOM, int(ROOM_SHARE * size)))
 
 
 class Retry:
