@@ -12,11 +12,14 @@
 __kernel void deliver_retraced(DELIVER_RETRACED_ARGUMENTS)
 {
     const int place = (int)get_global_id(0) + first_place;
-    if (place >= place_count || place >= count_in[0]) {
+    if (place >= place_count) {
         return;
     }
     vstore3((double3)(FAR_AWAY), place, start_out);
     vstore3((double3)(0.0, 0.0, 1.0), place, heading_out);
+    if (place >= count_in[0]) {
+        return;
+    }
     const RayOutputs found = RETRACED_OUTPUTS, outputs = RAY_OUTPUTS;
     if (found.status[place] != RAY_OK || !(found.step_error[place] <= limit)) {
         return;

@@ -12,7 +12,6 @@ import numpy as np
 
 from .engines import Prepared
 from .result import output_mask
-from .scheme import FAR_AWAY
 
 # Most rays of a chunk that are traced again here, or this share of its rays if that is more; the others are left to
 # retrace.py. Of the cone scene's incoherent rays one in 200 is rejected.
@@ -38,10 +37,8 @@ class Retry:
         engine, self.room = prepared.engine, room
         self.prepared, self.limit, self.counted = prepared, limit, counted
         self.kernels = engine.kernels(("collect_rejected", "deliver_retraced"))
-        self.starts = [
-            engine.put(np.full((room, 3), FAR_AWAY)),
-            engine.put(np.tile([0.0, 0.0, 1.0], (room, 1))),
-        ]
+        self.starts = [engine.empty(room, 3), engine.empty(room, 3)]
+        self.are_far_away = False
         self.rows, self.count = engine.empty(room, kind=np.int32), engine.empty(1, kind=np.int32)
         self.results = prepared.allocate(room)
         self.requested = output_mask(prepared.outputs)
@@ -50,9 +47,12 @@ class Retry:
         """Start the attempt on some rows of `starts` and `results`, on which the first kernel has been launched."""
         engine = self.prepared.engine
         engine.clear(self.count)
+        delivered = [self.count, self.rows, self.results, results, first.rejected, *self.starts]
+        if not self.are_far_away:  # without a ray in the list, all places are emptied, and nothing is delivered
+            engine.launch(self.kernels["deliver_retraced"], [self.limit, self.requested], delivered, self.room)
+            self.are_far_away = True
         listed = [self.rows, self.count, *self.starts]
         given, size = [*starts, results["step_error"], *listed], rows.stop - rows.start
         engine.launch(self.kernels["collect_rejected"], [self.counted, self.room], given, size, rows.start)
         self.prepared.launch(self.starts, self.results, self.room)
-        given = [self.count, self.rows, self.results, results, first.rejected, *self.starts]
-        engine.launch(self.kernels["deliver_retraced"], [self.limit, self.requested], given, self.room)
+        engine.launch(self.kernels["deliver_retraced"], [self.limit, self.requested], delivered, self.room)

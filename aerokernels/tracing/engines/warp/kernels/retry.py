@@ -43,13 +43,16 @@ def deliver_retraced(
     start_out,
     heading_out,
 ):
-    """Copy the results of listed rays that were traced again to their rows, if they are within the limit now."""
+    """Copy the results of listed rays that were traced again to their rows, if they are within the limit now.
+
+    All places are empty afterwards: they hold a ray far from the field.
+    """
     place = wp.tid() + first_place
-    if place >= count_in[0]:
-        return
     away = wp.float64(FAR_AWAY)
     start_out[place] = wp.vec3d(away, away, away)
     heading_out[place] = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+    if place >= count_in[0]:
+        return
     if found.status[place] != OK or not (found.step_error[place] <= limit):
         return
     ray = rows_in[place]
