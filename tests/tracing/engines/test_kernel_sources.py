@@ -205,3 +205,26 @@ def test_launches_of_the_pupil_take_one_work_item_a_sum():
     from aerokernels.tracing.pupil.sums import SUM_COUNT
 
     assert WORK_GROUP >= SUM_COUNT
+
+
+@pytest.mark.parametrize("kernel", ["adaptive", "leapfrog"])
+def test_warp_compiles_each_tracer_once_for_a_processor(kernel: str):
+    """Its C++ calls the loop over rays once. Two calls would be two variants, for arrays with gaps and without."""
+    pytest.importorskip("warp")
+    from aerokernels.process.quiet_warp import start_warp
+    from aerokernels.tracing.engines.warp.kernels.leapfrog import build_leapfrog_kernel
+    from aerokernels.tracing.engines.warp.kernels.trace import build_kernel
+    from aerokernels.tracing.engines.warp.library import library_of
+    from aerokernels.tracing.engines.warp.loading import _cached, load_module
+
+    start_warp()
+    library = library_of("float32")
+    if kernel == "leapfrog":
+        module = build_leapfrog_kernel(library, "planar", "cubic", "plane", False).module
+    else:
+        module = build_kernel(library, "planar", "cubic", False, "adaptive", "plane", False, True).module
+    load_module(module, "cpu", 1)
+    folder = _cached(module, 1)
+    assert folder is not None
+    (source,) = folder.glob("*.cpp")
+    assert len(re.findall(r"_cpu_forward_tasks<\w+>\(dim", source.read_text())) == 1

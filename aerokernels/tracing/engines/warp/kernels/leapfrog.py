@@ -99,7 +99,8 @@ def build_leapfrog_kernel(
     @wp.kernel(module="unique", enable_backward=False, cuda_max_registers=most, module_options={"fast_math": True})
     @takes("leapfrog", library.precision)
     def leapfrog(field, bounds, control, first_ray, position_in, direction_in, outputs, rejected_count_out):
-        ray = wp.tid() // wp.static(threads) + first_ray
+        thread, _ = wp.tid()  # two indices, see trace.py
+        ray = thread // wp.static(threads) + first_ray
         p0 = position_in[ray]
         d0 = direction_in[ray]
         status, interval = start_of(field, bounds, p0, d0)

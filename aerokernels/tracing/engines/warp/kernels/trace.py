@@ -92,7 +92,10 @@ def build_kernel(
     @wp.kernel(module="unique", enable_backward=False)
     @takes("trace_kernel", library.precision)
     def trace_kernel(field, bounds, control, first_ray, position_in, direction_in, outputs):
-        ray = wp.tid() + first_ray
+        # The second index is always 0. With one index Warp compiles the kernel twice for a CPU, for arrays without gaps
+        # and for others, which takes half as long again.
+        thread, _ = wp.tid()
+        ray = thread + first_ray
         p0, d0 = position_in[ray], direction_in[ray]
         status, interval = start_of(field, bounds, p0, d0)
         d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
