@@ -12,7 +12,7 @@ __kernel void block_maxima(BLOCK_MAXIMA_ARGUMENTS)
     if (place >= place_count) {
         return;
     }
-    const int blocks = (count - 2) / block + 1;
+    const int blocks = max(count - 2, 0) / block + 1;
     const int row = place / pitch;
     const int inner = place - row * pitch;
     const int outer = row / blocks;

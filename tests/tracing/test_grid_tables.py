@@ -83,6 +83,19 @@ def test_tables_of_two_axes_are_numpys(engine, monkeypatch):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+def test_greatest_values_along_an_axis_of_one_node(engine):
+    """The axis that a grid of two axes lacks: one block, with the sizes of all values; an integer is divided by 1."""
+    choices = on(engine)
+    device = engine_of(choices["backend"], choices["device"])
+    values = np.random.default_rng(8).normal(size=77)
+    made, found = device.empty(len(values)), np.empty(len(values))
+    before = [device.put(values), 1, len(values), 1]
+    device.launch(device.kernels(["block_maxima"])["block_maxima"], before, [made], len(values))
+    device.get(made, found)
+    np.testing.assert_array_equal(found, np.abs(values))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_a_mirrored_end_is_solved_as_by_numpy(engine):
     """Lines of an axis that is mirrored at its first node, of 4 and of 7 nodes: the kernel alone."""
     choices = on(engine)

@@ -92,9 +92,9 @@ def high_pass(
 
     # Several sample counts are tried on one field, and each needs the same transform.
     found, inner = grid.derive(("transform", tuple(axes), tuple(beside), kind), transform, 1)
-    key = "shares of a high pass", found.shape, rates.tobytes(), spacing, edges, kind
+    place = "shares of a high pass", found.shape, rates.tobytes(), spacing, edges, kind
     is_small = np.prod([found.shape[axis] for axis in axes]) <= MOST_CACHED
-    shares = known(grid, key, lambda: find(found.shape), CACHED) if is_small else find(found.shape)
+    shares = known(grid, place, lambda: find(found.shape), CACHED) if is_small else find(found.shape)
     return [idctn(share * found, 1, axes=axes, overwrite_x=True, workers=own_cores())[inner] for share in shares]
 
 

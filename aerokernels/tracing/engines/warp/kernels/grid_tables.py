@@ -138,7 +138,7 @@ def column_maxima(
 def block_maxima(values_in, count, pitch, block, first_place, maxima_out):
     """Greatest size of the values at the nodes of each block along an axis."""
     place = wp.tid() + first_place
-    blocks = (count - 2) // block + 1
+    blocks = wp.max(count - 2, 0) // block + 1
     row = place // pitch
     inner = place - row * pitch
     outer = row // blocks
