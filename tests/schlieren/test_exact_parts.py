@@ -28,7 +28,8 @@ def test_points_of_the_lower_half_lie_on_the_lower_front():
     assert len(both.points) == len(found["upper"].points) + len(found["lower"].points)
     assert both.roll == pytest.approx(0.0, abs=1e-9)
     errors = [found[half].standard_error for half in ("upper", "lower")]
-    assert both.standard_error == pytest.approx(0.5 * math.hypot(*errors))
+    # Scatter is independent in the halves; the part from the edge's width is that of the mean angle, 1e-3 of it here.
+    assert both.standard_error == pytest.approx(0.5 * math.hypot(*errors), rel=0.01)
     scatter = [found[half].residual_rms for half in ("upper", "lower")]
     assert both.residual_rms == pytest.approx(math.hypot(*scatter) / math.sqrt(2.0))
     np.testing.assert_allclose(both.curve, 0.5 * (found["upper"].curve + found["lower"].curve))
