@@ -13,7 +13,7 @@ from .inputs.arguments import Numbers, checked
 from .inputs.checks import check_at_least, check_count, check_positive
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    pass
 
 
 @checked
@@ -64,32 +64,3 @@ class Sensor:
         if self.read_noise > 0.0:
             electrons = electrons + self.read_noise * draw.standard_normal(electrons.shape)
         return np.asarray(np.rint(np.clip(electrons / self.full_well, 0.0, 1.0) * self.levels) / self.levels)
-
-
-def write_grey(path: "str | Path", brightness) -> None:
-    """Write brightness 0 to 1, with rows from the lowest up, as a 16-bit grey picture, uppermost row first.
-
-    The format is TIFF or PNG according to the file's ending.
-
-    Raises:
-        ValueError: Another ending, a folder that does not exist, or an array that has not two axes.
-        OutputError: The disk is full; an earlier file is as it was.
-    """
-    import io
-    from pathlib import Path
-
-    from PIL import Image
-
-    from .files.drafts import replacing
-
-    path, brightness = Path(path), np.asarray(brightness)
-    kinds = {".tif": "TIFF", ".tiff": "TIFF", ".png": "PNG"}
-    if path.suffix.lower() not in kinds:
-        raise ValueError(f"picture {path}: the ending must be one of {', '.join(kinds)}")
-    if brightness.ndim != 2:
-        raise ValueError(f"a picture must have two axes [y, x], got shape {brightness.shape}")
-    levels = np.rint(np.clip(np.nan_to_num(brightness), 0.0, 1.0) * 65535.0).astype(np.uint16)
-    made = io.BytesIO()  # Pillow does not notice that a full disk takes a part of the last block only
-    Image.fromarray(np.ascontiguousarray(levels[::-1])).save(made, format=kinds[path.suffix.lower()])
-    with replacing(path) as (draft,):
-        draft.write_bytes(made.getbuffer())

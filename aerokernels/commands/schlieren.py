@@ -104,8 +104,6 @@ def schlieren(
 
     Rays are traced through the flow of a scene or a shipped flow.
     """
-    import numpy as np
-
     from aerokernels.commands._output import note
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
@@ -160,8 +158,9 @@ def schlieren(
         progress("writing the pictures", 0.9)
         files = write_pictures(made, out)
     rows = [("Pictures", ", ".join(made.pictures)), ("Pixel", f"{1e3 * made.line_of_sight.window.pitch[0]:.4g} mm")]
-    for one, error in made.errors.items():
-        rows.append((f"Error of the {one}", f"median {np.median(error):.2g}, greatest {error.max():.2g} of white"))
+    for one, found_error in made.pixel_errors.items():
+        told = "not known" if found_error is None else "median {:.2g}, greatest {:.2g} of white".format(*found_error)
+        rows.append((f"Error of the {one}", told))
     for words, found in (("Shock angle", made.shock), ("Shock angle, photograph", made.measured_shock)):
         if found is not None:
             angle = Quantity(math.degrees(found.angle), math.degrees(found.standard_error), "deg")

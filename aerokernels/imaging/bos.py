@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 
 from ..files.drafts import replacing
+from ..files.grey_picture import write_grey
 from ..files.netcdf_file import write_netcdf
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
 from ..medium import IndexField
-from ..sensor import Sensor, write_grey
+from ..sensor import Sensor
 from .camera import Camera
 from .dots import Background, DotPattern
 from .shift import BackgroundDisplacement, check_view, gather

@@ -17,12 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from ..files.grey_picture import write_grey
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
 from ..inputs.doubtful import refuse_masked
 from ..medium import IndexField
 from ..process.clock import clocked, stage
-from ..sensor import Sensor, write_grey
+from ..sensor import Sensor
 from ..wavefront.grid import pupil_grid
 from .camera import Camera
 from .render import render

@@ -142,6 +142,14 @@ class BenchPictures:
     measured_shock: ShockAngle | None
     errors: Mapping[str, np.ndarray]
 
+    @property
+    def pixel_errors(self) -> dict[str, tuple[float, float] | None]:
+        """Median and greatest error of a pixel's brightness by kind; None where that of a pixel is not known."""
+        return {
+            kind: None if np.isnan(error).any() else (float(np.median(error)), float(error.max()))
+            for kind, error in self.errors.items()
+        }
+
     @cached_property
     def summary(self) -> dict[str, Any]:
         """The pictures' numbers, in SI units, as written to summary.json."""
@@ -164,8 +172,9 @@ class BenchPictures:
                     f"{name}_angle_standard_error_rad": shock.standard_error,
                     f"{name}_place_m": shock.place,
                 }
-        for kind, error in self.errors.items():
-            summary |= {f"{kind}_error_median": float(np.median(error)), f"{kind}_error_greatest": float(error.max())}
+        for kind, found in self.pixel_errors.items():
+            median, greatest = found or (None, None)
+            summary |= {f"{kind}_error_median": median, f"{kind}_error_greatest": greatest}
         if self.comparison is not None:
             summary |= {"correlation": self.comparison.correlation, "covered": self.comparison.covered}
         return summary

@@ -1,12 +1,11 @@
 """Read a photograph of a bench with its scale, and write a picture pixel for pixel."""
 
-import io
 import warnings
 from pathlib import Path
 
 import numpy as np
 
-from ..files.drafts import replacing
+from ..files.grey_picture import write_grey
 from ..inputs.checks import check_choice, check_path
 from ..process.room import NoRoomError, check_room
 from .picture import Picture
@@ -78,13 +77,7 @@ def write_picture(path: str | Path, picture: PictureView) -> None:
         ValueError: The path is a folder, or its folder does not exist.
         OutputError: The disk is full; an earlier file is as it was.
     """
-    from PIL import Image
-
-    levels = np.rint(np.clip(picture.intensity, 0.0, 1.0) * 65535.0).astype(np.uint16)
-    made = io.BytesIO()  # Pillow does not notice that a full disk takes a part of the last block only
-    Image.fromarray(np.ascontiguousarray(levels[::-1])).save(made, format="PNG")
-    with replacing(check_path(path, "path")) as (draft,):
-        draft.write_bytes(made.getbuffer())
+    write_grey(check_path(path, "path"), picture.intensity, "PNG")
 
 
 def _read_grey(path: Path) -> np.ndarray:

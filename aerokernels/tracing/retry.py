@@ -30,6 +30,8 @@ class Retry:
         prepared: The attempt's kernel.
         limit: Error up to which its results are taken [m].
         counted: Error above which the first kernel counts a ray as rejected [m].
+        room: Number of places.
+        are_far_away: Whether places without a ray hold one far from the field; at first they hold nothing.
     """
 
     def __init__(self, prepared: Prepared, limit: float, counted: float, room: int):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, Wavefront
+from aerokernels.files.grey_picture import write_grey
 from aerokernels.fldi import FLDI, fldi_response
 from aerokernels.fldi.response import FLDIResponse
 from aerokernels.imaging.camera import Camera
@@ -13,7 +14,7 @@ from aerokernels.imaging.dots import Background, DotPattern
 from aerokernels.imaging.shift import check_view
 from aerokernels.inputs.wavelength import check_spectrum, check_wavelength
 from aerokernels.schlieren import Bench
-from aerokernels.sensor import Sensor, write_grey
+from aerokernels.sensor import Sensor
 from aerokernels.wavefront import point_spread_function
 from aerokernels.wavefront.strehl_errors import _likely_error, main_cause, phase_error
 from aerokernels.waves import Wave, angular_spectrum

@@ -10,7 +10,7 @@ import pytest
 import xarray
 from PIL import Image
 
-from aerokernels.jobs.pictures import PictureOptions, picture_field, picture_scene
+from aerokernels.jobs.pictures import BenchPictures, PictureOptions, picture_field, picture_scene
 from aerokernels.schlieren import read_picture
 
 SMALL = ("--pixels", "160", "--spacing", "0.4 mm")
@@ -103,3 +103,10 @@ def test_errors_of_the_brightness_on_request(command_line, tmp_path: Path):
     assert summary["schlieren_error_median"] == pytest.approx(median)
     assert summary["schlieren_error_greatest"] == pytest.approx(greatest)
     assert f"median {median:.2g}, greatest {greatest:.2g} of white" in done.stdout
+
+
+def test_an_error_that_is_not_known_is_no_number():
+    """Of kinds whose error is not known in a pixel, as on some meshes, neither median nor greatest are told."""
+    errors = {"schlieren": np.array([[0.1, np.nan]]), "shadowgraph": np.array([[0.1, 0.3]])}
+    made = BenchPictures(*[None] * 7, errors)  # type: ignore[arg-type]
+    assert made.pixel_errors == {"schlieren": None, "shadowgraph": pytest.approx((0.2, 0.3))}
