@@ -2,59 +2,86 @@
 // node of the third axis: of the fourth differences of the spline's coefficients along each axis (roughness_of_blocks in
 // aerokernels/tracing/step_bound.py), and of the potential m (ambient + m / 2) / ambient of the contrasts m.
 //
-// Places first_place up to place_count: coefficients_in (first_count + 2, second_count + 2, third_count + 2) and
-// values_in (first_count, second_count, third_count); maxima_out (4, first blocks, second blocks, third_count). A grid of
-// two axes has a first_count of 1 and one layer of coefficients. At the ends of an axis the coefficients continue as a
-// cubic, whose fourth difference is 0; where `even` is 1 they are mirrored at the second axis' first node.
+// Places first_place up to place_count; a work-item takes LANES neighbours along the third axis at a time:
+// coefficients_in (first_count + 2, second_count + 2, third_count + 2) and values_in (first_count, second_count,
+// third_count); maxima_out (4, first blocks, second blocks, third_count). A grid of two axes has a first_count of 1 and
+// one layer of coefficients. At the ends of an axis the coefficients continue as a cubic, whose fourth difference is 0;
+// where `even` is 1 they are mirrored at the second axis' first node.
 
 #include "arguments.h"
-#include "real.h"
+#include "neighbors.h"
 
-// Size of the fourth difference about the entry of a node. Without a branch, so that a processor's lanes stay together.
-static inline double fourth_difference(
-    __global const double *coefficients_in, int place, int stride, int node, int count, int even)
+// PoCL splits vectors for its own fmax, select and fabs.
+INLINED doubles greater_of(doubles a, doubles b) { return a > b ? a : b; }
+INLINED doubles size_of(doubles a) { return greater_of(a, -a); }
+
+// Sizes of the fourth differences about some entries, whose neighbours are some numbers away; `second_before` is where
+// the second neighbour before them is.
+INLINED doubles fourth_difference(__global const double *c, int step, int second_before, ints after, int in_row)
 {
-    const int is_mirrored = even && node == 0;
-    const int is_inside = node < count - 1 && (node > 0 || is_mirrored);
-    const int step = is_inside ? stride : 0;
-    __global const double *c = coefficients_in + place;
-    const double before = c[is_mirrored ? 2 * step : -2 * step];
-    const double change = before - 4.0 * c[-step] + 6.0 * c[0] - 4.0 * c[step] + c[2 * step];
-    return is_inside ? fabs(change) : 0.0;
+    return size_of(read_all(c + second_before, after, in_row)
+        - 4.0 * read_all(c - step, after, in_row)
+        + 6.0 * read_all(c, after, in_row)
+        - 4.0 * read_all(c + step, after, in_row)
+        + read_all(c + 2 * step, after, in_row));
+}
+
+#define GIVEN coefficients_in, values_in, first_count, second_count, third_count, block, even, ambient, \
+    first_place, place_count, maxima_out
+
+// The work of a work-item.
+INLINED void find_maxima(COLUMN_MAXIMA_ARGUMENTS, int in_row)
+{
+    const int blocks = (second_count - 2) / block + 1;
+    const int pitch = third_count + 2;
+    const int plane = (second_count + 2) * pitch;
+    const int before_first = min(first_count - 1, 1);
+    // Runs of lanes along the third axis, of which the last begins earlier where it would end too late.
+    const int runs = (third_count + LANES - 1) / LANES;
+    const int run_count = place_count / third_count * runs;
+    for (int run = (int)get_global_id(0) + first_place; run < run_count; run += (int)get_global_size(0)) {
+        const int row = run / runs;
+        const int third = max(min((run - row * runs) * LANES, third_count - LANES), 0);
+        const ints after = min((ints)(LANE_NUMBERS), (ints)(third_count - 1 - third));
+        const truths is_inside = TO_TRUTHS((third + after > 0) & (third + after < third_count - 1));
+        const int first = row / blocks * block;
+        const int second = (row - row / blocks * blocks) * block;
+        doubles along_first = 0.0;
+        doubles along_second = 0.0;
+        doubles along_third = 0.0;
+        doubles potential = 0.0;
+        for (int i = first; i <= min(first + block, first_count - 1); ++i) {
+            for (int j = second; j <= min(second + block, second_count - 1); ++j) {
+                __global const double *c =
+                    coefficients_in + (size_t)(i + before_first) * plane + (j + 1) * pitch + third + 1;
+                __global const double *v = values_in + ((size_t)i * second_count + j) * third_count + third;
+                const doubles value = read_all(v, after, in_row);
+                potential = greater_of(potential, size_of(value * (ambient + 0.5 * value)));
+                along_third = greater_of(along_third, fourth_difference(c, 1, -2, after, in_row));
+                if (i > 0 && i < first_count - 1) {
+                    along_first = greater_of(along_first, fourth_difference(c, plane, -2 * plane, after, in_row));
+                }
+                if (j < second_count - 1 && (j > 0 || even)) {
+                    const int second_before = j > 0 ? -2 * pitch : 2 * pitch;
+                    along_second = greater_of(
+                        along_second, fourth_difference(c, pitch, second_before, after, in_row));
+                }
+            }
+        }
+        const int table = (max(first_count - 2, 0) / block + 1) * blocks * third_count;
+        __global double *made = maxima_out + (size_t)row * third_count + third;
+        write_all(along_first, made, after, in_row);
+        write_all(along_second, made + table, after, in_row);
+        write_all(CHOOSE64((doubles)(0.0), along_third, is_inside), made + 2 * (size_t)table, after, in_row);
+        write_all(potential / ambient, made + 3 * (size_t)table, after, in_row);
+    }
 }
 
 __kernel void column_maxima(COLUMN_MAXIMA_ARGUMENTS)
 {
-    const int place = (int)get_global_id(0) + first_place;
-    if (place >= place_count) {
-        return;
+    if (third_count >= LANES) {
+        find_maxima(GIVEN, 1);
+    } else {
+        find_maxima(GIVEN, 0);
     }
-    const int blocks = (second_count - 2) / block + 1;
-    const int row = place / third_count;
-    const int third = place - row * third_count;
-    const int first = row / blocks * block;
-    const int second = (row - row / blocks * blocks) * block;
-    const int pitch = third_count + 2;
-    const int plane = (second_count + 2) * pitch;
-    const int before_first = min(first_count - 1, 1);
-    double along_first = 0.0;
-    double along_second = 0.0;
-    double along_third = 0.0;
-    double potential = 0.0;
-    for (int i = first; i <= min(first + block, first_count - 1); ++i) {
-        __global const double *layer = coefficients_in + (size_t)(i + before_first) * plane;
-        for (int j = second; j <= min(second + block, second_count - 1); ++j) {
-            const int c = (j + 1) * pitch + third + 1;
-            const double value = values_in[((size_t)i * second_count + j) * third_count + third];
-            along_first = greater64(along_first, fourth_difference(layer, c, plane, i, first_count, 0));
-            along_second = greater64(along_second, fourth_difference(layer, c, pitch, j, second_count, even));
-            along_third = greater64(along_third, fourth_difference(layer, c, 1, third, third_count, 0));
-            potential = greater64(potential, fabs(value * (ambient + 0.5 * value) / ambient));
-        }
-    }
-    const int table = (max(first_count - 2, 0) / block + 1) * blocks * third_count;
-    maxima_out[place] = along_first;
-    maxima_out[table + place] = along_second;
-    maxima_out[2 * table + place] = along_third;
-    maxima_out[3 * table + place] = potential;
 }

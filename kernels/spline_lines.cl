@@ -1,56 +1,69 @@
-// Solves for the coefficients of the cubic splines through the values of lines, one work-item per line, by elimination:
-// see _eliminated in aerokernels/medium/spline.py. The ends are not-a-knot, or the first end is mirrored (even).
+// Solves for the coefficients of the cubic splines through the values of lines by elimination: see _eliminated in
+// aerokernels/medium/spline.py. A work-item solves LANES lines. The ends are not-a-knot, or the first end is mirrored
+// (even).
 //
 // Lines first_line up to line_count: values_in (outer, count, pitch), coefficients_out (outer, count + 2, pitch);
 // a line is (outer, all, inner). inverse_in: inverse pivots of the equations, shape (count - 1,).
 // ambient: if it is above 0, the values are contrasts m, and the spline is that of the potential m (ambient + m / 2).
 
 #include "arguments.h"
-#include "real.h"
+#include "neighbors.h"
 
-#define VALUE(node) (ambient > 0.0 \
-    ? values[(size_t)(node) * pitch] * (ambient + 0.5 * values[(size_t)(node) * pitch]) \
-    : values[(size_t)(node) * pitch])
-#define MADE(row) made[(size_t)(row) * pitch]
+// Values of a node, or their potentials.
+INLINED doubles values_at(__global const double *from, ints after, int in_row, double ambient)
+{
+    const doubles value = read_all(from, after, in_row);
+    return ambient > 0.0 ? value * (ambient + 0.5 * value) : value;
+}
+
+#define VALUE(node) values_at(values + (size_t)(node) * pitch, value_after, in_row, ambient)
+#define MADE(row) read_all(made + (size_t)(row) * pitch, made_after, in_row)
+#define MAKE(row, coefficients) write_all(coefficients, made + (size_t)(row) * pitch, made_after, in_row)
 
 __kernel void spline_lines(SPLINE_LINES_ARGUMENTS)
 {
-    const int line = (int)get_global_id(0) + first_line;
-    if (line >= line_count) {
+    const int begin = (int)get_global_id(0) * LANES + first_line;
+    if (begin >= line_count) {
         return;
     }
-    const int outer = line / pitch;
-    const int inner = line - outer * pitch;
+    const int outer = begin / pitch;
+    const int inner = begin - outer * pitch;
+    const int in_row = inner + LANES <= pitch && begin + LANES <= line_count;
+    // Lanes beyond the last line solve that line too. A lane that is in the next row of lines is a row of nodes further.
+    const ints line = min((ints)(LANE_NUMBERS), (ints)(line_count - 1 - begin));
+    const ints rows_on = (inner + line) / pitch;
+    const ints value_after = line + rows_on * ((count - 1) * pitch);
+    const ints made_after = line + rows_on * ((count + 1) * pitch);
     __global const double *values = values_in + (size_t)outer * count * pitch + inner;
     __global double *made = coefficients_out + (size_t)outer * (count + 2) * pitch + inner;
     const int last = count - 1;
     const int first = even ? 2 : 3;
-    double before = 6.0 * VALUE(0);
+    doubles before = 6.0 * VALUE(0);
     if (even) {
-        MADE(1) = before;
+        MAKE(1, before);
     } else {
-        const double second = VALUE(1);
+        const doubles second = VALUE(1);
         before = second - (VALUE(0) - 2.0 * second + VALUE(2)) / 6.0;
-        MADE(2) = before;
+        MAKE(2, before);
     }
     for (int row = first; row < last; ++row) {
         before = 6.0 * VALUE(row - 1) - before * inverse_in[row - 1];
-        MADE(row) = before;
+        MAKE(row, before);
     }
-    const double inward = VALUE(count - 2);
-    double after = inward - (VALUE(count - 3) - 2.0 * inward + VALUE(count - 1)) / 6.0;
-    MADE(last) = after;
+    const doubles inward = VALUE(count - 2);
+    doubles after = inward - (VALUE(count - 3) - 2.0 * inward + VALUE(count - 1)) / 6.0;
+    MAKE(last, after);
     for (int row = last - 1; row >= first; --row) {
         after = (MADE(row) - after) * inverse_in[row];
-        MADE(row) = after;
+        MAKE(row, after);
     }
     if (even) {
-        MADE(1) = 0.25 * (MADE(1) - 2.0 * MADE(2));
-        MADE(0) = MADE(2);
+        MAKE(1, 0.25 * (MADE(1) - 2.0 * MADE(2)));
+        MAKE(0, MADE(2));
     } else {
-        MADE(1) = 6.0 * VALUE(1) - 4.0 * MADE(2) - MADE(3);
-        MADE(0) = 6.0 * VALUE(0) - 4.0 * MADE(1) - MADE(2);
+        MAKE(1, 6.0 * VALUE(1) - 4.0 * MADE(2) - MADE(3));
+        MAKE(0, 6.0 * VALUE(0) - 4.0 * MADE(1) - MADE(2));
     }
-    MADE(last + 1) = 6.0 * VALUE(last - 1) - 4.0 * MADE(last) - MADE(last - 1);
-    MADE(last + 2) = 6.0 * VALUE(last) - 4.0 * MADE(last + 1) - MADE(last);
+    MAKE(last + 1, 6.0 * VALUE(last - 1) - 4.0 * MADE(last) - MADE(last - 1));
+    MAKE(last + 2, 6.0 * VALUE(last) - 4.0 * MADE(last + 1) - MADE(last));
 }

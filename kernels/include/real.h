@@ -25,11 +25,13 @@ typedef float8 real8;
 #endif
 
 // Marks a function that is called, not inlined. On a CPU this halves the compile time, and rays take no longer; on a
-// GPU calls would cost registers, so there it is inlined.
+// GPU calls would cost registers, so there it is inlined. INLINED marks one that PoCL would call, where that costs more.
 #if ON_PROCESSOR
 #define APART static __attribute__((noinline))
+#define INLINED static inline __attribute__((always_inline))
 #else
 #define APART static inline
+#define INLINED static inline
 #endif
 
 // A number of this precision; the literal is read in double first.

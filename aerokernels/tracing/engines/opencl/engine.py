@@ -40,6 +40,8 @@ REPEATED = 1 << 12
 CONTROL, FIRST_ARRAY = 2, 3
 # Kernels in which a work-group shares one group of rays: work-items per group.
 SHARED = {"sum_rays": WORK_GROUP}
+# Kernels of grids that fill a CPU's vectors with neighbouring lines or places.
+IN_LANES = ("spline_lines", "column_maxima")
 
 
 class Engine(Uploads):
@@ -143,11 +145,17 @@ class Engine(Uploads):
         return Prepared(self, kernel, arguments, outputs, None, unused=self.bundle_unused(table))
 
     def kernels(self, names: Iterable[str]) -> dict[str, Kernel]:
-        """Return the named kernels, which have no options."""
+        """Return the named kernels, which have no options but the lanes."""
         with stage("compile"):
-            return {
-                name: self._kernel(build(self.session, f"{name}.cl"), name, items=SHARED.get(name, 1)) for name in names
-            }
+            return {name: self._named(name) for name in names}
+
+    def _named(self, name: str) -> Kernel:
+        lanes = lane_count(self.session, "float64") if name in IN_LANES else 1
+        options = self._options(precision="float64", lanes=lanes) if lanes > 1 else ()
+        kernel = self._kernel(build(self.session, f"{name}.cl", options), name, lanes, SHARED.get(name, 1))
+        if lanes > 1:
+            kernel.group = PACKET_GROUP
+        return kernel
 
     def _options(self, **chosen: Any) -> tuple[str, ...]:
         """Return `build_options` of these choices, made once."""
