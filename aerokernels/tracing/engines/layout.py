@@ -205,7 +205,7 @@ OPTIONS: dict[str, Option] = {
     "on_mesh": Option(0, "whether samples are on a mesh"),
     "has_body": Option(0, "whether the field has a body"),
     "measured": Option(1, "whether the errors of steps are estimated; error control needs them"),
-    "lanes": Option(1, "leapfrog: rays that a work-item moves in step"),
+    "lanes": Option(1, "rays that a work-item moves in step, or lines or places of a grid"),
     "packets": Option(1, "leapfrog: packets of that many rays that a work-item interleaves"),
     "threads": Option(1, "leapfrog, an NVIDIA GPU: threads that trace a ray together, 1 or scheme.RAY_THREADS"),
     "packed": Option(0, "leapfrog, two dimensions: whether coefficients are the polynomials of cells"),
