@@ -1,6 +1,6 @@
 """Compute the tables of a grid that planning needs on the engine's device.
 
-A GPU does so for every volume, a CPU for those whose values change repeatedly.
+A GPU does so for every volume, a CPU for grids of many nodes and for those whose values change repeatedly.
 
 These are the spline's coefficients, the greatest of their fourth differences in blocks (step_bound.py), of the
 potential in blocks (unresolved.py) and of the coefficients in each plane across an axis (support.py): half of the work
@@ -25,8 +25,10 @@ from .step_bound import block_size
 # Grids of fewer nodes are as fast on the host: volumes, and those of two axes, for which a CPU makes the spline.
 LEAST_NODES = 1 << 15  # speed only
 LEAST_FLAT = 1 << 12  # speed only
-# Least number of nodes along an axis: the elimination needs four.
-LEAST_COUNT = 4
+# Nodes from which on a CPU builds the kernels, which takes longer than NumPy takes for fewer, for one field only.
+MANY_NODES = 1 << 21  # speed only
+# Least number of nodes along an axis: the elimination needs four; and along the last axis: those of a CPU's vectors.
+LEAST_COUNT, LEAST_LAST = 4, 8
 # Pivots of the elimination that are cached with a grid's node positions.
 CACHED = 6  # speed only
 
@@ -40,6 +42,11 @@ def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
     begun_grid(engine, grid)()
 
 
+def tables_pay_once(engine: Engine, grid: UniformGrid) -> bool:
+    """Whether `prepare_grid` is faster than NumPy for a grid whose values are not known to change."""
+    return engine.is_gpu or grid.samples.size >= MANY_NODES
+
+
 def begun_grid(engine: Engine, grid: UniformGrid) -> Callable[[], None]:
     """Start what `prepare_grid` computes; return a function that waits for it, which must be called.
 
@@ -50,7 +57,7 @@ def begun_grid(engine: Engine, grid: UniformGrid) -> Callable[[], None]:
     """
     shape = grid.shape
     is_flat = len(shape) == 2
-    if grid.interpolation != "cubic" or min(shape) < LEAST_COUNT or len(shape) < 2:
+    if grid.interpolation != "cubic" or len(shape) < 2 or min(shape) < LEAST_COUNT or shape[-1] < LEAST_LAST:
         return _nothing
     if grid.samples.size < (LEAST_FLAT if is_flat else LEAST_NODES) or (is_flat and engine.is_gpu):
         return _nothing

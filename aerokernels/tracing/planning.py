@@ -19,7 +19,7 @@ from .engines import engine_of
 from .engines.choice import choose_backend
 from .engines.device_memory import memory_of
 from .error_limit import error_limit
-from .grid_tables import prepare_grid
+from .grid_tables import prepare_grid, tables_pay_once
 from .leapfrog.sample_cost import pays_once
 from .leapfrog.sample_count import fit_leapfrog, may_be_leapfrog, spread_of
 from .lever_arms import lever_arms_of
@@ -161,7 +161,7 @@ def make_plan(
     if max_steps is not None:
         max_steps = check_count(max_steps, "max_steps")
     chosen, device, why = choose_backend(backend, device)
-    _prepare_on_gpu(field, chosen, device)
+    _prepare_grid(field, chosen, device)
     # Names taken from an array are NumPy strings, which the caches of kernels would treat as different keys.
     method, precision = str(method), str(precision)
     reasons = []
@@ -203,15 +203,12 @@ def make_plan(
     )
 
 
-def _prepare_on_gpu(field: IndexField, backend: str, device: str) -> None:
-    """Compute the tables that planning needs on a GPU, if rays are traced there.
-
-    On a processor, to build the kernels takes as long as they save for several fields.
-    """
+def _prepare_grid(field: IndexField, backend: str, device: str) -> None:
+    """Compute the tables that planning needs on the device on which rays are traced, if that pays for one field."""
     grid = field.samples
-    if backend == "reference" or not (isinstance(grid, UniformGrid) and field.geometry == "volume"):
+    if backend == "reference" or not isinstance(grid, UniformGrid):
         return
     engine = engine_of(backend, device)
-    if engine.is_gpu:
+    if tables_pay_once(engine, grid):
         with memory_of(device):
             prepare_grid(engine, grid)

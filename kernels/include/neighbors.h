@@ -1,5 +1,5 @@
-// Numbers of an array for all lanes of a work-item: the first lane's, which a pointer points to, and those that lie some
-// numbers after it. Where each lane's follows the one before it, as `in_row` says, they are read and written together.
+// Numbers of an array for all lanes of a work-item: those in a row from the first lane's on, which a pointer points to,
+// or those that lie some numbers after it.
 #ifndef NEIGHBORS_H
 #define NEIGHBORS_H
 
@@ -7,22 +7,29 @@
 
 #if LANES == 1
 #define LANE_NUMBERS 0
+INLINED doubles read_row(__global const double *from) { return *from; }
+INLINED void write_row(doubles value, __global double *to) { *to = value; }
 INLINED doubles read_all(__global const double *from, ints after, int in_row) { return *from; }
 INLINED void write_all(doubles value, __global double *to, ints after, int in_row) { *to = value; }
 #elif REAL_IS_DOUBLE
-#define LANE_NUMBERS ((ints)(0, 1, 2, 3, 4, 5, 6, 7))
+#define LANE_NUMBERS 0, 1, 2, 3, 4, 5, 6, 7
+INLINED doubles read_row(__global const double *from) { return vload8(0, from); }
+INLINED void write_row(doubles value, __global double *to) { vstore8(value, 0, to); }
+
+// Where the numbers are in a row, as `in_row` says, they are read and written together.
 INLINED doubles read_all(__global const double *from, ints after, int in_row)
 {
     if (in_row) {
-        return vload8(0, from);
+        return read_row(from);
     }
     return (doubles)(from[after.s0], from[after.s1], from[after.s2], from[after.s3],
         from[after.s4], from[after.s5], from[after.s6], from[after.s7]);
 }
+
 INLINED void write_all(doubles value, __global double *to, ints after, int in_row)
 {
     if (in_row) {
-        vstore8(value, 0, to);
+        write_row(value, to);
         return;
     }
     for (int lane = 0; lane < LANES; ++lane) {

@@ -139,8 +139,14 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("maxima_out", "double*"),
     ),
 }
+# The kernels without options of a scene, by the file in which they are built together.
+PROGRAMS = {
+    "pupil": ("launch_pupil", "sum_rays", "reduce_sums"),
+    "grid_tables": ("spline_lines", "column_maxima", "block_maxima"),
+    "retry": ("collect_rejected", "deliver_retraced"),
+}
 # The kernels that prepare a grid (tracing/grid_tables.py).
-GRID_KERNELS = ("spline_lines", "column_maxima", "block_maxima")
+GRID_KERNELS = PROGRAMS["grid_tables"]
 # The counts that bound an OpenCL launch, whose size is rounded up to whole work-groups.
 BOUNDS = {
     "first_ray": "ray_count",

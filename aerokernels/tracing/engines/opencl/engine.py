@@ -17,6 +17,7 @@ from ...plan import TracePlan
 from ...scheme import RAY_THREADS
 from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
+from ..kernel_table import PROGRAMS
 from ..layout import REAL_TYPES, Value, arrays_of
 from ..uploads import Uploads
 from .arguments import Kernel, pack
@@ -150,9 +151,11 @@ class Engine(Uploads):
             return {name: self._named(name) for name in names}
 
     def _named(self, name: str) -> Kernel:
-        lanes = lane_count(self.session, "float64") if name in IN_LANES else 1
+        program = next(program for program, names in PROGRAMS.items() if name in names)
+        lanes = lane_count(self.session, "float64") if program == "grid_tables" else 1
         options = self._options(precision="float64", lanes=lanes) if lanes > 1 else ()
-        kernel = self._kernel(build(self.session, f"{name}.cl", options), name, lanes, SHARED.get(name, 1))
+        lanes = lanes if name in IN_LANES else 1
+        kernel = self._kernel(build(self.session, f"{program}.cl", options), name, lanes, SHARED.get(name, 1))
         if lanes > 1:
             kernel.group = PACKET_GROUP
         return kernel
@@ -320,15 +323,19 @@ class Engine(Uploads):
         )
 
     def computed_coefficients(self, field: IndexField, precision: str) -> Any:
-        """Return a grid's coefficients if this device has computed them, else None."""
+        """Return a grid's coefficients if this device has computed them, else None.
+
+        A CPU leaves it to NumPy to round them: for the kernel one more program would have to be loaded.
+        """
         found = field.samples.held(self.grid_key)
         if found is None or precision == "float64":
             return found
+        if not self.is_gpu:
+            return None
         count = math.prod(field.samples.coefficient_shape)
         made = self.empty(count, kind=REAL_TYPES[precision])
         program = build(self.session, "round_coefficients.cl", self._options(precision=precision))
         self.launch(self._kernel(program, "round_coefficients"), [found], [made], count)
-        self.settle()
         return made
 
 
