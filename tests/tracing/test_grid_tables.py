@@ -5,7 +5,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from aerokernels import IndexField
+from aerokernels import IndexField, RayBundle, trace
 from aerokernels.medium import spline
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.tracing import grid_tables
@@ -115,7 +115,9 @@ def test_only_other_values_of_a_known_pupil_are_prepared_there(monkeypatch):
     monkeypatch.setattr(grid_tables, "_Tables", lambda engine, grid: asked.append(grid.shape) or 1 / 0)
     engine = engine_of("warp", "cpu")
     engine.grid_tables = GRID_TABLES
-    for grid in (volume((5, 5, 5), 1).samples, volume((3, 200, 200), 1).samples):
+    for grid in (volume((5, 5, 9), 1).samples, volume((3, 200, 200), 1).samples):
+        grid_tables.prepare_grid(engine, grid)
+    for grid in (volume((100, 100, 7), 1).samples, flat((2000, 7), "planar").samples):  # less than a processor's vector
         grid_tables.prepare_grid(engine, grid)
     grid_tables.prepare_grid(engine, flat((60, 60), "planar").samples)
     for is_gpu in (True, False):
@@ -127,3 +129,19 @@ def test_only_other_values_of_a_known_pupil_are_prepared_there(monkeypatch):
         grid_tables.prepare_grid(engine, volume((4, 100, 100), 1).samples)
     assert asked == [(200, 200), (4, 100, 100)]
     grid_tables.prepare_grid(engine_of("warp", "cpu"), volume((4, 100, 100), 1).samples)
+
+
+def test_a_processor_prepares_grids_of_many_nodes_at_their_first_trace(monkeypatch):
+    """The answer is that of NumPy's tables, except for rounding; fewer nodes are left to NumPy, as is Warp there."""
+    monkeypatch.setattr(grid_tables, "LEAST_NODES", 0)
+    rays = RayBundle([[3e-4, 8e-4, -1e-4]], [[0.0, 0.05, 1.0]])
+    traced = {}
+    for backend in ("opencl", "warp"):
+        choices = on(f"{backend}-cpu")
+        for many in (487, 486):
+            monkeypatch.setattr(grid_tables, "MANY_NODES", many)
+            field = volume((6, 9, 9), 3)
+            traced[backend, many] = trace(field, rays, method="fixed", step=1e-4, **choices).opd
+            engine = engine_of(choices["backend"], choices["device"])
+            assert (field.samples.held(engine.grid_key) is not None) == (backend == "opencl" and many <= 6 * 9 * 9)
+        np.testing.assert_allclose(traced[backend, 487], traced[backend, 486], rtol=1e-6)
