@@ -63,6 +63,36 @@ def test_without_room_a_result_is_refused_in_words_and_leaves_nothing(tmp_path: 
 
 
 @unix
+def test_what_was_computed_is_written_elsewhere_where_the_disk_is_full(tmp_path: Path):
+    """There is room again at the second attempt, in the temporary folder; then there is none there either."""
+    code = (
+        "import resource, sys; from pathlib import Path\n"
+        "from aerokernels.jobs.store import OutputError, write_folder, write_summary\n"
+        "def limit(size):\n"
+        "    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))\n"
+        "def write(folder):\n"
+        "    write_summary(folder / 'summary.json', {'version': 'x' * 5_000})\n"
+        "    limit(rooms.pop())\n"
+        "    (folder / 'result.nc').write_bytes(bytes(20_000))\n"
+        "for rooms in ([resource.RLIM_INFINITY, 6_000], [6_000, 6_000]):\n"
+        "    limit(resource.RLIM_INFINITY)\n"
+        "    try:\n"
+        "        write_folder(Path(sys.argv[1]) / 'out', write)\n"
+        "    except OutputError as fault:\n"
+        "        print(fault)\n"
+    )
+    spare = tmp_path / "spare"
+    spare.mkdir()
+    done = in_python(code, tmp_path, TMPDIR=str(spare))
+    assert done.returncode == 0, done.stderr[-2000:]
+    kept, refused = done.stdout.splitlines()
+    (only,) = spare.iterdir()  # nothing of the second attempt
+    assert kept.startswith(f"--out {tmp_path / 'out'}: ") and f"the results are in {only / 'out'} instead" in kept
+    assert sorted(path.name for path in (only / "out").iterdir()) == ["result.nc", "summary.json"]
+    assert refused.endswith("make room, or choose another place") and not (tmp_path / "out").exists()
+
+
+@unix
 def test_a_sweep_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
     """Set-up: files that may hold one case and a half, and then any number of them.
 

@@ -15,7 +15,7 @@ from aerokernels.jobs.comparison_figure import ranges_figure, waveforms_figure
 from aerokernels.jobs.figure_layout import png
 from aerokernels.jobs.page import bullets, page, picture, remarks, section, table
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
-from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, staged_folder, to_json, write_result, write_summary
+from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, to_json, write_folder, write_result, write_summary
 
 TABLE_FILE, WAVEFORM_FILE, FIGURE_FILE = "compare.csv", "compare.nc", "compare.png"
 
@@ -192,21 +192,25 @@ def write_comparison(found: BenchComparison, out: Path) -> list[str]:
         "waveforms": (waveforms, png(waveforms_figure(found))),
         "ranges": ("Peaks, correlation and range errors by label.", png(ranges_figure(found))),
     }
-    with staged_folder(out) as folder:
+    summary = {
+        "recording": str(found.source),
+        "align": found.options.align,
+        "labels": rows,
+        "warnings": found.warnings,
+        "left_out": [label_text(label) for label in found.left_out],
+        "version": __version__,
+    }
+    report = _page(found, pictures)
+
+    def write(folder: Path) -> list[str]:
         _write_csv(folder / TABLE_FILE, rows)
         (folder / FIGURE_FILE).write_bytes(pictures["waveforms"][1])
         write_result(folder / WAVEFORM_FILE, found.to_xarray())
-        summary = {
-            "recording": str(found.source),
-            "align": found.options.align,
-            "labels": rows,
-            "warnings": found.warnings,
-            "left_out": [label_text(label) for label in found.left_out],
-            "version": __version__,
-        }
         write_summary(folder / SUMMARY_FILE, summary)
-        (folder / REPORT_FILE).write_text(_page(found, pictures), encoding="utf-8")
+        (folder / REPORT_FILE).write_text(report, encoding="utf-8")
         return sorted(path.name for path in folder.iterdir())
+
+    return write_folder(out, write)
 
 
 def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:

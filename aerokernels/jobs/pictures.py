@@ -14,7 +14,7 @@ from aerokernels import __version__
 from aerokernels.flow import DensityField, shipped_names
 from aerokernels.jobs.figure_layout import png
 from aerokernels.jobs.picture_figure import comparison_figure, pictures_figure
-from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, write_summary
+from aerokernels.jobs.store import SUMMARY_FILE, write_folder, write_result, write_summary
 from aerokernels.medium import IndexField
 from aerokernels.prepare import flow_index
 from aerokernels.scene import Scene
@@ -313,10 +313,13 @@ def make_pictures(
 def write_pictures(made: BenchPictures, out: Path) -> list[str]:
     """Write pictures.nc, figure.png, a grey PNG of each kind and summary.json to `out`: all of them, or none.
 
+    What happens on a full disk is described at `write_folder`.
+
     Returns:
         Names of the files written.
     """
-    with staged_folder(out) as folder:
+
+    def write(folder: Path) -> list[str]:
         for kind, picture in made.pictures.items():
             write_picture(folder / f"{kind}.png", picture)
         (folder / FIGURE_FILE).write_bytes(png(pictures_figure(made.pictures, made.shock)))
@@ -325,3 +328,5 @@ def write_pictures(made: BenchPictures, out: Path) -> list[str]:
         write_result(folder / DATASET_FILE, made.to_xarray())
         write_summary(folder / SUMMARY_FILE, made.summary)
         return sorted(path.name for path in folder.iterdir())
+
+    return write_folder(out, write)

@@ -16,7 +16,7 @@ from aerokernels.flow import DensityField
 from aerokernels.jobs.report import draw_pictures, render_report
 from aerokernels.jobs.run_parts import RunParts
 from aerokernels.jobs.scene_text import scene_toml
-from aerokernels.jobs.store import REPORT_FILE, RESULT_FILE, SUMMARY_FILE, staged_folder, write_result, write_summary
+from aerokernels.jobs.store import REPORT_FILE, RESULT_FILE, SUMMARY_FILE, write_folder, write_result, write_summary
 from aerokernels.jobs.summary import summarise
 from aerokernels.jobs.views import pupil_map, ray_fan
 from aerokernels.medium import IndexField
@@ -179,7 +179,7 @@ def run_stages(
 
 
 def write_run(result: RunResult, out: Path) -> dict[str, Any]:
-    """Write summary.json, result.nc and report.html to the folder `out`: all of them, or none.
+    """Write summary.json, result.nc and report.html to the folder `out`: all of them, or none; see `write_folder`.
 
     Returns:
         The summary as it was written; its failures include any figure that could not be drawn.
@@ -187,9 +187,12 @@ def write_run(result: RunResult, out: Path) -> dict[str, Any]:
     dataset = result.to_xarray()
     pictures, undrawn = draw_pictures(dataset)
     summary = {**result.summary, "failures": {**result.summary["failures"], **undrawn}}
-    with staged_folder(out) as folder:
+    page = render_report(pictures, summary, scene_toml(result.scene))
+
+    def write(folder: Path) -> None:
         write_result(folder / RESULT_FILE, dataset)
-        page = render_report(pictures, summary, scene_toml(result.scene))
         (folder / REPORT_FILE).write_text(page, encoding="utf-8")
         write_summary(folder / SUMMARY_FILE, summary)
+
+    write_folder(out, write)
     return summary

@@ -9,9 +9,10 @@ import json
 import math
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -28,6 +29,7 @@ RESULT_FILE, SUMMARY_FILE, REPORT_FILE = "result.nc", "summary.json", "report.ht
 MAPS_FILE = "series.zarr"
 # Keys of summary.json whose numbers are between 0 and 1.
 RATIO_KEYS = ("strehl", "strehl_marechal", "echo_strehl")
+Made = TypeVar("Made")
 COMPLETE = ".result.complete"  # hidden folder with a complete result, inside the folder into which it is moved
 
 
@@ -120,6 +122,32 @@ def staged_folder(out: Path) -> Iterator[Path]:
             finish_moving(out)
     except OSError as fault:
         raise (OutputError(out, fault) if fault.errno in FULL else fault) from fault
+
+
+def write_folder(out: Path, write: Callable[[Path], Made]) -> Made:
+    """Write files to a folder by `write(folder)`: all of them, or none; return what `write` returns.
+
+    What was computed is not lost on a full disk: the files are then written to a new folder in the system's temporary
+    folder, if there is room. The arguments are those of `staged_folder`, for `write` too.
+
+    Raises:
+        ValueError: As for `staged_folder`.
+        OutputError: The disk is full; the message says where the files are instead, if they are.
+    """
+    try:
+        with staged_folder(out) as folder:
+            return write(folder)
+    except OutputError as fault:
+        spare: Path | None = None
+        try:
+            spare = Path(tempfile.mkdtemp(prefix="aerokernels-"))
+            with staged_folder(spare / out.absolute().name) as folder:
+                write(folder)
+        except OSError:
+            if spare is not None:
+                shutil.rmtree(spare, ignore_errors=True)
+            raise fault from None
+        raise OutputError(out, fault, kept=spare / out.absolute().name) from fault
 
 
 def finish_moving(out: Path) -> None:
