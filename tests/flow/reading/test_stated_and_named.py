@@ -157,3 +157,24 @@ def test_a_flow_along_one_axis_repeated_at_two_places_is_a_plane(tmp_path, acros
         inside = 0.5 * (X[1:] + X[:-1])
         points = np.stack([0.0 * inside, 0.0 * inside + 0.05, -inside], axis=1)
         assert field.density_at(points) == pytest.approx(1.0 + inside, rel=1e-12)
+
+
+def test_the_latest_of_times_in_any_order_is_read(tmp_path):
+    """Set-up: fields at 0.3, 0.1 and 0.2 s. Expected: "latest" is 0.3; a time twice and NaN are refused."""
+    fields = np.array([3.0, 1.0, 2.0])[:, None, None] * np.ones((9, 6))
+
+    def read(times, **asked):
+        np.savez(tmp_path / "a.npz", x=X, y=Y, time=times, rho=fields)
+        return flow.read(tmp_path / "a.npz", **asked)
+
+    times = np.array([0.3, 0.1, 0.2])
+    read(times)
+    assert flow.contents(tmp_path / "a.npz").times == (0.1, 0.2, 0.3)
+    for asked, density in (("latest", 3.0), ("first", 1.0), (0.2, 2.0)):
+        assert read(times, time=asked).density == pytest.approx(density)
+    twice = np.array([0.3, 0.1, 0.3])
+    assert read(twice, time="first").density == pytest.approx(1.0)
+    with pytest.raises(flow.ReadError, match=r"it has 2 fields at the time 0\.3, as after a restart: keep one of them"):
+        read(twice)
+    with pytest.raises(flow.ReadError, match="1 of its 3 times are no numbers, the first is number 1"):
+        read(np.array([0.3, np.nan, 0.4]))

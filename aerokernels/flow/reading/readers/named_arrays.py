@@ -299,11 +299,19 @@ def _at_time(path, arrays, chosen, units, asked):
         since = units.get(name, "").split(" since ")[0]  # "seconds since 2020-01-01"
         unit = unit_of_array(path, name, since, "time").factor
         times = [float(value) * unit for value in arrays[name]]
-    chosen_one = chosen_time(path, times, asked)
+    if bad := [k for k, value in enumerate(times) if not math.isfinite(value)]:
+        raise ReadError(
+            path, f"{len(bad)} of its {len(times)} times are no numbers, the first is number {bad[0]}", DAMAGED
+        )
+    ascending = sorted(set(times))
+    chosen_one = chosen_time(path, ascending, asked)
     if chosen_one is None:
         return [], arrays, None
+    if times.count(chosen_one) > 1:
+        what = f"it has {times.count(chosen_one)} fields at the time {chosen_one:g}, as after a restart"
+        raise ReadError(path, what, "keep one of them, or take another time")
     index = times.index(chosen_one)
     cut = {
         n: a[index] if a.ndim == rank + 1 and a.shape[0] == len(times) else a for n, a in arrays.items() if n != name
     }
-    return times, cut, chosen_one
+    return ascending, cut, chosen_one
