@@ -7,9 +7,9 @@ import numpy as np
 from ....files.netcdf_classic import is_classic
 from ....inputs.arguments import seconds
 from ....process.room import NoRoomError, check_file
+from ..array_names import plain_name
 from ..array_units import stated_unit
 from ..dataset import DAMAGED, Dataset, ReadError
-from ..density import plain_name
 from .coordinates import COLUMNS, axes_of
 from .named_arrays import dataset_of
 

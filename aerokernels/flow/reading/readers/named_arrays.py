@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from ....process.room import NoRoomError, check_room
+from ..array_names import plain_name
 from ..array_units import length_of, stated_unit, unit_of_array
 from ..dataset import DAMAGED, HDF5_MAGIC, Block, Dataset, ReadError, chosen_time
-from ..density import plain_name
 from .coordinates import COLUMNS, PLACE, axes_of
 
 AXIS_END = re.compile(r"([xyzr])_?(min|max)")

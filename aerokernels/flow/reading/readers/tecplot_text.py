@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..array_names import plain_name
 from ..array_units import length_of
 from ..dataset import (
     HEXAHEDRON,
@@ -231,7 +232,7 @@ def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
 
 def coordinate_columns(variables: list[str]) -> tuple[dict[int, int], tuple[float, float, float] | None]:
     """Return the variable of the coordinate along each axis, {axis number: variable number}, and the symmetry axis."""
-    plain = [re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", v.lower())) for v in variables]
+    plain = [plain_name(v) for v in variables]
     known = {axis: k for axis, names in COLUMNS.items() for k in reversed(range(len(plain))) if plain[k] in names}
     axes, symmetry = axes_of(known)
     return {PLACE[axis]: known[axis] for axis in axes}, symmetry
