@@ -11,10 +11,11 @@ from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import (
     vtkHigherOrderHexahedron,
     vtkHigherOrderQuadrilateral,
+    vtkMultiBlockDataSet,
     vtkUnstructuredGrid,
 )
 
-from aerokernels import flow
+from aerokernels import DensityField, flow
 
 QUAD, HEXAHEDRON, WEDGE = 70, 72, 73
 
@@ -79,6 +80,25 @@ def test_values_of_elements_in_one_place_are_averaged(tmp_path):
     found = flow.read(vtk_writers.write_vtk(tmp_path / "a.vtu", lagrange(2, 2, 2, halves)))
     at = np.array([[0.0, 0.3, -x] for x in (0.1, 0.5, 0.9)])
     assert found.density_at(at) == pytest.approx([1.0, 1.5, 2.0], rel=1e-12)
+
+
+def test_elements_in_memory_are_read_as_from_a_file(tmp_path):
+    """Set-up: elements with points of their own, and a surface beside a volume. Expected: as from their files.
+
+    In memory both were refused for their coincident points.
+    """
+    grid = lagrange(3, 2, 2, linear)
+    grid.GetCellData().RemoveArray("element")
+    sheet = lagrange(2, 1, 2, linear)
+    sheet.GetCellData().RemoveArray("element")
+    both = vtkMultiBlockDataSet()
+    for number, own in enumerate((grid, sheet)):
+        both.SetBlock(number, own)
+    expected = flow.read(vtk_writers.write_vtk(tmp_path / "a.vtu", grid)).density
+    for data in (grid, both):
+        found = DensityField.from_pyvista(data)
+        assert np.array_equal(found.density, expected)
+        assert "elements that have points of their own" in found.provenance
 
 
 @pytest.mark.parametrize(

@@ -50,12 +50,16 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     suffix = path.suffix.lower()
     if suffix in SUFFIXES:
         return _series(path, time)
-    data = vtk_output(path, suffix)
     name = {".vtk": "legacy VTK file"}.get(suffix, f"VTK file ({suffix})")
+    return vtk_dataset(path, vtk_output(path, suffix), name)
+
+
+def vtk_dataset(path: Path | str, data, name: str) -> Dataset:
+    """Return the contents of a data object of VTK, read from a file or in memory; `name` is that of its format."""
     made = [joined(block) for block in blocks_of(path, data)]
     notes = dict.fromkeys(note for _, note in made if note is not None)
     blocks, patches = _boundaries([block for block, _ in made])
-    return Dataset(blocks, name, patches=patches, ambient=None, notes=list(notes))
+    return Dataset(blocks, name, patches=patches, notes=list(notes))
 
 
 def _boundaries(blocks: list[Block]) -> tuple[list[Block], list[Patch]]:
