@@ -30,8 +30,7 @@ READERS = {
     ".vtm": "vtkXMLMultiBlockDataReader",
     ".vtmb": "vtkXMLMultiBlockDataReader",
 }
-HIDDEN = 2 | 8  # flags of vtkDataSetAttributes for ghost cells; hidden cells have the flag 32
-BLANK = 32
+NO_OWN_FLOW = 1 | 8 | 32  # flags of cells that vtkDataSetAttributes calls duplicate, refined and hidden
 STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners in hexahedron, quad order
 SURFACE = (5, 7, 9)  # triangles, polygons, quadrilaterals
 LINEAR = {11: 12, 8: 9}
@@ -172,8 +171,8 @@ def _block(path: Path | str, data, name: str) -> Block:
     if any(own is not None and own.ndim != 1 for own in (ghosts, point_ghosts)):
         raise ReadError(path, "its vtkGhostType has several components", DAMAGED)
     blank = None
-    if ghosts is not None and (ghosts.astype(int) & (BLANK | HIDDEN | 1)).any():
-        blank = (ghosts.astype(int) & (BLANK | HIDDEN | 1)) != 0
+    if ghosts is not None and (ghosts.astype(int) & NO_OWN_FLOW).any():
+        blank = (ghosts.astype(int) & NO_OWN_FLOW) != 0
     elif point_ghosts is not None and (point_ghosts.astype(int) & 2).any():
         blank = (point_ghosts.astype(int) & 2) != 0
     cells, parent = (None, None) if shape is not None else _cells(path, data)
