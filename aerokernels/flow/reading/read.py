@@ -9,7 +9,7 @@ import numpy as np
 
 from ...inputs.checks import check_choice, check_positive
 from ...inputs.units import quantity
-from ...inputs.written_units import DIMENSIONS, written_unit
+from ...inputs.written_units import DIMENSIONS, is_no_unit, unit_in_name, written_unit
 from ...medium import Body
 from ..density_field import CellDensity, DensityField
 from ..gas import check_density
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .volumes.resampling import Resampling
 
 GEOMETRIES = ("planar", "axisymmetric", "volume")
+SI_UNITS = {"density": "kg/m3", "pressure": "Pa", "temperature": "K"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +216,22 @@ def reading_of(
     said = choice.described() if fractions is None else f"{choice.described()}; {fractions.said}"
     if unit is None and scale != 1.0:
         said += f"; coordinates in units of {scale:g} m, which the file states"
+    said += _without_units(dataset, choice, reference, unit)
     return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said, choice, reference, fractions)
+
+
+def _without_units(dataset: Dataset, choice: DensityChoice, reference: Reference, unit: float | None) -> str:
+    """Say which numbers are taken in SI although neither the file nor the caller states their unit."""
+    taken = [
+        f"{name!r} in {SI_UNITS[dimension]}"
+        for dimension in SI_UNITS
+        if (name := getattr(choice, dimension)) is not None
+        and not (dimension in reference.given or unit_in_name(name))
+        and is_no_unit(dataset.units.get(name, ""))
+    ]
+    if unit is None and dataset.length is None:
+        taken.append("coordinates in m")
+    return f"; no unit is stated, taken: {', '.join(taken)}" if taken else ""
 
 
 def field_of(reading: Reading, spacing=None, region=None, walls=None, shared: SharedMesh | None = None) -> DensityField:

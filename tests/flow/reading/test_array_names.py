@@ -66,3 +66,21 @@ def test_a_unit_after_a_comma_counts(tmp_path):
     field = flow.read(path)
     assert np.ptp(field.mesh.vertices, axis=0) == pytest.approx([0.8, 1.0])
     assert field.density.max() == pytest.approx(RHO.max())
+
+
+@pytest.mark.parametrize(
+    ("names", "options", "said"),
+    [
+        (("x", "y", "rho"), {}, "no unit is stated, taken: 'rho' in kg/m3, coordinates in m"),
+        (("x [mm]", "y", "rho"), {}, "no unit is stated, taken: 'rho' in kg/m3;"),
+        (("x", "y", "rho [g/L]"), {"length_unit": "mm"}, None),
+        (("x", "y", "rho"), {"reference": {"density": 1.2, "length": 0.1}}, None),
+        (("x", "y", "rho"), {"reference": 1.2}, "no unit is stated, taken: coordinates in m"),
+    ],
+)
+def test_the_provenance_says_which_numbers_are_taken_in_si(tmp_path, names, options, said):
+    """Expected: a word on numbers without a unit, which may be non-dimensional or in millimetres."""
+    path = tmp_path / "a.csv"
+    np.savetxt(path, np.stack([X, Y, RHO], 1), "%.17g", ",", header=",".join(names), comments="")
+    provenance = flow.read(path, **options).provenance
+    assert said in provenance if said else "no unit" not in provenance

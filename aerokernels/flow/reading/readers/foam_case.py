@@ -247,6 +247,7 @@ def read(path: Path, time: float | str | None = None, options: dict | None = Non
         axis=(axes[0] if axes else _axis(blocks)) if geometries[0] == "axisymmetric" else None,
         gas_constant=_gas_constant(folder),
         units=getattr(blocks[0].cell_data, "units", {}),
+        length=1.0,
     )
 
 
