@@ -92,6 +92,8 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
         return _BY_NAME["Tecplot binary"]
     if head[:4] in SU2_MAGIC:
         return _BY_NAME["SU2"]
+    if head.startswith(HDF5_MAGIC) and b"VTKHDF" in head:
+        return _BY_NAME["VTK"]
     if options.get("mesh") is not None and suffix in (".csv", ".dat"):
         return _BY_NAME["SU2"]  # a restart whose mesh is in another folder
     if suffix in (".dat", ".plt", ".tec", ".tp"):

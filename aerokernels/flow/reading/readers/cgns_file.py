@@ -7,11 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..dataset import Dataset, ReadError, chosen_time
+from ..dataset import Dataset, ReadError
 from .cgns_statements import statements
 from .cgns_units import units
 from .cgns_walls import patches
-from .vtk_files import DAMAGED, blocks_of, run
+from .vtk_files import blocks_of
+from .vtk_running import DAMAGED, run
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
@@ -32,11 +33,9 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     reader.EnableAllCellArrays()
     reader.SetDoublePrecisionMesh(1)
     reader.SetLoadBndPatch(False)
-    times = _times(reader)
-    chosen = chosen_time(path, times, time)
-    if chosen is not None:
-        reader.UpdateTimeStep(chosen)
-    data = run(path, reader)
+    data, times, chosen = run(path, reader, time)
+    if times == [0.0]:  # which VTK reports for a file without times
+        times, chosen = [], None
     blocks = [block for block in blocks_of(path, data) if block.cell_count]
     if not blocks:
         raise ReadError(path, "it has no zone with cells", DAMAGED)
@@ -52,11 +51,3 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     geometry = None if axis is None else "axisymmetric"
     return Dataset(blocks, "CGNS", geometry, patches=found, times=times, time=chosen, axis=axis, units=stated,
                    length=length, notes=[*notes, *more])  # fmt: skip
-
-
-def _times(reader) -> list[float]:
-    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
-
-    information, key = reader.GetOutputInformation(0), Pipeline.TIME_STEPS()
-    times = [float(information.Get(key, k)) for k in range(information.Length(key))] if information.Has(key) else []
-    return [] if times == [0.0] else times  # VTK reports [0] for a file without times

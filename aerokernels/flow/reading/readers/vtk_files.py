@@ -1,35 +1,34 @@
-"""Read VTK's family of files with VTK: .vti .vtr .vts .vtu .vtk, their parallel and multi-block forms, and lists.
+"""Read VTK's family of files with VTK: .vti .vtr .vts .vtu .vtk .vtkhdf, their parallel, composite forms, and lists.
 
 VTK prints an error and returns what it has read so far. Here every printed error raises ReadError, and counts are
 compared with those that the file announces. Runs in the child process of fragile.py.
 """
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..dataset import CORNERS, FLAT, LINE, SOLID, Block, Cells, Dataset, Faces, Patch, Polygons, ReadError, chosen_time
+from ..dataset import (  # fmt: skip
+    CORNERS,
+    FLAT,
+    LINE,
+    SOLID,
+    Block,
+    Cells,
+    Dataset,
+    Faces,
+    Patch,
+    Polygons,
+    ReadError,
+    chosen_time,
+)
 from ..volumes.solids import FACES
 from .high_order import joined, linear_cells
 from .vtk_collections import SUFFIXES, collection
+from .vtk_running import DAMAGED, text_of, vtk_output
 
-DAMAGED = "the file is damaged or of another version: write it again"
-READERS = {
-    ".vti": "vtkXMLImageDataReader",
-    ".vtr": "vtkXMLRectilinearGridReader",
-    ".vts": "vtkXMLStructuredGridReader",
-    ".vtu": "vtkXMLUnstructuredGridReader",
-    ".vtp": "vtkXMLPolyDataReader",
-    ".pvti": "vtkXMLPImageDataReader",
-    ".pvtr": "vtkXMLPRectilinearGridReader",
-    ".pvts": "vtkXMLPStructuredGridReader",
-    ".pvtu": "vtkXMLPUnstructuredGridReader",
-    ".vtm": "vtkXMLMultiBlockDataReader",
-    ".vtmb": "vtkXMLMultiBlockDataReader",
-}
 NO_OWN_FLOW = 1 | 8 | 32  # flags of cells that vtkDataSetAttributes calls duplicate, refined and hidden
 STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners in hexahedron, quad order
 SURFACE = (5, 7, 9)  # triangles, polygons, quadrilaterals
@@ -50,7 +49,8 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     if suffix in SUFFIXES:
         return _series(path, time)
     name = {".vtk": "legacy VTK file"}.get(suffix, f"VTK file ({suffix})")
-    return vtk_dataset(path, vtk_output(path, suffix), name)
+    data, times, chosen = vtk_output(path, suffix, time)
+    return replace(vtk_dataset(path, data, name), times=times, time=chosen)
 
 
 def vtk_dataset(path: Path | str, data, name: str) -> Dataset:
@@ -80,45 +80,6 @@ def _has(block: Block, kinds) -> bool:
     return block.cells is not None and bool(np.isin(block.cells.types, kinds).any())
 
 
-def vtk_output(path: Path, suffix: str):
-    """Return the output of VTK's reader for a suffix."""
-    from vtkmodules import vtkIOLegacy, vtkIOXML
-
-    reader: Any
-    if suffix == ".vtk":
-        reader = vtkIOLegacy.vtkGenericDataObjectReader()
-        reader.ReadAllScalarsOn()
-        reader.ReadAllVectorsOn()
-        reader.ReadAllTensorsOn()
-        reader.ReadAllFieldsOn()
-    else:
-        reader = getattr(vtkIOXML, READERS[suffix])()
-    return run(path, reader)
-
-
-def run(path: Path, reader):
-    """Run a VTK reader on a file and return its output; raise ReadError for an error that it reports."""
-    from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
-
-    window = vtkStringOutputWindow()
-    vtkOutputWindow.SetInstance(window)
-    reader.SetFileName(str(path))
-    reader.Update()
-    said = re.sub(r" ?\(0x[0-9a-f]+\)", "", " ".join(_text(window.GetOutput()).split()))
-    if "ERR" in said or "rror" in said or reader.GetErrorCode():
-        what = said.split("): ", 1)[-1][:200] or f"error {reader.GetErrorCode()}"
-        raise ReadError(path, f"VTK cannot read it ({what})", DAMAGED)
-    data = reader.GetOutputDataObject(0)
-    if data is None:
-        raise ReadError(path, "VTK finds nothing in it", DAMAGED)
-    return data
-
-
-def _text(said: str | bytes | None) -> str:
-    """Return a text of VTK as str; VTK returns bytes for texts that are not UTF-8."""
-    return said.decode("utf-8", "replace") if isinstance(said, bytes) else said or ""
-
-
 def _series(path: Path, time) -> Dataset:
     """Read the files of a list that have the chosen time."""
     entries = collection(path)
@@ -142,7 +103,7 @@ def blocks_of(path: Path | str, data) -> list[Block]:
         while not iterator.IsDoneWithTraversal():
             own = ""
             if iterator.HasCurrentMetaData():
-                own = _text(iterator.GetCurrentMetaData().Get(vtkCompositeDataSet.NAME()))
+                own = text_of(iterator.GetCurrentMetaData().Get(vtkCompositeDataSet.NAME()))
             part = iterator.GetCurrentDataObject()
             if isinstance(part, vtkDataSet) and part.GetNumberOfPoints():
                 found.append(_block(path, part, own))
@@ -208,7 +169,7 @@ def _arrays(path: Path | str, attributes, count: int) -> dict[str, np.ndarray]:
         array = attributes.GetArray(k)
         if array is None:  # an array of texts
             continue
-        values, name = vtk_to_numpy(array), _text(array.GetName()) or f"array {k}"
+        values, name = vtk_to_numpy(array), text_of(array.GetName()) or f"array {k}"
         if len(values) != count:
             raise ReadError(path, f"array {name!r} has {len(values)} entries instead of {count}", DAMAGED)
         found[name] = np.array(values)
