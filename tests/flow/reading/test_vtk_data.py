@@ -105,18 +105,18 @@ def test_what_holds_no_flow_is_refused(tmp_path):
     empty, table = vtkUnstructuredGrid(), vtkTable()
     for data, told in ((empty, "it has no points"), (table, "a vtkTable is not a mesh")):
         with pytest.raises(ReadError, match=told):
-            vtk_files.blocks_of(tmp_path, data)
+            vtk_files.blocks_of(tmp_path, data, {})
     blocks = vtkMultiBlockDataSet()
     blocks.SetBlock(0, empty)
     with pytest.raises(ReadError, match="it has no block with points"):
-        vtk_files.blocks_of(tmp_path, blocks)
+        vtk_files.blocks_of(tmp_path, blocks, {})
     blocks.SetBlock(1, vtk_writers.vtk_grid())
     blocks.GetMetaData(1).Set(vtkMultiBlockDataSet.NAME(), "zone")
-    assert [block.name for block in vtk_files.blocks_of(tmp_path, blocks)] == ["zone"]
+    assert [block.name for block in vtk_files.blocks_of(tmp_path, blocks, {})] == ["zone"]
     short = vtk_writers.vtk_grid()
     short.GetPointData().AddArray(named([1.0, 2.0], "short"))
     with pytest.raises(ReadError, match=f"array 'short' has 2 entries instead of {writers.NI * writers.NJ}"):
-        vtk_files.blocks_of(tmp_path, short)
+        vtk_files.blocks_of(tmp_path, short, {})
 
 
 def test_a_series_of_files(tmp_path):

@@ -36,7 +36,8 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     data, times, chosen = run(path, reader, time)
     if times == [0.0]:  # which VTK reports for a file without times
         times, chosen = [], None
-    blocks = [block for block in blocks_of(path, data) if block.cell_count]
+    told: dict[str, None] = {}
+    blocks = [block for block in blocks_of(path, data, told) if block.cell_count]
     if not blocks:
         raise ReadError(path, "it has no zone with cells", DAMAGED)
     names = [block.name for block in blocks]
@@ -50,4 +51,4 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     axis, more = statements(path)
     geometry = None if axis is None else "axisymmetric"
     return Dataset(blocks, "CGNS", geometry, patches=found, times=times, time=chosen, axis=axis, units=stated,
-                   length=length, notes=[*notes, *more])  # fmt: skip
+                   length=length, notes=[*told, *notes, *more])  # fmt: skip

@@ -25,7 +25,7 @@ from ..dataset import (  # fmt: skip
     chosen_time,
 )
 from ..volumes.solids import FACES
-from .high_order import joined, linear_cells
+from .high_order import BY_CORNERS, joined, linear_cells
 from .vtk_collections import SUFFIXES, collection
 from .vtk_running import DAMAGED, text_of, vtk_output
 
@@ -55,8 +55,9 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
 
 def vtk_dataset(path: Path | str, data, name: str) -> Dataset:
     """Return the contents of a data object of VTK, read from a file or in memory; `name` is that of its format."""
-    made = [joined(block) for block in blocks_of(path, data)]
-    notes = dict.fromkeys(note for _, note in made if note is not None)
+    notes: dict[str, None] = {}
+    made = [joined(block) for block in blocks_of(path, data, notes)]
+    notes |= dict.fromkeys(note for _, note in made if note is not None)
     blocks, patches = _boundaries([block for block, _ in made])
     return Dataset(blocks, name, patches=patches, notes=list(notes))
 
@@ -92,8 +93,8 @@ def _series(path: Path, time) -> Dataset:
     return replace(parts[0], blocks=blocks, patches=patches, times=times, time=chosen, format=said)
 
 
-def blocks_of(path: Path | str, data) -> list[Block]:
-    """Return the blocks of a data object, including nested ones."""
+def blocks_of(path: Path | str, data, notes: dict[str, None]) -> list[Block]:
+    """Return the blocks of a data object, including nested ones, and add notes for the user to `notes`."""
     from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkDataSet
 
     if isinstance(data, vtkCompositeDataSet):
@@ -106,7 +107,7 @@ def blocks_of(path: Path | str, data) -> list[Block]:
                 own = text_of(iterator.GetCurrentMetaData().Get(vtkCompositeDataSet.NAME()))
             part = iterator.GetCurrentDataObject()
             if isinstance(part, vtkDataSet) and part.GetNumberOfPoints():
-                found.append(_block(path, part, own))
+                found.append(_block(path, part, own, notes))
             iterator.GoToNextItem()
         if not found:
             raise ReadError(path, "it has no block with points", DAMAGED)
@@ -115,10 +116,10 @@ def blocks_of(path: Path | str, data) -> list[Block]:
         raise ReadError(path, f"a {data.GetClassName()} is not a mesh", "give a grid with point or cell data")
     if not data.GetNumberOfPoints():
         raise ReadError(path, "it has no points", DAMAGED)
-    return [_block(path, data, "")]
+    return [_block(path, data, "", notes)]
 
 
-def _block(path: Path | str, data, name: str) -> Block:
+def _block(path: Path | str, data, name: str, notes: dict[str, None]) -> Block:
     from vtkmodules.vtkCommonDataModel import vtkImageData, vtkRectilinearGrid, vtkStructuredGrid
 
     shape = None
@@ -136,7 +137,7 @@ def _block(path: Path | str, data, name: str) -> Block:
         blank = (ghosts.astype(int) & NO_OWN_FLOW) != 0
     elif point_ghosts is not None and (point_ghosts.astype(int) & 2).any():
         blank = (point_ghosts.astype(int) & 2) != 0
-    cells, parent = (None, None) if shape is not None else _cells(path, data)
+    cells, parent = (None, None) if shape is not None else _cells(path, data, notes)
     if parent is not None:
         cell_data = {name: values[parent] for name, values in cell_data.items()}
         blank = blank[parent] if blank is not None and ghosts is not None else blank
@@ -176,7 +177,7 @@ def _arrays(path: Path | str, attributes, count: int) -> dict[str, np.ndarray]:
     return found
 
 
-def _cells(path: Path | str, data) -> tuple[Cells | None, np.ndarray | None]:
+def _cells(path: Path | str, data, notes: dict[str, None]) -> tuple[Cells | None, np.ndarray | None]:
     """Return the cells, and the file's cell that each came from if high-order cells were divided, else None."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -190,6 +191,8 @@ def _cells(path: Path | str, data) -> tuple[Cells | None, np.ndarray | None]:
     points = vtk_to_numpy(array.GetConnectivityArray()).astype(np.int64)
     kinds = np.array([data.GetCellType(0)]) if len(start) == 2 else vtk_to_numpy(_types(data))
     kinds = kinds.astype(np.uint8)
+    if second := _read_by_corners(kinds, np.diff(start)):
+        notes[f"{second} of {len(kinds)} cells are of second order: they are read by their corners alone"] = None
     start, points, kinds = _linear(start, points, kinds)
     start, points, kinds, parent = linear_cells(path, start, points, kinds)
     if len(unknown := np.setdiff1d(kinds, [*NO_FLOW, *FLAT, *SOLID])):
@@ -245,6 +248,13 @@ def _linear(start, points, kinds):
         points = points[within < np.repeat(keep, width)]
         start = np.concatenate([[0], np.cumsum(keep)])
     return start, points, kinds
+
+
+def _read_by_corners(kinds: np.ndarray, width: np.ndarray) -> int:
+    """Return how many cells of the flow have points between their corners that are left out."""
+    corners = {**{kind: CORNERS.get(plain, 2) for kind, plain in QUADRATIC.items()},
+               **{kind: count for kind, (_, count, _) in BY_CORNERS.items()}}  # fmt: skip
+    return sum(int(((kinds == kind) & (width > count)).sum()) for kind, count in corners.items() if count > 2)
 
 
 def _polyhedra(path, data, start: np.ndarray, points: np.ndarray, kinds: np.ndarray) -> Faces:
