@@ -17,6 +17,7 @@ from ..sampled_density import VertexDensity
 from .block_checks import check_blocks, check_repeated_blocks
 from .dataset import DAMAGED, Dataset, ReadError, wall_patches
 from .density import DensityChoice, Reference, block_density, choose_density
+from .flow_direction import direction_note
 from .formats import load
 from .fractions import Fractions, choose_fractions
 from .frame import Frame, plane_normal
@@ -74,7 +75,10 @@ class Reading:
         """Describe the choices made for a volume, one item a choice."""
         dataset = self.dataset
         time = [f"t = {dataset.time:g}"] if dataset.time is not None else []
-        return [dataset.format, *time, self.said, self.frame.described(self.frame.axes()), *dataset.notes]
+        axes = self.frame.axes()
+        ready = all(isinstance(block.cell_data, dict) for block in dataset.blocks)  # not fields that would be read now
+        direction = direction_note(dataset, self.frame, axes) if ready else []
+        return [dataset.format, *time, self.said, self.frame.described(axes), *direction, *dataset.notes]
 
 
 @dataclass(eq=False)
@@ -261,8 +265,8 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
         composition = fractions.composition(partial, partial[:, _front(at)].mean(axis=1))
     ambient = reading.ambient or dataset.ambient or float(np.median(density[_front(at)]))
     said = [dataset.format, *([f"t = {dataset.time:g}"] if dataset.time is not None else []), reading.said,
-            plane_in_words(plane, reading.frame), f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []),
-            *dataset.notes]  # fmt: skip
+            plane_in_words(plane, reading.frame), *direction_note(dataset, reading.frame, plane.axes),
+            f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []), *dataset.notes]  # fmt: skip
     wall = None
     if where == "cell" and fractions is None:
         wall = wall_density(path, dataset, plane, reading.choice, reading.reference, names)
