@@ -217,3 +217,12 @@ def test_an_axis_of_one_place_without_coordinate_is_left_out(tmp_path):
         flow.ReadError, match=r"for each of the \(9, 6\) places \(there are: rho \(2, 9, 6\)\): give arrays"
     ):
         flow.read(tmp_path / "b.nc")
+
+
+def test_a_time_in_single_precision_is_found(tmp_path):
+    """Set-up: times in float32. Expected: 0.1 is found; "there is no time 0.1: take one of 0.1" was the answer."""
+    fields = np.array([3.0, 1.0])[:, None, None] * np.ones((9, 6))
+    np.savez(tmp_path / "a.npz", x=X, y=Y, time=np.array([0.1, 0.1001], np.float32), rho=fields)
+    assert flow.read(tmp_path / "a.npz", time=0.1).density == pytest.approx(3.0)
+    with pytest.raises(flow.ReadError, match=r"there is no time 0\.10001"):
+        flow.read(tmp_path / "a.npz", time=0.10001)
