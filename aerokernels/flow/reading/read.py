@@ -24,6 +24,7 @@ from .frame import Frame, plane_normal
 from .planes.one_cell_thick import flattened
 from .planes.plane import Plane, plane_mesh
 from .planes.wall_values import wall_density
+from .planes.wedges import wedge
 
 if TYPE_CHECKING:
     from .volumes.resampling import Resampling
@@ -216,12 +217,28 @@ def reading_of(
         raise ReadError(path, "its points are in a plane: it is not a volume", "leave geometry out")
     if (kind == "planar" or geometry == "axisymmetric") and normal is None and dataset.geometry != "axisymmetric":
         raise ReadError(path, f"its points fill a volume, it is not {kind}", "leave geometry out")
+    if kind == "volume" and geometry is None:
+        _refuse_wedge(path, dataset)
     fractions = choose_fractions(path, dataset, densities, species)
     said = choice.described() if fractions is None else f"{choice.described()}; {fractions.said}"
     if unit is None and scale != 1.0:
         said += f"; coordinates in units of {scale:g} m, which the file states"
     said += _without_units(dataset, choice, reference, unit)
     return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said, choice, reference, fractions)
+
+
+def _refuse_wedge(path, dataset: Dataset) -> None:
+    """Raise ReadError for a wedge that stands for a flow of revolution: light would cross its sector alone."""
+    every = [block.points for block in dataset.blocks]
+    if (found := wedge(every[0] if len(every) == 1 else np.concatenate(every))) is not None:
+        axis, angle = found
+        raise ReadError(
+            path,
+            f"all its points are on two planes that meet in the {axis} axis at {np.degrees(angle):.3g} degrees: a "
+            "wedge, one cell thick, of an axisymmetric flow",
+            "give a plane through the axis with geometry = 'axisymmetric' (ParaView's Slice, along one of its sides), "
+            "or geometry = 'volume' for the wedge alone",
+        )
 
 
 def _without_units(dataset: Dataset, choice: DensityChoice, reference: Reference, unit: float | None) -> str:

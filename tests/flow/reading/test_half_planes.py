@@ -55,3 +55,32 @@ def test_a_plane_that_is_no_half_plane_of_the_axis_is_refused(along, radii, mess
     """Both were refused as folded meshes, to be repaired."""
     with pytest.raises(flow.ReadError, match=message):
         read(along, 1, radii)
+
+
+def sector(angle: float, layers: int = 2):
+    """A grid between two planes through x, with `layers` planes of points and with points on the axis."""
+    turn, radius, place = np.meshgrid(
+        np.linspace(-0.5 * angle, 0.5 * angle, layers), RADII, np.linspace(0.0, 2.0, 6), indexing="ij"
+    )
+    points = np.stack([place, radius * np.cos(turn), radius * np.sin(turn)], axis=-1).reshape(-1, 3)
+    return Block(points, None, (6, len(RADII), layers), {"rho": 1.0 + 0.1 * points[:, 0]})
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 2, 0)], ids="xyz")
+def test_a_wedge_of_a_flow_of_revolution_is_no_volume(order):
+    """Set-up: a sector of 5 degrees, one cell thick, about each axis. Expected: refused; asked for as a volume, read.
+
+    It was read as a volume, of which rays crossed the thin sector alone.
+    """
+
+    def taken(block, geometry=None):
+        asked = (None, Frame(), None, Reference(), None, geometry, None)
+        return reading_of("file", Dataset([block], "x"), *asked).geometry
+
+    block = sector(np.radians(5.0))
+    turned = Block(block.points[:, order], None, block.shape, block.point_data)
+    axis = "xyz"[order.index(0)]
+    with pytest.raises(flow.ReadError, match=rf"meet in the {axis} axis at 5 degrees: a wedge, one cell thick"):
+        taken(turned)
+    assert taken(turned, "volume") == "volume"
+    assert taken(sector(np.radians(5.0), 3)) == taken(sector(np.radians(40.0))) == "volume"
