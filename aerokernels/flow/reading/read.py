@@ -216,6 +216,7 @@ def reading_of(
     if kind == "volume" and normal is not None:
         raise ReadError(path, "its points are in a plane: it is not a volume", "leave geometry out")
     if (kind == "planar" or geometry == "axisymmetric") and normal is None and dataset.geometry != "axisymmetric":
+        _refuse_wedge(path, dataset)
         raise ReadError(path, f"its points fill a volume, it is not {kind}", "leave geometry out")
     if kind == "volume" and geometry is None:
         _refuse_wedge(path, dataset)
@@ -236,7 +237,7 @@ def _refuse_wedge(path, dataset: Dataset) -> None:
             path,
             f"all its points are on two planes that meet in the {axis} axis at {np.degrees(angle):.3g} degrees: a "
             "wedge, one cell thick, of an axisymmetric flow",
-            "give a plane through the axis with geometry = 'axisymmetric' (ParaView's Slice, along one of its sides), "
+            "give a plane through the axis with geometry = 'axisymmetric' (ParaView's Slice, midway between them), "
             "or geometry = 'volume' for the wedge alone",
         )
 
