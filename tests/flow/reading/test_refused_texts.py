@@ -30,7 +30,7 @@ ARRAYS = {"x": np.arange(3.0), "y": np.arange(2.0), "rho": np.ones((3, 2))}
         ("I=2", "I=two", "zone 1 has the count 'two'"),
         ("I=2", "I=0", "zone 1 has the count '0'"),
         ("F=POINT", "ZONETYPE=FEBLOB", r"zone 1 is of type FEBLOB; known are|zone 1 is of type FEBLOB"),
-        ("F=POINT", "F=POINT, VARSHARELIST=([1]=1)", "zone 1 shares data with other zones"),
+        ("F=POINT", "F=POINT, VARSHARELIST=([1]=1)", "zone 1 shares data with zone 1, which is not before it"),
         ("F=POINT", "F=POINT, VARLOCATION=([3]=CELLCENTERED)", "values in cells without BLOCK packing"),
         ("F=POINT", "F=BLOCK, VARLOCATION=([4]=CELLCENTERED)", "VARLOCATION names variable 4 of 3"),
         ("F=POINT", "F=BLOCK, VARLOCATION=([3-99999999999]=CELLCENTERED)", "VARLOCATION names variable 9+ of 3"),
