@@ -14,7 +14,7 @@ from ...medium import Body
 from ..density_field import CellDensity, DensityField
 from ..gas import check_density
 from ..sampled_density import VertexDensity
-from .block_checks import check_blocks, check_repeated_blocks
+from .block_checks import check_blocks, check_repeated_blocks, with_blanks
 from .dataset import DAMAGED, Dataset, ReadError, wall_patches
 from .density import DensityChoice, Reference, block_density, choose_density
 from .flow_direction import direction_note
@@ -198,6 +198,7 @@ def reading_of(
     """
     scale = (dataset.length or 1.0) if unit is None else unit
     check_blocks(path, dataset)
+    dataset = with_blanks(dataset)
     if flat and dataset.geometry is None and geometry != "volume":
         dataset = flattened(dataset, frame.look) or dataset
     choice = choose_density(path, dataset, density, gas_constant)

@@ -258,9 +258,7 @@ def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
     data = {v: (k, np.asarray(arrays[k], np.float64)) for k, v in enumerate(variables) if k not in place.values()}
     cell = {v: own for v, (k, own) in data.items() if k in in_cells}
     point = {v: own for v, (k, own) in data.items() if k not in in_cells}
-    blank = next((own for v, own in point.items() if v.lower() == "iblank"), None)
-    hidden = None if blank is None or (blank != 0).all() else blank == 0
-    return Block(points, cells, shape, point, cell, hidden, name)
+    return Block(points, cells, shape, point, cell, None, name)
 
 
 def coordinate_columns(variables: list[str]) -> tuple[dict[int, int], tuple[float, float, float] | None]:
