@@ -256,3 +256,22 @@ def test_a_q_file_of_overflow_is_read(tmp_path, order, species):
     field = flow.read(tmp_path / "a.xyz")
     at = np.array([[0.5, 0.5, 0.25], [1.6, 0.3, 0.8]])
     assert field.density_at(at) == pytest.approx(1.0 + 0.1 * at[:, 0] + 0.01 * at[:, 2])
+
+
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        ("AXISYMMETRIC= YES", r"a.cfg states AXISYMMETRIC= YES: geometry='axisymmetric' reads y as the radius"),
+        (
+            "  ref_dimensionalization = FREESTREAM_VEL_EQ_ONE % a word",
+            "a.cfg states FREESTREAM_VEL_EQ_ONE: the density",
+        ),
+        ("% AXISYMMETRIC= YES\nAXISYMMETRIC= NO\nREF_DIMENSIONALIZATION= DIMENSIONAL", None),
+    ],
+)
+def test_what_a_configuration_of_su2_states_of_the_flow_is_told(tmp_path, stated, said):
+    """Set-up: a configuration beside a restart, which alone says that y is a radius, or that there are no units."""
+    path = writers.su2(tmp_path)
+    (tmp_path / "a.cfg").write_text(f"SOLVER= EULER\n{stated}\nMACH_NUMBER= 2.0\n")
+    provenance = flow.read(path).provenance
+    assert said in provenance if said else "a.cfg" not in provenance
