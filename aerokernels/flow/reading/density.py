@@ -21,6 +21,9 @@ DENSITY_NAMES = ("rho", "density", "massdensity", "dens", "conservative1", "ro",
 # An absolute pressure comes first: beside one, "pressure" is relative to an operating pressure (as in Fluent's files).
 PRESSURE_NAMES = ("absolutepressure", "p", "pressure", "staticpressure", "pres", "press")
 TEMPERATURE_NAMES = ("temperature", "statictemperature", "t", "temp")
+# Masked places are NaN, and solids often have the density 0.
+NOT_FLOW = "where there is no flow, say so by an array iblank that is 0 there; elsewhere repair the file"
+REMEDIES = {"not finite": NOT_FLOW, "not positive": NOT_FLOW}
 REFERENCES = {"density": "density", "pressure": "pressure", "temperature": "temperature", "length": "length"}
 
 
@@ -243,7 +246,7 @@ def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str
             path,
             f"{count} of {len(values)} densities from {name} are {fault}, the first is {float(values[first])!r} kg/m3 "
             f"in {place}",
-            "repair the file, or give the reference of non-dimensional data",
+            REMEDIES.get(fault, "repair the file, or give the reference of non-dimensional data"),
         )
 
 

@@ -242,3 +242,6 @@ def test_an_array_iblank_blanks_in_any_format(where):
     field = field_of(reading_of("file", Dataset([block], "x"), *asked))
     assert len(field.mesh.cells) == (12 if where == "point" else 24) and field.body is not None
     assert field.density.min() == pytest.approx(1.2)
+    del data["IBlank"]
+    with pytest.raises(ReadError, match="where there is no flow, say so by an array iblank that is 0 there"):
+        field_of(reading_of("file", Dataset([block], "x"), *asked))
