@@ -275,3 +275,11 @@ def test_what_a_configuration_of_su2_states_of_the_flow_is_told(tmp_path, stated
     (tmp_path / "a.cfg").write_text(f"SOLVER= EULER\n{stated}\nMACH_NUMBER= 2.0\n")
     provenance = flow.read(path).provenance
     assert said in provenance if said else "a.cfg" not in provenance
+
+
+def test_a_mesh_of_su2_in_cgns_is_refused_with_what_to_do(tmp_path):
+    """It was called damaged, as a text that it is not."""
+    path = writers.su2(tmp_path)
+    (tmp_path / "a.cgns").write_bytes(b"\x89HDF\r\n")
+    with pytest.raises(ReadError, match=r"meshes of SU2 in CGNS are not read: write it as \.su2 by SU2_DEF"):
+        flow.read(path, mesh=tmp_path / "a.cgns")

@@ -168,6 +168,9 @@ def read_mesh(path: Path) -> list[Zone]:
     Raises:
         ReadError: A damaged mesh.
     """
+    if path.suffix.lower() == ".cgns":
+        remedy = "write it as .su2 by SU2_DEF, or the flow by SU2's output for ParaView (.vtu)"
+        raise ReadError(path, "meshes of SU2 in CGNS are not read", remedy)
     try:
         text = path.read_text("ascii").splitlines()
     except UnicodeDecodeError:
