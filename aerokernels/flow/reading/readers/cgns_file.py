@@ -3,13 +3,16 @@
 Runs in the child process of fragile.py.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..dataset import Dataset, ReadError
+import numpy as np
+
+from ..dataset import Block, Dataset, ReadError
 from .cgns_statements import statements
-from .cgns_units import units
+from .cgns_units import conversions, units
 from .cgns_walls import patches
 from .vtk_files import blocks_of
 from .vtk_running import DAMAGED, run
@@ -46,9 +49,27 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         fault = f"{reader.GetNumberOfBaseArrays()} of its bases contain a zone {twice!r}: moments or cases of one flow"
         raise ReadError(path, fault, "write each base to a file of its own")
     blocks = [replace(block, name=block.name or f"zone {k}") for k, block in enumerate(blocks, start=1)]
+    converted = conversions(path)
+    blocks = [_dimensional(block, converted) for block in blocks]
     found, notes = patches(path)
     length, stated = units(path)
     axis, more = statements(path)
     geometry = None if axis is None else "axisymmetric"
     return Dataset(blocks, "CGNS", geometry, patches=found, times=times, time=chosen, axis=axis, units=stated,
                    length=length, notes=[*told, *notes, *more])  # fmt: skip
+
+
+def _dimensional(block: Block, conversions: Mapping[tuple[str, str], tuple[float, float]]) -> Block:
+    """Return a zone with its normalised arrays and coordinates converted as the file says."""
+
+    def made(name: str, values: np.ndarray) -> np.ndarray:
+        scale, offset = conversions.get((block.name, name), (1.0, 0.0))
+        return values if (scale, offset) == (1.0, 0.0) else scale * values + offset
+
+    if not any(zone == block.name for zone, _ in conversions):
+        return block
+    points = np.stack([made(f"Coordinate{axis}", block.points[:, k]) for k, axis in enumerate("XYZ")], axis=1)
+    point_data, cell_data = (
+        {n: made(n, own) for n, own in arrays.items()} for arrays in (block.point_data, block.cell_data)
+    )
+    return replace(block, points=points, point_data=point_data, cell_data=cell_data)
