@@ -104,6 +104,9 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
         gas_constant if gas_constant is not None else dataset.gas_constant or GAS_CONSTANT_AIR, "gas_constant"
     )
     listed = ", ".join(names) if names else "none"
+    held = dict.fromkeys(name for block in dataset.blocks for name in (*block.point_data, *block.cell_data))
+    if some := [name for name in held if name not in names]:
+        listed += f"; in some zones only: {', '.join(some)}"
     if isinstance(given, str):
         return DensityChoice(found_name(path, given, names, listed, dataset.grouped))
     if isinstance(given, Mapping):

@@ -245,3 +245,11 @@ def test_an_array_iblank_blanks_in_any_format(where):
     del data["IBlank"]
     with pytest.raises(ReadError, match="where there is no flow, say so by an array iblank that is 0 there"):
         field_of(reading_of("file", Dataset([block], "x"), *asked))
+
+
+def test_a_density_of_some_zones_only_is_named(tmp_path):
+    """Expected: which arrays are not in every zone; "there are: none" was said of a file that shows a density."""
+    points = np.array([[x, y, 0.0] for y in range(3) for x in range(3)], float)
+    blocks = [Block(points + shift, None, (3, 3, 1), {name: np.ones(9)}) for shift, name in ((0.0, "rho"), (2.0, "p"))]
+    with pytest.raises(ReadError, match=r"there are: none; in some zones only: rho, p\)"):
+        reading_of("file", Dataset(blocks, "x"), None, Frame(), None, Reference(), None, None, None)
