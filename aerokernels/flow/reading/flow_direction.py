@@ -46,17 +46,18 @@ def direction_note(dataset: Dataset, frame: Frame, axes: np.ndarray) -> list[str
 def _mean_velocity(dataset: Dataset) -> tuple[str, np.ndarray] | None:
     """Return the name and the direction of the mean velocity or momentum; None if none is known."""
     total, speed, called = np.zeros(3), 0.0, ""
-    for block in dataset.blocks:
-        for arrays in (block.cell_data, block.point_data):
-            if (found := _velocity(arrays)) is None:
-                continue
-            called, own = found
-            own = own[np.isfinite(own).all(axis=1)]
-            total += own.sum(axis=0)
-            speed += float(np.linalg.norm(own, axis=1).sum())
-            break
-    size = float(np.linalg.norm(total))
-    return (called, total / size) if called and size > STEADY * speed else None
+    with np.errstate(over="ignore", invalid="ignore"):  # damaged numbers, which are not those of the density
+        for block in dataset.blocks:
+            for arrays in (block.cell_data, block.point_data):
+                if (found := _velocity(arrays)) is None:
+                    continue
+                called, own = found
+                own = own[np.isfinite(own).all(axis=1)]
+                total += own.sum(axis=0)
+                speed += float(np.linalg.norm(own, axis=1).sum())
+                break
+        size = float(np.linalg.norm(total))
+    return (called, total / size) if called and STEADY * speed < size < np.inf else None
 
 
 def _velocity(arrays: Mapping[str, np.ndarray]) -> tuple[str, np.ndarray] | None:

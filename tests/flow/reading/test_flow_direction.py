@@ -38,6 +38,7 @@ def test_a_frame_and_a_flow_without_direction_need_no_word():
     assert "the flow runs" not in provenance((-1.0, 0.0, 0.0), frame={"flow": "-x"})
     assert "the flow runs" not in provenance((0.0, 0.0, 0.0), noise=100.0)
     assert "the flow runs" not in provenance((0.0, 0.0, 0.0))
+    assert "the flow runs" not in provenance((-1e305, 0.0, 0.0))  # damaged numbers
 
 
 def test_a_volume_whose_flow_runs_across_the_optical_axis_says_so():
