@@ -13,8 +13,9 @@ from ..inputs.written_units import unit_of
 from ..medium.labelled_grid import GEOMETRIES
 from ..process.fault_text import fault_text
 from ..process.room import check_file, check_room
+from .reading.array_names import known_names
 from .reading.array_units import ambient_attribute, stated_unit
-from .reading.density import DENSITY_NAMES, plain_name
+from .reading.density import DENSITY_NAMES
 from .series import GridMesh, Series
 
 TIME_NAMES = ("time", "t", "Time")
@@ -65,8 +66,8 @@ def series_of_dataset(
 ) -> Series:
     """Return the series of an xarray object, of which one time at a time is read."""
     if hasattr(data, "data_vars"):
-        plain = {plain_name(str(own)): own for own in reversed([*data.data_vars])}
-        found = density if density is not None else next((plain[one] for one in DENSITY_NAMES if one in plain), None)
+        names = {str(own): own for own in data.data_vars}
+        found = density if density is not None else next(map(names.get, known_names(names, DENSITY_NAMES)), None)
         if found is None or found not in data.data_vars:
             wanted = density or "density, rho or the like"
             held = ", ".join(map(str, data.data_vars)) or "nothing"

@@ -134,6 +134,15 @@ def unit_of(text: str, dimension: str) -> WrittenUnit:
     return found
 
 
+def unit_in_name(name: str) -> str:
+    """Return the unit at the end of an array's name, in brackets or after a comma: "x [mm]", "x, mm"; else empty."""
+    inside = in_brackets(name)
+    if written_unit(inside) is not None:
+        return inside
+    after = name.rpartition(",")[2] if "," in name else ""
+    return after.strip() if written_unit(after) is not None else ""
+
+
 def in_brackets(name: str) -> str:
     """Return the text in brackets at the end of an array's name, as in "x [mm]"; empty if there is none."""
     end = name[-LONGEST:]  # the search takes a time proportional to the square of the length

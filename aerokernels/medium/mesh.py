@@ -236,10 +236,16 @@ class QuadMesh(Derived):
         For a point on an edge it is the cell with the lowest index.
         """
         points = as_points(points, 2)
+        found = np.full(len(points), -1, dtype=np.int64)
+        for row, cell in self.holding(points):
+            found[row[::-1]] = cell[::-1]  # cells ascend: in reverse order the lowest is written last
+        return found
+
+    def holding(self, points: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield all pairs of a point's index and a cell that contains it, for some points at a time; cells ascend."""
         bins = self.bins
         low, high = self.box
         tolerance = EDGE_TOLERANCE * (high - low)
-        found = np.full(len(points), -1, dtype=np.int64)
         rows = np.flatnonzero(np.all((points >= low - tolerance) & (points <= high + tolerance), axis=1))
         place = np.floor((points[rows] - bins.origin) / bins.size).astype(np.int64)
         place = np.clip(place, 0, np.array(bins.count) - 1)
@@ -250,12 +256,11 @@ class QuadMesh(Derived):
         while first < len(rows):
             last = max(first + 1, int(np.searchsorted(ends, PAIR_LIMIT + (ends[first - 1] if first else 0), "right")))
             part = slice(first, last)
-            self._locate_some(points, rows[part], bins.start[key[part]], listed[part], found)
+            yield self._holding(points, rows[part], bins.start[key[part]], listed[part])
             first = last
-        return found
 
-    def _locate_some(self, points, rows, start, listed, found) -> None:
-        """Fill `found` for some rows, whose bins' lists begin at `start` and have the lengths `listed`."""
+    def _holding(self, points, rows, start, listed) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pairs for some rows, whose bins' lists begin at `start` and have the lengths `listed`."""
         row = np.repeat(rows, listed)
         before = np.cumsum(listed) - listed
         cell = self.bins.cell[np.arange(len(row)) - np.repeat(before - start, listed)]
@@ -265,8 +270,7 @@ class QuadMesh(Derived):
             near = np.flatnonzero((place >= low[axis][cell]) & (place <= high[axis][cell]))
             row, cell = row[near], cell[near]
         holds = contains(self.corners[cell], points[row])
-        # Lists of cells ascend, so that in reverse order the lowest cell is written last.
-        found[row[holds][::-1]] = cell[holds][::-1]
+        return row[holds], cell[holds]
 
     def places(self, points: np.ndarray) -> Places:
         """Return the cells in which points (n, 2) [m] lie, as found by `locate`."""

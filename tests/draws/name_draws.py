@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.flow.reading.array_names import plain_name
 from aerokernels.flow.reading.array_units import length_of, unit_of_array
 from aerokernels.flow.reading.dataset import ReadError
-from aerokernels.flow.reading.density import plain_name
 from aerokernels.flow.reading.fractions import species_arrays
 from aerokernels.flow.reading.readers.foam_case import times_of, unit_in_words
 from aerokernels.flow.reading.readers.tecplot_text import coordinate_columns

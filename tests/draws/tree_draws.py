@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 
 from aerokernels.flow.reading.block_checks import check_blocks
-from aerokernels.flow.reading.dataset import Dataset, ReadError
+from aerokernels.flow.reading.dataset import ReadError
 from aerokernels.flow.reading.readers.cgns_nodes import Node
 from aerokernels.flow.reading.readers.cgns_units import SYMBOLS, WIDTH, units_of
 from aerokernels.flow.reading.readers.cgns_walls import patches_of
-from aerokernels.flow.reading.readers.high_order import joined
 from aerokernels.flow.reading.readers.named_arrays import arrays_as_dataset
-from aerokernels.flow.reading.readers.vtk_files import blocks_of
+from aerokernels.flow.reading.readers.vtk_files import vtk_dataset
 
 from .flow_draws import check_dataset
 from .input_draws import Draw
@@ -219,8 +218,7 @@ def vtk(draw: random.Random, folder: Path) -> bool:
         data = several
     try:
         with _in_words():
-            blocks = [joined(block)[0] for block in blocks_of(PATH, data)]
-        found = Dataset(blocks, "VTK", ambient=None)
+            found = vtk_dataset(PATH, data, "VTK")
         check_blocks(PATH, found)
         return check_dataset(PATH, found)
     except ValueError as fault:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...inputs.units import quantity
-from ...inputs.written_units import WrittenUnit, in_brackets, is_no_unit, unit_of, written_unit
+from ...inputs.written_units import WrittenUnit, is_no_unit, unit_in_name, unit_of
 from .dataset import ReadError
 
 
@@ -43,9 +43,7 @@ def in_si_units(path, values: np.ndarray, name: str, stated: str, dimension: str
 def unit_of_array(path, name: str, stated: str, dimension: str) -> WrittenUnit:
     """Return the unit of an array; arguments and errors as in `in_si_units`."""
     if is_no_unit(stated):
-        stated = in_brackets(name)
-        if written_unit(stated) is None:
-            stated = ""  # brackets may contain any text: "x (axial)"
+        stated = unit_in_name(name)  # brackets may contain any text: "x (axial)"
     try:
         return unit_of(stated, dimension)
     except ValueError as fault:
@@ -69,7 +67,7 @@ def length_of(path, axes: Mapping[str, str]) -> tuple[float | None, list[float]]
     """
     factors = {}
     for name, stated in axes.items():
-        if not (is_no_unit(stated) and written_unit(in_brackets(name)) is None):
+        if not is_no_unit(stated) or unit_in_name(name):
             factors[name] = unit_of_array(path, name, stated, "length").factor
     units = set(factors.values())
     if len(units) <= 1:

@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from .array_names import plain_name
 from .dataset import Block, Dataset, ReadError, check_points
 
 
@@ -37,6 +39,22 @@ def check_repeated_blocks(path, blocks: Sequence[Block], densities: list[tuple[n
                 names = " and ".join(repr(blocks[i].name or f"block {i + 1}") for i in (n, k))
                 what = f"{names} have the same mesh and other densities: several times or cases of one flow"
                 raise ReadError(path, what, "write each to a file of its own")
+
+
+def with_blanks(dataset: Dataset) -> Dataset:
+    """Return the dataset with the cells or points blanked where an array `iblank` is 0, as overset grids state it."""
+    return replace(dataset, blocks=[_blanked(block) for block in dataset.blocks])
+
+
+def _blanked(block: Block) -> Block:
+    if block.blank is not None:
+        return block
+    for arrays, count in ((block.cell_data, block.cell_count), (block.point_data, len(block.points))):
+        for name in (name for name in arrays if plain_name(name, True) == "iblank"):
+            values = np.asarray(arrays[name])
+            if values.shape == (count,) and values.dtype.kind in "iuf" and (values == 0).any():
+                return replace(block, blank=values == 0)
+    return block
 
 
 def _same_mesh(one: Block, other: Block) -> bool:

@@ -54,7 +54,7 @@ def chosen_time(path, times: Sequence[float], asked) -> float | None:
         raise ReadError(path, f"it has one time only, not t = {asked!r}", "leave time out")
     wanted = float(asked)  # a number, or the text of one: `formats.checked_time` rejects others
     nearest = min(times, key=lambda value: abs(value - wanted))
-    if not abs(nearest - wanted) <= 1e-9 * abs(wanted):
+    if not abs(nearest - wanted) <= 2.0**-24 * abs(wanted):  # many programs write times in single precision
         some = ", ".join(f"{value:g}" for value in times[:8]) + (", ..." if len(times) > 8 else "")
         raise ReadError(path, f"there is no time {asked!r}", f"take one of {some}, 'first' or 'latest'")
     return nearest

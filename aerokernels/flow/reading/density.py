@@ -4,7 +4,6 @@ Density is taken directly, or from pressure and temperature by the ideal gas law
 non-dimensional files are multiplied by their references.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -13,15 +12,18 @@ import numpy as np
 from ...inputs.checks import check_positive
 from ...inputs.units import quantity
 from ..gas import GAS_CONSTANT_AIR, no_gas
+from .array_names import known_names, plain_name
 from .array_units import in_si_units
 from .dataset import FLAT, SOLID, Block, Dataset, ReadError
 
 # Names that solvers use, in lower case, without blanks, punctuation and units.
-DENSITY_NAMES = ("rho", "density", "massdensity", "dens", "conservative1", "rhomean", "densitymean", "meandensity",
-                 "ro", "q1")  # fmt: skip
+DENSITY_NAMES = ("rho", "density", "massdensity", "dens", "conservative1", "ro", "q1")
 # An absolute pressure comes first: beside one, "pressure" is relative to an operating pressure (as in Fluent's files).
-PRESSURE_NAMES = ("absolutepressure", "p", "pressure", "staticpressure", "pres", "press", "pmean")
-TEMPERATURE_NAMES = ("t", "temperature", "statictemperature", "temp", "tmean")
+PRESSURE_NAMES = ("absolutepressure", "p", "pressure", "staticpressure", "pres", "press")
+TEMPERATURE_NAMES = ("temperature", "statictemperature", "t", "temp")
+# Masked places are NaN, and solids often have the density 0.
+NOT_FLOW = "where there is no flow, say so by an array iblank that is 0 there; elsewhere repair the file"
+REMEDIES = {"not finite": NOT_FLOW, "not positive": NOT_FLOW}
 REFERENCES = {"density": "density", "pressure": "pressure", "temperature": "temperature", "length": "length"}
 
 
@@ -102,6 +104,9 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
         gas_constant if gas_constant is not None else dataset.gas_constant or GAS_CONSTANT_AIR, "gas_constant"
     )
     listed = ", ".join(names) if names else "none"
+    held = dict.fromkeys(name for block in dataset.blocks for name in (*block.point_data, *block.cell_data))
+    if some := [name for name in held if name not in names]:
+        listed += f"; in some zones only: {', '.join(some)}"
     if isinstance(given, str):
         return DensityChoice(found_name(path, given, names, listed, dataset.grouped))
     if isinstance(given, Mapping):
@@ -130,19 +135,28 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
 def usual_name(path, dataset: Dataset, known: Sequence[str]) -> str | None:
     """Return the array with the first of the `known` names, the one in the fewest groups; None if there is none.
 
+    Means over time count after all others. A "T" counts before a "t", which may be the time: it is not taken where it
+    is the same everywhere.
+
     Raises:
         ReadError: Arrays of that name in different groups of the same level.
     """
-    for plain in known:
-        found = [name for name in dataset.array_names() if plain_name(name, dataset.grouped) == plain]
-        if dataset.grouped:
-            level = min((name.count("/") for name in found), default=0)
-            found = [name for name in found if name.count("/") == level]
-            if level and len(found) > 1:
-                raise ReadError(path, f"several groups have such an array: {', '.join(found)}", "name one of them")
-        if found:
-            return found[0]
-    return None
+    found = known_names((name for name in dataset.array_names() if not _is_time(dataset, name)), known, dataset.grouped)
+    if dataset.grouped:
+        level = min((name.count("/") for name in found), default=0)
+        found = [name for name in found if name.count("/") == level]
+        if level and len(found) > 1:
+            raise ReadError(path, f"several groups have such an array: {', '.join(found)}", "name one of them")
+    return min(found, key=lambda name: name[-1:] == "t", default=None)
+
+
+def _is_time(dataset: Dataset, name: str) -> bool:
+    """Return whether an array called "t" is a time: it is the same everywhere."""
+    if name.rsplit("/", 1)[-1].strip() != "t":
+        return False
+    held = [block.arrays(where) for block in dataset.blocks for where in ("cell", "point")]
+    parts = [np.asarray(arrays[name]) for arrays in held if name in arrays]
+    return len({value for part in parts if part.size for value in (part.min(), part.max())}) < 2
 
 
 def block_density(
@@ -235,7 +249,7 @@ def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str
             path,
             f"{count} of {len(values)} densities from {name} are {fault}, the first is {float(values[first])!r} kg/m3 "
             f"in {place}",
-            "repair the file, or give the reference of non-dimensional data",
+            REMEDIES.get(fault, "repair the file, or give the reference of non-dimensional data"),
         )
 
 
@@ -262,12 +276,3 @@ def found_name(path, name: str, names: list[str], listed: str, grouped: bool = F
     if len(alike) == 1:
         return alike[0]
     raise ReadError(path, f"there is no array {name!r}", f"take one of {listed}")
-
-
-def plain_name(name: str, grouped: bool = False) -> str:
-    """Return a name in lower case, without blanks, punctuation and units; without groups if it is `grouped`.
-
-    Elsewhere than in grouped names a slash is a quotient: "p/rho" is not a density.
-    """
-    plain = re.sub(r"[\[(<{].*", "", name.lower())
-    return re.sub(r"[^a-z0-9]", "", plain.rsplit("/", 1)[-1] if grouped else plain)

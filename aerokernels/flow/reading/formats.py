@@ -60,6 +60,19 @@ FORMATS = (
 )
 # The reader modules that accept each option.
 OPTIONS = {"mesh": ("su2",), "solution": ("su2", "plot3d"), "variables": ("named_arrays", "labelled")}
+# Files that are not read, by the ends of their names: what they are, and what to do with them.
+PARAVIEW = "open it in ParaView, and save its data as .vtu or .vtm"
+FOREIGN = {
+    (".cas", ".cas.gz", ".cas.h5", ".dat.h5"): ("a file of Fluent", PARAVIEW),
+    (".case", ".encas"): ("a case of EnSight", PARAVIEW),
+    (".e", ".exo", ".ex2", ".exii"): ("a file of Exodus", PARAVIEW),
+    (".xdmf", ".xmf"): ("a file of XDMF", PARAVIEW),
+    (".nek5000",): ("a case of Nek5000", PARAVIEW),
+    (".msh",): ("a mesh of Gmsh or Fluent", PARAVIEW),
+    (".npy",): ("an array without coordinates", "save them with it: numpy.savez(path, x=..., y=..., rho=...)"),
+    (".gz", ".zip", ".tar", ".tgz", ".bz2", ".xz", ".7z"): ("compressed", "unpack it"),
+}
+LFS = b"version https://git-lfs.github.com/spec/"
 _BY_NAME = {entry.name: entry for entry in FORMATS}
 SU2_MAGIC = (535532).to_bytes(4, "little"), (535532).to_bytes(4, "big")
 
@@ -87,11 +100,18 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
         raise ReadError(path, f"it cannot be read ({fault.strerror})", "see to its permissions, or copy it") from None
     if not head:
         raise ReadError(path, "the file is empty", "write it again")
+    if head.startswith(LFS):
+        raise ReadError(path, "it is not the file itself, but a pointer of Git LFS", "fetch the file by `git lfs pull`")
+    for ends, (what, remedy) in FOREIGN.items():
+        if path.name.lower().endswith(ends) and options.get("solution") is None:
+            raise ReadError(path, f"it is {what}, which is not read", remedy)
     suffix = path.suffix.lower()
     if head.startswith((b"#!TDV", b"#!TDE")):
         return _BY_NAME["Tecplot binary"]
     if head[:4] in SU2_MAGIC:
         return _BY_NAME["SU2"]
+    if head.startswith(HDF5_MAGIC) and b"VTKHDF" in head:
+        return _BY_NAME["VTK"]
     if options.get("mesh") is not None and suffix in (".csv", ".dat"):
         return _BY_NAME["SU2"]  # a restart whose mesh is in another folder
     if suffix in (".dat", ".plt", ".tec", ".tp"):

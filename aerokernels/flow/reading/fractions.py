@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..species import SPECIES_NAMES, Composition, molar_mass
+from .array_names import plain_name
 from .dataset import Block, Dataset, ReadError
-from .density import found_name, plain_name, scalar_array
+from .density import found_name, scalar_array
 
 SUM_TOLERANCE = 1e-3  # deviation of solvers' fractions from a sum of 1, and below 0
 BASES = ("mass", "mole")

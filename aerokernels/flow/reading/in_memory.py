@@ -41,11 +41,11 @@ def from_xarray(array, *, density=None, frame=None, reference=None, ambient_dens
 def from_pyvista(dataset, *, density=None, frame=None, reference=None, ambient_density=None, geometry=None,
                  gas_constant=None, length_unit=None, spacing=None, region=None, species=None):  # fmt: skip
     """Return a density field from a pyvista (or VTK) grid or multi-block set; arguments as in `flow.read`."""
-    from .readers.vtk_files import blocks_of
+    from .readers.vtk_files import vtk_dataset
 
     if not hasattr(dataset, "GetClassName"):
         raise TypeError(f"from_pyvista takes a data set of pyvista or VTK, got {type(dataset).__name__}")
-    found = Dataset(blocks_of(f"{dataset.GetClassName()} given", dataset), "VTK data set")
+    found = vtk_dataset(f"{dataset.GetClassName()} given", dataset, "VTK data set")
     return _field(found, "pyvista data", density, frame, reference, ambient_density, geometry, gas_constant,
                   length_unit, spacing, region, species)  # fmt: skip
 

@@ -9,25 +9,28 @@ import numpy as np
 
 from ...inputs.checks import check_choice, check_positive
 from ...inputs.units import quantity
-from ...inputs.written_units import DIMENSIONS, written_unit
+from ...inputs.written_units import DIMENSIONS, is_no_unit, unit_in_name, written_unit
 from ...medium import Body
 from ..density_field import CellDensity, DensityField
 from ..gas import check_density
 from ..sampled_density import VertexDensity
-from .block_checks import check_blocks, check_repeated_blocks
+from .block_checks import check_blocks, check_repeated_blocks, with_blanks
 from .dataset import DAMAGED, Dataset, ReadError, wall_patches
 from .density import DensityChoice, Reference, block_density, choose_density
+from .flow_direction import direction_note
 from .formats import load
 from .fractions import Fractions, choose_fractions
 from .frame import Frame, plane_normal
 from .planes.one_cell_thick import flattened
 from .planes.plane import Plane, plane_mesh
 from .planes.wall_values import wall_density
+from .planes.wedges import wedge
 
 if TYPE_CHECKING:
     from .volumes.resampling import Resampling
 
 GEOMETRIES = ("planar", "axisymmetric", "volume")
+SI_UNITS = {"density": "kg/m3", "pressure": "Pa", "temperature": "K"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +76,10 @@ class Reading:
         """Describe the choices made for a volume, one item a choice."""
         dataset = self.dataset
         time = [f"t = {dataset.time:g}"] if dataset.time is not None else []
-        return [dataset.format, *time, self.said, self.frame.described(self.frame.axes()), *dataset.notes]
+        axes = self.frame.axes()
+        ready = all(isinstance(block.cell_data, dict) for block in dataset.blocks)  # not fields that would be read now
+        direction = direction_note(dataset, self.frame, axes) if ready else []
+        return [dataset.format, *time, self.said, self.frame.described(axes), *direction, *dataset.notes]
 
 
 @dataclass(eq=False)
@@ -192,6 +198,7 @@ def reading_of(
     """
     scale = (dataset.length or 1.0) if unit is None else unit
     check_blocks(path, dataset)
+    dataset = with_blanks(dataset)
     if flat and dataset.geometry is None and geometry != "volume":
         dataset = flattened(dataset, frame.look) or dataset
     choice = choose_density(path, dataset, density, gas_constant)
@@ -210,12 +217,44 @@ def reading_of(
     if kind == "volume" and normal is not None:
         raise ReadError(path, "its points are in a plane: it is not a volume", "leave geometry out")
     if (kind == "planar" or geometry == "axisymmetric") and normal is None and dataset.geometry != "axisymmetric":
+        _refuse_wedge(path, dataset)
         raise ReadError(path, f"its points fill a volume, it is not {kind}", "leave geometry out")
+    if kind == "volume" and geometry is None:
+        _refuse_wedge(path, dataset)
     fractions = choose_fractions(path, dataset, densities, species)
     said = choice.described() if fractions is None else f"{choice.described()}; {fractions.said}"
     if unit is None and scale != 1.0:
         said += f"; coordinates in units of {scale:g} m, which the file states"
+    said += _without_units(dataset, choice, reference, unit)
     return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said, choice, reference, fractions)
+
+
+def _refuse_wedge(path, dataset: Dataset) -> None:
+    """Raise ReadError for a wedge that stands for a flow of revolution: light would cross its sector alone."""
+    every = [block.points for block in dataset.blocks]
+    if (found := wedge(every[0] if len(every) == 1 else np.concatenate(every))) is not None:
+        axis, angle = found
+        raise ReadError(
+            path,
+            f"all its points are on two planes that meet in the {axis} axis at {np.degrees(angle):.3g} degrees: a "
+            "wedge, one cell thick, of an axisymmetric flow",
+            "give a plane through the axis with geometry = 'axisymmetric' (ParaView's Slice, midway between them), "
+            "or geometry = 'volume' for the wedge alone",
+        )
+
+
+def _without_units(dataset: Dataset, choice: DensityChoice, reference: Reference, unit: float | None) -> str:
+    """Say which numbers are taken in SI although neither the file nor the caller states their unit."""
+    taken = [
+        f"{name!r} in {SI_UNITS[dimension]}"
+        for dimension in SI_UNITS
+        if (name := getattr(choice, dimension)) is not None
+        and not (dimension in reference.given or unit_in_name(name))
+        and is_no_unit(dataset.units.get(name, ""))
+    ]
+    if unit is None and dataset.length is None:
+        taken.append("coordinates in m")
+    return f"; no unit is stated, taken: {', '.join(taken)}" if taken else ""
 
 
 def field_of(reading: Reading, spacing=None, region=None, walls=None, shared: SharedMesh | None = None) -> DensityField:
@@ -245,8 +284,8 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
         composition = fractions.composition(partial, partial[:, _front(at)].mean(axis=1))
     ambient = reading.ambient or dataset.ambient or float(np.median(density[_front(at)]))
     said = [dataset.format, *([f"t = {dataset.time:g}"] if dataset.time is not None else []), reading.said,
-            plane_in_words(plane, reading.frame), f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []),
-            *dataset.notes]  # fmt: skip
+            plane_in_words(plane, reading.frame), *direction_note(dataset, reading.frame, plane.axes),
+            f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []), *dataset.notes]  # fmt: skip
     wall = None
     if where == "cell" and fractions is None:
         wall = wall_density(path, dataset, plane, reading.choice, reading.reference, names)

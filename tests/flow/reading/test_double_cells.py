@@ -66,3 +66,29 @@ def test_blocks_on_one_mesh_with_other_densities_are_refused(shape):
     assert read(first).density.size
     with pytest.raises(ValueError, match="'a' and 'b' have the same mesh and other densities: several times or cases"):
         read(first, second)
+
+
+@pytest.mark.parametrize("inner_first", [False, True])
+@pytest.mark.parametrize("ratio", [1.0, 4.0], ids=["side by side", "one within the other"])
+def test_overlapping_blocks_of_a_plane_are_refused(inner_first, ratio):
+    """Set-up: two grids that overlap, as overset ones do; beside each other, and a fine one within the other.
+
+    Expected: refused with the first place. Lines through them met a body that is not there, or missed a third of their
+    path, without a word. The same grids beside each other, not matching, are read.
+    """
+
+    def sheet(low, high, count, half):
+        y, x = np.meshgrid(np.linspace(-half, half, count), np.linspace(low, high, count), indexing="ij")
+        points = np.stack([x.ravel(), y.ravel(), 0.0 * x.ravel()], axis=1)
+        return Block(points, None, (count, count, 1), {"rho": 1.0 + points[:, 0]})
+
+    def read(*blocks):
+        reading = reading_of("file", Dataset(blocks, "x"), None, Frame(), None, Reference(), None, None, None)
+        return field_of(reading)
+
+    pair = (sheet(0.0, 0.6 * ratio, 9, 1.0), sheet(0.5, 1.0, 17, 1.0 / ratio))
+    with pytest.raises(
+        ValueError, match=r"cells at the edge of its mesh or blocks lie in other cells, the first at y, z"
+    ):
+        read(*pair[::-1] if inner_first else pair)
+    assert read(sheet(0.0, 0.5, 9, 1.0), sheet(0.5, 1.0, 17, 1.0)).density.max() == pytest.approx(2.0)

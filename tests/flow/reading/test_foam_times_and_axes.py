@@ -89,3 +89,24 @@ def test_the_last_cell_may_own_no_face(tmp_path):
     field = flow.read(tmp_path, spacing=0.0025)
     found = field.index_field(905e-9, "gladstone-dale").contrast_at([[0.015, 0.015, 0.015], [0.005, 0.005, 0.025]])
     assert found[0] > found[1] + 0.1 * flow.gladstone_dale_constant(905e-9)
+
+
+@pytest.mark.parametrize("name", ["processors", "processors4"])
+def test_collated_fields_are_refused_as_such(tmp_path, name):
+    """A folder without the number of processors, as of some versions, was answered by "no fields at any time"."""
+    case = writers.foam_wedge(tmp_path / "case")
+    (case / "0.5").rename(case / "unread")
+    (case / name / "0.5").mkdir(parents=True)
+    (case / name / "0.5" / "rho").write_text("")
+    with pytest.raises(flow.ReadError, match="its fields are in the collated format, which is not read"):
+        flow.read(case)
+
+
+def test_a_field_that_is_code_is_refused_as_such(tmp_path):
+    case = writers.foam_wedge(tmp_path / "case")
+    head = writers.foam_header("volScalarField", "rho", False)
+    (case / "0.5" / "rho").write_bytes(head + b"dimensions [1 -3 0 0 0 0 0];\ninternalField #codeStream\n{\n}\n")
+    with pytest.raises(
+        flow.ReadError, match="its internalField is code, such as #codeStream, which OpenFOAM alone runs: run"
+    ):
+        flow.read(case)

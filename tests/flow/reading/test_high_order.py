@@ -11,10 +11,13 @@ from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import (
     vtkHigherOrderHexahedron,
     vtkHigherOrderQuadrilateral,
+    vtkImageData,
+    vtkMultiBlockDataSet,
     vtkUnstructuredGrid,
 )
+from vtkmodules.vtkFiltersCore import vtkAppendFilter
 
-from aerokernels import flow
+from aerokernels import DensityField, flow
 
 QUAD, HEXAHEDRON, WEDGE = 70, 72, 73
 
@@ -79,6 +82,78 @@ def test_values_of_elements_in_one_place_are_averaged(tmp_path):
     found = flow.read(vtk_writers.write_vtk(tmp_path / "a.vtu", lagrange(2, 2, 2, halves)))
     at = np.array([[0.0, 0.3, -x] for x in (0.1, 0.5, 0.9)])
     assert found.density_at(at) == pytest.approx([1.0, 1.5, 2.0], rel=1e-12)
+
+
+def test_elements_in_memory_are_read_as_from_a_file(tmp_path):
+    """Set-up: elements with points of their own, and a surface beside a volume. Expected: as from their files.
+
+    In memory both were refused for their coincident points.
+    """
+    grid = lagrange(3, 2, 2, linear)
+    grid.GetCellData().RemoveArray("element")
+    sheet = lagrange(2, 1, 2, linear)
+    sheet.GetCellData().RemoveArray("element")
+    both = vtkMultiBlockDataSet()
+    for number, own in enumerate((grid, sheet)):
+        both.SetBlock(number, own)
+    expected = flow.read(vtk_writers.write_vtk(tmp_path / "a.vtu", grid)).density
+    for data in (grid, both):
+        found = DensityField.from_pyvista(data)
+        assert np.array_equal(found.density, expected)
+        assert "elements that have points of their own" in found.provenance
+
+
+def side_by_side(ghost: int = 0):
+    """Two even grids of 31 x 21 points that meet in a line, in one grid; rho is linear.
+
+    With ghosts each grid goes on into the other by some columns of cells that are flagged, and of which the outer
+    points have other values, as where an exchange between processes did not take place.
+    """
+    append = vtkAppendFilter()
+    append.SetOutputPointsPrecision(1)  # double
+    for low, first, last in ((0, 0, 30 + ghost), (30 - ghost, 30, 60)):
+        grid = vtkImageData()
+        grid.SetDimensions(31 + ghost, 21, 1)
+        grid.SetOrigin(0.01 * low, 0.0, 0.0)
+        grid.SetSpacing(0.01, 0.01, 1.0)
+        column = low + np.tile(np.arange(31 + ghost), 21)
+        own = (column >= first) & (column <= last) if ghost else np.ones(column.shape, bool)
+        inside = (column >= first - (low > 0)) & (column <= last + (low == 0)) if ghost else own
+        x, y = 0.01 * column, 0.01 * np.repeat(np.arange(21), 31 + ghost)
+        values = numpy_to_vtk(np.where(inside & own, linear(np.stack([x, y, 0.0 * x], 1)), 9.0), deep=True)
+        values.SetName("rho")
+        grid.GetPointData().AddArray(values)
+        cell = low + np.tile(np.arange(30 + ghost), 20)
+        flags = numpy_to_vtk(np.where((cell >= first) & (cell < last), 0, 1).astype(np.uint8), deep=True)
+        flags.SetName("vtkGhostType")
+        grid.GetCellData().AddArray(flags)
+        append.AddInputData(grid)
+    append.Update()
+    return append.GetOutput()
+
+
+@pytest.mark.parametrize("ghost", [0, 2])
+def test_pieces_of_a_partitioned_mesh_are_joined(ghost):
+    """Set-up: two pieces with points of their own where they meet, a fiftieth of all, without and with ghost cells.
+
+    Expected: the linear density everywhere. Pieces were refused as damage, and ghosts' values counted in means.
+    """
+    found = DensityField.from_pyvista(side_by_side(ghost))
+    at = np.array([[0.0, 0.07, -x] for x in (0.05, 0.275, 0.295, 0.3, 0.305, 0.325, 0.5)])
+    assert found.density_at(at) == pytest.approx(linear(np.stack([-at[:, 2], at[:, 1], at[:, 0]], 1)), rel=1e-12)
+    assert found.mesh.cell_area.sum() == pytest.approx(0.6 * 0.2) and found.body is None
+
+
+def test_coincident_points_within_a_piece_are_refused():
+    """Set-up: the pieces with one cell cut loose from its neighbours at one corner."""
+    grid = side_by_side()
+    corners = grid.GetCell(100).GetPointIds()
+    number = grid.GetPoints().InsertNextPoint(grid.GetPoint(corners.GetId(0)))
+    grid.GetPointData().GetArray("rho").InsertNextValue(1.0)
+    others = [corners.GetId(k) for k in range(1, corners.GetNumberOfIds())]
+    grid.GetCells().ReplaceCellAtId(100, corners.GetNumberOfIds(), [number, *others])
+    with pytest.raises(flow.ReadError, match="lie in the same place as another"):
+        DensityField.from_pyvista(grid)
 
 
 @pytest.mark.parametrize(

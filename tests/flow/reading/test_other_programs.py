@@ -225,3 +225,61 @@ def test_cells_beside_the_flow_need_no_density():
     block = Block(points, cells, cell_data={"rho": np.append(np.full(6, 1.3), np.nan)})
     taken = reading_of("test", Dataset([block], "test"), "rho", Frame.of(None), 1.0, Reference(), None, None, None)
     assert np.allclose(field_of(taken, 0.25).density, 1.3, rtol=1e-14)
+
+
+@pytest.mark.parametrize(("order", "species"), [("<", 0), (">", 3)])
+def test_a_q_file_of_overflow_is_read(tmp_path, order, species):
+    """Set-up: two grids with 6 or 9 variables, records of sizes and of the run's conditions as OVERFLOW writes them.
+
+    Expected: its density. It was rejected as damaged.
+    """
+    count = 6 + species
+    axes = [np.meshgrid(*np.ogrid[low : low + 1 : 4j, 0:1:3j, 0:1:3j], indexing="ij") for low in (0.0, 1.0)]
+    density = [1.0 + 0.1 * x + 0.01 * z for x, _, z in axes]
+
+    def record(*parts):
+        data = b"".join(np.asarray(values, order + kind).tobytes() for values, kind in parts)
+        mark = np.array(len(data), f"{order}i4").tobytes()
+        return mark + data + mark
+
+    def flat(values):
+        return values.ravel(order="F"), "f8"
+
+    sizes = [4, 3, 3, 4, 3, 3]
+    grid = record(([2], "i4")) + record((sizes, "i4")) + b"".join(record(*map(flat, own)) for own in axes)
+    (tmp_path / "a.xyz").write_bytes(grid)
+    solution = record(([2], "i4")) + record(([*sizes, count, species], "i4"))
+    for own in density:
+        solution += record((np.ones(7), "f8"), ([0], "i4"), (np.ones(6 + max(species, 2)), "f8"))
+        solution += record(*[flat(own if k == 0 else 2.0 + k + own) for k in range(count)])
+    (tmp_path / "a.q").write_bytes(solution)
+    field = flow.read(tmp_path / "a.xyz")
+    at = np.array([[0.5, 0.5, 0.25], [1.6, 0.3, 0.8]])
+    assert field.density_at(at) == pytest.approx(1.0 + 0.1 * at[:, 0] + 0.01 * at[:, 2])
+
+
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        ("AXISYMMETRIC= YES", r"a.cfg states AXISYMMETRIC= YES: geometry='axisymmetric' reads y as the radius"),
+        (
+            "  ref_dimensionalization = FREESTREAM_VEL_EQ_ONE % a word",
+            "a.cfg states FREESTREAM_VEL_EQ_ONE: the density",
+        ),
+        ("% AXISYMMETRIC= YES\nAXISYMMETRIC= NO\nREF_DIMENSIONALIZATION= DIMENSIONAL", None),
+    ],
+)
+def test_what_a_configuration_of_su2_states_of_the_flow_is_told(tmp_path, stated, said):
+    """Set-up: a configuration beside a restart, which alone says that y is a radius, or that there are no units."""
+    path = writers.su2(tmp_path)
+    (tmp_path / "a.cfg").write_text(f"SOLVER= EULER\n{stated}\nMACH_NUMBER= 2.0\n")
+    provenance = flow.read(path).provenance
+    assert said in provenance if said else "a.cfg" not in provenance
+
+
+def test_a_mesh_of_su2_in_cgns_is_refused_with_what_to_do(tmp_path):
+    """It was called damaged, as a text that it is not."""
+    path = writers.su2(tmp_path)
+    (tmp_path / "a.cgns").write_bytes(b"\x89HDF\r\n")
+    with pytest.raises(ReadError, match=r"meshes of SU2 in CGNS are not read: write it as \.su2 by SU2_DEF"):
+        flow.read(path, mesh=tmp_path / "a.cgns")

@@ -224,3 +224,32 @@ def test_an_attribute_of_the_ambient_density_is_of_kg_m3_or_has_its_unit(in_time
     assert ambient(1.2) == ambient("1.2e-3 g/cm3") == 1.2
     with pytest.raises(ValueError, match=r"ambient_density = 0.0012 is in kg/m3, .* write 1.2 "):
         ambient(1.2e-3)
+
+
+@pytest.mark.parametrize("where", ["point", "cell"])
+def test_an_array_iblank_blanks_in_any_format(where):
+    """Set-up: an array IBlank, 0 at the middle one of 5 x 5 points or cells, where the density is 0.
+
+    Expected: no flow there. Formats other than Plot3D and Tecplot took its numbers for a density.
+    """
+    count = 5 if where == "point" else 6
+    y, x = np.meshgrid(np.arange(count), np.arange(count), indexing="ij")
+    points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1).astype(float)
+    held = (np.arange(25) != 12).astype(float)
+    data = {"rho": 1.2 * held, "IBlank": held.astype(np.int32)}
+    block = Block(points, None, (count, count, 1), **{f"{where}_data": data})
+    asked = (None, Frame(), None, Reference(), None, None, None)
+    field = field_of(reading_of("file", Dataset([block], "x"), *asked))
+    assert len(field.mesh.cells) == (12 if where == "point" else 24) and field.body is not None
+    assert field.density.min() == pytest.approx(1.2)
+    del data["IBlank"]
+    with pytest.raises(ReadError, match="where there is no flow, say so by an array iblank that is 0 there"):
+        field_of(reading_of("file", Dataset([block], "x"), *asked))
+
+
+def test_a_density_of_some_zones_only_is_named(tmp_path):
+    """Expected: which arrays are not in every zone; "there are: none" was said of a file that shows a density."""
+    points = np.array([[x, y, 0.0] for y in range(3) for x in range(3)], float)
+    blocks = [Block(points + shift, None, (3, 3, 1), {name: np.ones(9)}) for shift, name in ((0.0, "rho"), (2.0, "p"))]
+    with pytest.raises(ReadError, match=r"there are: none; in some zones only: rho, p\)"):
+        reading_of("file", Dataset(blocks, "x"), None, Frame(), None, Reference(), None, None, None)

@@ -6,6 +6,7 @@ Each case is a sound file of four points with one thing changed; the sound ones 
 import numpy as np
 import pytest
 
+from aerokernels import flow
 from aerokernels.flow.reading.dataset import ReadError
 from aerokernels.flow.reading.readers import foam_case, named_arrays, su2, tecplot_text
 
@@ -29,7 +30,7 @@ ARRAYS = {"x": np.arange(3.0), "y": np.arange(2.0), "rho": np.ones((3, 2))}
         ("I=2", "I=two", "zone 1 has the count 'two'"),
         ("I=2", "I=0", "zone 1 has the count '0'"),
         ("F=POINT", "ZONETYPE=FEBLOB", r"zone 1 is of type FEBLOB; known are|zone 1 is of type FEBLOB"),
-        ("F=POINT", "F=POINT, VARSHARELIST=([1]=1)", "zone 1 shares data with other zones"),
+        ("F=POINT", "F=POINT, VARSHARELIST=([1]=1)", "zone 1 shares data with zone 1, which is not before it"),
         ("F=POINT", "F=POINT, VARLOCATION=([3]=CELLCENTERED)", "values in cells without BLOCK packing"),
         ("F=POINT", "F=BLOCK, VARLOCATION=([4]=CELLCENTERED)", "VARLOCATION names variable 4 of 3"),
         ("F=POINT", "F=BLOCK, VARLOCATION=([3-99999999999]=CELLCENTERED)", "VARLOCATION names variable 9+ of 3"),
@@ -163,3 +164,27 @@ def test_openfoam_fields(tmp_path, body, told):
         told = "a surfaceScalarField is not a field of cells"
     with pytest.raises(ReadError, match=told):
         foam_case.read_field(path, 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "message"),
+    [
+        ("a.case", b"FORMAT", r"a case of EnSight, which is not read: open it in ParaView, and save its data as \.vtu"),
+        ("room.cas.h5", b"\x89HDF", "a file of Fluent, which is not read: open it in ParaView"),
+        ("a.exo", b"CDF\x01", "a file of Exodus, which is not read"),
+        ("a.xdmf", b"<?xml", "a file of XDMF, which is not read"),
+        ("a.plt.gz", b"\x1f\x8b", "it is compressed, which is not read: unpack it"),
+        ("a.npy", b"\x93NUMPY", "an array without coordinates, which is not read: save them with it"),
+        ("a.cgns", b"version https://git-lfs.github.com/spec/v1\noid sha256:1", "a pointer of Git LFS: fetch the file"),
+    ],
+)
+def test_foreign_files_are_refused_with_what_to_do(tmp_path, name, head, message):
+    (tmp_path / name).write_bytes(head)
+    with pytest.raises(ReadError, match=message):
+        flow.read(tmp_path / name)
+
+
+def test_a_message_lists_the_first_names_only(tmp_path):
+    np.savez(tmp_path / "a.npz", **{f"array{k}": np.ones(3) for k in range(300)})
+    with pytest.raises(ReadError, match=r"array18, array19 and 280 more\): call them x, y, z"):
+        flow.read(tmp_path / "a.npz")

@@ -157,3 +157,72 @@ def test_a_flow_along_one_axis_repeated_at_two_places_is_a_plane(tmp_path, acros
         inside = 0.5 * (X[1:] + X[:-1])
         points = np.stack([0.0 * inside, 0.0 * inside + 0.05, -inside], axis=1)
         assert field.density_at(points) == pytest.approx(1.0 + inside, rel=1e-12)
+
+
+def test_the_latest_of_times_in_any_order_is_read(tmp_path):
+    """Set-up: fields at 0.3, 0.1 and 0.2 s. Expected: "latest" is 0.3; a time twice and NaN are refused."""
+    fields = np.array([3.0, 1.0, 2.0])[:, None, None] * np.ones((9, 6))
+
+    def read(times, **asked):
+        np.savez(tmp_path / "a.npz", x=X, y=Y, time=times, rho=fields)
+        return flow.read(tmp_path / "a.npz", **asked)
+
+    times = np.array([0.3, 0.1, 0.2])
+    read(times)
+    assert flow.contents(tmp_path / "a.npz").times == (0.1, 0.2, 0.3)
+    for asked, density in (("latest", 3.0), ("first", 1.0), (0.2, 2.0)):
+        assert read(times, time=asked).density == pytest.approx(density)
+    twice = np.array([0.3, 0.1, 0.3])
+    assert read(twice, time="first").density == pytest.approx(1.0)
+    with pytest.raises(flow.ReadError, match=r"it has 2 fields at the time 0\.3, as after a restart: keep one of them"):
+        read(twice)
+    with pytest.raises(flow.ReadError, match="1 of its 3 times are no numbers, the first is number 1"):
+        read(np.array([0.3, np.nan, 0.4]))
+
+
+@pytest.mark.parametrize("told_by", ["scale", "label"])
+def test_axes_that_an_hdf5_file_names_are_heeded(tmp_path, told_by):
+    """Set-up: a square of nine places each way, the density over (y, x) by its dimension scales or labels.
+
+    Expected: as named. It was taken over (x, y), although the file says otherwise.
+    """
+    x = np.linspace(0.0, 1.0, 9)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["x"], file["y"], file["rho"] = x, x, 1.2 + 0.3 * x + 0.2 * x[:, None]
+        for number, axis in enumerate("yx"):
+            if told_by == "label":
+                file["rho"].dims[number].label = axis
+            else:
+                file[axis].make_scale(axis)
+                file["rho"].dims[number].attach_scale(file[axis])
+    at = np.array([[0.0, 0.25, -0.75]])
+    assert flow.read(tmp_path / "a.h5").density_at(at) == pytest.approx(1.2 + 0.3 * 0.75 + 0.2 * 0.25)
+
+
+def test_packed_hdf5_arrays_are_unpacked(tmp_path):
+    """Set-up: whole numbers with scale_factor and add_offset, as NetCDF packs. Expected: the density."""
+    packed = np.round((RHO - 1.2) / 1e-4).astype(np.int16)
+    attributes = [("rho", "scale_factor", 1e-4), ("rho", "add_offset", np.array([1.2])), ("rho", "_FillValue", -1)]
+    file = hdf5(tmp_path / "a.h5", {"x": X, "y": Y, "rho": packed + 5}, attributes)
+    assert np.sort(flow.read(file).density.ravel()) == pytest.approx(np.sort(RHO.ravel()) + 5e-4, abs=6e-5)
+
+
+def test_an_axis_of_one_place_without_coordinate_is_left_out(tmp_path):
+    data = xarray.Dataset({"rho": (("ensemble", "x", "y"), RHO[None])}, coords={"x": X, "y": Y})
+    data.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    assert flow.read(tmp_path / "a.nc").density.max() == pytest.approx(RHO.max())
+    two = xarray.concat([data, data], "ensemble")
+    two.to_netcdf(tmp_path / "b.nc", engine="h5netcdf")
+    with pytest.raises(
+        flow.ReadError, match=r"for each of the \(9, 6\) places \(there are: rho \(2, 9, 6\)\): give arrays"
+    ):
+        flow.read(tmp_path / "b.nc")
+
+
+def test_a_time_in_single_precision_is_found(tmp_path):
+    """Set-up: times in float32. Expected: 0.1 is found; "there is no time 0.1: take one of 0.1" was the answer."""
+    fields = np.array([3.0, 1.0])[:, None, None] * np.ones((9, 6))
+    np.savez(tmp_path / "a.npz", x=X, y=Y, time=np.array([0.1, 0.1001], np.float32), rho=fields)
+    assert flow.read(tmp_path / "a.npz", time=0.1).density == pytest.approx(3.0)
+    with pytest.raises(flow.ReadError, match=r"there is no time 0\.10001"):
+        flow.read(tmp_path / "a.npz", time=0.10001)

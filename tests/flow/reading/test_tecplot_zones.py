@@ -171,3 +171,42 @@ def test_texts_of_tecplot_have_names_of_every_language_and_exponents_of_fortran(
         assert flow.read(path, density="ρ").density_at([[0.0, 0.5e-3, -1e-3]]) == pytest.approx(1.625, rel=1e-14)
     path.write_text("\n".join(lines).replace("ρ", "Größe"), encoding="latin-1")
     assert list(tecplot_text.read(path).blocks[0].point_data) == ["Größe", "µ"]
+
+
+def ascii_times(share: str, cells: str = ", CONNECTIVITYSHAREZONE=1", packing: str = "BLOCK") -> str:
+    """Two times in text, the second with X and Y of the first, by `share`, and with its elements."""
+    lines = ["VARIABLES = X Y rho"]
+    quads = "\n".join(" ".join(str(k + 1) for k in row) for row in QUADS)
+    for time, columns, more in ((0, [X, Y, RHO], ""), (1, [2.0 * RHO], f", VARSHARELIST={share}{cells}")):
+        columns = columns if packing == "BLOCK" else np.stack(columns, axis=1)
+        lines.append(f"ZONE N=6, E=2, ZONETYPE=FEQUADRILATERAL, DATAPACKING={packing}, SOLUTIONTIME={time}{more}")
+        lines += [" ".join(map(str, row)) for row in columns]
+        lines += [quads] if not (more and cells) else []
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("packing", ["BLOCK", "POINT"])
+@pytest.mark.parametrize("share", ["([1-2]=1)", "([1, 2])", "([1]=1,[2]=1)"])
+@pytest.mark.parametrize("cells", ["", ", CONNECTIVITYSHAREZONE=1"], ids=["own", "shared"])
+def test_zones_in_text_share_variables_and_elements(tmp_path, share, cells, packing):
+    """Expected: the second time's own density on the mesh of the first. Such files were refused."""
+    (tmp_path / "a.dat").write_text(ascii_times(share, cells, packing))
+    for time, factor in ((0, 1.0), (1, 2.0)):
+        field = flow.read(tmp_path / "a.dat", time=time)
+        assert np.sort(field.density.ravel()) == pytest.approx(np.sort(factor * RHO))
+
+
+@pytest.mark.parametrize(
+    ("share", "cells", "message"),
+    [
+        ("([1,2]=2)", "", r"zone 2 shares data with zone 2, which is not before it"),
+        ("([1,9]=1)", "", "VARSHARELIST names variable 9 of 3"),
+        ("([0]=1)", "", "VARSHARELIST names variables by '0'"),
+        ("(X)", "", r"zone 2 has VARSHARELIST=\(X\)"),
+        ("([1-2]=1)", ", CONNECTIVITYSHAREZONE=7", "zone 2 shares data with zone 7"),
+    ],
+)
+def test_shares_that_are_not_there_are_refused(tmp_path, share, cells, message):
+    (tmp_path / "a.dat").write_text(ascii_times(share, cells))
+    with pytest.raises(ReadError, match=message):
+        flow.read(tmp_path / "a.dat")

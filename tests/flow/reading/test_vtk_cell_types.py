@@ -44,6 +44,7 @@ def test_triangles_with_mid_edge_nodes_are_read_by_their_corners(tmp_path, kind)
     field = flow.read(written(tmp_path / "a.vtu", [(kind, corners), (22, [1, 7, 2, 8, 9, 4])]))
     assert sorted(set(field.density.tolist())) == [1.0, 2.0]
     assert area(field) == pytest.approx(1.0)
+    assert "2 of 2 cells are of second order: they are read by their corners alone" in field.provenance
 
 
 @pytest.mark.parametrize(("kind", "corners"), [(6, [0, 1, 2, 7]), (36, [0, 1, 2, 3, 4, 5])], ids=["strip", "polygon"])

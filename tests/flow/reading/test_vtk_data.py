@@ -12,7 +12,7 @@ from aerokernels.flow.reading.readers import vtk_files
 pytest.importorskip("vtkmodules")
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonCore import vtkIdList, vtkPoints, vtkStringArray
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData, vtkTable, vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkMultiBlockDataSet, vtkPolyData, vtkTable, vtkUnstructuredGrid
 
 # Corners of the unit cube in the order of a hexahedron, and the middles of its edges in that of a quadratic one.
 CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], float)
@@ -105,18 +105,18 @@ def test_what_holds_no_flow_is_refused(tmp_path):
     empty, table = vtkUnstructuredGrid(), vtkTable()
     for data, told in ((empty, "it has no points"), (table, "a vtkTable is not a mesh")):
         with pytest.raises(ReadError, match=told):
-            vtk_files.blocks_of(tmp_path, data)
+            vtk_files.blocks_of(tmp_path, data, {})
     blocks = vtkMultiBlockDataSet()
     blocks.SetBlock(0, empty)
     with pytest.raises(ReadError, match="it has no block with points"):
-        vtk_files.blocks_of(tmp_path, blocks)
+        vtk_files.blocks_of(tmp_path, blocks, {})
     blocks.SetBlock(1, vtk_writers.vtk_grid())
     blocks.GetMetaData(1).Set(vtkMultiBlockDataSet.NAME(), "zone")
-    assert [block.name for block in vtk_files.blocks_of(tmp_path, blocks)] == ["zone"]
+    assert [block.name for block in vtk_files.blocks_of(tmp_path, blocks, {})] == ["zone"]
     short = vtk_writers.vtk_grid()
     short.GetPointData().AddArray(named([1.0, 2.0], "short"))
     with pytest.raises(ReadError, match=f"array 'short' has 2 entries instead of {writers.NI * writers.NJ}"):
-        vtk_files.blocks_of(tmp_path, short)
+        vtk_files.blocks_of(tmp_path, short, {})
 
 
 def test_a_series_of_files(tmp_path):
@@ -184,3 +184,19 @@ def test_an_even_grid_in_single_precision_is_kept(tmp_path, cells):
     assert field.density.shape == counts and "resampled" not in field.provenance
     assert field.spacing == pytest.approx([0.1 / (n - 1) for n in counts], rel=1e-5)
     assert cells or (field.density == density).all()
+
+
+@pytest.mark.parametrize(("flag", "hidden"), [(1, True), (2, False), (4, False), (8, True), (16, False), (32, True)])
+def test_flags_of_cells_that_hold_flow_hide_nothing(flag, hidden):
+    """Set-up: one of the flags of VTK's ghost cells on the middle one of three by three cells.
+
+    Expected: duplicate, refined and hidden cells hold no flow of their own. Cells of high connectivity do; they were
+    taken for hidden ones, as points with this flag are.
+    """
+    data = vtkImageData()
+    data.SetDimensions(4, 4, 1)
+    data.GetPointData().AddArray(named(np.ones(16)))
+    flags = numpy_to_vtk(np.where(np.arange(9) == 4, flag, 0).astype(np.uint8), deep=True)
+    flags.SetName("vtkGhostType")
+    data.GetCellData().AddArray(flags)
+    assert len(DensityField.from_pyvista(data).mesh.cells) == (8 if hidden else 9)

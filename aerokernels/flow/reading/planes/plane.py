@@ -11,6 +11,7 @@ from .polygon_cells import Polygons
 from .polygons import merged, quad_mesh
 
 ON_AXIS = 1e-12  # of the greatest radius: rounding of points on the axis
+BOTH_SIDES = 1e-6  # of the plane's width: farther beyond the axis than rounding of single precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,10 @@ class Plane:
             assert normal is not None
             return cls(geometry, frame.axes(normal), origin, scale)
         axis = np.array(dataset.axis or (1.0, 0.0, 0.0))
+        if dataset.axis is None and frame.look is not None and normal is not None and abs(axis @ normal) > 1e-6:
+            axis = -frame.look  # a plane of y and z, whose axis the file does not name
+        if normal is not None:
+            _check_half_plane(path, dataset, axis, normal, origin)
         look = frame.look if frame.look is not None else -axis
         if abs(abs(look @ axis) - 1.0) > 1e-9 or float(frame.rotation) != 0.0:
             raise ReadError(
@@ -65,6 +70,24 @@ class Plane:
         radius = np.hypot(moved[..., 0], moved[..., 1])
         radius = np.where(radius > ON_AXIS * radius.max(initial=0.0), radius, 0.0)
         return np.stack([radius, moved[..., 2]], axis=-1) + 0.0
+
+
+def _check_half_plane(path, dataset: Dataset, axis: np.ndarray, normal: np.ndarray, origin: np.ndarray) -> None:
+    """Check that a plane contains the axis of symmetry and lies on one side of it."""
+    if abs(axis @ normal) > 1e-6:
+        raise ReadError(
+            path,
+            f"its plane is across {normal.tolist()}, and so does not contain the axis of symmetry {axis.tolist()}",
+            "give the optical axis, against which the flow runs: optical = '-z', say",
+        )
+    beside = np.concatenate([(block.points - origin) @ np.cross(normal, axis) for block in dataset.blocks])
+    low, high = float(beside.min()), float(beside.max())
+    if low < -BOTH_SIDES * np.ptp(beside) and high > BOTH_SIDES * np.ptp(beside):
+        raise ReadError(
+            path,
+            f"its points lie on both sides of the axis of symmetry, from {low:.6g} to {high:.6g} in the file's unit",
+            "give one half of the plane, or leave geometry out where the flow is planar",
+        )
 
 
 def block_polygons(path, block: Block, plane: Plane, values: np.ndarray, where: str) -> Polygons:
@@ -128,6 +151,7 @@ def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[Quad
     """
     try:
         if len(blocks) == 1 and (mesh := structured_mesh(blocks[0], plane)) is not None:
+            _refuse_overlaps(path, mesh)
             return mesh, densities[0][0], densities[0][1], ""
         parts = [block_polygons(path, block, plane, *own) for block, own in zip(blocks, densities, strict=True)]
         polygons = merged(parts, [block.shape is not None for block in blocks])
@@ -138,7 +162,30 @@ def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[Quad
         raise
     except ValueError as fault:
         raise ReadError(path, f"its mesh cannot be used: {fault}", "repair the mesh and write the file again") from None
+    _refuse_overlaps(path, mesh)
     return mesh, values, polygons.where, remark
+
+
+def _refuse_overlaps(path, mesh: QuadMesh) -> None:
+    """Raise ReadError if the middle of a cell at the boundary is in another cell: one of two densities would count.
+
+    Where meshes overlap, the boundary of one of them is within the other. Edges of blocks that do not match may cross
+    by less than half a cell.
+    """
+    rim = np.flatnonzero((mesh.neighbors < 0).any(axis=1))
+    middle = mesh.corners[rim].mean(axis=1)
+    count = np.zeros(len(rim), np.int64)
+    for row, _ in mesh.holding(middle):
+        count += np.bincount(row, minlength=len(rim))
+    if (count > 1).any():
+        first = middle[np.argmax(count > 1)]
+        axes = "r, z" if mesh.geometry == "axisymmetric" else "y, z"
+        raise ReadError(
+            path,
+            f"{int((count > 1).sum())} cells at the edge of its mesh or blocks lie in other cells, the first at "
+            f"{axes} = {first.tolist()} m: in a plane, overlapping (overset) blocks are not read",
+            "blank the cells of one where two overlap (iblank, vtkGhostType), or write the flow on one mesh",
+        )
 
 
 def _structured(path, block: Block) -> np.ndarray:

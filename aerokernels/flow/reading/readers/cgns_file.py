@@ -3,15 +3,19 @@
 Runs in the child process of fragile.py.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..dataset import Dataset, ReadError, chosen_time
+import numpy as np
+
+from ..dataset import Block, Dataset, ReadError
 from .cgns_statements import statements
-from .cgns_units import units
+from .cgns_units import conversions, units
 from .cgns_walls import patches
-from .vtk_files import DAMAGED, blocks_of, run
+from .vtk_files import blocks_of
+from .vtk_running import DAMAGED, run
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
@@ -32,12 +36,11 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     reader.EnableAllCellArrays()
     reader.SetDoublePrecisionMesh(1)
     reader.SetLoadBndPatch(False)
-    times = _times(reader)
-    chosen = chosen_time(path, times, time)
-    if chosen is not None:
-        reader.UpdateTimeStep(chosen)
-    data = run(path, reader)
-    blocks = [block for block in blocks_of(path, data) if block.cell_count]
+    data, times, chosen = run(path, reader, time)
+    if times == [0.0]:  # which VTK reports for a file without times
+        times, chosen = [], None
+    told: dict[str, None] = {}
+    blocks = [block for block in blocks_of(path, data, told) if block.cell_count]
     if not blocks:
         raise ReadError(path, "it has no zone with cells", DAMAGED)
     names = [block.name for block in blocks]
@@ -46,17 +49,27 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         fault = f"{reader.GetNumberOfBaseArrays()} of its bases contain a zone {twice!r}: moments or cases of one flow"
         raise ReadError(path, fault, "write each base to a file of its own")
     blocks = [replace(block, name=block.name or f"zone {k}") for k, block in enumerate(blocks, start=1)]
+    converted = conversions(path)
+    blocks = [_dimensional(block, converted) for block in blocks]
     found, notes = patches(path)
     length, stated = units(path)
     axis, more = statements(path)
     geometry = None if axis is None else "axisymmetric"
     return Dataset(blocks, "CGNS", geometry, patches=found, times=times, time=chosen, axis=axis, units=stated,
-                   length=length, notes=[*notes, *more])  # fmt: skip
+                   length=length, notes=[*told, *notes, *more])  # fmt: skip
 
 
-def _times(reader) -> list[float]:
-    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
+def _dimensional(block: Block, conversions: Mapping[tuple[str, str], tuple[float, float]]) -> Block:
+    """Return a zone with its normalised arrays and coordinates converted as the file says."""
 
-    information, key = reader.GetOutputInformation(0), Pipeline.TIME_STEPS()
-    times = [float(information.Get(key, k)) for k in range(information.Length(key))] if information.Has(key) else []
-    return [] if times == [0.0] else times  # VTK reports [0] for a file without times
+    def made(name: str, values: np.ndarray) -> np.ndarray:
+        scale, offset = conversions.get((block.name, name), (1.0, 0.0))
+        return values if (scale, offset) == (1.0, 0.0) else scale * values + offset
+
+    if not any(zone == block.name for zone, _ in conversions):
+        return block
+    points = np.stack([made(f"Coordinate{axis}", block.points[:, k]) for k, axis in enumerate("XYZ")], axis=1)
+    point_data, cell_data = (
+        {n: made(n, own) for n, own in arrays.items()} for arrays in (block.point_data, block.cell_data)
+    )
+    return replace(block, points=points, point_data=point_data, cell_data=cell_data)

@@ -74,12 +74,17 @@ def _axis(path: Path, symmetry: Node) -> tuple[float, float, float]:
 
 
 def _data_classes(root: Node) -> list[str]:
-    """Return a note on data classes that are not dimensional."""
-    bases = children(root, "CGNSBase_t")
-    zones = [zone for base in bases for zone in children(base, "Zone_t")]
-    solutions = [part for zone in zones for part in children(zone, "FlowSolution_t")]
-    arrays = [array for part in solutions for array in children(part, "DataArray_t")]
-    classes = {text_of(own) for node in (*bases, *zones, *solutions, *arrays) for own in children(node, "DataClass_t")}
+    """Return a note on data classes that are not dimensional, of arrays without a conversion."""
+    classes = set()
+    for base in children(root, "CGNSBase_t"):
+        for zone in children(base, "Zone_t"):
+            for part in children(zone, "FlowSolution_t"):
+                for array in children(part, "DataArray_t"):
+                    stated = [
+                        text_of(own) for node in (base, zone, part, array) for own in children(node, "DataClass_t")
+                    ]
+                    if stated and not children(array, "DataConversion_t"):
+                        classes.add(stated[-1])
     if other := sorted(classes.difference(DIMENSIONAL)):
         return [f"the file calls data {', '.join(other)}: without a reference their numbers are taken as SI units"]
     return []

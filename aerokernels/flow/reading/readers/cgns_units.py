@@ -26,6 +26,7 @@ EXPONENTS = {
     "Temperature": (0.0, 0.0, 0.0, 1.0, 0.0),
 }
 LENGTH = (0.0, 1.0, 0.0, 0.0, 0.0)
+NORMALISED = "NormalizedByDimensional"  # the class of data that a DataConversion_t makes dimensional
 WIDTH = 32  # characters of each unit name
 
 
@@ -55,6 +56,30 @@ def units_of(path: Path, root: Node) -> tuple[float | None, dict[str, str]]:
     return length_of(path, lengths)[0], arrays
 
 
+def conversions(path: Path) -> dict[tuple[str, str], tuple[float, float]]:
+    """Return scale and offset of normalised arrays by zone and name; the value is scale * number + offset."""
+    found: dict[tuple[str, str], tuple[float, float]] = {}
+    with opened(path) as root:
+        if root is None:
+            return found
+        for base in children(root, "CGNSBase_t"):
+            for zone in children(base, "Zone_t"):
+                for part in (own for label in ("GridCoordinates_t", "FlowSolution_t") for own in children(zone, label)):
+                    for array in children(part, "DataArray_t"):
+                        if (own := _conversion([root, base, zone, part, array])) is not None:
+                            found[zone.name, array.name] = own
+    return found
+
+
+def _conversion(above: list[Node]) -> tuple[float, float] | None:
+    """Return scale and offset of a normalised array, the last of a path of nodes; None if it states none."""
+    kind = [text_of(own) for node in above for own in children(node, "DataClass_t")]
+    stated = [data_of(own).astype(np.float64).ravel() for own in children(above[-1], "DataConversion_t")]
+    if not stated or not kind or kind[-1] != NORMALISED or len(stated[0]) != 2:
+        return None
+    return float(stated[0][0]), float(stated[0][1])
+
+
 def _unit(above: list[Node], known: tuple[float, ...] | None) -> str:
     """Return the unit of the last of a path of nodes, each the child of the one before; empty if not stated."""
     words, kind = None, ""
@@ -63,7 +88,7 @@ def _unit(above: list[Node], known: tuple[float, ...] | None) -> str:
             kind = text_of(own)
         for own in children(node, "DimensionalUnits_t"):
             words = np.asarray(data_of(own)).tobytes().decode("latin-1")
-    if words is None or kind not in ("", "Dimensional", "DataClassNull"):
+    if words is None or (kind not in ("", "Dimensional", "DataClassNull") and _conversion(above) is None):
         return ""
     stated = next(iter(children(above[-1], "DimensionalExponents_t")), None)
     exponents = known if stated is None else tuple(float(power) for power in data_of(stated))

@@ -134,6 +134,9 @@ def read_field(path: Path, cell_count: int) -> np.ndarray:
     if width is None:
         raise file.fault(f"a {file.header.get('class', 'nameless')} is not a field of cells", "name a volScalarField")
     match = _INTERNAL.search(file.data, file.at)
+    if match is None and re.search(rb"\binternalField\s+#", file.data[file.at :]):
+        what = "its internalField is code, such as #codeStream, which OpenFOAM alone runs"
+        raise ReadError(path, what, "run the solver, and read a time that it wrote")
     if match is None:
         raise file.fault("there is no internalField")
     file.at = match.end()
@@ -195,7 +198,7 @@ def case_times(folder: Path) -> list[FoamTime]:
         ReadError: No mesh, no fields at any time, or fields in the collated format.
     """
     parts = sorted(folder.glob("processor[0-9]*"), key=lambda part: int(re.sub(r"\D", "", part.name) or 0))
-    collated = next(folder.glob("processors[0-9]*"), None)
+    collated = next(folder.glob("processors*"), None)
     whole = (folder / "constant" / "polyMesh").is_dir()
     serial = [FoamTime(value, name, [folder]) for value, name in times_of(folder)] if whole else []
     if not any(time.value > 0.0 for time in serial):
@@ -247,6 +250,7 @@ def read(path: Path, time: float | str | None = None, options: dict | None = Non
         axis=(axes[0] if axes else _axis(blocks)) if geometries[0] == "axisymmetric" else None,
         gas_constant=_gas_constant(folder),
         units=getattr(blocks[0].cell_data, "units", {}),
+        length=1.0,
     )
 
 

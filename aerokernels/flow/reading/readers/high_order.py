@@ -1,7 +1,8 @@
 """Convert high-order cells to linear ones, and merge the points that discontinuous elements write once per element.
 
 A Lagrange quadrilateral or hexahedron becomes the linear cells between its nodes. Points of different elements at the
-same place become one point with the mean of their values: in a resolved flow these differ little.
+same place become one point with the mean of their values: in a resolved flow these differ little. So do points in which
+the pieces of a partitioned mesh meet.
 """
 
 from dataclasses import replace
@@ -9,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..dataset import GREATEST_COORDINATE, HEXAHEDRON, PRISM, QUAD, TETRAHEDRON, TRIANGLE, Block, ReadError
+from ..dataset import GREATEST_COORDINATE, HEXAHEDRON, PRISM, QUAD, TETRAHEDRON, TRIANGLE, Block, Cells, ReadError
 
 TENSOR = {70: (QUAD, 2), 72: (HEXAHEDRON, 3)}  # VTK's Lagrange cells, the linear cells between their nodes, dimensions
 # Other types keep their corners; at these point counts (first and second order) only nodes between them are lost.
@@ -85,33 +86,44 @@ def _is_damaged(block: Block) -> bool:
     return not placed or any(len(own) and (own.min() < 0 or own.max() >= len(block.points)) for own in numbers)
 
 
-def _seem_apart(points: np.ndarray) -> bool:
-    """Return whether few points share a place, by a quick hash that rounding may affect."""
+def _are_apart(points: np.ndarray) -> bool:
+    """Return whether no points share a place, by a quick hash."""
     size = max(float(np.ptp(points, axis=0).max()), 1e-300)
     places = np.round((points - points.min(axis=0)) / (1e-10 * size) + 0.3).astype(np.uint64)
     key = places @ np.random.default_rng(9).integers(1, 2**63, 3, dtype=np.uint64)
     key.sort()
-    return bool(np.count_nonzero(key[1:] == key[:-1]) < 0.5 * LEAST_SHARE * len(points))
+    return not (key[1:] == key[:-1]).any()
 
 
 def joined(block: Block) -> tuple[Block, str | None]:
-    """Return the block with coincident points merged if its elements have points of their own, and a note on it."""
+    """Return the block with coincident points merged if its elements or pieces have points of their own, and a note.
+
+    Points of blanked cells alone, such as the ghost cells of a piece, do not count in the mean of a place.
+    """
     cells = block.cells
-    if block.shape is not None or cells is None or _is_damaged(block) or _seem_apart(block.points):
+    if block.shape is not None or cells is None or _is_damaged(block) or _are_apart(block.points):
         return block, None
     near = SAME * float(np.ptp(block.points, axis=0).max())
     labels = np.empty(block.points.shape, np.int64)
     for axis, places in enumerate(block.points.T):
         order = np.argsort(places)
         labels[order, axis] = np.cumsum(np.diff(places[order], prepend=places[order[0]]) > near)
-    _, first, number, copies = np.unique(labels, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    _, first, number = np.unique(labels, axis=0, return_index=True, return_inverse=True)
     number, twice = number.ravel(), len(block.points) - len(first)
+    said = "elements that have points of their own are written"
     if twice < LEAST_SHARE * len(block.points):
-        return block, None
+        said = "the pieces of a partitioned mesh are written"
+        if not _are_of_pieces(cells, number):
+            return block, None
+    counts = _counting(block)
+    weight = np.where(np.bincount(number, counts) > 0.0, 0.0, 1.0)[number] + counts
+    total = np.bincount(number, weight)
 
     def mean(values: np.ndarray) -> np.ndarray:
         columns = values.reshape(len(values), -1).astype(np.float64).T
-        found = np.stack([np.bincount(number, own) / copies for own in columns], axis=1)
+        with np.errstate(invalid="ignore"):  # NaN in ghost cells
+            kept = np.where(weight > 0.0, columns, 0.0)
+            found = np.stack([np.bincount(number, own * weight) / total for own in kept], axis=1)
         return found.reshape(-1, *values.shape[1:])
 
     blank = block.blank
@@ -126,6 +138,32 @@ def joined(block: Block) -> tuple[Block, str | None]:
         blank=blank,
     )
     return made, (
-        f"{twice} of {len(block.points)} points coincide with another, as elements that have points of their own are "
-        "written: each place has the mean of the values there"
+        f"{twice} of {len(block.points)} points coincide with another, as {said}: each place has the mean of the "
+        "values there"
     )
+
+
+def _counting(block: Block) -> np.ndarray:
+    """Return 1 for points of cells that are not blanked, else 0, shape (point_count,)."""
+    assert block.cells is not None
+    counts = np.ones(len(block.points))
+    if block.blank is not None and len(block.blank) == len(block.cells):
+        counts[:] = 0.0
+        counts[block.cells.points[np.repeat(~block.blank, np.diff(block.cells.start))]] = 1.0
+    return counts
+
+
+def _are_of_pieces(cells: Cells, number: np.ndarray) -> bool:
+    """Return whether all points of one place (of one `number`) belong to pieces that share no other point.
+
+    Coincident points within a piece are damage, or a wall of no thickness: they are not merged.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    width, count = np.diff(cells.start), len(number)
+    whole = width > 0
+    first = np.repeat(cells.points[cells.start[:-1][whole]], width[whole])
+    links = coo_array((np.ones(len(first), np.int8), (first, cells.points)), (count, count))
+    pieces = connected_components(links, directed=False)[1]
+    return len(np.unique(np.stack([number, pieces]), axis=1).T) == count

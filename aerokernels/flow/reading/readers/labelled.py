@@ -7,9 +7,9 @@ import numpy as np
 from ....files.netcdf_classic import is_classic
 from ....inputs.arguments import seconds
 from ....process.room import NoRoomError, check_file
+from ..array_names import plain_name
 from ..array_units import stated_unit
 from ..dataset import DAMAGED, Dataset, ReadError
-from ..density import plain_name
 from .coordinates import COLUMNS, axes_of
 from .named_arrays import dataset_of
 
@@ -56,6 +56,9 @@ def labelled_dataset(path, data, variables=None, time=None, kind: str = "xarray"
             entry = entry.copy(data=seconds(entry.values)) if entry.ndim == 1 else entry
         if entry.dtype.kind not in "iuf" or len(set(entry.dims)) < entry.ndim:  # a dimension that occurs twice
             continue
+        entry = entry.squeeze(
+            [dim for dim in entry.dims if data.sizes[dim] == 1 and dim not in {*in_order, *data.coords}]
+        )
         spatial = [dim for dim in in_order if dim in entry.dims]
         others = [dim for dim in entry.dims if dim not in spatial]
         if len(spatial) > 1:

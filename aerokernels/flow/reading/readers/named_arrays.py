@@ -8,7 +8,6 @@ them. The ends are in `variables`, or in attributes of an HDF5 file called xmin 
 """
 
 import math
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,12 +15,13 @@ from typing import Any
 import numpy as np
 
 from ....process.room import NoRoomError, check_room
-from ..array_units import length_of, stated_unit, unit_of_array
+from ..array_names import plain_name
+from ..array_units import length_of, unit_of_array
 from ..dataset import DAMAGED, HDF5_MAGIC, Block, Dataset, ReadError, chosen_time
-from ..density import plain_name
 from .coordinates import COLUMNS, PLACE, axes_of
+from .hdf5_arrays import hdf5_arrays
 
-AXIS_END = re.compile(r"([xyzr])_?(min|max)")
+MOST_LISTED = 20  # names of arrays in a message
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
@@ -38,7 +38,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     if path.suffix.lower() == ".npz":
         arrays, kind = _npz(path), "NumPy arrays"
     elif head == HDF5_MAGIC:
-        (arrays, units, ends), kind = _hdf5(path), "HDF5"
+        (arrays, units, ends), kind = hdf5_arrays(path), "HDF5"
     else:
         raise ReadError(path, "it does not begin like an HDF5 file", DAMAGED)
     return arrays_as_dataset(path, arrays, units, ends, variables, kind, time)
@@ -121,43 +121,6 @@ def _check_heading(data, name: str) -> None:
         raise ValueError(f"{name} announces {math.prod(shape):.4g} numbers in {part.file_size} bytes")
 
 
-def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, tuple[float, float]]]:
-    """Return the arrays of an HDF5 file by name, their units, and the ends of axes."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            return arrays_of(file)
-    except (OSError, RuntimeError, KeyError, ValueError) as fault:
-        raise ReadError(path, f"HDF5 cannot read it ({str(fault)[:120]})", DAMAGED) from None
-
-
-def arrays_of(file: Any) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, tuple[float, float]]]:
-    """Return what `_hdf5` does, from an open file."""
-    import h5py
-
-    arrays: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
-    bounds: dict[str, set[float]] = {}
-
-    def take(name: str, entry) -> None:
-        for key, value in entry.attrs.items():
-            number = np.asarray(value)
-            if (end := AXIS_END.fullmatch(key.lower())) and number.size == 1 and number.dtype.kind in "iuf":
-                bounds.setdefault("".join(end.groups()), set()).add(float(number.reshape(-1)[0]))
-        if isinstance(entry, h5py.Dataset) and entry.shape and np.issubdtype(entry.dtype, np.number):
-            if name.rsplit("/", 1)[-1] in ("data", "values") and len(entry.parent) == 1 and "/" in name:
-                name = name.rsplit("/", 1)[0]  # a group with a single array gives it its name
-            arrays[name] = entry[...]
-            units[name] = stated_unit(entry.attrs)
-
-    take("", file)
-    file.visititems(take)
-    known = {key: values.pop() for key, values in bounds.items() if len(values) == 1}
-    ends = {a: (known[f"{a}min"], known[f"{a}max"]) for a in "xyzr" if f"{a}min" in known and f"{a}max" in known}
-    return arrays, units, ends
-
-
 def _with_even_cells(path, arrays, variables, ends) -> tuple[dict[str, np.ndarray], str]:
     """Return the arrays with the edges of uniform cells if they have no coordinates, and a note."""
     if not ends or any(plain_name(name, True) in names for name in arrays for names in COLUMNS.values()):
@@ -197,7 +160,7 @@ def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool =
     for axis, names in COLUMNS.items():
         if axis in variables:
             if variables[axis] not in arrays:
-                raise ReadError(path, f"there is no array {variables[axis]!r}", f"take one of {', '.join(arrays)}")
+                raise ReadError(path, f"there is no array {variables[axis]!r}", f"take one of {_listed(arrays)}")
             chosen[axis] = variables[axis]
         elif found := next((plain[name] for name in names if name in plain), None):
             chosen[axis] = found
@@ -207,7 +170,7 @@ def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool =
     if len(axes) < 2:
         lacking = f"only {min(chosen)} is known, of two coordinates at least" if chosen else "no coordinates are known"
         raise ReadError(
-            path, f"{lacking} (there are: {', '.join(arrays) or 'no arrays'})",
+            path, f"{lacking} (there are: {_listed(arrays)})",
             "call them x, y, z or r, z, or name them: variables={'x': 'NAME', ...}; a flow along one axis alone needs "
             "its samples repeated at two places of a second one",
         )  # fmt: skip
@@ -234,7 +197,7 @@ def _block(path, axes, coordinates, arrays) -> tuple[Block, list[str]]:
         counts = tuple(len(own) for own in coordinates)
         cells = tuple(n - 1 for n in counts)
         if 0 in counts or not any({own.shape, own.shape[::-1]} & {counts, cells} for own in arrays.values()):
-            raise _no_samples(path, counts)  # before meshgrid: a few numbers may announce billions of points
+            raise _no_samples(path, counts, arrays)  # before meshgrid: a few numbers may announce billions of points
         full = np.meshgrid(*coordinates, indexing="ij")
     else:
         shapes = {own.shape for own in coordinates}
@@ -270,12 +233,20 @@ def _block(path, axes, coordinates, arrays) -> tuple[Block, list[str]]:
             cell_data[name] = turned.ravel(order="F")
     shape = (*counts, 1)[:3] if len(counts) < 3 else counts
     if not point_data and not cell_data:
-        raise _no_samples(path, counts)
+        raise _no_samples(path, counts, arrays)
     return Block(points, None, (int(shape[0]), int(shape[1]), int(shape[2])), point_data, cell_data), []
 
 
-def _no_samples(path, counts: tuple[int, ...]) -> ReadError:
-    return ReadError(path, f"no array has a sample for each of the {counts} places", "see what the file holds")
+def _no_samples(path, counts: tuple[int, ...], arrays) -> ReadError:
+    held = ", ".join(f"{name} {own.shape}" for name, own in list(arrays.items())[:8]) or "none"
+    what = f"no array has a sample for each of the {counts} places (there are: {held})"
+    return ReadError(path, what, "give arrays over x, y, z, or r, z, and name their coordinates: variables={'x': ...}")
+
+
+def _listed(arrays) -> str:
+    """Return the names of the first arrays, and how many more there are."""
+    more = f" and {len(arrays) - MOST_LISTED} more" if len(arrays) > MOST_LISTED else ""
+    return (", ".join(list(arrays)[:MOST_LISTED]) or "no arrays") + more
 
 
 def _is_cloud(coordinates, arrays) -> bool:
@@ -299,11 +270,19 @@ def _at_time(path, arrays, chosen, units, asked):
         since = units.get(name, "").split(" since ")[0]  # "seconds since 2020-01-01"
         unit = unit_of_array(path, name, since, "time").factor
         times = [float(value) * unit for value in arrays[name]]
-    chosen_one = chosen_time(path, times, asked)
+    if bad := [k for k, value in enumerate(times) if not math.isfinite(value)]:
+        raise ReadError(
+            path, f"{len(bad)} of its {len(times)} times are no numbers, the first is number {bad[0]}", DAMAGED
+        )
+    ascending = sorted(set(times))
+    chosen_one = chosen_time(path, ascending, asked)
     if chosen_one is None:
         return [], arrays, None
+    if times.count(chosen_one) > 1:
+        what = f"it has {times.count(chosen_one)} fields at the time {chosen_one:g}, as after a restart"
+        raise ReadError(path, what, "keep one of them, or take another time")
     index = times.index(chosen_one)
     cut = {
         n: a[index] if a.ndim == rank + 1 and a.shape[0] == len(times) else a for n, a in arrays.items() if n != name
     }
-    return times, cut, chosen_one
+    return ascending, cut, chosen_one

@@ -7,6 +7,7 @@ that fits none is damaged.
     grid       [grids]  ni nj [nk] ...   x y [z] [iblank], i fastest
     q          [grids]  ni nj [nk] ...   mach alpha re time   rho rho_u rho_v [rho_w] e
     functions  [grids]  ni nj [nk] n ... f1 ... fn
+    OVERFLOW   [grids]  ni nj nk ... n species   conditions of the run   rho rho_u rho_v rho_w e q6 ... qn
 """
 
 import math
@@ -202,6 +203,9 @@ def _read_solution(path: Path, shapes: list[tuple[int, int, int]]) -> list[dict[
                 functions = [own.reshape(row[-1], -1) for (own,), row in zip(found, sizes, strict=True)]
                 names = [f"f{k + 1}" for k in range(int(sizes[:, -1].max()))]
                 return _fitting(path, _shapes(sizes[:, :-1]), functions, shapes, names)
+        if dimension == 3 and (values := _of_overflow(stream, several)) is not None:
+            own, solved = values
+            return _fitting(path, own, solved, shapes)
     raise ReadError(path, f"its {path.stat().st_size} bytes fit no solution of Plot3D", DAMAGED)
 
 
@@ -217,6 +221,26 @@ def _solution(stream: _Stream, several: bool, dimension: int, single: bool):
     return _shapes(sizes), [record[-1].reshape(dimension + 2, -1) for record in (found if single else found[1::2])]
 
 
+def _of_overflow(stream: _Stream, several: bool):
+    """Return what `_solution` does of a q file of OVERFLOW, whose grids have any number of variables."""
+    stream.at = 0
+    head = stream.take(("i", 1)) if several else [np.ones(1)]
+    if head is None or not 0 < head[0][0] <= GREATEST_GRID_COUNT:
+        return None
+    found = stream.take(("i", 3 * int(head[0][0]) + 2))
+    if found is None or found[0].min() < 0 or found[0].max() > len(stream.source):
+        return None
+    *flat, count, species = found[0].astype(np.int64).tolist()
+    sizes = np.array(flat).reshape(-1, 3)
+    if sizes.min() < 1 or count < len(CONSERVATIVE) or sizes.prod(axis=1, dtype=float).max() > len(stream.source):
+        return None
+    conditions = [("f", 7), ("i", 1), ("f", 6 + max(species, 2))]
+    records = _records(
+        stream, *(part for row in sizes for part in (conditions, [("f", count * math.prod(row.tolist()))]))
+    )
+    return None if records is None else (_shapes(sizes), [record[-1].reshape(count, -1) for record in records[1::2]])
+
+
 def _fitting(path: Path, own, values, shapes, names=None) -> list[dict[str, np.ndarray]]:
     if list(own) != list(shapes):
         raise ReadError(
@@ -226,6 +250,7 @@ def _fitting(path: Path, own, values, shapes, names=None) -> list[dict[str, np.n
         )
     arrays = []
     for block in values:
-        called = names or (CONSERVATIVE if len(block) == 5 else (*CONSERVATIVE[:3], "energy"))
+        more = [f"q{k + 1}" for k in range(len(CONSERVATIVE), len(block))]
+        called = names or ((*CONSERVATIVE, *more) if len(block) > 4 else (*CONSERVATIVE[:3], "energy"))
         arrays.append({name: np.array(row, dtype=np.float64) for name, row in zip(called, block, strict=False)})
     return arrays

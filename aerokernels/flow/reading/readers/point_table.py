@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..array_names import plain_name
 from ..array_units import length_of
 from ..dataset import TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError, check_points
 from .coordinates import COLUMNS, PLACE, axes_of
@@ -25,7 +26,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         ReadError: A table without coordinates, or points that cannot be joined.
     """
     table = read_table(path)
-    plain = {re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", name.lower())): name for name in reversed(table)}
+    plain = {plain_name(name): name for name in reversed(table)}
     plain |= {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(table)}
     known = {
         axis: next(plain[name] for name in names if name in plain)

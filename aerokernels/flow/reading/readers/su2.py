@@ -4,6 +4,7 @@ The binary restart: five int32 (535532, variable count, point count, 0, 0), name
 by point, then metadata of the run. The first number tells the byte order.
 """
 
+import re
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -32,6 +33,8 @@ NAME_LENGTH = 33
 GREATEST_VARIABLE_COUNT = 10_000
 HIGH_ORDER = 100  # type numbers of elements with interior points are greater
 ELEMENTS = {LINE: 2, **CORNERS}  # SU2 uses VTK's numbers
+MOST_CONFIGURATIONS, LONGEST_CONFIGURATION = 20, 1_000_000  # files, characters
+_STATED = re.compile(r"^[ \t]*(AXISYMMETRIC|REF_DIMENSIONALIZATION)[ \t]*=[ \t]*(\w+)", re.IGNORECASE | re.MULTILINE)
 COORDINATES = ("x", "y", "z", "pointid", "point_id")
 
 
@@ -64,11 +67,32 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     (zone,) = fitting
     points = zone.points
     notes = [f"zone {zones.index(zone) + 1} of {len(zones)} in {mesh_path.name}"] if len(zones) > 1 else []
+    notes += _configured(restart.parent)
     dimension = 2 if not points[:, 2].any() else 3
     _check_places(restart, arrays, points, dimension)
     arrays = {name: values for name, values in arrays.items() if name.lower() not in COORDINATES}
     block = Block(points, zone.cells, point_data=arrays)
     return Dataset([block], "SU2", patches=_walls(points, zone.markers), notes=notes)
+
+
+def _configured(folder: Path) -> list[str]:
+    """Return notes on what the configurations in a folder state of the flow and neither mesh nor restart does."""
+    notes = []
+    for path in sorted(folder.glob("*.cfg"))[:MOST_CONFIGURATIONS]:
+        try:
+            with path.open("r", encoding="latin-1") as stream:
+                text = stream.read(LONGEST_CONFIGURATION)
+        except OSError:
+            continue
+        stated = {key.upper(): value.upper() for key, value in _STATED.findall(text)}
+        if stated.get("AXISYMMETRIC") == "YES":
+            notes.append(f"{path.name} states AXISYMMETRIC= YES: geometry='axisymmetric' reads y as the radius")
+        scale = stated.get("REF_DIMENSIONALIZATION", "DIMENSIONAL")
+        if scale.startswith("FREESTREAM"):
+            notes.append(
+                f"{path.name} states {scale}: the density is one of numbers without a unit, give its reference"
+            )
+    return notes
 
 
 def _check_places(restart: Path, arrays, points: np.ndarray, dimension: int) -> None:
@@ -144,6 +168,9 @@ def read_mesh(path: Path) -> list[Zone]:
     Raises:
         ReadError: A damaged mesh.
     """
+    if path.suffix.lower() == ".cgns":
+        remedy = "write it as .su2 by SU2_DEF, or the flow by SU2's output for ParaView (.vtu)"
+        raise ReadError(path, "meshes of SU2 in CGNS are not read", remedy)
     try:
         text = path.read_text("ascii").splitlines()
     except UnicodeDecodeError:

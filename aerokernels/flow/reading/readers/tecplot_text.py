@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..array_names import plain_name
 from ..array_units import length_of
 from ..dataset import (
     HEXAHEDRON,
@@ -56,7 +57,8 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     except UnicodeDecodeError:
         text = data.decode("latin-1")
     variables, zones = _parts(path, text)
-    blocks = [zone_block(path, variables, head, own, number) for number, (head, own) in enumerate(zones, start=1)]
+    held: list[tuple[list[np.ndarray], Cells | None]] = []
+    blocks = [zone_block(path, variables, head, own, held) for head, own in zones]
     times = [head.get("SOLUTIONTIME") for head, _ in zones]
     strands = [head.get("STRANDID") for head, _ in zones]
     return at_time(path, variables, blocks, without_static(times, strands, "0"), "Tecplot ASCII", time)
@@ -149,15 +151,16 @@ def _pairs(text: str) -> dict[str, str]:
     return {re.sub(r"\s", "", key.split()[-1]).upper(): value.strip('"') for key, value in _PAIR.findall(text)}
 
 
-def zone_block(path: Path, variables: list[str], head: dict[str, str], text: str, number: int) -> Block:
-    """Return the block of a zone."""
-    name = f"zone {number}" + (f" ({head['T']})" if head.get("T") else "")
+def zone_block(path: Path, variables: list[str], head: dict[str, str], text: str, held: list) -> Block:
+    """Return the block of a zone, and add its arrays and cells to those of the zones before it, `held`."""
+    name = f"zone {len(held) + 1}" + (f" ({head['T']})" if head.get("T") else "")
     stated = (head.get("ZONETYPE") or head.get("ET") or "ORDERED").upper()
     kind = stated.removeprefix("FE")
-    if any(key in head for key in ("VARSHARELIST", "CONNECTIVITYSHAREZONE", "PASSIVEVARLIST")):
-        raise ReadError(path, f"{name} shares data with other zones", "write the file with all data in every zone")
+    if "PASSIVEVARLIST" in head:
+        raise ReadError(path, f"{name} has variables without values", "write the file with all data in every zone")
+    shared = _shared_variables(path, name, head.get("VARSHARELIST", ""), len(variables), held)
     in_cells = _cell_variables(path, head.get("VARLOCATION", ""), len(variables))
-    packing = _packing(path, name, head, text, len(variables), bool(in_cells))
+    packing = _packing(path, name, head, text, len(variables) - len(shared), bool(in_cells))
     if in_cells and packing != "BLOCK":
         raise ReadError(path, f"{name} has values in cells without BLOCK packing", UNFINISHED)
     ordered = kind == "ORDERED"
@@ -170,21 +173,52 @@ def zone_block(path: Path, variables: list[str], head: dict[str, str], text: str
         nodes = _count(path, name, head.get("NODES") or head.get("N", ""))
         cells = _count(path, name, head.get("ELEMENTS") or head.get("E", ""))
         shape, corners = None, ELEMENTS[kind][1]
-    width = [cells if k in in_cells else nodes for k in range(len(variables))]
+    whole = None
+    if corners and (word := head.get("CONNECTIVITYSHAREZONE")) is not None:
+        whole, corners = _earlier(path, name, word, held)[1], 0
+        if whole is None or len(whole) != cells:
+            raise ReadError(path, f"{name} shares the elements of a zone with others", UNFINISHED)
+    own = [k for k in range(len(variables)) if k not in shared]
+    width = [cells if k in in_cells else nodes for k in own]
     numbers = _numbers(path, name, text, sum(width) + cells * corners)
     if packing == "BLOCK":
         cuts = np.cumsum([0, *width])
-        arrays = [numbers[cuts[k] : cuts[k + 1]] for k in range(len(variables))]
+        parts = [numbers[cuts[k] : cuts[k + 1]] for k in range(len(own))]
     else:
-        arrays = list(numbers[: nodes * len(variables)].reshape(nodes, len(variables)).T)
+        parts = list(numbers[: nodes * len(own)].reshape(nodes, len(own)).T)
+    found = shared | dict(zip(own, parts, strict=True))
+    arrays = [found[k] for k in range(len(variables))]
+    if any(len(arrays[k]) != (cells if k in in_cells else nodes) for k in shared):
+        raise ReadError(path, f"{name} shares a variable of another size", UNFINISHED)
     connectivity = numbers[sum(width) :]
-    whole = None
     if corners:
         index = connectivity.astype(np.int64) - 1
         if (index + 1 != connectivity).any() or index.min() < 0 or index.max() >= nodes:
             raise ReadError(path, f"elements of {name} refer to nodes beyond the {nodes} that there are", UNFINISHED)
         whole = element_cells(ELEMENTS[kind][0], index.reshape(cells, corners))
+    if whole is not None and whole.points.max(initial=0) >= nodes:
+        raise ReadError(path, f"elements of {name} refer to nodes beyond the {nodes} that there are", UNFINISHED)
+    held.append((arrays, whole))
     return assembled(path, variables, arrays, in_cells, shape, whole, name)
+
+
+def _shared_variables(path: Path, name: str, text: str, count: int, held: list) -> dict[int, np.ndarray]:
+    """Return the variables that a zone has from earlier ones, as in ([1-3]=2, [5]); by default from the one before."""
+    found: dict[int, np.ndarray] = {}
+    for numbers, zone in re.findall(r"\[([\d,\-\s]+)\]\s*(?:=\s*(\d+))?", text):
+        arrays = _earlier(path, name, zone or str(len(held)), held)[0]
+        found |= {k: arrays[k] for k in _numbered(path, "VARSHARELIST", numbers, count)}
+    if text and not found:
+        raise ReadError(path, f"{name} has VARSHARELIST={text[:40]}", UNFINISHED)
+    return found
+
+
+def _earlier(path: Path, name: str, word: str, held: list) -> tuple[list[np.ndarray], Cells | None]:
+    """Return the arrays and the cells of an earlier zone by its number, from 1 on."""
+    number = whole_number(word)
+    if number is None or not 0 < number <= len(held):
+        raise ReadError(path, f"{name} shares data with zone {word[:20]}, which is not before it", UNFINISHED)
+    return held[number - 1]
 
 
 def _packing(path: Path, name: str, head: dict[str, str], text: str, variable_count: int, in_cells: bool) -> str:
@@ -224,32 +258,36 @@ def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
     data = {v: (k, np.asarray(arrays[k], np.float64)) for k, v in enumerate(variables) if k not in place.values()}
     cell = {v: own for v, (k, own) in data.items() if k in in_cells}
     point = {v: own for v, (k, own) in data.items() if k not in in_cells}
-    blank = next((own for v, own in point.items() if v.lower() == "iblank"), None)
-    hidden = None if blank is None or (blank != 0).all() else blank == 0
-    return Block(points, cells, shape, point, cell, hidden, name)
+    return Block(points, cells, shape, point, cell, None, name)
 
 
 def coordinate_columns(variables: list[str]) -> tuple[dict[int, int], tuple[float, float, float] | None]:
     """Return the variable of the coordinate along each axis, {axis number: variable number}, and the symmetry axis."""
-    plain = [re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", v.lower())) for v in variables]
+    plain = [plain_name(v) for v in variables]
     known = {axis: k for axis, names in COLUMNS.items() for k in reversed(range(len(plain))) if plain[k] in names}
     axes, symmetry = axes_of(known)
     return {PLACE[axis]: known[axis] for axis in axes}, symmetry
 
 
+def _numbered(path: Path, key: str, numbers: str, count: int) -> set[int]:
+    """Return the variables, from 0 on, of a list such as 1, 3-5."""
+    found: set[int] = set()
+    for part in numbers.split(","):
+        low, _, high = part.strip().partition("-")
+        first, last = whole_number(low.strip()), whole_number((high or low).strip())
+        if first is None or last is None or first < 1:
+            raise ReadError(path, f"{key} names variables by {part.strip()[:20]!r}", UNFINISHED)
+        if last > count:  # before allocating a set of this size
+            raise ReadError(path, f"{key} names variable {last} of {count}", UNFINISHED)
+        found |= set(range(first - 1, last))
+    return found
+
+
 def _cell_variables(path: Path, text: str, count: int) -> set[int]:
     found: set[int] = set()
     for numbers, place in re.findall(r"\[([\d,\-\s]+)\]\s*=\s*(\w+)", text):
-        if place.upper() != "CELLCENTERED":
-            continue
-        for part in numbers.split(","):
-            low, _, high = part.strip().partition("-")
-            first, last = whole_number(low.strip()), whole_number((high or low).strip())
-            if first is None or last is None:
-                raise ReadError(path, f"VARLOCATION names variables by {part.strip()[:20]!r}", UNFINISHED)
-            if last > count:  # before allocating a set of this size
-                raise ReadError(path, f"VARLOCATION names variable {last} of {count}", UNFINISHED)
-            found |= set(range(first - 1, last))
+        if place.upper() == "CELLCENTERED":
+            found |= _numbered(path, "VARLOCATION", numbers, count)
     listed = re.fullmatch(r"\(((?:\s*(?:NODAL|CELLCENTERED)\s*,?)+)\)", text.strip(), re.IGNORECASE)
     if listed:
         found |= {k for k, word in enumerate(re.findall(r"\w+", listed[1])) if word.upper() == "CELLCENTERED"}

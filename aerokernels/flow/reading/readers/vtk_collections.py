@@ -17,7 +17,8 @@ from ..dataset import ReadError
 SUFFIXES = (".pvd", ".series")
 # Formats that a list may name; a list cannot contain another list.
 LISTED = (
-    ".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvti", ".pvtr", ".pvts", ".pvtu", ".vtm", ".vtmb",
+    ".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvti", ".pvtr", ".pvts", ".pvtu", ".vtm", ".vtmb", ".vtpd",
+    ".vtpc", ".vth", ".vthb", ".vtkhdf",
 )  # fmt: skip
 NO_LIST = "the list is damaged: write it again"
 

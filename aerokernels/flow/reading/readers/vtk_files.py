@@ -1,37 +1,35 @@
-"""Read VTK's family of files with VTK: .vti .vtr .vts .vtu .vtk, their parallel and multi-block forms, and lists.
+"""Read VTK's family of files with VTK: .vti .vtr .vts .vtu .vtk .vtkhdf, their parallel, composite forms, and lists.
 
 VTK prints an error and returns what it has read so far. Here every printed error raises ReadError, and counts are
 compared with those that the file announces. Runs in the child process of fragile.py.
 """
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..dataset import CORNERS, FLAT, LINE, SOLID, Block, Cells, Dataset, Faces, Patch, Polygons, ReadError, chosen_time
+from ..dataset import (  # fmt: skip
+    CORNERS,
+    FLAT,
+    LINE,
+    SOLID,
+    Block,
+    Cells,
+    Dataset,
+    Faces,
+    Patch,
+    Polygons,
+    ReadError,
+    chosen_time,
+)
 from ..volumes.solids import FACES
-from .high_order import joined, linear_cells
+from .high_order import BY_CORNERS, joined, linear_cells
 from .vtk_collections import SUFFIXES, collection
+from .vtk_running import DAMAGED, text_of, vtk_output
 
-DAMAGED = "the file is damaged or of another version: write it again"
-READERS = {
-    ".vti": "vtkXMLImageDataReader",
-    ".vtr": "vtkXMLRectilinearGridReader",
-    ".vts": "vtkXMLStructuredGridReader",
-    ".vtu": "vtkXMLUnstructuredGridReader",
-    ".vtp": "vtkXMLPolyDataReader",
-    ".pvti": "vtkXMLPImageDataReader",
-    ".pvtr": "vtkXMLPRectilinearGridReader",
-    ".pvts": "vtkXMLPStructuredGridReader",
-    ".pvtu": "vtkXMLPUnstructuredGridReader",
-    ".vtm": "vtkXMLMultiBlockDataReader",
-    ".vtmb": "vtkXMLMultiBlockDataReader",
-}
-HIDDEN = 2 | 8  # flags of vtkDataSetAttributes for ghost cells; hidden cells have the flag 32
-BLANK = 32
+NO_OWN_FLOW = 1 | 8 | 32  # flags of cells that vtkDataSetAttributes calls duplicate, refined and hidden
 STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners in hexahedron, quad order
 SURFACE = (5, 7, 9)  # triangles, polygons, quadrilaterals
 LINEAR = {11: 12, 8: 9}
@@ -50,12 +48,18 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     suffix = path.suffix.lower()
     if suffix in SUFFIXES:
         return _series(path, time)
-    data = vtk_output(path, suffix)
     name = {".vtk": "legacy VTK file"}.get(suffix, f"VTK file ({suffix})")
-    made = [joined(block) for block in blocks_of(path, data)]
-    notes = dict.fromkeys(note for _, note in made if note is not None)
+    data, times, chosen = vtk_output(path, suffix, time)
+    return replace(vtk_dataset(path, data, name), times=times, time=chosen)
+
+
+def vtk_dataset(path: Path | str, data, name: str) -> Dataset:
+    """Return the contents of a data object of VTK, read from a file or in memory; `name` is that of its format."""
+    notes: dict[str, None] = {}
+    made = [joined(block) for block in blocks_of(path, data, notes)]
+    notes |= dict.fromkeys(note for _, note in made if note is not None)
     blocks, patches = _boundaries([block for block, _ in made])
-    return Dataset(blocks, name, patches=patches, ambient=None, notes=list(notes))
+    return Dataset(blocks, name, patches=patches, notes=list(notes))
 
 
 def _boundaries(blocks: list[Block]) -> tuple[list[Block], list[Patch]]:
@@ -77,45 +81,6 @@ def _has(block: Block, kinds) -> bool:
     return block.cells is not None and bool(np.isin(block.cells.types, kinds).any())
 
 
-def vtk_output(path: Path, suffix: str):
-    """Return the output of VTK's reader for a suffix."""
-    from vtkmodules import vtkIOLegacy, vtkIOXML
-
-    reader: Any
-    if suffix == ".vtk":
-        reader = vtkIOLegacy.vtkGenericDataObjectReader()
-        reader.ReadAllScalarsOn()
-        reader.ReadAllVectorsOn()
-        reader.ReadAllTensorsOn()
-        reader.ReadAllFieldsOn()
-    else:
-        reader = getattr(vtkIOXML, READERS[suffix])()
-    return run(path, reader)
-
-
-def run(path: Path, reader):
-    """Run a VTK reader on a file and return its output; raise ReadError for an error that it reports."""
-    from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
-
-    window = vtkStringOutputWindow()
-    vtkOutputWindow.SetInstance(window)
-    reader.SetFileName(str(path))
-    reader.Update()
-    said = re.sub(r" ?\(0x[0-9a-f]+\)", "", " ".join(_text(window.GetOutput()).split()))
-    if "ERR" in said or "rror" in said or reader.GetErrorCode():
-        what = said.split("): ", 1)[-1][:200] or f"error {reader.GetErrorCode()}"
-        raise ReadError(path, f"VTK cannot read it ({what})", DAMAGED)
-    data = reader.GetOutputDataObject(0)
-    if data is None:
-        raise ReadError(path, "VTK finds nothing in it", DAMAGED)
-    return data
-
-
-def _text(said: str | bytes | None) -> str:
-    """Return a text of VTK as str; VTK returns bytes for texts that are not UTF-8."""
-    return said.decode("utf-8", "replace") if isinstance(said, bytes) else said or ""
-
-
 def _series(path: Path, time) -> Dataset:
     """Read the files of a list that have the chosen time."""
     entries = collection(path)
@@ -128,8 +93,8 @@ def _series(path: Path, time) -> Dataset:
     return replace(parts[0], blocks=blocks, patches=patches, times=times, time=chosen, format=said)
 
 
-def blocks_of(path: Path | str, data) -> list[Block]:
-    """Return the blocks of a data object, including nested ones."""
+def blocks_of(path: Path | str, data, notes: dict[str, None]) -> list[Block]:
+    """Return the blocks of a data object, including nested ones, and add notes for the user to `notes`."""
     from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkDataSet
 
     if isinstance(data, vtkCompositeDataSet):
@@ -139,10 +104,10 @@ def blocks_of(path: Path | str, data) -> list[Block]:
         while not iterator.IsDoneWithTraversal():
             own = ""
             if iterator.HasCurrentMetaData():
-                own = _text(iterator.GetCurrentMetaData().Get(vtkCompositeDataSet.NAME()))
+                own = text_of(iterator.GetCurrentMetaData().Get(vtkCompositeDataSet.NAME()))
             part = iterator.GetCurrentDataObject()
             if isinstance(part, vtkDataSet) and part.GetNumberOfPoints():
-                found.append(_block(path, part, own))
+                found.append(_block(path, part, own, notes))
             iterator.GoToNextItem()
         if not found:
             raise ReadError(path, "it has no block with points", DAMAGED)
@@ -151,10 +116,10 @@ def blocks_of(path: Path | str, data) -> list[Block]:
         raise ReadError(path, f"a {data.GetClassName()} is not a mesh", "give a grid with point or cell data")
     if not data.GetNumberOfPoints():
         raise ReadError(path, "it has no points", DAMAGED)
-    return [_block(path, data, "")]
+    return [_block(path, data, "", notes)]
 
 
-def _block(path: Path | str, data, name: str) -> Block:
+def _block(path: Path | str, data, name: str, notes: dict[str, None]) -> Block:
     from vtkmodules.vtkCommonDataModel import vtkImageData, vtkRectilinearGrid, vtkStructuredGrid
 
     shape = None
@@ -168,11 +133,11 @@ def _block(path: Path | str, data, name: str) -> Block:
     if any(own is not None and own.ndim != 1 for own in (ghosts, point_ghosts)):
         raise ReadError(path, "its vtkGhostType has several components", DAMAGED)
     blank = None
-    if ghosts is not None and (ghosts.astype(int) & (BLANK | HIDDEN | 1)).any():
-        blank = (ghosts.astype(int) & (BLANK | HIDDEN | 1)) != 0
+    if ghosts is not None and (ghosts.astype(int) & NO_OWN_FLOW).any():
+        blank = (ghosts.astype(int) & NO_OWN_FLOW) != 0
     elif point_ghosts is not None and (point_ghosts.astype(int) & 2).any():
         blank = (point_ghosts.astype(int) & 2) != 0
-    cells, parent = (None, None) if shape is not None else _cells(path, data)
+    cells, parent = (None, None) if shape is not None else _cells(path, data, notes)
     if parent is not None:
         cell_data = {name: values[parent] for name, values in cell_data.items()}
         blank = blank[parent] if blank is not None and ghosts is not None else blank
@@ -205,14 +170,14 @@ def _arrays(path: Path | str, attributes, count: int) -> dict[str, np.ndarray]:
         array = attributes.GetArray(k)
         if array is None:  # an array of texts
             continue
-        values, name = vtk_to_numpy(array), _text(array.GetName()) or f"array {k}"
+        values, name = vtk_to_numpy(array), text_of(array.GetName()) or f"array {k}"
         if len(values) != count:
             raise ReadError(path, f"array {name!r} has {len(values)} entries instead of {count}", DAMAGED)
         found[name] = np.array(values)
     return found
 
 
-def _cells(path: Path | str, data) -> tuple[Cells | None, np.ndarray | None]:
+def _cells(path: Path | str, data, notes: dict[str, None]) -> tuple[Cells | None, np.ndarray | None]:
     """Return the cells, and the file's cell that each came from if high-order cells were divided, else None."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -226,6 +191,8 @@ def _cells(path: Path | str, data) -> tuple[Cells | None, np.ndarray | None]:
     points = vtk_to_numpy(array.GetConnectivityArray()).astype(np.int64)
     kinds = np.array([data.GetCellType(0)]) if len(start) == 2 else vtk_to_numpy(_types(data))
     kinds = kinds.astype(np.uint8)
+    if second := _read_by_corners(kinds, np.diff(start)):
+        notes[f"{second} of {len(kinds)} cells are of second order: they are read by their corners alone"] = None
     start, points, kinds = _linear(start, points, kinds)
     start, points, kinds, parent = linear_cells(path, start, points, kinds)
     if len(unknown := np.setdiff1d(kinds, [*NO_FLOW, *FLAT, *SOLID])):
@@ -281,6 +248,13 @@ def _linear(start, points, kinds):
         points = points[within < np.repeat(keep, width)]
         start = np.concatenate([[0], np.cumsum(keep)])
     return start, points, kinds
+
+
+def _read_by_corners(kinds: np.ndarray, width: np.ndarray) -> int:
+    """Return how many cells of the flow have points between their corners that are left out."""
+    corners = {**{kind: CORNERS.get(plain, 2) for kind, plain in QUADRATIC.items()},
+               **{kind: count for kind, (_, count, _) in BY_CORNERS.items()}}  # fmt: skip
+    return sum(int(((kinds == kind) & (width > count)).sum()) for kind, count in corners.items() if count > 2)
 
 
 def _polyhedra(path, data, start: np.ndarray, points: np.ndarray, kinds: np.ndarray) -> Faces:

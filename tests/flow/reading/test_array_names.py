@@ -1,0 +1,86 @@
+"""Names of arrays: which are taken for the density, the pressure and the temperature, and their units."""
+
+import numpy as np
+import pytest
+
+from aerokernels import flow
+from aerokernels.flow.reading.array_names import known_names, quantity_name
+from aerokernels.flow.reading.density import DENSITY_NAMES
+
+Y, X = (axis.ravel() for axis in np.meshgrid(np.linspace(0.0, 0.8, 4), np.linspace(0.0, 1.0, 5), indexing="ij"))
+RHO = 1.2 + 0.3 * X - 0.2 * Y
+R = 287.0
+
+
+def table(path, **columns):
+    """A CSV file of the grid with further columns by name."""
+    own = {"x": X, "y": Y, **columns}
+    names = ",".join(f'"{name}"' for name in own)
+    np.savetxt(path, np.stack([np.broadcast_to(v, X.shape) for v in own.values()], 1), "%.17g", ",", header=names,
+               comments="")  # fmt: skip
+    return path
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["Density_avg", "RHO_mean", "avg_rho", "Mean Density", "time-averaged density", "AverageDensity", "<rho>", "ρ",
+     "Density, kg/m3", "density (static)"],
+)  # fmt: skip
+def test_spellings_of_the_density_and_its_mean(name):
+    assert known_names(["x", "rho_rms", "p/rho", name], DENSITY_NAMES) == [name]
+
+
+@pytest.mark.parametrize("name", ["Density (solid)", "rho{liquid}", "densityPrime2Mean", "rho (gradient) [kg/m4]"])
+def test_another_quantity_of_the_name_is_not_the_density(name):
+    """Expected: not taken. What is in brackets was left out, so that another quantity was taken for the density."""
+    assert known_names([name], DENSITY_NAMES) == []
+
+
+def test_the_density_itself_counts_before_its_mean():
+    assert known_names(["rhoMean", "density"], DENSITY_NAMES) == ["density"]
+    assert quantity_name("p [kPa]") == "p" and quantity_name("Pressure (total)") == "pressuretotal"
+
+
+@pytest.mark.parametrize("temperature", ["T", "temperature", "T (static)"])
+def test_a_time_called_t_is_no_temperature(tmp_path, temperature):
+    """Set-up: columns t = 0.5 s, p and T. Expected: p / (R T); the time was taken, and the density was 600 times it."""
+    path = table(tmp_path / "a.csv", t=0.5, p=RHO * R * 300.0, **{temperature: 300.0})
+    field = flow.read(path, gas_constant=R)
+    assert np.sort(field.density.ravel()) == pytest.approx(np.sort(RHO))
+    alone = table(tmp_path / "b.csv", t=0.5, p=RHO)
+    with pytest.raises(flow.ReadError, match="no array is known for the density"):
+        flow.read(alone)
+    assert "'t'" in flow.read(table(tmp_path / "c.csv", t=300.0 + X, p=1e5)).provenance
+
+
+def test_a_total_pressure_is_not_taken_for_the_static_one(tmp_path):
+    path = table(tmp_path / "a.csv", **{"Pressure (total)": 9e5, "Pressure": RHO * R * 300.0, "T": 300.0})
+    assert flow.read(path, gas_constant=R).density.max() == pytest.approx(RHO.max())
+
+
+def test_a_unit_after_a_comma_counts(tmp_path):
+    """Set-up: "x, mm" and "Density, g/cm3". Expected: metres and kg/m3."""
+    path = tmp_path / "a.csv"
+    names = '"x, mm","y, mm","Density, g/cm3"'
+    np.savetxt(path, np.stack([1e3 * X, 1e3 * Y, 1e-3 * RHO], 1), "%.17g", ",", header=names, comments="")
+    field = flow.read(path)
+    assert np.ptp(field.mesh.vertices, axis=0) == pytest.approx([0.8, 1.0])
+    assert field.density.max() == pytest.approx(RHO.max())
+
+
+@pytest.mark.parametrize(
+    ("names", "options", "said"),
+    [
+        (("x", "y", "rho"), {}, "no unit is stated, taken: 'rho' in kg/m3, coordinates in m"),
+        (("x [mm]", "y", "rho"), {}, "no unit is stated, taken: 'rho' in kg/m3;"),
+        (("x", "y", "rho [g/L]"), {"length_unit": "mm"}, None),
+        (("x", "y", "rho"), {"reference": {"density": 1.2, "length": 0.1}}, None),
+        (("x", "y", "rho"), {"reference": 1.2}, "no unit is stated, taken: coordinates in m"),
+    ],
+)
+def test_the_provenance_says_which_numbers_are_taken_in_si(tmp_path, names, options, said):
+    """Expected: a word on numbers without a unit, which may be non-dimensional or in millimetres."""
+    path = tmp_path / "a.csv"
+    np.savetxt(path, np.stack([X, Y, RHO], 1), "%.17g", ",", header=",".join(names), comments="")
+    provenance = flow.read(path, **options).provenance
+    assert said in provenance if said else "no unit" not in provenance
