@@ -1,10 +1,9 @@
 """Warp and OpenCL against each other, and what each backend promises beside right numbers.
 
-A kernel is built for each geometry, interpolation, method, stop and precision, which takes Warp four seconds and OpenCL
-two. So the tests go through pairs of options, and share kernels with each other and with test_backends_agree.py:
-geometry and interpolation by fixed steps in precisions by turns, geometry and stop by error control on cubic grids,
-method and stop on one grid and one mesh, the rule of eq 5 on a grid in float64 and on a mesh in float32.
-test_twins.py compares the functions that kernels consist of.
+A kernel for each geometry, interpolation, method, stop and precision takes Warp four seconds and OpenCL two. So the
+tests go through pairs of options, and share kernels with test_backends_agree.py: geometry and interpolation by fixed
+steps in precisions by turns, geometry and stop by error control on cubic grids, method and stop on one grid and one
+mesh, eq 5 on a grid in float64 and on a mesh in float32. test_twins.py compares the functions of which kernels consist.
 """
 
 import ctypes
@@ -111,27 +110,26 @@ def test_steps_of_eq_5_are_those_of_warp(engine):
 def test_adaptive_on_cubic_grids_takes_the_steps_of_warp(geometry, stop, engine):
     """float64: equal counts, so equal to rounding. float32: a step more or less, 1e-3 wave."""
     field, rays, until = field_of(geometry, "cubic"), oblique_rays(200), STOPS[stop]
-    if "float64" in precisions_at(geometry, stop):
+    precisions = precisions_at(geometry, stop)
+    if "float64" in precisions:
         ours, theirs = assert_agree(field, rays, engine, "float64", 1e-9, 1e-12, until, method="adaptive")
         assert np.array_equal(ours.step_count, theirs.step_count)
         assert np.abs(ours.step_error - theirs.step_error).max() < 1e-6 * WAVE
-    if "float32" in precisions_at(geometry, stop):
+    if "float32" in precisions:
         assert_agree(field, rays, engine, "float32", 1e-3, 5e-7, until, method="adaptive")
 
 
 @pytest.mark.parametrize("engine", OPENCL)
-@pytest.mark.parametrize(
-    ("geometry", "interpolation"), [("volume", "linear"), ("planar", "linear"), ("axisymmetric", "monotone")]
-)
-def test_adaptive_on_kinked_grids_agrees_with_warp(geometry, interpolation, engine):
+@pytest.mark.parametrize("kind", [("volume", "linear"), ("planar", "linear"), ("axisymmetric", "monotone")])
+def test_adaptive_on_kinked_grids_agrees_with_warp(kind, engine):
     """float32: 1e-3 wave, the tolerance; reported errors agree to three digits, and so do budgets."""
-    field, rays = field_of(geometry, interpolation), oblique_rays(200)
-    ours, theirs = assert_agree(field, rays, engine, "float32", 1e-3, 5e-7, method="adaptive")
+    ours, theirs = assert_agree(field_of(*kind), oblique_rays(200), engine, "float32", 1e-3, 5e-7, method="adaptive")
     assert ours.error["total"] == pytest.approx(theirs.error["total"], rel=1e-3)
     assert ours.error["step"] == pytest.approx(theirs.error["step"], rel=1e-2)
 
 
-# Every interpolation and both geometries; `test_adaptive_meets_the_limits` goes through every pair in float64.
+# Every interpolation and both geometries; `test_adaptive_meets_the_limits` goes through every pair in float64. Warp on
+# bilinear meshes only: its other kernels take long to build.
 ADAPTIVE_MESHES = (("axisymmetric", "bilinear"), ("planar", "bilinear-barron"), ("axisymmetric", "idw"))
 
 
@@ -144,10 +142,7 @@ ADAPTIVE_MESHES = (("axisymmetric", "bilinear"), ("planar", "bilinear-barron"), 
     ],
 )
 def test_adaptive_on_meshes_keeps_its_tolerance(geometry, interpolation, engine):
-    """Rounding shifts where steps end at the kinks of a mesh: each backend is held to the reference, not to the other.
-
-    A few tolerances: 3e-3 wave at 1e-3. Warp on bilinear meshes only: its other kernels take long to build.
-    """
+    """Rounding shifts where steps end at kinks: each is held to the reference; a few tolerances, 3e-3 wave at 1e-3."""
     backend = on(engine)
     field, rays = small_field(geometry, interpolation, 1, 3.0), small_rays(1)
     expected = exact(geometry, interpolation, 1, 3.0, "far", 1)
