@@ -275,7 +275,7 @@ def test_the_command_refuses_in_one_line(command_line, arguments: tuple[str, ...
 
 
 def test_the_command_writes_the_file_and_a_table(aerokernels, tmp_path: Path):
-    few = ("--device", "cpu", "--method", "straight", "--rays", 16, "--repeats", 1)
+    few = ("--device", "cpu", "--method", "adaptive", "--rays", 16, "--repeats", 1)
     done = aerokernels("bench", "cone", *few, "--out", "bench.json")
     assert done.returncode == 0, done.stderr
     held = json.loads((tmp_path / "bench.json").read_text(encoding="utf-8"))

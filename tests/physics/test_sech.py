@@ -41,7 +41,7 @@ def test_a_fan_refocuses(geometry):
     slope = np.array([-0.9, -0.5, -0.1, 0.0, 0.3, 0.7, 1.0])
     aim = np.stack([np.zeros_like(slope), slope, np.ones_like(slope)], axis=1)
     rays = RayBundle(np.zeros_like(aim), aim)
-    for half_periods in (1, 2, 7, 20):
+    for half_periods in (1, 2, 7, 10):
         z = half_periods * np.pi / g
         result = trace(field, rays, until=across_z(z), precision="float64", tolerance=1e-6)
         assert result.ok.all()
@@ -49,8 +49,8 @@ def test_a_fan_refocuses(geometry):
         assert np.abs(result.direction - rays.direction * [1.0, (-1.0) ** half_periods, 1.0]).max() < 2e-9 * z * g
         assert np.abs(result.optical_path - half_periods * np.pi * N0 / g).max() < 2e-9 * z
     aside = RayBundle(aim * [0.0, 0.02, 0.0] + [0.0, 0.05, 0.0], aim * [1.0, 0.5, 1.0])
-    result = trace(field, aside, until=across_z(2.0 * np.pi / g * 9), precision="float64", tolerance=1e-6)
-    path = 9 * 2.0 * np.pi / g
+    result = trace(field, aside, until=across_z(2.0 * np.pi / g * 4), precision="float64", tolerance=1e-6)
+    path = 4 * 2.0 * np.pi / g
     assert np.abs(result.position[:, :2] - aside.position[:, :2]).max() < 2e-9 * path
     assert np.abs(result.direction - aside.direction).max() < 2e-9 * path * g
     assert np.abs(result.optical_path - N0 * path).max() < 2e-9 * path

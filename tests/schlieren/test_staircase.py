@@ -2,7 +2,8 @@
 
 Set-up: straight fronts at 3 to 31 degrees, half of them near simple ratios of pixels (p / q +- 0.004, q up to 6), as
 tests/schlieren/test_fronts.py draws them, but each pixel sampled at its middle, or seen as an area; without noise and
-with noise of an eighth of the step; smoothed by 0, 1 and 2 pixels; 60 pictures of each kind.
+with noise of an eighth of the step; smoothed by 0, 1 and 2 pixels; 60 pictures of each kind. Each pair of sampling,
+noise and smoothing occurs; of pictures sampled at points without noise, the clean staircases, each smoothing.
 
 Expected: at most 1 of 60 errors is above 3 standard errors, and their rms is one of them at most; that of 60 draws
 scatters by 0.09, so 1.27 is three standard deviations above. Of 360 point-sampled
@@ -42,9 +43,18 @@ def picture_of(rng: np.random.Generator, slope: float, at_points: bool, noise: f
     return Picture(np.clip(seen, 0.0, 1.0), HORIZONTAL, VERTICAL)
 
 
-@pytest.mark.parametrize("smoothing", [0.0, 1.0, 2.0])
-@pytest.mark.parametrize("noise", [0.0, 0.04])
-@pytest.mark.parametrize("at_points", [True, False])
+@pytest.mark.parametrize(
+    ("at_points", "noise", "smoothing"),
+    [
+        (True, 0.0, 0.0),
+        (True, 0.0, 1.0),
+        (True, 0.0, 2.0),
+        (True, 0.04, 0.0),
+        (False, 0.0, 0.0),
+        (False, 0.04, 1.0),
+        (False, 0.04, 2.0),
+    ],
+)
 def test_the_standard_error_covers_the_error(at_points, noise, smoothing):
     ratios = []
     for number in range(COUNT):

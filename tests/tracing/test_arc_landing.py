@@ -18,7 +18,7 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, trace
 
-from .backends import ENGINES, on
+from .backends import OPENCL, WARP, on
 
 CELL, LENGTH = 1e-3, 9.3e-3
 
@@ -43,9 +43,16 @@ def ends() -> np.ndarray:
     return exact.position
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    ("engine", "precision"),
+    [
+        pytest.param(*engine.values, precision, marks=engine.marks)
+        for precision, engines in (("float32", WARP + OPENCL), ("float64", OPENCL))
+        for engine in engines
+    ],
+)
 def test_all_rays_end_at_the_arc_length(engine, precision):
+    """Warp in float32 only, by a kernel of test_cross_backend.py: it lands by the same functions (test_twins.py)."""
     field, bundle, until = strong_field(), rays(), ArcLength(LENGTH)
     off = []
     for step in (1.5 * CELL, 0.75 * CELL):

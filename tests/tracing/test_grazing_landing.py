@@ -49,8 +49,11 @@ def test_a_ray_that_rises_from_a_face_and_sinks_back_ends_on_it(engine, precisio
 @pytest.mark.parametrize("kind", ["cpu", pytest.param("gpu", marks=pytest.mark.gpu)])
 @pytest.mark.parametrize("seed", [44, 80])
 def test_rays_that_slide_along_a_face_are_right_or_say_so(kind, seed):
-    """Starts on the faces, slopes of 1e-8 to 1e-6: off by 0.17 and 3.3 waves once, own estimates of 1e-8 and less."""
-    findings, compared, _ = check(draw(seed), all_on(kind))
+    """Starts on the faces, slopes of 1e-8 to 1e-6: off by 0.17 and 3.3 waves once, own estimates of 1e-8 and less.
+
+    Seed 44, a linear volume that ends rays by the box, on one engine: no other test has Warp build its kernels.
+    """
+    findings, compared, _ = check(draw(seed), all_on(kind)[-1:] if seed == 44 else all_on(kind))
     assert not findings and compared >= 300
 
 

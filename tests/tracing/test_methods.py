@@ -60,9 +60,9 @@ def test_the_plan_names_what_ran(engine):
         (oblique[np.arange(10)], "adaptive", {}),
         (oblique, "adaptive", {"method": "adaptive"}),
         (oblique, "fixed", {"method": "fixed", "step": 2e-4}),
-        (oblique, "paper", {"method": "paper"}),
+        (oblique, "paper", {"method": "paper", "precision": "float64", "outputs": None}),
     ):
-        plan = trace(field, rays, until=FAR, outputs="opd", **options, **on(engine)).plan
+        plan = trace(field, rays, until=FAR, **{"outputs": "opd", **options}, **on(engine)).plan
         assert plan.method == method == plan.as_dict()["method"]
         assert str(plan).startswith(f"{method} on ")
         assert (plan.sample_count > 0) == (method == "leapfrog")

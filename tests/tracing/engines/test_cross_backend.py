@@ -1,4 +1,10 @@
-"""Warp and OpenCL against each other, and what each backend promises beside right numbers."""
+"""Warp and OpenCL against each other, and what each backend promises beside right numbers.
+
+A kernel for each geometry, interpolation, method, stop and precision takes Warp four seconds and OpenCL two. So the
+tests go through pairs of options, and share kernels with test_backends_agree.py: geometry and interpolation by fixed
+steps in precisions by turns, geometry and stop by error control on cubic grids, method and stop on one grid and one
+mesh, eq 5 on a grid in float64 and on a mesh in float32. test_twins.py compares the functions of which kernels consist.
+"""
 
 import ctypes
 import gc
@@ -32,6 +38,7 @@ from ..backends import (
     exact,
     field_of,
     on,
+    precisions_at,
     small_field,
     small_rays,
 )
@@ -73,7 +80,7 @@ def test_fixed_steps_are_those_of_warp(geometry, interpolation, precision, engin
 @pytest.mark.parametrize("engine", OPENCL)
 @pytest.mark.parametrize(
     ("geometry", "interpolation", "stop"),
-    [("planar", "cubic", stop) for stop in STOPS] + [("axisymmetric", "bilinear", "within")],
+    [("planar", "cubic", stop) for stop in STOPS] + [("axisymmetric", "bilinear-barron", "within")],
 )
 def test_fixed_steps_are_those_of_warp_at_every_stop(geometry, interpolation, stop, engine):
     """A grid in float32 and a mesh in float64: stops share no code with interpolants."""
@@ -84,12 +91,12 @@ def test_fixed_steps_are_those_of_warp_at_every_stop(geometry, interpolation, st
 
 
 @pytest.mark.parametrize("engine", OPENCL)
-@pytest.mark.parametrize(("geometry", "interpolation"), [("volume", "cubic"), ("planar", "idw")])
-def test_steps_of_eq_5_are_those_of_warp(geometry, interpolation, engine):
+def test_steps_of_eq_5_are_those_of_warp(engine):
     """In float64, where rounding never puts a step into the neighbour of its cell, and in float32 where it did not."""
-    field, rays = field_of(geometry, interpolation), oblique_rays(200)
+    field, rays = field_of("volume", "cubic"), oblique_rays(200)
     ours, theirs = assert_agree(field, rays, engine, "float64", 1e-9, 1e-13, method="paper")
     assert np.array_equal(ours.step_count, theirs.step_count)
+    field = field_of("planar", "bilinear-barron")
     ours, theirs = assert_agree(field, rays, engine, "float32", 1e-3, 5e-7, method="paper")
     same = ours.step_count == theirs.step_count
     assert np.abs(ours.opd - theirs.opd)[same].max() < 2e-4 * WAVE and same.mean() > 0.9
@@ -103,22 +110,26 @@ def test_steps_of_eq_5_are_those_of_warp(geometry, interpolation, engine):
 def test_adaptive_on_cubic_grids_takes_the_steps_of_warp(geometry, stop, engine):
     """float64: equal counts, so equal to rounding. float32: a step more or less, 1e-3 wave."""
     field, rays, until = field_of(geometry, "cubic"), oblique_rays(200), STOPS[stop]
-    ours, theirs = assert_agree(field, rays, engine, "float64", 1e-9, 1e-12, until, method="adaptive")
-    assert np.array_equal(ours.step_count, theirs.step_count)
-    assert np.abs(ours.step_error - theirs.step_error).max() < 1e-6 * WAVE
-    assert_agree(field, rays, engine, "float32", 1e-3, 5e-7, until, method="adaptive")
+    precisions = precisions_at(geometry, stop)
+    if "float64" in precisions:
+        ours, theirs = assert_agree(field, rays, engine, "float64", 1e-9, 1e-12, until, method="adaptive")
+        assert np.array_equal(ours.step_count, theirs.step_count)
+        assert np.abs(ours.step_error - theirs.step_error).max() < 1e-6 * WAVE
+    if "float32" in precisions:
+        assert_agree(field, rays, engine, "float32", 1e-3, 5e-7, until, method="adaptive")
 
 
 @pytest.mark.parametrize("engine", OPENCL)
-@pytest.mark.parametrize(
-    ("geometry", "interpolation"), [("volume", "linear"), ("axisymmetric", "linear"), ("planar", "monotone")]
-)
-def test_adaptive_on_kinked_grids_agrees_with_warp(geometry, interpolation, engine):
-    """float32: 1e-3 wave, the tolerance."""
-    assert_agree(field_of(geometry, interpolation), oblique_rays(200), engine, "float32", 1e-3, 5e-7, method="adaptive")
+@pytest.mark.parametrize("kind", [("volume", "linear"), ("planar", "linear"), ("axisymmetric", "monotone")])
+def test_adaptive_on_kinked_grids_agrees_with_warp(kind, engine):
+    """float32: 1e-3 wave, the tolerance; reported errors agree to three digits, and so do budgets."""
+    ours, theirs = assert_agree(field_of(*kind), oblique_rays(200), engine, "float32", 1e-3, 5e-7, method="adaptive")
+    assert ours.error["total"] == pytest.approx(theirs.error["total"], rel=1e-3)
+    assert ours.error["step"] == pytest.approx(theirs.error["step"], rel=1e-2)
 
 
-# Every interpolation and both geometries; `test_adaptive_meets_the_limits` goes through every pair in float64.
+# Every interpolation and both geometries; `test_adaptive_meets_the_limits` goes through every pair in float64. Warp on
+# bilinear meshes only: its other kernels take long to build.
 ADAPTIVE_MESHES = (("axisymmetric", "bilinear"), ("planar", "bilinear-barron"), ("axisymmetric", "idw"))
 
 
@@ -131,16 +142,12 @@ ADAPTIVE_MESHES = (("axisymmetric", "bilinear"), ("planar", "bilinear-barron"), 
     ],
 )
 def test_adaptive_on_meshes_keeps_its_tolerance(geometry, interpolation, engine):
-    """Rounding shifts where steps end at the kinks of a mesh: each backend is held to the reference, not to the other.
-
-    A few tolerances: 3e-3 wave at 1e-3. Warp in float32 on bilinear meshes only: its other kernels take long to build.
-    """
+    """Rounding shifts where steps end at kinks: each is held to the reference; a few tolerances, 3e-3 wave at 1e-3."""
     backend = on(engine)
     field, rays = small_field(geometry, interpolation, 1, 3.0), small_rays(1)
     expected = exact(geometry, interpolation, 1, 3.0, "far", 1)
-    for precision in PRECISIONS if backend["backend"] == "opencl" else ("float32",):
-        result = trace(field, rays, until=FAR, method="adaptive", precision=precision, **backend)
-        assert result.ok.all() and np.abs(result.opd - expected.opd).max() < 3e-3 * WAVE
+    result = trace(field, rays, until=FAR, method="adaptive", precision="float32", **backend)
+    assert result.ok.all() and np.abs(result.opd - expected.opd).max() < 3e-3 * WAVE
 
 
 # --- what each backend promises --------------------------------------------------------------------------------------
@@ -244,10 +251,10 @@ def test_each_precision_has_its_own_numbers_on_the_device(engine):
 @pytest.mark.parametrize("method", ["adaptive", "fixed"])
 def test_every_status_in_one_bundle(engine, method):
     """Rays that arrive, fly past, run away from the plane and run out of steps; each has its own status."""
-    backend, field = on(engine), field_of("volume", "cubic")
+    backend, field = on(engine), field_of("planar" if method == "fixed" else "volume", "cubic")
     step = {"step": 4e-5} if method == "fixed" else {}
     behind = (0.0, 0.0, 11e-3)
-    rays = RayBundle([[0, 0, -1e-3], [1.0, 0, 0], behind, [0, 0, 3.99e-3]], [[0.0, 0.0, 1.0]])
+    rays = RayBundle([[0, 0, -1e-3], [0, 1.0, 0], behind, [0, 0, 3.99e-3]], [[0.0, 0.0, 1.0]])
     result = trace(field, rays, until=Plane((0, 0, 10e-3), (0, 0, 1)), method=method, max_steps=3, **step, **backend)
     expected = [RayStatus.MAX_STEPS, RayStatus.OK, RayStatus.STOP_NOT_REACHED, RayStatus.OK]
     assert list(result.traced_status) == expected
@@ -276,7 +283,7 @@ def test_a_mesh_field_and_a_grid_field_in_one_process():
     """Kernels of a grid get one row for a mesh's arrays, and the other way round: both orders work."""
     need_opencl()
     rays = oblique_rays(3)
-    for field in (mesh_field("idw"), uniform_field("planar"), mesh_field("bilinear")):
+    for field in (mesh_field("idw", "axisymmetric"), uniform_field("planar"), mesh_field("bilinear", "axisymmetric")):
         assert trace(field, rays, until=FAR, method="adaptive", backend="opencl").ok.all()
 
 

@@ -123,13 +123,16 @@ def _opencl_number(kind: str, place: int) -> str:
 
 
 def warp_module(made: Program, folder: Path) -> ModuleType:
-    """A module with kernel `twins`, written into a folder: Warp reads a kernel's source."""
+    """A module with kernel `twins`, written into a folder: Warp reads a kernel's source.
+
+    It has two indices: with one, Warp compiles it twice for a CPU (see kernels/trace.py).
+    """
     lines = [
         '@wp.kernel(module="unique", enable_backward=False, module_options={"optimization_level": 1})',
         "def twins(",
     ]
     lines += ["    field: Field, bounds: Bounds, control: Control, given: wp.array(dtype=wp.float64),"]
-    lines += ["    out: wp.array(dtype=wp.float64),", "):", "    row = wp.tid()"]
+    lines += ["    out: wp.array(dtype=wp.float64),", "):", "    row, _ = wp.tid()"]
     for number, twin in enumerate(made.twins):
         lines += [f"    i{number} = row * {made.given_width} + {made.given[twin.name]}"]
         lines += [f"    o{number} = row * {made.out_width} + {made.out[twin.name]}"]
@@ -196,7 +199,7 @@ def run_warp(made: Program, folder: Path, structs: list, given: np.ndarray) -> n
     """What the Warp twins give, a row for each of the input."""
     out = wp.zeros(len(given) * made.out_width, dtype=wp.float64, device="cpu")
     numbers = wp.array(given.ravel(), dtype=wp.float64, device="cpu")
-    wp.launch(warp_module(made, folder).twins, dim=len(given), inputs=[*structs, numbers, out], device="cpu")
+    wp.launch(warp_module(made, folder).twins, dim=(len(given), 1), inputs=[*structs, numbers, out], device="cpu")
     return out.numpy().reshape(len(given), made.out_width)
 
 

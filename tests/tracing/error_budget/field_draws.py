@@ -56,8 +56,9 @@ def complex_slopes(value: Value) -> Formula:
     step = 1e-20
 
     def formula(x, y, z):
-        # Both slopes by one call: for few rays it is calls that cost.
-        ahead = value(np.stack([x + 1j * step, x + 0j]), np.stack([y + 0j, y + 1j * step]), z)
+        # Both slopes by one call, as in `smooth_formula`.
+        across_x, across_y = np.array([[1j * step], [0.0]]), np.array([[0.0], [1j * step]])
+        ahead = value(x + across_x, y + across_y, z)
         return ahead[0].real, ahead.imag / step
 
     return formula
@@ -66,13 +67,14 @@ def complex_slopes(value: Value) -> Formula:
 def smooth_formula(rng, amplitude: float, longest: float, shortest: float):
     """A sum of plane waves in y and z [m] (and x), faded to nothing nowhere: value and slope across."""
     drawn = [(rng.normal(size=3), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(shortest, longest)) for _ in range(5)]
-    waves = [(*(2.0 * np.pi / length / np.linalg.norm(way) * way).tolist(), phase) for way, phase, length in drawn]
+    waves = np.array([2.0 * np.pi / length / np.linalg.norm(way) * way for way, _, length in drawn])
+    phases = np.array([phase for _, phase, _ in drawn])
 
     def value(x, y, z):
-        total = 0.0
-        for along_x, along_y, along_z, phase in waves:
-            total = total + np.sin(along_x * x + along_y * y + (along_z * z + phase))
-        return amplitude / len(waves) * total
+        # All waves by one call: for few rays it is calls that cost.
+        rows = (-1, *(1,) * np.ndim(x))
+        along_x, along_y, along_z, phase = (each.reshape(rows) for each in (*waves.T, phases))
+        return amplitude / len(waves) * np.sin(along_x * x + along_y * y + (along_z * z + phase)).sum(axis=0)
 
     return value
 

@@ -1,19 +1,19 @@
 """Does the reported budget cover the error made? Random fields whose true optical paths are known from the formula.
 
-Set-up: 200 fields of field_draws.py, a third of each kind, half of them volumes. Every other
+Set-up: 108 fields of field_draws.py, a third of each kind, half of them volumes. Every other
 cubic one is met by as many rays as take the way of a million, by leapfrog samples; the others by a few, which go one by
 one, as all do on other grids.
 
 Truth: the exact ray of the formula by DOP853 at 1e-8, which is 1e-7 wave.
 
 The engines take turns, six fields of every kind each: on a field both report the same total and make the same error to
-three digits (test_cross_backend.py holds them together), so that a field says no more on both than on one.
+three digits (test_cross_backend.py holds them together), so that a field says no more on both than on one. Linear and
+monotone fields are OpenCL's where it is there: Warp's kernels of them take half a minute to build.
 
-Must hold on each engine: at least 95 % of its fields are covered by the reported total, and the median of reported over
-true is at most 30. A field counts as covered where the greatest error over its rays is below the budget's total.
+Must hold: at least 95 % of the fields are covered by the reported total, and the median of reported over true is at
+most 30, on all fields and on those of each engine. A field counts as covered where the greatest error over its rays is
+below the budget's total. Were one field in ten not covered, 108 fields would fail this test in 96 of 100 draws.
 """
-
-import functools
 
 import numpy as np
 import pytest
@@ -23,21 +23,21 @@ from aerokernels.tracing.leapfrog.sample_cost import LEAST_RAYS
 
 from .field_draws import KINDS, draw
 
-FIELD_COUNT = 200
-COMPARED = 4  # rays of a bundle whose truth is known: most of the time goes into it
+FIELD_COUNT = 108
+COMPARED = 4  # rays of a bundle whose truth is known
 
 
-@functools.cache
 def outcomes() -> dict[str, list[tuple[str, float, float]]]:
     """By engine, for each of its fields: the method that ran, the reported total and the true error [m]."""
     here = sorted({info.backend for info in available_backends() if info.available} - {"reference"})
     found: dict[str, list[tuple[str, float, float]]] = {backend: [] for backend in here}
     for number in range(FIELD_COUNT):
         case = draw(KINDS[number % 3], bool(number // 3 % 2), number)
-        rays = case.rays(LEAST_RAYS if case.field.interpolation == "cubic" and number % 2 else COMPARED, number)
+        is_cubic = case.field.interpolation == "cubic"
+        rays = case.rays(LEAST_RAYS if is_cubic and number % 2 else COMPARED, number)
         exact = case.exact_opd(rays[:COMPARED])
         plane = Plane((0.0, 0.0, case.length), (0.0, 0.0, 1.0))
-        backend = here[number // 6 % len(here)]
+        backend = here[number // 6 % len(here) if is_cubic else 0]
         result = trace(case.field, rays, until=plane, backend=backend)
         assert result.ok.all()
         error = float(np.abs(result.opd[:COMPARED] - exact).max())
@@ -45,11 +45,12 @@ def outcomes() -> dict[str, list[tuple[str, float, float]]]:
     return found
 
 
-@pytest.mark.parametrize("backend", ["opencl", "warp"])
-def test_two_hundred_random_fields(backend):
-    if backend not in outcomes():
-        pytest.skip(f"backend {backend} cannot trace here")
-    methods, reported, true = map(np.array, zip(*outcomes()[backend], strict=True))
-    assert len(true) > FIELD_COUNT // len(outcomes()) - 6 and {"leapfrog", "adaptive"} <= set(methods)
-    assert np.mean(reported >= true) >= 0.95
-    assert np.median(reported / true) <= 30.0
+def test_a_hundred_random_fields():
+    by_engine = outcomes()
+    if not by_engine:
+        pytest.skip("no backend can trace here")
+    for some in ([case for cases in by_engine.values() for case in cases], *by_engine.values()):
+        methods, reported, true = map(np.array, zip(*some, strict=True))
+        assert len(true) > FIELD_COUNT // 5 and {"leapfrog", "adaptive"} <= set(methods)
+        assert np.mean(reported >= true) >= 0.95
+        assert np.median(reported / true) <= 30.0

@@ -50,14 +50,25 @@ def scene(seed: int):
     return field, rays, None if rng.random() < 0.3 else plane
 
 
-@pytest.mark.parametrize(("engine", "count"), [("opencl-cpu", 120), ("warp-cpu", 15), ("reference", 12)])
+# Kinds of scenes, geometry, interpolation and whether there is a plane, that OpenCL does not trace, and the only ones
+# that Warp does: each pair of them occurs on OpenCL, and Warp takes kernels of test_backends_agree.py. A kind takes
+# OpenCL four seconds, and Warp nine.
+LEFT_OUT = [("planar", "cubic", False), *((geometry, "linear", False) for geometry in ("axisymmetric", "planar"))]
+ON_WARP = [("volume", "cubic", True), ("axisymmetric", "cubic", False), ("planar", "linear", True)]
+
+
+@pytest.mark.parametrize(("engine", "count"), [("opencl-cpu", 120), ("warp-cpu", 30), ("reference", 12)])
 def test_the_step_error_of_straight_rays_covers_their_bending(engine, count):
     backend = {"backend": "reference"} if engine == "reference" else on(engine)
     missed, unsaid, ratios = [], 0, []
-    # Of linear grids Warp takes one: the kernels of the other two geometries take as long to build as all else.
-    seeds = [seed for seed in range(count) if engine != "warp-cpu" or seed not in (9, 14)]
-    for seed in seeds:
-        field, rays, until = scene(seed)
+    scenes = [(seed, *scene(seed)) for seed in range(count)]
+    kinds = [(field.geometry, field.interpolation, until is not None) for _, field, _, until in scenes]
+    if engine == "opencl-cpu":
+        scenes = [one for one, kind in zip(scenes, kinds, strict=True) if kind not in LEFT_OUT]
+    if engine == "warp-cpu":
+        scenes = [one for one, kind in zip(scenes, kinds, strict=True) if kind in ON_WARP]
+        assert {kind for kind in kinds if kind in ON_WARP} == set(ON_WARP)
+    for seed, field, rays, until in scenes:
         settings = {"until": until, "precision": "float64", "bundle": "off", **backend}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -70,7 +81,7 @@ def test_the_step_error_of_straight_rays_covers_their_bending(engine, count):
         unsaid += np.count_nonzero((true > 1e-3) & (line.traced_status[both] != RayStatus.TOLERANCE_NOT_MET))
         ratios += list((reported / np.maximum(true, 1e-12))[true > 1e-3])
     assert not missed and not unsaid, (missed, unsaid)
-    assert len(ratios) > 0.3 * len(seeds) * RAYS and np.median(ratios) < 10.0
+    assert len(ratios) > 0.3 * len(scenes) * RAYS and np.median(ratios) < 10.0
 
 
 @pytest.mark.parametrize("geometry", ["planar", "axisymmetric", "volume"])

@@ -20,7 +20,7 @@ from aerokernels.tracing.straight_lines import lines_through
 from aerokernels.tracing.support import support_box
 from aerokernels.validation.random_fields import CELL
 
-from ..backends import ENGINES, WAVE, on
+from ..backends import ENGINES, OPENCL, WAVE, on
 
 KINDS = ("volume", "planar", "axisymmetric")
 FAR = Plane((0.0, 0.0, 11e-3), (0.0, 0.0, 1.0))
@@ -134,10 +134,19 @@ def one_apart(height: np.ndarray, slope: np.ndarray, place: tuple[float, float],
     return abs(result.opd[row] - exact.opd[0]) / WAVE, result.step_error[row] / WAVE
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("has_body", [False, True])
+@pytest.mark.parametrize(
+    ("has_body", "engine"),
+    [
+        pytest.param(has_body, *engine.values, marks=engine.marks)
+        for has_body, engines in ((False, ENGINES), (True, OPENCL))
+        for engine in engines
+    ],
+)
 def test_a_ray_far_from_all_others_is_right(engine, has_body):
-    """One ray of 8000, in the middle of their order: with a body it was off by 60 tolerances, with status OK."""
+    """One ray of 8000, in the middle of their order: with a body it was off by 60 tolerances, with status OK.
+
+    The host decides who is sampled, so that with a body one engine says it: Warp would build a kernel for it alone.
+    """
     height = np.random.default_rng(0).uniform(-1e-3, 1e-3, 8000)
     height[4003] = 9e-3
     error, own = one_apart(height, np.zeros(8000), (9e-3, 24e-3), has_body, 4003, engine)

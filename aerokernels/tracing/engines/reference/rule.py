@@ -120,7 +120,9 @@ class _Rule:
         state, heading = self.state[rows], self.flight.direction[rows]
 
         def end(length):
-            after = self.nystrom(state, heading, index, gradient, length)[0]
+            if column == 1 and isinstance(self.until, ArcLength):
+                return self.stop_value(self.nystrom(state, heading, index, gradient, length)[0], rows)
+            after = self.stages(state, index, gradient, length)[0]  # the place is enough
             return self.outside(after) if column == 0 else self.stop_value(after, rows)
 
         now = self.outside(state) if column == 0 else self.stop_value(state, rows)
@@ -158,17 +160,27 @@ class _Rule:
         cell = np.floor((local - samples.origin) / samples.spacing).astype(np.int64)
         return samples.paper_step[tuple(np.clip(cell, 0, np.array(samples.shape) - 2).T)]
 
-    def nystrom(self, state, heading, index, gradient, h) -> tuple[np.ndarray, np.ndarray]:
-        """One step of the fourth-order formula, and the angles of the rays with their first directions."""
+    def stages(self, state, index, gradient, h) -> tuple[np.ndarray, list, list]:
+        """Where a step ends, which is the place of its last stage; index and force at the stages before it."""
         place, momentum, step = state[:, :3], state[:, 3:6], h[:, None]
         indices, forces = [index], [index[:, None] * gradient]
         for stage in range(1, 4):
             kick = sum(a * f for a, f in zip(A[stage], forces, strict=False))
-            here, slope = self.look(place + C[stage] * step * momentum + step**2 * kick)
-            indices.append(here)
-            forces.append(here[:, None] * slope)
+            there = place + C[stage] * step * momentum + step**2 * kick
+            if stage < 3:
+                here, slope = self.look(there)
+                indices.append(here)
+                forces.append(here[:, None] * slope)
+        return there, indices, forces
+
+    def nystrom(self, state, heading, index, gradient, h) -> tuple[np.ndarray, np.ndarray]:
+        """One step of the fourth-order formula, and the angles of the rays with their first directions."""
+        momentum, step = state[:, 3:6], h[:, None]
         after = state.copy()
-        after[:, :3] = place + step * momentum + step**2 * sum(a * f for a, f in zip(A[3], forces, strict=False))
+        after[:, :3], indices, forces = self.stages(state, index, gradient, h)
+        here, slope = self.look(after[:, :3])
+        indices.append(here)
+        forces.append(here[:, None] * slope)
         after[:, 3:6] = momentum + step * sum(b * f for b, f in zip(BT, forces, strict=True))
         after[:, PATH] += h * sum(b * n * n for b, n in zip(BT, indices, strict=True))
         after[:, ARC] += h * sum(b * n for b, n in zip(BT, indices, strict=True))
