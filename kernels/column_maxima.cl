@@ -2,12 +2,11 @@
 // node of the third axis: of the fourth differences of the spline's coefficients along each axis (roughness_of_blocks in
 // aerokernels/tracing/step_bound.py), and of the potential m (ambient + m / 2) / ambient of the contrasts m.
 //
-// Places first_place up to place_count; a work-item takes LANES neighbours along the third axis at a time, which has no
-// fewer nodes:
-// coefficients_in (first_count + 2, second_count + 2, third_count + 2) and values_in (first_count, second_count,
-// third_count); maxima_out (4, first blocks, second blocks, third_count). A grid of two axes has a first_count of 1 and
-// one layer of coefficients. At the ends of an axis the coefficients continue as a cubic, whose fourth difference is 0;
-// where `even` is 1 they are mirrored at the second axis' first node.
+// Places up to place_count (first_place is 0); a work-item takes LANES neighbours along the third axis at a time, which
+// has no fewer nodes: coefficients_in (first_count + 2, second_count + 2, third_count + 2) and values_in (first_count,
+// second_count, third_count); maxima_out (4, first blocks, second blocks, third_count). A grid of two axes has a
+// first_count of 1 and one layer of coefficients. At the ends of an axis the coefficients continue as a cubic, whose
+// fourth difference is 0; where `even` is 1 they are mirrored at the second axis' first node.
 
 #include "arguments.h"
 #include "neighbors.h"
@@ -53,7 +52,8 @@ __kernel void column_maxima(COLUMN_MAXIMA_ARGUMENTS)
                     along_first = greater_of(along_first, fourth_difference(c, plane, -2 * plane));
                 }
                 if (j < second_count - 1 && (j > 0 || even)) {
-                    along_second = greater_of(along_second, fourth_difference(c, pitch, j > 0 ? -2 * pitch : 2 * pitch));
+                    const int second_before = j > 0 ? -2 * pitch : 2 * pitch;
+                    along_second = greater_of(along_second, fourth_difference(c, pitch, second_before));
                 }
             }
         }

@@ -25,7 +25,7 @@ from .step_bound import block_size
 # Grids of fewer nodes are as fast on the host: volumes, and those of two axes, for which a CPU makes the spline.
 LEAST_NODES = 1 << 15  # speed only
 LEAST_FLAT = 1 << 12  # speed only
-# Nodes from which on a CPU uses the kernels for one field: to load them takes longer than NumPy takes for fewer.
+# A CPU loads the kernels for a single field of so many nodes; for fewer NumPy is done before they are loaded.
 MANY_NODES = 1 << 20  # speed only
 # Least number of nodes along an axis: the elimination needs four; and along the last axis: those of a CPU's vectors.
 LEAST_COUNT, LEAST_LAST = 4, 8

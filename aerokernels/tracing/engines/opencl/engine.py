@@ -151,10 +151,11 @@ class Engine(Uploads):
             return {name: self._named(name) for name in names}
 
     def _named(self, name: str) -> Kernel:
+        """Return a kernel of PROGRAMS."""
         program = next(program for program, names in PROGRAMS.items() if name in names)
-        lanes = lane_count(self.session, "float64") if program == "grid_tables" else 1
-        options = self._options(precision="float64", lanes=lanes) if lanes > 1 else ()
-        lanes = lanes if name in IN_LANES else 1
+        width = lane_count(self.session, "float64") if program == "grid_tables" else 1
+        options = self._options(precision="float64", lanes=width) if width > 1 else ()
+        lanes = width if name in IN_LANES else 1
         kernel = self._kernel(build(self.session, f"{program}.cl", options), name, lanes, SHARED.get(name, 1))
         if lanes > 1:
             kernel.group = PACKET_GROUP
