@@ -44,7 +44,8 @@ def started(folder: Path, *arguments: str) -> subprocess.Popen:
 
 def lines(folder: Path) -> list[dict]:
     path = folder / "out" / CASES_FILE
-    return [json.loads(line) for line in path.read_text().splitlines()] if path.is_file() else []
+    whole = path.read_text().rpartition("\n")[0] if path.is_file() else ""  # the last line may be being written
+    return [json.loads(line) for line in whole.splitlines()]
 
 
 def wait_for_cases(process: subprocess.Popen, folder: Path, count: int) -> None:
