@@ -216,7 +216,7 @@ def test_a_field_is_kept_once_as_long_as_it_lives(engine):
         samples = 1e-6 * np.sin(wave[:nodes, None]) * np.cos(wave[:nodes])
         return IndexField.from_samples(samples, origin=(-1.0, 0.0), spacing=(2.0 / nodes,) * 2, geometry="planar")
 
-    trace(field(20), rays, **settings)  # compiled and loaded before memory is counted
+    trace(field(1100), rays, **settings)  # compiled and loaded before memory is counted, as for as many nodes
     gc.collect()
     before = memory()
     large = field(count)
