@@ -67,6 +67,20 @@ def child(node: Node, *names: str) -> Node | None:
     return next((own for name in names for own in node.below if own.name == name and own.data is not None), None)
 
 
+def array_paths(root: Node, *labels: str) -> Iterator[list[Node]]:
+    """Yield the nodes above each array of the zones' parts of these labels, from the root to the array itself."""
+    for base in children(root, "CGNSBase_t"):
+        for zone in children(base, "Zone_t"):
+            for part in (own for label in labels for own in children(zone, label)):
+                for array in children(part, "DataArray_t"):
+                    yield [root, base, zone, part, array]
+
+
+def class_of(above: list[Node]) -> str:
+    """Return the class of an array's data, as the last of its nodes that has one states it; empty if none does."""
+    return next((text_of(own) for node in reversed(above) for own in reversed(children(node, "DataClass_t"))), "")
+
+
 def data_of(node: Node) -> np.ndarray:
     """Return the data of a node, in HDF5's order of axes.
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ..dataset import ReadError
-from .cgns_nodes import Node, child, children, data_of, opened, text_of
+from .cgns_nodes import Node, array_paths, child, children, class_of, data_of, opened, text_of
 
 ON_AXIS = 1e-6  # of the distance of the reference point from the origin: rounding of single precision
 DIMENSIONAL = ("", "Null", "DataClassNull", "UserDefined", "Dimensional")
@@ -75,16 +75,9 @@ def _axis(path: Path, symmetry: Node) -> tuple[float, float, float]:
 
 def _data_classes(root: Node) -> list[str]:
     """Return a note on data classes that are not dimensional, of arrays without a conversion."""
-    classes = set()
-    for base in children(root, "CGNSBase_t"):
-        for zone in children(base, "Zone_t"):
-            for part in children(zone, "FlowSolution_t"):
-                for array in children(part, "DataArray_t"):
-                    stated = [
-                        text_of(own) for node in (base, zone, part, array) for own in children(node, "DataClass_t")
-                    ]
-                    if stated and not children(array, "DataConversion_t"):
-                        classes.add(stated[-1])
+    classes = {
+        class_of(above) for above in array_paths(root, "FlowSolution_t") if not children(above[-1], "DataConversion_t")
+    }
     if other := sorted(classes.difference(DIMENSIONAL)):
         return [f"the file calls data {', '.join(other)}: without a reference their numbers are taken as SI units"]
     return []

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..array_units import length_of
-from .cgns_nodes import Node, children, data_of, opened, text_of
+from .cgns_nodes import Node, array_paths, children, class_of, data_of, opened
 
 # Symbols of the standard's unit names, in the order of the exponents: mass, length, time, temperature, angle.
 SYMBOLS = (
@@ -44,15 +44,11 @@ def units_of(path: Path, root: Node) -> tuple[float | None, dict[str, str]]:
     """Return what `units` does, from the root node of a file."""
     lengths: dict[str, str] = {}
     arrays: dict[str, str] = {}
-    for base in children(root, "CGNSBase_t"):
-        for zone in children(base, "Zone_t"):
-            for label in ("GridCoordinates_t", "FlowSolution_t"):
-                for part in children(zone, label):
-                    for array in children(part, "DataArray_t"):
-                        known = LENGTH if label == "GridCoordinates_t" else EXPONENTS.get(array.name)
-                        unit = _unit([root, base, zone, part, array], known)
-                        if unit:
-                            (lengths if label == "GridCoordinates_t" else arrays).setdefault(array.name, unit)
+    for label, found in (("GridCoordinates_t", lengths), ("FlowSolution_t", arrays)):
+        for above in array_paths(root, label):
+            name = above[-1].name
+            if unit := _unit(above, LENGTH if found is lengths else EXPONENTS.get(name)):
+                found.setdefault(name, unit)
     return length_of(path, lengths)[0], arrays
 
 
@@ -60,32 +56,24 @@ def conversions(path: Path) -> dict[tuple[str, str], tuple[float, float]]:
     """Return scale and offset of normalised arrays by zone and name; the value is scale * number + offset."""
     found: dict[tuple[str, str], tuple[float, float]] = {}
     with opened(path) as root:
-        if root is None:
-            return found
-        for base in children(root, "CGNSBase_t"):
-            for zone in children(base, "Zone_t"):
-                for part in (own for label in ("GridCoordinates_t", "FlowSolution_t") for own in children(zone, label)):
-                    for array in children(part, "DataArray_t"):
-                        if (own := _conversion([root, base, zone, part, array])) is not None:
-                            found[zone.name, array.name] = own
+        for above in [] if root is None else array_paths(root, "GridCoordinates_t", "FlowSolution_t"):
+            if (own := _conversion(above)) is not None:
+                found[above[2].name, above[-1].name] = own
     return found
 
 
 def _conversion(above: list[Node]) -> tuple[float, float] | None:
     """Return scale and offset of a normalised array, the last of a path of nodes; None if it states none."""
-    kind = [text_of(own) for node in above for own in children(node, "DataClass_t")]
     stated = [data_of(own).astype(np.float64).ravel() for own in children(above[-1], "DataConversion_t")]
-    if not stated or not kind or kind[-1] != NORMALISED or len(stated[0]) != 2:
+    if not stated or class_of(above) != NORMALISED or len(stated[0]) != 2:
         return None
     return float(stated[0][0]), float(stated[0][1])
 
 
 def _unit(above: list[Node], known: tuple[float, ...] | None) -> str:
     """Return the unit of the last of a path of nodes, each the child of the one before; empty if not stated."""
-    words, kind = None, ""
+    words, kind = None, class_of(above)
     for node in above:
-        for own in children(node, "DataClass_t"):
-            kind = text_of(own)
         for own in children(node, "DimensionalUnits_t"):
             words = np.asarray(data_of(own)).tobytes().decode("latin-1")
     if words is None or (kind not in ("", "Dimensional", "DataClassNull") and _conversion(above) is None):
