@@ -11,7 +11,7 @@ Where a field may displace rays by more than a cell, and where the traced ends a
 back to the box are taken instead of undisturbed lines.
 
 If all faces of a box are undisturbed, no ray is examined. The known air does not end at a wall, at the axis, or in x in
-a planar field.
+a planar field. Air that fades out smoothly at a whole face ends there, not only its samples do: face_shares.py.
 
 For a resampled field, its source decides whether the air at a face is disturbed: errors of a grid that is too coarse,
 in undisturbed air beside a shock layer, are resampling errors and count as such.
@@ -30,6 +30,7 @@ from ..lever_arms import lever_arms_of, obliquity
 from ..lines import FACES, SIDE, BoxSpan, box_size, box_span
 from ..prediction import greatest_turn
 from ..stop import ArcLength, Plane, stop_distance
+from .face_shares import face_shares, face_toward
 from .mesh_rim import mesh_crossings, mesh_rim
 from .tails import contrast_tail, drift_beyond, extent, path_beyond, slope_tail
 
@@ -172,8 +173,9 @@ def _lost_by(field, position, direction, span, until, ends, weakest: float) -> t
     def add(rows, point, inward, chord, path, faces, distance, leaves: bool) -> None:
         if not len(rows):
             return
-        amount = path_beyond(field, point, inward, chord, path)
-        amount += drift_beyond(field, point, inward, chord, path, until, distance, leaves)
+        share = face_shares(field)[faces]
+        amount = path_beyond(field, point, inward, chord, path, share)
+        amount += drift_beyond(field, point, inward, chord, path, until, distance, leaves, share)
         face[rows] = np.where(amount > lost[rows], faces, face[rows])
         lost[rows] += amount
 
@@ -192,11 +194,14 @@ def _lost_by(field, position, direction, span, until, ends, weakest: float) -> t
     else:
         found = mesh_crossings(field, position, direction, stop, weakest)
         chord = np.full(len(found.ray), np.inf)
-        amount = path_beyond(field, found.point, found.inward, chord, found.path, found.cell, found.contrast)
+        share = np.ones(len(found.ray))
+        amount = path_beyond(field, found.point, found.inward, chord, found.path, share, found.cell, found.contrast)
         leaves = np.sum(found.inward * direction[found.ray], axis=1) < 0.0
         distance = np.array(found.path)
         distance[~leaves] = stop[found.ray[~leaves]] - found.path[~leaves]
-        amount += drift_beyond(field, found.point, found.inward, chord, found.path, until, distance, leaves, found.cell)
+        amount += drift_beyond(
+            field, found.point, found.inward, chord, found.path, until, distance, leaves, share, found.cell
+        )
         np.add.at(lost, found.ray, amount)
     aside = np.flatnonzero(~span.meets | (stop <= span.enter) & (span.enter > 0.0))
     lost[aside] = _beside(field, position[aside], direction[aside], stop[aside], until)
@@ -251,10 +256,13 @@ def _beside(field: IndexField, position, direction, stop, until) -> np.ndarray:
     rows = np.flatnonzero(distance <= size)
     inward = (nearest - place)[rows] / np.maximum(distance[rows], 1e-300)[:, None]
     chord = np.full(len(rows), np.inf)
-    strength, scale = contrast_tail(field, nearest[rows], inward, chord)
+    share = np.ones(len(rows))
+    if isinstance(field.samples, UniformGrid):
+        share = face_shares(field)[face_toward(field, (place - nearest)[rows])]
+    strength, scale = contrast_tail(field, nearest[rows], inward, chord, share)
     lost[rows] = strength * np.exp(-distance[rows] / scale) * length[rows]
     if isinstance(until, Plane):  # any other stop is met at a right angle
-        strength, scale = slope_tail(field, nearest[rows], inward, chord, obliquity(direction[rows], until))
+        strength, scale = slope_tail(field, nearest[rows], inward, chord, obliquity(direction[rows], until), share)
         rest = np.where(np.isfinite(stop[rows]), stop[rows] - along[rows], 0.0)
         lost[rows] += strength * np.exp(-distance[rows] / scale) * length[rows] * rest
     return lost

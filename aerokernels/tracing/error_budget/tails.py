@@ -4,11 +4,12 @@ A quantity q along a ray, at a depth x below the end of the known air, is assume
 its integral there is
 
     A0 = max q over 0 <= x <= s,   A1 = max q over s <= x <= 2 s
-    A0 min(s / ln(A1 / A0), D, w)        the first of the three only where A1 > A0, where the disturbance decays
+    max(a A0, q(0)) min(s / ln(A1 / A0), D, w)  the first of the three only where A1 > A0, where the disturbance decays
 
-s is two cells, by their extent along the ray; D is the box's own extent along the line, since air that does not decay
-is assumed to continue for the same length again; w is the length of the path outside. An exponential tail has
-A0 s / ln(A1 / A0) left from the depth s on, and a steeper one less.
+a is 1, or less at a face at which all the air fades out (face_shares.py). s is two cells, by their extent along the
+ray; D is the box's own extent along the line, since air that does not decay is assumed to continue for the same length
+again; w is the length of the path outside. With a = 1, an exponential tail has A0 s / ln(A1 / A0) left from the depth s
+on, and a steeper one less.
 
 For q = |m|, the contrast, that integral is an optical path. For q = |grad m . e| it is the angle by which the missing
 air would have turned the ray, times the obliquity e of the ray's stop (lever_arms.py): the optical path changes by that
@@ -31,16 +32,18 @@ NO_OBLIQUITY = 1e-12
 DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0])  # over s; the middle one belongs to both windows
 
 
-def path_beyond(field: IndexField, point, inward, chord, path, cell=None, contrast=None) -> np.ndarray:
+def path_beyond(field: IndexField, point, inward, chord, path, share, cell=None, contrast=None) -> np.ndarray:
     """Optical path beyond some points [m], over a length `path` [m] in the direction -inward, shape (n,).
 
     The other arguments are those of `contrast_tail`.
     """
-    strength, scale = contrast_tail(field, point, inward, chord, cell, contrast)
+    strength, scale = contrast_tail(field, point, inward, chord, share, cell, contrast)
     return np.asarray(strength * _length(field, scale, inward, path))
 
 
-def drift_beyond(field: IndexField, point, inward, chord, path, until, distance, leaves, cell=None) -> np.ndarray:
+def drift_beyond(
+    field: IndexField, point, inward, chord, path, until, distance, leaves, share, cell=None
+) -> np.ndarray:
     """Change of optical paths to an oblique stop by the deflection in the air beyond some points [m], shape (n,).
 
     Args:
@@ -52,6 +55,7 @@ def drift_beyond(field: IndexField, point, inward, chord, path, until, distance,
         until: The stop.
         distance: From the points to the stop [m], shape (n,); rays for which that is not finite never meet it.
         leaves: Whether rays leave the known air there, or enter it; one for all, or of shape (n,).
+        share: a of the points, shape (n,).
         cell: Size of the cells there [m], shape (n,); None for the field's own.
     """
     lost = np.zeros(len(point))
@@ -60,21 +64,24 @@ def drift_beyond(field: IndexField, point, inward, chord, path, until, distance,
     if len(rows) == 0:
         return lost
     cell = None if cell is None else cell[rows]
-    strength, scale = slope_tail(field, point[rows], inward[rows], chord[rows], across[rows], cell)
+    strength, scale = slope_tail(field, point[rows], inward[rows], chord[rows], across[rows], share[rows], cell)
     length = _length(field, scale, inward[rows], path[rows])
     middle = np.where(np.broadcast_to(leaves, len(point))[rows], -0.5, 0.5) * length
     lost[rows] = strength * length * np.maximum(distance[rows] + middle, 0.0)
     return lost
 
 
-def contrast_tail(field: IndexField, point, inward, chord, cell=None, contrast=None) -> tuple[np.ndarray, np.ndarray]:
-    """A0 of |contrast|, and the decay length s / ln(A1 / A0) [m], infinite where there is no decay.
+def contrast_tail(
+    field: IndexField, point, inward, chord, share, cell=None, contrast=None
+) -> tuple[np.ndarray, np.ndarray]:
+    """max(a A0, q(0)) of |contrast|, and the decay length s / ln(A1 / A0) [m], infinite where there is no decay.
 
     Args:
         field: The refractive index.
         point: Points of the boundary [m], shape (n, 3).
         inward: Unit vectors into the known air, shape (n, 3).
         chord: Length of the known air in that direction [m], shape (n,).
+        share: a of the points, shape (n,).
         cell: Size of the cells there [m], shape (n,); None for the field's own.
         contrast: |contrast| at the points, shape (n,), where it is already known.
     """
@@ -88,11 +95,11 @@ def contrast_tail(field: IndexField, point, inward, chord, cell=None, contrast=N
         none = np.flatnonzero(~(found[:, 0] > 0.0))
         if len(none):
             found[none, 0] = rim_contrast(field, point[none]) if contrast is None else contrast[none]
-    return _falls_off(field, found, point, step)
+    return _falls_off(field, found, point, step, share)
 
 
-def slope_tail(field: IndexField, point, inward, chord, across, cell=None) -> tuple[np.ndarray, np.ndarray]:
-    """A0 of |grad m . across|, and its decay length, as for `contrast_tail`; `across` is (n, 3)."""
+def slope_tail(field: IndexField, point, inward, chord, across, share, cell=None) -> tuple[np.ndarray, np.ndarray]:
+    """The same of |grad m . across| as `contrast_tail` of |contrast|; `across` is (n, 3)."""
     field, cell = _original(field, cell, inward)
     places, step = _places(point, inward, chord, cell)
     flat, along = places.reshape(-1, 3), np.repeat(across, len(DEPTHS), axis=0)
@@ -100,7 +107,7 @@ def slope_tail(field: IndexField, point, inward, chord, across, cell=None) -> tu
         found = _slope_in(field, flat, along)
     else:
         found = np.sum(field.gradient_at(flat) * along, axis=1)
-    return _falls_off(field, np.abs(found).reshape(places.shape[:2]), point, step)
+    return _falls_off(field, np.abs(found).reshape(places.shape[:2]), point, step, share)
 
 
 def _original(field: IndexField, cell, inward: np.ndarray) -> tuple[IndexField, np.ndarray]:
@@ -125,15 +132,15 @@ def _places(point, inward, chord, cell) -> tuple[np.ndarray, np.ndarray]:
     return point[:, None] + depth[..., None] * inward[:, None], step
 
 
-def _falls_off(field: IndexField, found: np.ndarray, point, step) -> tuple[np.ndarray, np.ndarray]:
-    """A0 and the decay length of a quantity sampled at the depths, shape (n, 5)."""
+def _falls_off(field: IndexField, found: np.ndarray, point, step, share) -> tuple[np.ndarray, np.ndarray]:
+    """max(a A0, q(0)) and the decay length of a quantity q sampled at the depths, shape (n, 5)."""
     if field.body is not None and len(point):
         found[field.body.contains(field.local_coordinates(point))] = 0.0
     middle = len(DEPTHS) // 2
     last, before = found[:, : middle + 1].max(axis=1), found[:, middle:].max(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where((before > last) & (last > 0.0), step / np.log(before / last), np.inf)
-    return last, scale
+    return np.maximum(share * last, found[:, 0]), scale
 
 
 def _length(field: IndexField, scale, inward, path) -> np.ndarray:
