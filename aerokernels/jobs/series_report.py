@@ -63,7 +63,8 @@ def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset",
     """Return the HTML page of a finished series."""
     lead = f"{summary['snapshot_count']} snapshots, {summary['traced_count']} of them traced in full; "
     lead += f"{summary['provenance']}; aerokernels {summary['version']}"
-    notes = [(words, summary[key]) for key, words in (("drifting", "Drifts"), ("skipped", "Skipped")) if summary[key]]
+    notes = [("Warning", text) for text in summary["warnings"]]
+    notes += [(words, summary[key]) for key, words in (("drifting", "Drifts"), ("skipped", "Skipped")) if summary[key]]
     if summary["known_share"] < 1.0 - GREATEST_SHARE:
         lost = f"{100.0 * (1.0 - summary['known_share']):.3g} % of the pupil has no optical path; no number includes it"
         notes.append(("Known air", lost))

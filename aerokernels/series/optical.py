@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import xarray
 
 Progress = Callable[[str, float], None]
+TRUNCATION = "truncation"  # the attribute with the warning of disturbed air that ends with the grid
 PROBE = ("probe", "probe_interpolation", "probe_tilt")  # measured on a snapshot, and restored where a run goes on
 
 
@@ -55,10 +56,9 @@ def optical_series(
     """Return maps of the optical path difference of every snapshot of a series over a pupil.
 
     Where the rays are nearly straight, OPD is linear in the density: the lines through the grid are prepared once, and
-    a
-    snapshot costs one pass over its samples, on a GPU where there is one. The bending that this leaves out is measured
-    on the first snapshot, and again whenever it has grown; above the tolerance a snapshot is traced in full. The next
-    snapshot is read while one is computed, and no more than these two are in memory, unless the maps are.
+    a snapshot costs one pass over its samples, on a GPU where there is one. The bending that this leaves out is
+    measured on the first snapshot, and again whenever it has grown; above the tolerance a snapshot is traced in full.
+    The next snapshot is read while one is computed, and no more than these two are in memory, unless the maps are.
 
     Args:
         series: The snapshots, as `flow.open_series` opens them.
@@ -85,7 +85,7 @@ def optical_series(
         `boresight_x` and `boresight_y` [rad], `opd_rms` and `opd_rms_with_tilt` [m], each with its error due to the
         error of `opd` and to the pixels, which have one ray each (`strehl_error` and so on), `piston` [m], `error` [m],
         the share of the pupil that is `known`, and whether a snapshot was `traced`; over (y, x) `weight`, the pixels'
-        shares of the pupil. Lazy where `out` is given.
+        shares of the pupil. Its attribute `truncation` is the warning below, or empty. Lazy where `out` is given.
         Pixels whose rays leave the grid sideways, miss it or end on a body are not valid, and in no number. `error`
         on straight lines is that of the OPD through the grid; it does not include disturbed air beyond the grid.
 
@@ -129,7 +129,10 @@ def optical_series(
     else:
         store = ZarrStore(Path(out), template, _definition(series, template, settings))
         if store.done.count and store.is_finished:
-            return store.finish()
+            maps = store.finish()
+            if text := maps.attrs[TRUNCATION]:
+                warn_caller(text, TruncationWarning)
+            return maps
     for slope, *probe in zip(*map(store.done.column, ("slope", *PROBE)), strict=True):
         snapshots.resume(slope, *probe)
     lit: np.ndarray | None = None
@@ -140,7 +143,8 @@ def optical_series(
         for number, read in _read_ahead(snapshots, first, len(series)):
             found = snapshots(number, read)
             if number == first and method != "linear":
-                _warn_of_ends(snapshots.air(pupil, number, read[0]))
+                # The store is created from the template, with the first snapshot.
+                template.attrs[TRUNCATION] = _warn_of_ends(snapshots.air(pupil, number, read[0]))
             good = found.valid & np.isfinite(found.opd)
             if not good.any():
                 raise ValueError(
@@ -157,11 +161,13 @@ def optical_series(
     return store.finish()
 
 
-def _warn_of_ends(air: PupilAir) -> None:
-    """Warn if the known air ends in disturbed air."""
-    if air.is_truncated:
-        text = f"{air.described}: the optical path ends there too; give a larger grid, or look along it"
-        warn_caller(text, TruncationWarning)
+def _warn_of_ends(air: PupilAir) -> str:
+    """Warn if the known air ends in disturbed air, and return the warning; an empty text if it does not."""
+    if not air.is_truncated:
+        return ""
+    text = f"{air.described}: the optical path ends there too; give a larger grid, or look along it"
+    warn_caller(text, TruncationWarning)
+    return text
 
 
 def _warn_of_lost(known: np.ndarray) -> None:
@@ -270,6 +276,7 @@ def _template(
             **({} if np.ndim(constant) else {"gladstone_dale_constant": float(constant)}),
             "pupil": f"{type(pupil).__name__} at {pupil.center.tolist()} m, normal {pupil.normal.tolist()}",
             "tolerance": settings.tolerance,
+            TRUNCATION: "",
             "plan": snapshots.reason
             or "straight lines worked out once; the bending is measured, and a snapshot traced where it is too large",
         },
