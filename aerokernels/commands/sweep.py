@@ -65,20 +65,26 @@ def sweep(
 
 
 def _finish(total: int, out: Path) -> None:
-    """Print how many cases succeeded, and the first failure.
+    """Print how many cases succeeded, and the first failures, of a whole case and of a stage of one.
 
     Raises:
         typer.Exit: Every case failed.
     """
     from aerokernels.commands._output import result, warn
+    from aerokernels.jobs.sweeps.dataset import failure_of
     from aerokernels.jobs.sweeps.records import DATASET_FILE, Records
 
     done = Records(out).done
-    failed = {number: record["error"] for number, record in sorted(done.items()) if "error" in record}
+    failed: dict[str, str] = {}
+    incomplete: dict[str, str] = {}
+    for number, record in sorted(done.items()):
+        if why := failure_of(record):
+            (failed if "error" in record else incomplete)[str(number)] = why
     text = f"{total - len(failed)} of {total} cases succeeded: {out / DATASET_FILE} and report.html"
-    result(text, {"case_count": total, "failed": {str(number): why for number, why in failed.items()}, "out": str(out)})
-    if failed:
-        number, why = next(iter(failed.items()))
-        warn(f"warning: {len(failed)} of {total} cases failed; the first, case {number}: {why}")
+    result(text, {"case_count": total, "failed": failed, "incomplete": incomplete, "out": str(out)})
+    for some, what in ((failed, "failed"), (incomplete, "lack some numbers")):
+        if some:
+            first = next(iter(some))
+            warn(f"warning: {len(some)} of {total} cases {what}; the first, case {first}: {some[first]}")
     if len(failed) == total:
         raise typer.Exit(1)

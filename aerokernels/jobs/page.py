@@ -10,6 +10,7 @@ from aerokernels.jobs.figure_layout import png_or_fault
 
 Picture = tuple[str, str, Callable]  # name, caption, a function that draws it
 WIDE = 850  # [pixels] width above which a picture has two panels
+SHORT = 24  # [characters] up to which a cell is on one line
 CSS = """
 body { font: 15px/1.55 system-ui, "Segoe UI", Roboto, sans-serif; color: #1d2630; background: white;
   margin: 0 auto; max-width: 1080px; padding: 28px 20px 60px; }
@@ -31,6 +32,7 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 td, th { padding: 3px 18px 3px 0; border-bottom: 1px solid #eef1f3; vertical-align: top; text-align: left; }
 th { font-weight: 500; color: #45505c; white-space: nowrap; }
 td { overflow-wrap: anywhere; }
+td.short { white-space: nowrap; }
 pre { background: #f3f6f8; border-radius: 8px; padding: 12px 14px; overflow-x: auto; font-size: .87em; }
 @media (max-width: 700px) {
   body { padding: 16px 12px 40px; }
@@ -89,8 +91,14 @@ def pictures(shown: Iterable[Picture]) -> str:
 def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return an HTML table with column headings."""
     head = "".join(f"<th>{_escaped(name)}</th>" for name in columns)
-    body = "".join("<tr>" + "".join(f"<td>{_escaped(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    body = "".join("<tr>" + "".join(map(_cell, row)) + "</tr>" for row in rows)
     return f"<table><tr>{head}</tr>{body}</table>"
+
+
+def _cell(text: str) -> str:
+    """Return a cell of a table; a number and its error stay on one line."""
+    short = ' class="short"' if len(text) <= SHORT else ""
+    return f"<td{short}>{_escaped(text)}</td>"
 
 
 def named_values(rows: Iterable[tuple[str, str]]) -> str:

@@ -109,7 +109,7 @@ def test_variables_are_those_of_a_summary(unbroken):
     ).all() and found.tracing_processor_seconds.min() > 0
     page = (unbroken[0] / "out" / "report.html").read_text()
     assert re.findall(r'<figure id="([\w-]+)">', page)[0] == "strehl" and "No picture" not in page
-    assert page.count("<tr>") == 9 and not re.search(r'(src|href)="http', page)
+    assert page[page.index("Cases, each") :].count("<tr>") == 9 and not re.search(r'(src|href)="http', page)
     falls = found.echo_peak_v.sel({"flow.source": "mach3"}).values  # a tilted Lambertian reflector returns less
     assert np.all(np.diff(falls) < 0.0)
 

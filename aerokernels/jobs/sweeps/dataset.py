@@ -105,7 +105,7 @@ def sweep_dataset(
         variables[name] = (dims, values, {"units": "1", "long_name": words})
     plans = shaped([json.dumps(summary["plan"]) if summary.get("plan") else "" for summary in summaries], object)
     variables["plan"] = (dims, plans, {"units": "1", "long_name": "how the Strehl ratio's rays were traced, JSON"})
-    reasons = shaped([_failure(records.get(k, {})) for k in range(definition.case_count)], object)
+    reasons = shaped([failure_of(records.get(k, {})) for k in range(definition.case_count)], object)
     variables["failures"] = (dims, reasons, {"units": "1", "long_name": "why the case, or a stage of it, failed"})
     failed = shaped([not summary for summary in summaries], bool)
     variables["failed"] = (dims, failed, {"units": "1", "long_name": "whether the whole case failed"})
@@ -127,8 +127,8 @@ def sweep_dataset(
     return xarray.Dataset(variables, labels, about)
 
 
-def _failure(record: Mapping[str, Any]) -> str:
-    """Return why a case failed, or the failures of its stages as "stage: reason; ..."."""
+def failure_of(record: Mapping[str, Any]) -> str:
+    """Return why a case failed, or the failures of its stages as "stage: reason; ..."; empty if nothing failed."""
     if "summary" not in record:
         return str(record.get("error", "not computed"))
     return "; ".join(f"{stage}: {why}" for stage, why in (record["summary"].get("failures") or {}).items())

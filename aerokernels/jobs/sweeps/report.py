@@ -1,7 +1,9 @@
 """Write the HTML report of a sweep: the keys that vary, figures over these keys, and the numbers of every case."""
 
 import math
+import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +11,7 @@ import numpy as np
 
 from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.figure_layout import Panel, panelled_figure
-from aerokernels.jobs.page import Picture, page, pictures, section, table, text_block
+from aerokernels.jobs.page import Picture, bullets, named_values, page, pictures, section, table, text_block
 from aerokernels.jobs.store import RATIO_KEYS
 from aerokernels.jobs.sweeps.definition import CASE, Definition
 
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_ROWS = 500  # most rows of the table of cases
+MOST_LINES = 7  # most lines in a figure; with more values of both keys it is a heat map
+MOST_TICKS = 12  # most values of a key that are ticks of a heat map
 # Variable, name shown, unit shown, factor from SI.
 SHOWN = (
     ("strehl", "Strehl ratio", "", 1.0),
@@ -27,6 +31,8 @@ SHOWN = (
     ("echo_peak_v", "echo peak", "V", 1.0),
     ("range_error_m", "range error", "mm", 1e3),
 )
+_NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+NO_VALUE = "none"  # in place of a number of a case that failed
 # Units in which keys are shown instead of SI, and their factor from SI.
 SCALES = {"rad": ("deg", 180.0 / math.pi)}
 
@@ -38,15 +44,66 @@ def sweep_report(dataset: "xarray.Dataset", definition: Definition) -> str:
     lead = f"{definition.case_count} cases ({shape}) over {', '.join(definition.keys)}"
     lead += f", {failed} failed" if failed else ""
     lead += f"; {dataset.attrs['source']}, {dataset.attrs.get('created', '')}"
-    columns, rows = _cases(dataset, definition)
-    parts = [
-        section("Pictures", pictures(_pictures(dataset, definition)) or "<p>none</p>"),
+    found = [quantity for row in SHOWN if (quantity := _Quantity.of(dataset, *row)).is_there]
+    same = [(each.words, each.texts.flat[0]) for each in found if each.is_same]
+    varying = [each for each in found if not each.is_same]
+    columns, rows = _cases(dataset, definition, varying)
+    parts = [section("The same in every case", named_values(same))] if same else []
+    parts += [
+        section("Pictures", pictures(_pictures(dataset, definition, varying)) or "<p>none</p>"),
         section("Cases, each number with its error", table(columns, rows)),
     ]
     if definition.case_count > MOST_ROWS:
         parts.append(f"<p>The first {MOST_ROWS} of {definition.case_count} cases; all of them are in sweep.nc.</p>")
+    if reasons := _reasons(dataset):
+        parts.append(section("What failed, and why", bullets(reasons)))
     parts.append(section("Scene of the first case", text_block(str(dataset.attrs["scene"]))))
     return page(str(dataset.attrs["title"]), lead, parts)
+
+
+@dataclass(frozen=True, eq=False)
+class _Quantity:
+    """A quantity of all cases.
+
+    Attributes:
+        name: Its variable.
+        words: What it is called.
+        label: The same with its unit.
+        factor: From SI to that unit.
+        texts: The number of each case with its error and unit; NO_VALUE where the case failed.
+    """
+
+    name: str
+    words: str
+    label: str
+    factor: float
+    texts: np.ndarray
+
+    @classmethod
+    def of(cls, dataset: "xarray.Dataset", name: str, words: str, unit: str, factor: float) -> "_Quantity":
+        """Collect a quantity of a sweep."""
+        texts = np.empty(dataset[name].shape, object)
+        for place, value in np.ndenumerate(dataset[name].values):
+            texts[place] = NO_VALUE
+            if math.isfinite(value):  # if all cases failed, the dataset has no variables for errors
+                error = float(dataset[f"{name}_error"].values[place])
+                texts[place] = Quantity(value, error, is_ratio=name in RATIO_KEYS).scaled(factor, unit).text()
+        return cls(name, words, f"{words} [{unit}]" if unit else words, factor, texts)
+
+    @property
+    def is_there(self) -> bool:
+        """Whether any case has a number."""
+        return bool((self.texts != NO_VALUE).any())
+
+    @property
+    def is_same(self) -> bool:
+        """Whether no key changes the number as it is printed, with its error."""
+        return self.texts.size > 1 and not any(self.changes)
+
+    @property
+    def changes(self) -> list[bool]:
+        """Whether the number changes along each axis."""
+        return [bool((self.texts != self.texts.take([0], axis)).any()) for axis in range(self.texts.ndim)]
 
 
 def _axis(dataset: "xarray.Dataset", key: str) -> tuple[np.ndarray, str]:
@@ -58,30 +115,34 @@ def _axis(dataset: "xarray.Dataset", key: str) -> tuple[np.ndarray, str]:
     return values * factor, key if name == "1" else f"{key} [{name}]"
 
 
-def _pictures(dataset: "xarray.Dataset", definition: Definition) -> Iterator[Picture]:
-    """Yield figures: lines over one key, heat maps over two; any further key is fixed at its first value."""
-    for name, words, unit, factor in SHOWN:
-        values = dataset[name] * factor
-        if not np.isfinite(values).any():
-            continue
-        label = f"{words} [{unit}]" if unit else words
+def _pictures(dataset: "xarray.Dataset", definition: Definition, shown: list[_Quantity]) -> Iterator[Picture]:
+    """Yield figures over the keys that change a quantity: lines over one or two, heat maps over two with many values.
+
+    Any further key is fixed at its first value.
+    """
+    for each in shown:
+        values = dataset[each.name] * each.factor
         if definition.mode != "grid":
             for key in definition.keys:
-                caption = f"{label} over {key}, case by case"
-                yield f"{name}-{key}", caption, partial(_scatter_figure, dataset, values, key, label)
+                caption = f"{each.label} over {key}, case by case"
+                yield f"{each.name}-{key}", caption, partial(_scatter_figure, dataset, values, key, each.label)
             continue
-        dims = sorted(definition.dims, key=lambda dim: -dataset.sizes[dim])[:2]
-        dims = [dim for dim in definition.dims if dim in dims]  # in the order given
+        counts = [
+            dim for dim, changes in zip(definition.dims, each.changes, strict=True) if changes or values.size == 1
+        ]
+        dims = sorted(counts, key=lambda dim: -dataset.sizes[dim])[:2]
         rest = {dim: 0 for dim in definition.dims if dim not in dims}
-        described = ", ".join(f"{dim} = {_axis(dataset, dim)[0][0]}" for dim in rest)
-        caption = f"{label} over {' and '.join(dims)}" + (f", at {described}" if described else "")
-        drawn = values.isel(rest).transpose(*dims)
-        if len(dims) == 1 or 1 in drawn.shape:
-            longest = max(dims, key=lambda dim: dataset.sizes[dim])
-            error = dataset[f"{name}_error"].isel(rest).values.ravel() * factor
-            yield name, caption, partial(_line_figure, dataset, drawn.values.ravel(), error, longest, label)
+        caption = f"{each.label} over {' and '.join(dims)}"
+        if fixed := [f"{dim} = {_axis(dataset, dim)[0][0]}" for dim in rest if dim in counts]:
+            caption += f", at {', '.join(fixed)}"
+        if without := [dim for dim in rest if dim not in counts]:
+            caption += f"; {' and '.join(without)} do{'es' if len(without) == 1 else ''} not change it"
+        drawn = values.isel(rest)
+        if len(dims) == 1 or dataset.sizes[dims[1]] <= MOST_LINES:
+            error = dataset[f"{each.name}_error"].isel(rest) * each.factor
+            yield each.name, caption, partial(_line_figure, dataset, drawn, error, dims, each.label)
         else:
-            yield name, caption, partial(_heat_map, dataset, drawn, label)
+            yield each.name, caption, partial(_heat_map, dataset, drawn.transpose(*dims[::-1]), each.label)
 
 
 def _places(values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
@@ -89,11 +150,30 @@ def _places(values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
     return (values.astype(float), None) if values.dtype.kind == "f" else (np.arange(len(values), dtype=float), values)
 
 
-def _line_figure(dataset: "xarray.Dataset", values: np.ndarray, error: np.ndarray, key: str, label: str) -> "Figure":
-    axis, words = _axis(dataset, key)
+def _line_figure(
+    dataset: "xarray.Dataset", values: "xarray.DataArray", error: "xarray.DataArray", dims: list[str], label: str
+) -> "Figure":
+    """Return a figure of lines with error bars along the first key, one for each value of the second one."""
+    from matplotlib import colormaps
+
+    axis, words = _axis(dataset, dims[0])
     places, texts = _places(axis)
     figure, axes = _labelled_figure(places, texts, words, label)
-    axes.errorbar(places, values, np.where(np.isfinite(error), error, 0.0), marker="o", capsize=3, color="#0b6e99")
+    lines, bars = (each.transpose(..., dims[0]).values.reshape(-1, len(places)) for each in (values, error))
+    keys, meaning = _axis(dataset, dims[1]) if len(dims) > 1 else (np.array([""]), "")
+    colours = ["#0b6e99"] if len(lines) == 1 else colormaps["viridis"](np.linspace(0.0, 0.85, len(lines)))
+    for line, bar, key, colour in zip(lines, bars, keys, colours, strict=True):
+        axes.errorbar(
+            places,
+            line,
+            np.where(np.isfinite(bar), bar, 0.0),
+            marker="o",
+            capsize=3,
+            color=colour,
+            label=f"{key:.6g}" if isinstance(key, float) else str(key),
+        )
+    if len(lines) > 1:
+        axes.legend(title=meaning)
     return figure
 
 
@@ -127,8 +207,8 @@ def _heat_map(dataset: "xarray.Dataset", values: "xarray.DataArray", label: str)
     axes.set(xlabel=columns[1], ylabel=rows[1])
     for axis, set_ticks in ((columns[0], axes.set_xticks), (rows[0], axes.set_yticks)):
         places, texts = _places(axis)
-        if texts is not None:
-            set_ticks(places, texts)
+        if texts is not None or len(places) <= MOST_TICKS:  # cells are wider than the values that they stand for
+            set_ticks(places, [f"{value:.6g}" for value in places] if texts is None else texts)
     figure.colorbar(mesh, cax=bar, label=label)
     return figure
 
@@ -141,10 +221,11 @@ def _edges(places: np.ndarray) -> np.ndarray:
     return np.concatenate([[2.0 * places[0] - middle[0]], middle, [2.0 * places[-1] - middle[-1]]])
 
 
-def _cases(dataset: "xarray.Dataset", definition: Definition) -> tuple[list[str], list[list[str]]]:
+def _cases(
+    dataset: "xarray.Dataset", definition: Definition, shown: list[_Quantity]
+) -> tuple[list[str], list[list[str]]]:
     """Return the columns and rows of the table of cases."""
-    columns = [CASE, *(_axis(dataset, key)[1] for key in definition.keys)]
-    columns += [f"{words} [{unit}]" if unit else words for _, words, unit, _ in SHOWN] + ["failures"]
+    columns = [CASE, *(_axis(dataset, key)[1] for key in definition.keys), *(each.words for each in shown)]
     axes = {key: _axis(dataset, key)[0] for key in definition.keys}
     rows = []
     for number in range(min(definition.case_count, MOST_ROWS)):
@@ -153,12 +234,19 @@ def _cases(dataset: "xarray.Dataset", definition: Definition) -> tuple[list[str]
         for k, key in enumerate(definition.keys):
             value = axes[key][place[k] if definition.mode == "grid" else place[0]]
             row.append(f"{value:.6g}" if isinstance(value, float) else str(value))
-        for name, _, _, factor in SHOWN:
-            value = float(dataset[name].values[place])
-            if math.isfinite(value):  # if all cases failed, the dataset has no variables for errors
-                error = float(dataset[f"{name}_error"].values[place])
-                row.append(Quantity(value, error, is_ratio=name in RATIO_KEYS).scaled(factor, "").text())
-            else:
-                row.append("none")
-        rows.append([*row, str(dataset["failures"].values[place])])
+        rows.append([*row, *(str(each.texts[place]) for each in shown)])
     return columns, rows
+
+
+def _reasons(dataset: "xarray.Dataset") -> list[str]:
+    """Return why cases, or stages of them, failed: once for reasons that differ in their numbers only."""
+    alike: dict[str, list[tuple[int, str]]] = {}
+    for number, reason in enumerate(map(str, dataset["failures"].values.ravel())):
+        if reason:
+            alike.setdefault(_NUMBER.sub("", reason), []).append((number, reason))
+    found = []
+    for cases in alike.values():
+        number, reason = cases[0]
+        more = f" and {len(cases) - 1} more" if len(cases) > 1 else ""
+        found.append(f"Case {number}{more}: {reason}")
+    return found
