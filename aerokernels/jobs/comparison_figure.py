@@ -76,7 +76,9 @@ def ranges_figure(found: BenchComparison) -> "Figure":
         recorded, simulated = ([getattr(wave, f"{kind}_peak") for wave in waves] for kind in ("recorded", "simulated"))
         errors = [one.peak_standard_error for one in found.labels]
         peaks.errorbar(place, recorded, yerr=errors, fmt="o", color=RAY_COLOUR, label="recorded")
-        peaks.plot(place, simulated, "s", color=ACCENT, mfc="none", label="simulated")
+        errors = [abs(one.run.error_of("echo_peak_v")) for one in found.labels]
+        errors = [error if math.isfinite(error) else 0.0 for error in errors]
+        peaks.errorbar(place, simulated, yerr=errors, fmt="s", color=ACCENT, mfc="none", label="simulated")
         peaks.set(title="Peak", ylabel="peak voltage [V]")
         peaks.legend(fontsize=9)
         for key, words, mark in (("correlation", "at zero lag", "o"), ("best_correlation", "greatest", "^")):
@@ -99,7 +101,7 @@ def ranges_figure(found: BenchComparison) -> "Figure":
                 label=method,
             )
         ranges.axhline(0.0, color=MUTED, linewidth=0.8)
-        ranges.set(title="Range error: systematic, bar random", ylabel="range error [mm]")
+        ranges.set(title="Range errors", ylabel="range error [mm]")
         low, high = ranges.get_ylim()
         ranges.set_ylim(low, high + 0.3 * (high - low))  # room for the legend
         ranges.legend(fontsize=8, ncols=2, loc="upper center")

@@ -17,6 +17,10 @@ from aerokernels.jobs.page import bullets, page, picture, remarks, section, tabl
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
 from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, to_json, write_folder, write_result, write_summary
 
+RANGES_CAPTION = (
+    "Peaks, correlation and range errors by label. Bars are the errors of the peaks, and the random range error of one "
+    "echo about the systematic one."
+)
 TABLE_FILE, WAVEFORM_FILE, FIGURE_FILE = "compare.csv", "compare.nc", "compare.png"
 
 # Ranging methods that read the time of a pulse's edge, which depends on the pulse's shape.
@@ -190,7 +194,7 @@ def write_comparison(found: BenchComparison, out: Path) -> list[str]:
     )
     pictures = {
         "waveforms": (waveforms, png(waveforms_figure(found))),
-        "ranges": ("Peaks, correlation and range errors by label.", png(ranges_figure(found))),
+        "ranges": (RANGES_CAPTION, png(ranges_figure(found))),
     }
     summary = {
         "recording": str(found.source),
