@@ -23,6 +23,7 @@ from aerokernels.medium import IndexField
 
 from ..display.shown import shown
 from ..inputs.arguments import checked
+from ..inputs.warned import warn_caller
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
 from .picture import traced_dataset
@@ -32,6 +33,9 @@ from .view import TracedPicture
 
 if TYPE_CHECKING:
     import xarray
+
+# Share of the picture in which fringes may be too narrow without a warning: a shock is a line of such places.
+NARROW_SHARE = 0.01
 
 
 @shown
@@ -115,6 +119,9 @@ def interferogram(
         **options: view, extent, pixel_count, rays_per_pixel, width, tolerance, wavelength, backend, device, precision:
             as in `line_of_sight`.
 
+    Warns:
+        UserWarning: in more than a hundredth of the picture fringes are narrower than two rays.
+
     Raises:
         ValueError: an argument is out of range; the message names it and the remedy.
     """
@@ -171,6 +178,15 @@ class Fringes:
         Raises:
             ValueError: the fringes are too fine for the pixels.
         """
+        light = np.where(traced.through, 0.5 * (1.0 + self.visibility * np.cos(2.0 * np.pi * self.waves(traced))), 0.0)
+        return traced.pixel_mean(light)
+
+    def waves(self, traced: LineOfSight) -> np.ndarray:
+        """Return the phases of traced rays [waves], NaN where none came through, shape (ray rows, ray columns).
+
+        Raises:
+            ValueError: the fringes are too fine for the pixels.
+        """
         window = traced.window
         waves = traced.opd / traced.wavelength + self.phase
         if self.spacing is not None:
@@ -183,13 +199,13 @@ class Fringes:
             middle = (0.5 * (line[0] + line[-1]) for line in (window.horizontal, window.vertical))
             right, up = (place - at for place, at in zip((across, along), middle, strict=True))
             waves = waves + (right * math.cos(self.angle) + up * math.sin(self.angle)) / self.spacing
-        light = np.where(traced.through, 0.5 * (1.0 + self.visibility * np.cos(2.0 * np.pi * waves)), 0.0)
-        return traced.pixel_mean(light)
+        return np.asarray(waves)
 
 
 def _picture(traced: LineOfSight, fringes: Fringes, exposure: float) -> Interferogram:
     make = partial(_mean_light, fringes=fringes, shares=np.ones(1))
     shown = shown_as([traced], make, exposure)
+    _warn_of_narrow(traced, fringes)
     return Interferogram(
         intensity=shown,
         opd=traced.pixel_mean(traced.opd),
@@ -202,6 +218,22 @@ def _picture(traced: LineOfSight, fringes: Fringes, exposure: float) -> Interfer
         exposure=float(exposure),
         measure_error=error_of(shown, [traced.light], partial(shown_as, make=make, exposure=exposure)),
     )
+
+
+def _warn_of_narrow(traced: LineOfSight, fringes: Fringes) -> None:
+    """Warn if fringes are narrower than two rays in more than a hundredth of the picture: they show a moire then."""
+    waves = np.where(traced.through, fringes.waves(traced), np.nan)
+    narrow = np.zeros(waves.shape, bool)
+    for axis in (0, 1):
+        steps = np.abs(np.diff(waves, axis=axis)) > 0.5  # NaN at the edge of the body is none
+        narrow |= np.pad(steps, [(0, int(axis == side)) for side in (0, 1)])
+    share = float(narrow.sum() / max(int(np.isfinite(waves).sum()), 1))
+    if share > NARROW_SHARE:
+        warn_caller(
+            f"in {100.0 * share:.2g} % of the interferogram the phase changes by more than half a fringe from one ray "
+            "to the next, so that its pattern there is not that of the fringes: raise pixel_count or rays_per_pixel, "
+            "or take a smaller extent"
+        )
 
 
 def _mean_light(lights: Iterable[LineOfSight], fringes: Fringes, shares: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Interferograms against the fringe law, and what all pictures have in common."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -34,6 +35,29 @@ def test_infinite_fringe_is_the_optical_path():
     waves = PEAK * WIDTH * np.exp(-(across**2 + along**2) / SIZE**2) / WAVELENGTH
     assert waves.max() > 3.9
     np.testing.assert_allclose(image.intensity, 0.5 + 0.5 * np.cos(2.0 * np.pi * waves), atol=5e-3)
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["infinite fringe", "finite fringe"])
+def test_fringes_narrower_than_two_rays_are_told_of(turned: bool):
+    """The blob's four waves within 4 mm, over pixels of 0.5 mm and of 2 mm; four rays a pixel are as good as pixels.
+
+    Expected share: where |d OPD| over a pixel along x or y is more than half a wave, of the exact line integral; with
+    fringes across one axis their own change counts too.
+    """
+    fringes = {"fringe_spacing": 8.4e-3, "fringe_angle": 0.0} if turned else {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        interferogram(blob(), **{**OPTIONS, "pixel_count": 80}, **fringes)
+        interferogram(blob(), **{**OPTIONS, "pixel_count": 20}, rays_per_pixel=4, **fringes)
+    with pytest.warns(UserWarning, match="half a fringe from one ray to the next") as told:
+        image = interferogram(blob(), **{**OPTIONS, "pixel_count": 20}, **fringes)
+    across, along = np.meshgrid(image.horizontal, image.vertical)
+    waves = PEAK * WIDTH * np.exp(-(across**2 + along**2) / SIZE**2) / WAVELENGTH
+    waves += across / 8.4e-3 if turned else 0.0
+    narrow = np.zeros(waves.shape, bool)
+    narrow[:-1] |= np.abs(np.diff(waves, axis=0)) > 0.5
+    narrow[:, :-1] |= np.abs(np.diff(waves, axis=1)) > 0.5
+    assert f"in {100.0 * narrow.mean():.2g} % of" in str(told[0].message)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 90.0, 30.0])
