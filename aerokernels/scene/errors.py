@@ -1,5 +1,6 @@
 """Errors of a scene as one line that names the file, the key, the offending value and the remedy."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
@@ -79,7 +80,8 @@ def _describe(fault: Mapping[str, Any], key: str, value: Any, model: type[BaseMo
         unit = f" {si_unit(dimension)}".rstrip() if dimension else ""
         bare = isinstance(value, (int, float)) or (isinstance(value, str) and value[-1:].isdigit())
         hint = f"; a number without a unit is in radians: is it '{value} deg'?" if bare and unit == " rad" else ""
-        return f"{key} = {cut(repr(value))} must be {words} {bound:g}{unit}{hint}"
+        limit = f"{bound:g}{unit}" + (f" ({math.degrees(bound):.4g} deg)" if unit == " rad" else "")
+        return f"{key} = {cut(repr(value))} must be {words} {limit}{hint}"
     if kind in ("tuple_type", "list_type"):
         return f'{key} = {cut(repr(value))}: write a list in brackets, such as ["piston"]'
     text = fault["msg"]
