@@ -59,7 +59,14 @@ GROUPS = {
     "range_uncertainty_m": "uncertainty of the range by {} [m]",
     "range_statistics_m": "statistics of the range by {} [m]",
     "stage_seconds": "time, {} [s]",
-    "averages_lacking": "deficit against cell averages, {}",
+}
+# Numbers whose keys say too little, by their full keys.
+LABELS = {
+    "averages_lacking.rows_max": "deficit of the interpolant, rows of cells, greatest [share of the densities' range]",
+    "averages_lacking.rows_rms": "deficit of the interpolant, rows of cells, rms [share of the densities' range]",
+    "averages_lacking.row_path_m": "deficit of the interpolant, rows of cells, greatest [m of optical path]",
+    "averages_lacking.cells_max": "deficit of the interpolant, single cells, greatest [share of the densities' range]",
+    "averages_lacking.cells_rms": "deficit of the interpolant, single cells, rms [share of the densities' range]",
 }
 
 
@@ -123,6 +130,8 @@ def _label(name: str) -> str:
         return f"{words} [{unit}]" if unit != "1" else words
     if name in TEXTS:
         return TEXTS[name]
+    if name in LABELS:
+        return LABELS[name]
     group, dot, own = name.partition(".")
     if dot and group in GROUPS:
         return GROUPS[group].format(re.sub(r"[-_]", " ", own.replace(".", ", ")))
