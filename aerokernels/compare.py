@@ -84,6 +84,7 @@ class WaveformComparison:
         return 0.25 * SPEED_OF_LIGHT * (self.recorded_width - self.simulated_width)
 
 
+@checked
 def correlation_degree(correlation: float) -> str:
     """Return the degree of correlation by Table 5: |r| in [0, 0.3), [0.3, 0.5), [0.5, 0.8), [0.8, 1].
 
@@ -96,7 +97,8 @@ def correlation_degree(correlation: float) -> str:
     return next(name for bound, name in DEGREES if size >= bound)
 
 
-def pearson_correlation(first, second) -> float:
+@checked
+def pearson_correlation(first: Numbers, second: Numbers) -> float:
     """Return Pearson's r of two lists of one length (eq 13-14).
 
     Raises:

@@ -5,12 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..inputs.arguments import checked
 from .view import PictureView
 
 if TYPE_CHECKING:
     import xarray
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Picture(PictureView):
     """A picture with its scale.

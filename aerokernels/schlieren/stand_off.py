@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
 from .fronts import LEAST_LINES, fit_curve, outer_fronts, smoothed
 from .view import PictureView
@@ -35,6 +36,7 @@ class StandOff:
     nose_points: np.ndarray
 
 
+@checked
 def measure_stand_off(
     picture: PictureView,
     half_height: float,
