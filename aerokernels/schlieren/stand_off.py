@@ -13,6 +13,8 @@ from .view import PictureView
 SIDES = ("right", "left")
 # The body begins where the brightness stays below this share of the undisturbed air's for so many pixels.
 DARK_SHARE, DARK_PIXELS = 0.2, 3
+# Least distance of body and shock [pixels]: nearer ones are one edge, of a shock that is as dark as the body.
+LEAST_APART = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,8 @@ def measure_stand_off(
         smoothing: standard deviation of the Gaussian that smooths the picture [pixels]; 0 for none.
 
     Raises:
-        ValueError: too few rows, no shock or no body on them, or an argument out of range.
+        ValueError: too few rows, no shock or no body on them, a shock that is as dark as the body, or an argument out of
+            range.
     """
     check_choice(upstream, "upstream", SIDES)
     if not (np.isfinite(half_height) and half_height > 0.0):
@@ -89,6 +92,11 @@ def measure_stand_off(
     dark = DARK_SHARE * float(np.median(lines[:, 0]))
     edges = np.array([_dark_edge(line, dark, place) for line, place in zip(lines, places, strict=True)])
     tip, tip_error, nose_points = _on_axis(height, along[0] + pitch * edges, abs(pitch), "body", axis)
+    if abs(shock - tip) < LEAST_APART * abs(pitch):
+        raise ValueError(
+            f"the body at {tip:.4g} m begins where the shock does, at {shock:.4g} m: the shock is as dark as the body; "
+            "take the knife edge from the other side, a weaker one, or give the nose"
+        )
     return StandOff(abs(shock - tip), math.hypot(shock_error, tip_error), shock, tip, shock_points, nose_points)
 
 

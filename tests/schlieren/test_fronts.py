@@ -125,6 +125,15 @@ def test_what_makes_no_sense_is_refused(options: dict, match: str):
         measure_shock_angle(picture, **{"window": WINDOW, **options})
 
 
+@pytest.mark.parametrize("brightness", [0.0, 0.05])
+def test_a_shock_as_dark_as_the_body_is_refused(brightness: float):
+    """As by a knife edge from the wrong side. A distance of 0.01 mm was found, where 1 mm is right."""
+    picture = bow(1e-3, 0.0, brightness)
+    with pytest.raises(ValueError, match="the shock is as dark as the body; take the knife edge from the other side"):
+        measure_stand_off(picture, 0.0015, smoothing=0.0)
+    assert abs(measure_stand_off(picture, 0.0015, smoothing=0.0, nose=0.0).distance - 1e-3) < 15e-6
+
+
 def test_stand_off_needs_a_shock_and_a_body():
     picture = bow(1e-3, -1e-3, 0.9)
     flat = Picture(np.full_like(picture.intensity, 0.5), picture.horizontal, picture.vertical)
