@@ -84,6 +84,7 @@ class WaveformComparison:
         return 0.25 * SPEED_OF_LIGHT * (self.recorded_width - self.simulated_width)
 
 
+@checked
 def correlation_degree(correlation: float) -> str:
     """Return the degree of correlation by Table 5: |r| in [0, 0.3), [0.3, 0.5), [0.5, 0.8), [0.8, 1].
 
@@ -96,7 +97,8 @@ def correlation_degree(correlation: float) -> str:
     return next(name for bound, name in DEGREES if size >= bound)
 
 
-def pearson_correlation(first, second) -> float:
+@checked
+def pearson_correlation(first: Numbers, second: Numbers) -> float:
     """Return Pearson's r of two lists of one length (eq 13-14).
 
     Raises:
@@ -167,7 +169,8 @@ def compare_waveforms(
         time: Sample times of both [s], shape (n,), in even steps.
         recorded: Recorded samples [V], shape (n,).
         simulated: Simulated samples [V], shape (n,).
-        greatest_lag: Largest lag tried either way [s]; None: half the record. Only overlapping samples count.
+        greatest_lag: Largest lag tried either way [s]; None: half the record, or the distance of the two peaks where
+            they are farther apart. Only overlapping samples count.
         threshold: Level at which the leading edges are compared [V]; None: half of the lower peak. One level for both,
             as for a fixed discriminator, so that a lower pulse counts as later.
 
@@ -190,9 +193,11 @@ def compare_waveforms(
                 f"the {name} waveform has no positive peak (greatest sample {peak:g} V): is its sign inverted?"
             )
     r = pearson_correlation(test, model)
-    shift = test.size // 2
-    if greatest_lag is not None:
-        shift = min(math.ceil(check_positive(greatest_lag, "greatest_lag", "s") / period), test.size - LEAST_OVERLAP)
+    if greatest_lag is None:  # noise moves the greatest samples
+        shift = max(test.size // 2, abs(int(np.argmax(test)) - int(np.argmax(model))) + LEAST_OVERLAP)
+    else:
+        shift = math.ceil(check_positive(greatest_lag, "greatest_lag", "s") / period)
+    shift = min(shift, test.size - LEAST_OVERLAP)
     by_lag = correlation_by_lag(test, model, shift)
     by_lag[shift] = r
     position, best = _vertex(by_lag)

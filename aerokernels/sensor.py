@@ -55,12 +55,18 @@ class Sensor:
 
     @checked
     def expose(self, brightness: Numbers, seed: int = 0) -> np.ndarray:
-        """Return grey levels relative to the greatest one, 0 to 1, of a picture of any shape; `seed` is the noise's."""
+        """Return grey levels relative to the greatest one, 0 to 1, of a picture's shape.
+
+        Args:
+            brightness: Brightness, 1 filling the share `exposure` of the full well, any shape. Negative values, and
+                NaN, which marks light that is not known, count as dark.
+            seed: Seed of the noise.
+        """
         brightness = np.maximum(np.nan_to_num(np.asarray(brightness, dtype=np.float64)), 0.0)
         electrons = self.full_well * self.exposure * brightness + self.dark
         draw = np.random.default_rng(seed)
         if self.shot_noise:
-            electrons = draw.poisson(np.minimum(electrons, 1e15)).astype(np.float64)
+            electrons = np.asarray(draw.poisson(np.minimum(electrons, 1e15)), dtype=np.float64)
         if self.read_noise > 0.0:
             electrons = electrons + self.read_noise * draw.standard_normal(electrons.shape)
         return np.asarray(np.rint(np.clip(electrons / self.full_well, 0.0, 1.0) * self.levels) / self.levels)

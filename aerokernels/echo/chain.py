@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..inputs.checks import as_waveform, check_choice, check_count, check_positive
+from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import as_finite_array, as_waveform, check_choice, check_count, check_positive
 from .detector import GREATEST_ORDER, RESPONSES, detect, memory_time
 from .digitiser import Digitiser, digitiser_of
 from .noise import NoiseSources, noise_bandwidth, noise_sources_of, sampled_noise_gain, white_noise
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from ..scene import Scene
 
 
+@checked
 @dataclass(frozen=True)
 class DetectorChain:
     """A receiver's electronics.
@@ -72,7 +74,8 @@ class DetectorChain:
         """Volts per ampere of multiplied current [Ohm]."""
         return self.volts_per_watt / self.sources.amperes_per_watt
 
-    def linear_voltage(self, time, power) -> np.ndarray:
+    @checked
+    def linear_voltage(self, time: Numbers, power: Numbers) -> np.ndarray:
         """Return the voltage [V] for a power [W] at even times [s], shape (n,), without noise or limits."""
         return detect(
             time,
@@ -83,11 +86,13 @@ class DetectorChain:
             order=self.order,
         )
 
-    def voltage(self, time, power) -> np.ndarray:
+    @checked
+    def voltage(self, time: Numbers, power: Numbers) -> np.ndarray:
         """Return the voltage [V] after saturation, without noise or digitiser, shape (n,)."""
         return self._limited(self.linear_voltage(time, power))
 
-    def record(self, time, power, seed: int | np.random.Generator = 0, stride: int = 1) -> np.ndarray:
+    @checked
+    def record(self, time: Numbers, power: Numbers, seed: int | np.random.Generator = 0, stride: int = 1) -> np.ndarray:
         """Simulate one noisy record.
 
         Args:
@@ -111,17 +116,27 @@ class DetectorChain:
             volts = (volts + self.noise(watts, period, seed))[::stride]
         return self.digitise(self._limited(volts))
 
-    def noise(self, power: np.ndarray, period: float, seed: int | np.random.Generator = 0) -> np.ndarray:
-        """Return noise [V] after the low-pass for a received power [W] at even steps of `period` [s], shape (n,)."""
+    @checked
+    def noise(self, power: Numbers, period: float, seed: int | np.random.Generator = 0) -> np.ndarray:
+        """Return noise [V] after the low-pass for a received power [W] at even steps of `period` [s], shape (n,).
+
+        Raises:
+            ValueError: Powers that are not finite or have no or several axes, or a period that is not positive.
+        """
         from scipy.fft import irfft, rfft, rfftfreq
 
-        current = white_noise(self.sources.density(power), period, np.random.default_rng(seed))
+        check_positive(period, "period", "s")
+        density = self.sources.density(power)
+        if density.ndim != 1 or not density.size:
+            raise ValueError(f"power must be a list of powers [W], got shape {density.shape}")
+        current = white_noise(density, period, np.random.default_rng(seed))
         volts = self.transimpedance * current
         if self.bandwidth is None:
             return volts
         low_pass = (period, self.bandwidth, self.response, self.order)
         return irfft(rfft(volts) * sampled_noise_gain(rfftfreq(volts.size, period), *low_pass), volts.size)
 
+    @checked
     def noise_rms(self, power: float, sample_rate: float) -> float:
         """Standard deviation of a sample [V] under a steady power [W], without the digitiser's quantisation.
 
@@ -136,16 +151,20 @@ class DetectorChain:
             band = noise_bandwidth(self.bandwidth, self.response, self.order, max(top, 1e3 * self.bandwidth))
         return float(self.transimpedance * np.sqrt(self.sources.density(power) * band))
 
-    def clipped(self, voltage: np.ndarray) -> np.ndarray:
+    @checked
+    def clipped(self, voltage: Numbers) -> np.ndarray:
         """Limit voltages [V] to the amplifier's saturation and to the digitiser's range, without quantisation."""
-        limited = self._limited(voltage)
+        limited = self._limited(as_finite_array(voltage, "voltage"))
         return limited if self.digitiser is None else np.clip(limited, self.digitiser.low, self.digitiser.high)
 
-    def digitise(self, voltage: np.ndarray) -> np.ndarray:
+    @checked
+    def digitise(self, voltage: Numbers) -> np.ndarray:
         """Return the samples [V] as the digitiser records them."""
-        return voltage if self.digitiser is None else self.digitiser.record(voltage)
+        volts = as_finite_array(voltage, "voltage")
+        return volts if self.digitiser is None else self.digitiser.record(volts)
 
-    def cramer_rao_range(self, time, power) -> float:
+    @checked
+    def cramer_rao_range(self, time: Numbers, power: Numbers) -> float:
         """Return the least standard deviation [m] of an unbiased range (Cramér-Rao), for a power [W] at times [s].
 
         The noise is white ahead of the low-pass, and the low-pass acts on signal and noise alike. The bound is

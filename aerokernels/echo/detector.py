@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import as_waveform, check_choice, check_count, check_positive
 from ..process.opened import OPENED
 
@@ -80,9 +81,10 @@ def memory_time(bandwidth: float, response: str = "bessel", order: int = 4) -> f
     return -math.log(_FORGOTTEN) / (2.0 * math.pi * slowest * check_positive(bandwidth, "bandwidth", "Hz"))
 
 
+@checked
 def detect(
-    time,
-    power,
+    time: Numbers,
+    power: Numbers,
     *,
     volts_per_watt: float,
     bandwidth: float | None = None,

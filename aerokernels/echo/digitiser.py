@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import as_finite_array, check_at_least, check_count
 
 if TYPE_CHECKING:
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 GREATEST_BIT_COUNT = 24
 
 
+@checked
 @dataclass(frozen=True)
 class Digitiser:
     """An analogue-to-digital converter.
@@ -41,12 +43,14 @@ class Digitiser:
         """Voltage between two codes [V]."""
         return (self.high - self.low) / (2**self.bit_count - 1)
 
-    def codes(self, voltage) -> np.ndarray:
+    @checked
+    def codes(self, voltage: Numbers) -> np.ndarray:
         """Return the nearest codes, 0 to 2^bit_count - 1, of voltages [V], clipped to the digitiser's range."""
         volts = np.clip(as_finite_array(voltage, "voltage"), self.low, self.high)
         return np.rint((volts - self.low) / self.step).astype(np.int64)
 
-    def record(self, voltage) -> np.ndarray:
+    @checked
+    def record(self, voltage: Numbers) -> np.ndarray:
         """Return voltages [V] rounded to those of the nearest codes."""
         return self.low + self.step * self.codes(voltage)
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import as_finite_array, check_at_least, check_positive, check_share
 from .detector import low_pass_gain
 
@@ -30,6 +31,7 @@ BOLTZMANN_CONSTANT = 1.380649e-23  # [J/K], exact
 FOLDS = 4  # aliased bands on either side; with two poles the next holds 1e-3 of the noise even at a rate of 1 / B
 
 
+@checked
 def excess_noise_factor(gain: float, ionisation_ratio: float) -> float:
     """McIntyre's excess noise factor F: 1 without multiplication; equal to the gain for an ionisation ratio of 1.
 
@@ -40,6 +42,7 @@ def excess_noise_factor(gain: float, ionisation_ratio: float) -> float:
     return k * m + (1.0 - k) * (2.0 - 1.0 / m)
 
 
+@checked
 @dataclass(frozen=True)
 class NoiseSources:
     """A receiver's noise sources.
@@ -85,7 +88,8 @@ class NoiseSources:
         """One-sided noise density of resistor and amplifier [A^2/Hz]."""
         return 4.0 * BOLTZMANN_CONSTANT * self.temperature / self.load_resistance + self.amplifier_noise**2
 
-    def density(self, power) -> np.ndarray:
+    @checked
+    def density(self, power: Numbers) -> np.ndarray:
         """Return the one-sided noise density [A^2/Hz] for a received power [W], of the shape of `power`."""
         received = np.maximum(as_finite_array(power, "power"), 0.0) + self.background_power
         primary = self.responsivity * received + self.dark_current

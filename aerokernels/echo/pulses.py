@@ -65,6 +65,7 @@ class _OfTau:
         return self.tau
 
 
+@checked
 @dataclass(frozen=True)
 class GaussianPulse(_OfTau):
     """exp(-(t / tau)^2).
@@ -95,6 +96,7 @@ class GaussianPulse(_OfTau):
         return found
 
 
+@checked
 @dataclass(frozen=True)
 class HeliosPulse(_OfTau):
     """(t / tau)^2 exp(-t / tau), with t = 0 shifted to the peak.
@@ -135,7 +137,8 @@ class SampledPulse:
             not positive.
     """
 
-    def __init__(self, samples, period: float):
+    @checked
+    def __init__(self, samples: Numbers, period: float):
         """Check, fit the curve and find its peak."""
         values = as_finite_array(samples, "pulse samples")
         if values.ndim != 1 or values.size < LEAST_SAMPLES:

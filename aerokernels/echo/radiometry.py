@@ -37,6 +37,7 @@ SUPPORT = 3.5  # [1/e^2 radii]: 3e-12 of the beam's power is outside
 PANEL_NODES = 16
 
 
+@checked
 def tilted_pulse_tau(pulse_tau: float, beam_radius: float, tilt: float) -> float:
     """1/e half-width [s] of the echo of a plane of any extent: the pulse's own, broadened by the tilted plane's depth.
 

@@ -54,7 +54,8 @@ class RangeStatistics:
     sampling_error: float = float("nan")
 
 
-def cramer_rao_range(time, voltage, noise_rms: float) -> float:
+@checked
+def cramer_rao_range(time: Numbers, voltage: Numbers, noise_rms: float) -> float:
     """Cramér-Rao bound: the least standard deviation [m] of an unbiased range in white noise.
 
     Args:
@@ -133,10 +134,11 @@ def range_statistics(
     return replace(found, sampling_error=sampling)
 
 
+@checked
 def chain_range_statistics(
     chain: DetectorChain,
-    time,
-    power,
+    time: Numbers,
+    power: Numbers,
     read: Callable[[np.ndarray, np.ndarray], float],
     *,
     true_range: float,

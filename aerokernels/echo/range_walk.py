@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.checks import as_waveform, check_positive
+from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import as_waveform, check_at_least, check_positive
 from .pulse_curve import PulseCurve, peak_height
 from .waveform import SPEED_OF_LIGHT
 
@@ -36,6 +37,7 @@ class RangeWalk:
     width: np.ndarray
     error: np.ndarray
 
+    @checked
     def at_peak(self, peak: float) -> float:
         """Return the error [m] of an echo of this peak [V].
 
@@ -45,6 +47,7 @@ class RangeWalk:
         volts = _check_inside(peak, self.peak, "peak", "V", ": lower or raise the threshold")
         return self._interpolated(_stretched(self.peak / self.threshold), _stretched(volts / self.threshold))
 
+    @checked
     def at_width(self, width: float) -> float:
         """Return the error [m] of an echo that is above the threshold for this time [s].
 
@@ -53,7 +56,8 @@ class RangeWalk:
         """
         return self._interpolated(self.width, _check_inside(width, self.width, "width", "s"))
 
-    def correct(self, time, voltage, reading: float, *, peak: float | None = None) -> float:
+    @checked
+    def correct(self, time: Numbers, voltage: Numbers, reading: float, *, peak: float | None = None) -> float:
         """Subtract from a leading-edge range [m] the error of an echo of this waveform's peak.
 
         Args:
@@ -66,7 +70,7 @@ class RangeWalk:
             ValueError: A peak outside the curve, a waveform without a peak.
         """
         _, volts, _ = as_waveform(time, voltage)
-        return reading - self.at_peak(peak_height(volts) if peak is None else peak)
+        return check_at_least(reading, "reading") - self.at_peak(peak_height(volts) if peak is None else peak)
 
     def _interpolated(self, nodes: np.ndarray, at: float) -> float:
         from scipy.interpolate import PchipInterpolator
@@ -88,7 +92,8 @@ def _stretched(ratio):
     return np.sqrt(np.log(ratio))
 
 
-def range_walk(time, voltage, threshold: float) -> RangeWalk:
+@checked
+def range_walk(time: Numbers, voltage: Numbers, threshold: float) -> RangeWalk:
     """Compute the range walk curve of a threshold for pulses of one shape.
 
     Args:

@@ -18,6 +18,7 @@ the voltage: subtract the baseline first.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -70,7 +71,8 @@ def estimate_range(
 
     Warns:
         CoarseSamplingWarning: Too few samples across the pulse for the method; states the resulting error.
-        SaturatedRecordWarning: A peak that is cut off, with "constant-fraction"; states the resulting error.
+        SaturatedRecordWarning: A peak that is cut off, with any method but "leading-edge", if that changes the range;
+            states the resulting error.
 
     Raises:
         ValueError: The signal never crosses the threshold (the message states its peak), the record cuts the pulse, an
@@ -144,9 +146,11 @@ class Reading:
     def warn(self, volts: np.ndarray, period: float) -> float:
         """Warn of a sampling error above the tolerated one or of a peak that is cut off; return the former [m]."""
         error = self.sampling_error(volts, period)
-        if self.method == "constant-fraction":
-            shape = self.shape or (self.template if callable(self.template) else None)
-            if warn_of_saturation(volts, period, self.fraction, shape):
+        if self.method not in AMPLITUDE_METHODS:
+            shape = self.shape
+            if shape is None and self.template is not None:
+                shape = template_curve(self.template, period)
+            if warn_of_saturation(volts, period, self.method, partial(self._arrival, period=period), shape):
                 return error
         warn_of_sampling(volts, period, self.method, error, self.template is not None)
         return error

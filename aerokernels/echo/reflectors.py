@@ -16,12 +16,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_positive, check_share
 
 if TYPE_CHECKING:
     from ..scene import Scene
 
 
+@checked
 @dataclass(frozen=True)
 class Reflector:
     """A surface's reflectance; Lambertian unless `specular_share` is positive.
@@ -45,7 +47,8 @@ class Reflector:
         check_share(self.specular_share, "specular_share")
         check_positive(self.specular_exponent, "specular_exponent")
 
-    def reflectance(self, lobe_cosine) -> np.ndarray:
+    @checked
+    def reflectance(self, lobe_cosine: Numbers) -> np.ndarray:
         """Return f_r [1/sr], of the shape of `lobe_cosine`, the cosine of alpha."""
         lobe = np.maximum(np.asarray(lobe_cosine, dtype=np.float64), 0.0) ** self.specular_exponent
         diffuse = (1.0 - self.specular_share) / math.pi

@@ -19,6 +19,7 @@ from functools import partial
 
 import numpy as np
 
+from ..inputs.arguments import checked
 from ..medium import IndexField
 from ..prepare import prepare_field
 from ..scene import Scene
@@ -34,6 +35,7 @@ from .vacuum import VacuumEcho
 from .waveform import SPEED_OF_LIGHT, sum_of_pulses
 
 
+@checked
 def echo(
     scene: Scene,
     *,

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import as_finite_array, check_positive
 from .pulses import GaussianPulse, PulseShape, as_pulse
 
@@ -21,6 +22,7 @@ _BLOCK = 1 << 21  # speed only
 MOST_PULSES, INTERPOLATED = 32, 1e-17
 
 
+@checked
 def pulse_tau_from_fwhm(fwhm: float) -> float:
     """Return the 1/e half-width tau [s] of a Gaussian pulse of full width at half maximum `fwhm` [s].
 
@@ -30,6 +32,7 @@ def pulse_tau_from_fwhm(fwhm: float) -> float:
     return check_positive(fwhm, "fwhm", "s") / (2.0 * math.sqrt(math.log(2.0)))
 
 
+@checked
 def fwhm_from_pulse_tau(pulse_tau: float) -> float:
     """Return the full width at half maximum [s] of a Gaussian pulse of 1/e half-width `pulse_tau` [s].
 
@@ -39,6 +42,7 @@ def fwhm_from_pulse_tau(pulse_tau: float) -> float:
     return check_positive(pulse_tau, "pulse_tau", "s") * 2.0 * math.sqrt(math.log(2.0))
 
 
+@checked
 def pulse_energy(peak_power: float, pulse_tau: float) -> float:
     """Return the energy [J] of a Gaussian pulse of peak power [W] and 1/e half-width [s].
 
@@ -50,7 +54,8 @@ def pulse_energy(peak_power: float, pulse_tau: float) -> float:
     )
 
 
-def gaussian_pulse(time, pulse_tau: float) -> np.ndarray:
+@checked
+def gaussian_pulse(time: Numbers, pulse_tau: float) -> np.ndarray:
     """Return a Gaussian pulse of peak 1 at t = 0, of the shape of `time` [s].
 
     Raises:

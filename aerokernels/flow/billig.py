@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.arguments import checked
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_choice, check_positive
 
 LEAST_MACH = 1.5
@@ -52,18 +52,21 @@ class BowShock:
         """Rc cot^2 b: distance from the hyperbola's vertex to its centre, which is ahead of the vertex [m]."""
         return self.curvature_radius / math.tan(self.far_angle) ** 2
 
-    def z_at(self, r) -> np.ndarray:
+    @checked
+    def z_at(self, r: Numbers) -> np.ndarray:
         """Position z of the shock [m] at distances r from the axis [m]."""
         stretch = np.asarray(r, dtype=np.float64) * (math.tan(self.far_angle) / self.curvature_radius)
         # s^2 / (1 + sqrt(1 + s^2)) is sqrt(1 + s^2) - 1 without the difference of nearly equal numbers.
         return self.stand_off - self._depth * stretch**2 / (1.0 + np.sqrt(1.0 + stretch**2))
 
-    def radius_at(self, z) -> np.ndarray:
+    @checked
+    def radius_at(self, z: Numbers) -> np.ndarray:
         """Distance of the shock from the axis [m] at positions z [m]; 0 ahead of the shock's vertex."""
         behind = np.maximum(self.stand_off - np.asarray(z, dtype=np.float64), 0.0) / self._depth
         return self.curvature_radius / math.tan(self.far_angle) * np.sqrt(behind * (behind + 2.0))
 
-    def distance_along(self, angle) -> np.ndarray:
+    @checked
+    def distance_along(self, angle: Numbers) -> np.ndarray:
         """Distance [m] of the shock from the nose's centre of curvature, at angles 0 to pi/2 from the axis [rad]."""
         cosine, sine = np.cos(angle), np.sin(angle)
         centre = self.radius + self.stand_off + self._depth
@@ -71,7 +74,8 @@ class BowShock:
         product = (self.radius + self.stand_off) * (centre + self._depth)  # centre^2 - depth^2
         return product / (centre * cosine + np.sqrt((self._depth * cosine) ** 2 + cotangent**2 * product))
 
-    def normal_mach_square_at(self, r) -> np.ndarray:
+    @checked
+    def normal_mach_square_at(self, r: Numbers) -> np.ndarray:
         """Square of the Mach number normal to the shock at distances r from the axis [m]."""
         r = np.asarray(r, dtype=np.float64)
         square = self.curvature_radius**2 + (r * math.tan(self.far_angle)) ** 2

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..inputs.arguments import checked
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_positive
 from ..medium import Body
 from .billig import BowShock, bow_shock
@@ -49,7 +49,8 @@ class BluntBodyFlow:
     pressure_share: float
     gamma: float
 
-    def density_ratio_at(self, y, z) -> np.ndarray:
+    @checked
+    def density_ratio_at(self, y: Numbers, z: Numbers) -> np.ndarray:
         """Density over that of the free stream at (y, z) or (r, z) [m]; inside the body the value at the wall."""
         r, z = np.abs(np.asarray(y, dtype=np.float64)), np.asarray(z, dtype=np.float64)
         return np.where(z < self.bow.z_at(r), self.behind_at(r, z), 1.0)

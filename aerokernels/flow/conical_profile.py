@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..inputs.arguments import Numbers, checked
+
 
 @dataclass(frozen=True, eq=False)
 class ConicalProfile:
@@ -76,26 +78,28 @@ class ConeShock:
     gamma: float
     profile: ConicalProfile = field(repr=False, compare=False)
 
-    def density_ratio_at(self, polar_angle) -> np.ndarray:
+    @checked
+    def density_ratio_at(self, polar_angle: Numbers) -> np.ndarray:
         """Return density over that of the free stream at polar angles [rad]; inside the body the value at the wall."""
         angle = np.asarray(polar_angle, dtype=np.float64)
-        behind = angle <= self.shock_angle
+        ahead = angle > self.shock_angle  # NaN is not, and stays NaN
         u, w = self.profile.deviation(self._depth(angle))
         excess = temperature_excess(self.mach, self.gamma, np.clip(angle, self.half_angle, self.shock_angle), u, w)
         ratio = self.stagnation_pressure_ratio * (1.0 + excess) ** (1.0 / (self.gamma - 1.0))
-        return np.where(behind, ratio, 1.0)
+        return np.where(ahead, 1.0, ratio)
 
-    def velocity_at(self, polar_angle) -> tuple[np.ndarray, np.ndarray]:
+    @checked
+    def velocity_at(self, polar_angle: Numbers) -> tuple[np.ndarray, np.ndarray]:
         """Return the radial and polar velocity about the tip, over the free stream's speed, at polar angles [rad].
 
         The polar velocity is positive toward greater angles, so it is negative here. Inside the body both have their
         values at the wall.
         """
         angle = np.asarray(polar_angle, dtype=np.float64)
-        behind = angle <= self.shock_angle
+        ahead = angle > self.shock_angle
         outside = np.maximum(angle, self.half_angle)
         u, w = self.profile.deviation(self._depth(angle))
-        return np.cos(outside) + np.where(behind, u, 0.0), np.where(behind, w, 0.0) - np.sin(outside)
+        return np.cos(outside) + np.where(ahead, 0.0, u), np.where(ahead, 0.0, w) - np.sin(outside)
 
     def _depth(self, angle: np.ndarray) -> np.ndarray:
         return np.clip(self.shock_angle - angle, 0.0, self.profile.depth[-1])

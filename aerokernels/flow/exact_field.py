@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from ..display.shown import shown
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_positive
 from ..medium import Body, QuadMesh
 from .density_field import CellDensity, local_points
@@ -41,7 +42,8 @@ class DirectionFlow(ABC):
     def breaks(self) -> tuple[float, ...]:
         """Directions of its jumps and kinks [rad]."""
 
-    def density_ratio_at(self, y, z) -> np.ndarray:
+    @checked
+    def density_ratio_at(self, y: Numbers, z: Numbers) -> np.ndarray:
         """Density over the ambient density at (y, z) [m]."""
         return self.ratio_of_angle(np.arctan2(y, -np.asarray(z)))
 

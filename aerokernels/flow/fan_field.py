@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.arguments import checked
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_positive
 from ..medium import Body
 from .exact_field import MARGIN, DirectionFlow, ExactField, edges, square_step
@@ -58,7 +58,8 @@ class ExpansionFan(DirectionFlow):
     tail_angle: float
     gamma: float
 
-    def ratio_of_angle(self, angle) -> np.ndarray:
+    @checked
+    def ratio_of_angle(self, angle: Numbers) -> np.ndarray:
         """Density over that of the stream ahead in a direction from the corner, an angle from -z towards +y [rad].
 
         Inside the body the value of the nearer wall.
@@ -83,6 +84,7 @@ class ExpansionFan(DirectionFlow):
         return -0.5 * (self.deflection + math.pi)
 
 
+@checked
 def mach_after_turn(angle: float, *, gamma: float = GAMMA_AIR) -> float:
     """Return the Mach number to which a turn by `angle` [rad] expands a sonic stream: the inverse of `prandtl_meyer`.
 
@@ -102,6 +104,7 @@ def mach_after_turn(angle: float, *, gamma: float = GAMMA_AIR) -> float:
     return math.sqrt(1.0 + tangent**2)
 
 
+@checked
 def maximum_expansion(mach: float, *, gamma: float = GAMMA_AIR) -> float:
     """Return the angle [rad] by which a stream turns when it expands to vacuum."""
     root = math.sqrt((gamma + 1.0) / (gamma - 1.0)) if gamma > 1.0 else math.nan

@@ -70,6 +70,7 @@ class FreeStream:
     gamma: float = GAMMA_AIR
     gas_constant: float = GAS_CONSTANT_AIR
 
+    @checked
     def at_density(self, density: float) -> "FreeStream":
         """Return the stream of the same Mach number and temperature at another density [kg/m3]; pressures scale too."""
         ratio = check_positive(density, "density") / self.density

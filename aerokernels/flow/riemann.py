@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.arguments import checked
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_positive
 from .gas import GAMMA_AIR, GAS_CONSTANT_AIR, check_gamma
 from .shocks import bisect
@@ -83,15 +83,18 @@ class Riemann:
         """Speeds at which the density jumps or has a kink, in order [m/s]."""
         return (*self.left_wave, self.velocity, *self.right_wave)
 
-    def density_at(self, speed) -> np.ndarray:
+    @checked
+    def density_at(self, speed: Numbers) -> np.ndarray:
         """Density [kg/m3] at xi = x / t [m/s]."""
         return self._select(speed, 0)
 
-    def velocity_at(self, speed) -> np.ndarray:
+    @checked
+    def velocity_at(self, speed: Numbers) -> np.ndarray:
         """Velocity [m/s] at xi = x / t [m/s]."""
         return self._select(speed, 1)
 
-    def pressure_at(self, speed) -> np.ndarray:
+    @checked
+    def pressure_at(self, speed: Numbers) -> np.ndarray:
         """Pressure [Pa] at xi = x / t [m/s]."""
         return self._select(speed, 2)
 
@@ -99,7 +102,7 @@ class Riemann:
         xi = np.asarray(speed, dtype=np.float64)
         left = self._side(xi, self.left, 1.0, self.left_density, self.left_wave)[which]
         right = self._side(-xi, self.right, -1.0, self.right_density, tuple(-s for s in self.right_wave[::-1]))[which]
-        return np.where(xi < self.velocity, left, right)
+        return np.where(np.isnan(xi), np.nan, np.where(xi < self.velocity, left, right))
 
     def _side(self, xi, state: GasState, sign: float, density: float, wave) -> tuple[np.ndarray, ...]:
         """Return density, velocity and pressure on one side, mirrored if necessary so that its wave runs left."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.arguments import checked
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_choice, check_positive
 from .exact_averages import piecewise_means
 from .exact_field import DEFAULT_CELLS, LEAST_CELLS, ExactField, edges, rectangles, square_step
@@ -30,7 +30,8 @@ class TubeAtTime:
     axis: str
     reference: float
 
-    def density_ratio_at(self, y, z) -> np.ndarray:
+    @checked
+    def density_ratio_at(self, y: Numbers, z: Numbers) -> np.ndarray:
         """Density over that of the gas on the right at (y, z) [m]."""
         place = np.asarray(y) if self.axis == "y" else -np.asarray(z)
         return self.riemann.density_at(place / self.time) / self.reference

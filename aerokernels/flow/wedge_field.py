@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.arguments import checked
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_positive
 from ..medium import Body
 from .exact_field import MARGIN, DirectionFlow, ExactField, edges, square_step
@@ -29,13 +29,15 @@ class PlaneShock(DirectionFlow):
     shock: Shock
     mirrored: bool
 
-    def ratio_of_angle(self, angle) -> np.ndarray:
+    @checked
+    def ratio_of_angle(self, angle: Numbers) -> np.ndarray:
         """Density over that of the free stream in a direction from the origin, an angle from -z towards +y [rad]."""
+        angle = np.asarray(angle, dtype=np.float64)
         if self.mirrored:
             behind = np.abs(angle) < self.shock.shock_angle
         else:
             behind = np.sin(self.shock.shock_angle - angle) > 0.0
-        return np.where(behind, self.shock.density_ratio, 1.0)
+        return np.where(np.isnan(angle), np.nan, np.where(behind, self.shock.density_ratio, 1.0))
 
     @property
     def breaks(self) -> tuple[float, float]:

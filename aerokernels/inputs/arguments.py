@@ -92,12 +92,13 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
                     refuse_half_precision(value, parameter)
                 if wrong := taken.mistake(value, parameter, name):
                     raise TypeError(wrong)
-                if taken.are_numbers and (wrong := _out_of_proportion(value, parameter, name)):
-                    raise ValueError(wrong)
         plain = {}
         for parameter, value in arguments.items():
-            known = takes.get(parameter) or objects.get(parameter)
-            if known is not None and (number := known.plain(value, parameter, name)) is not value:
+            if (known := takes.get(parameter) or objects.get(parameter)) is None:
+                continue
+            if known.are_numbers and (wrong := _out_of_proportion(value, parameter, name)):
+                raise ValueError(wrong)
+            if (number := known.plain(value, parameter, name)) is not value:
                 plain[parameter] = number
         if plain:
             bound = binding.signature.bind(*given, **named)

@@ -1,9 +1,9 @@
-"""The kinds of value that a parameter accepts: numbers, whole numbers, texts, arrays, tuples and objects."""
+"""The kinds of value that a parameter accepts: numbers, whole numbers, texts, arrays, tuples, functions and objects."""
 
 import math
 import types
 import typing
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from numbers import Real
 from typing import TYPE_CHECKING, Any, SupportsFloat, Union
 
@@ -28,8 +28,9 @@ class Kinds:
 
     def __init__(self, members: Iterable[Any], unit: str):
         """Keep the members of an annotation, and the unit of the parameter."""
-        self.unit = unit
         self.members = tuple(members)
+        # A unit in the description of a function is the one of its argument.
+        self.unit = "" if Callable in self.members else unit
         self.are_numbers = float in self.members or int in self.members
 
     @property
@@ -80,6 +81,8 @@ def members_of(annotation: Any) -> list[Any] | None:
         parts_of = typing.get_args(annotation)
         known = parts_of and all(part in (float, int) for part in parts_of)
         return [parts_of] if known else None
+    if origin is Callable:
+        return [Callable]
     if annotation in (None, type(None)):
         return [type(None)]
     if annotation is SupportsFloat or annotation is np.ndarray:
@@ -101,6 +104,8 @@ def _takes(kind: Any, value: Any) -> bool:
     if isinstance(kind, tuple):
         sized = isinstance(value, (tuple, list)) or (isinstance(value, np.ndarray) and value.ndim == 1)
         return sized and len(value) == len(kind) and all(is_number(one) for one in value)
+    if kind is Callable:
+        return callable(value)
     return value is None if kind is type(None) else isinstance(value, kind)
 
 
@@ -155,7 +160,7 @@ def _whole(value: Any, parameter: str, owner: str) -> int:
 
 
 _WORDS = {"m": "metres", "rad": "radians", "s": "seconds", "K": "kelvins", "Pa": "pascals", "W": "watts"}
-_NOUNS = {str: "a text", bool: "True or False", type(None): "None", np.ndarray: "real numbers"}
+_NOUNS = {str: "a text", bool: "True or False", type(None): "None", np.ndarray: "real numbers", Callable: "a function"}
 
 
 def _described(kind: Any, unit: str) -> str:

@@ -13,6 +13,7 @@ from aerokernels.echo.prediction import check_echo
 from aerokernels.echo.simulate import echo_through
 from aerokernels.echo.vacuum import VacuumEcho
 from aerokernels.flow import DensityField
+from aerokernels.inputs.arguments import checked
 from aerokernels.jobs.report import draw_pictures, render_report
 from aerokernels.jobs.run_parts import RunParts
 from aerokernels.jobs.scene_text import scene_toml
@@ -81,6 +82,7 @@ def _echo_with_errors(vacuum: VacuumEcho, field: IndexField, strehl: StrehlEstim
     return found
 
 
+@checked
 def simulate(
     scene: Scene | str | Path,
     *,

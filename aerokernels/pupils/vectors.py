@@ -8,7 +8,7 @@ from ..inputs.kinds import are_numbers
 
 
 def as_vector(value, name: str) -> np.ndarray:
-    """Return `value` as a finite float64 vector of shape (3,).
+    """Return `value` as a finite float64 vector of shape (3,), a read-only copy: callers may reuse their array.
 
     Raises:
         TypeError: It does not consist of numbers.
@@ -16,14 +16,15 @@ def as_vector(value, name: str) -> np.ndarray:
     """
     if not are_numbers(value):
         raise TypeError(f"{name} must be three finite numbers (x, y, z), got {value!r}")
-    vector = np.asarray(value, dtype=np.float64)
+    vector = np.array(value, dtype=np.float64)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError(f"{name} must be three finite numbers (x, y, z), got {value!r}")
+    vector.setflags(write=False)
     return vector
 
 
 def as_unit_vector(value, name: str) -> np.ndarray:
-    """Return `value` normalised to length 1, shape (3,).
+    """Return `value` normalised to length 1, read-only, shape (3,).
 
     Raises:
         TypeError: As for `as_vector`.
@@ -35,7 +36,9 @@ def as_unit_vector(value, name: str) -> np.ndarray:
         raise ValueError(f"{name} must not be the zero vector")
     # Scaled first, because the squared length of a very long or short vector would overflow or underflow.
     vector = vector / greatest
-    return vector / np.linalg.norm(vector)
+    vector /= np.linalg.norm(vector)
+    vector.setflags(write=False)
+    return vector
 
 
 def transverse_axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

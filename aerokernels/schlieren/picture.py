@@ -5,12 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..inputs.arguments import checked
 from .view import PictureView
 
 if TYPE_CHECKING:
     import xarray
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Picture(PictureView):
     """A picture with its scale.
@@ -30,12 +32,12 @@ class Picture(PictureView):
 
     def __post_init__(self) -> None:
         """Check the values."""
-        intensity = np.asarray(self.intensity, dtype=np.float64)
+        intensity = np.array(self.intensity, dtype=np.float64)
         if intensity.ndim != 2 or not np.isfinite(intensity).all():
             raise ValueError(f"a picture must be a two-axis array of finite brightness, got shape {intensity.shape}")
         object.__setattr__(self, "intensity", intensity)
         for name, count in (("horizontal", intensity.shape[1]), ("vertical", intensity.shape[0])):
-            centres = np.asarray(getattr(self, name), dtype=np.float64)
+            centres = np.array(getattr(self, name), dtype=np.float64)
             if centres.shape != (count,):
                 raise ValueError(
                     f"{name} has shape {centres.shape}, the picture {intensity.shape}: give one centre for each pixel"

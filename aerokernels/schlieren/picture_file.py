@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..files.grey_picture import write_grey
+from ..inputs.arguments import checked
 from ..inputs.checks import check_choice, check_path
 from ..process.room import NoRoomError, check_room
 from .picture import Picture
@@ -18,6 +19,7 @@ FLOW_SIDES = ("right", "left")
 _FULL = {"1": 1.0, "L": 255.0, "I;16": 65535.0, "I;16B": 65535.0, "I;16L": 65535.0}
 
 
+@checked
 def read_picture(
     path: str | Path,
     *,
@@ -70,6 +72,7 @@ def read_picture(
     )
 
 
+@checked
 def write_picture(path: str | Path, picture: PictureView) -> None:
     """Write the brightness of a picture as a 16-bit grey PNG, pixel for pixel, the uppermost row first.
 

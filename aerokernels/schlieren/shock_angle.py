@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
 from .fronts import LEAST_LINES, fit_curve, inner_bands, outer_fronts, smoothed
 from .picture import Picture
@@ -44,6 +45,7 @@ class ShockAngle:
     roll: float = float("nan")
 
 
+@checked
 def measure_shock_angle(
     picture: PictureView,
     window: tuple[float, float],

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..inputs.arguments import checked
 from .picture import Picture, picture_dataset
 from .view import PictureView
 
@@ -57,6 +58,7 @@ class HalfComparison(PictureView):
         )
 
 
+@checked
 def compare_halves(simulated: PictureView, measured: Picture) -> HalfComparison:
     """Combine the upper half of a simulated picture with the lower half of a measured one.
 

@@ -5,13 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
 from .fronts import LEAST_LINES, fit_curve, outer_fronts, smoothed
+from .staircase import is_staircase
 from .view import PictureView
 
 SIDES = ("right", "left")
 # The body begins where the brightness stays below this share of the undisturbed air's for so many pixels.
 DARK_SHARE, DARK_PIXELS = 0.2, 3
+# Least distance of body and shock [pixels]: nearer ones are one edge, of a shock that is as dark as the body.
+LEAST_APART = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +24,7 @@ class StandOff:
 
     Attributes:
         distance: from the nose to the shock on the flow's axis [m].
-        standard_error: from the scatter of the points [m].
+        standard_error: from the scatter of the points, and from edges that jump from pixel to pixel [m].
         shock: position of the shock on the axis [m].
         nose: position of the nose on the axis [m].
         shock_points: the shock on the scan lines used, (horizontal, vertical) [m], shape (n, 2).
@@ -35,6 +39,7 @@ class StandOff:
     nose_points: np.ndarray
 
 
+@checked
 def measure_stand_off(
     picture: PictureView,
     half_height: float,
@@ -62,7 +67,7 @@ def measure_stand_off(
         smoothing: standard deviation of the Gaussian that smooths the picture [pixels]; 0 for none.
 
     Raises:
-        ValueError: too few rows, no shock or no body on them, or an argument out of range.
+        ValueError: too few rows, no shock or no body on them, a shock as dark as the body, or an argument out of range.
     """
     check_choice(upstream, "upstream", SIDES)
     if not (np.isfinite(half_height) and half_height > 0.0):
@@ -74,12 +79,14 @@ def measure_stand_off(
             "raise it or take a finer picture"
         )
     step = -1 if upstream == "right" else 1
+    plain = picture.intensity[rows, ::step]
     lines = smoothed(picture.intensity, smoothing)[rows, ::step]
     along = picture.horizontal[::step]
     pitch = float(along[1] - along[0])
     height = picture.vertical[rows] - axis
     places = outer_fronts(lines, level)
     shock, shock_error, shock_points = _on_axis(height, along[0] + pitch * places, abs(pitch), "shock", axis)
+    shock_error = math.hypot(shock_error, abs(pitch) * _within_pixel(plain, places))
     if nose is not None:
         if not np.isfinite(nose):
             raise ValueError(f"nose = {nose}: give a position along the horizontal in metres")
@@ -87,7 +94,22 @@ def measure_stand_off(
     dark = DARK_SHARE * float(np.median(lines[:, 0]))
     edges = np.array([_dark_edge(line, dark, place) for line, place in zip(lines, places, strict=True)])
     tip, tip_error, nose_points = _on_axis(height, along[0] + pitch * edges, abs(pitch), "body", axis)
+    tip_error = math.hypot(tip_error, abs(pitch) * _within_pixel(plain, edges))
+    if abs(shock - tip) < LEAST_APART * abs(pitch):
+        raise ValueError(
+            f"the body at {tip:.4g} m begins where the shock does, at {shock:.4g} m: the shock is as dark as the body; "
+            "take the knife edge from the other side, a weaker one, or give the nose"
+        )
     return StandOff(abs(shock - tip), math.hypot(shock_error, tip_error), shock, tip, shock_points, nose_points)
+
+
+def _within_pixel(lines: np.ndarray, places: np.ndarray) -> float:
+    """Return the standard deviation of an edge that may be anywhere within a pixel [pixels]; 0 if shades tell where.
+
+    About the axis the edge is almost along the pixels, so that all rows show the same pixel and scatter tells nothing.
+    """
+    known = np.isfinite(places)
+    return math.sqrt(1.0 / 12.0) if is_staircase(lines[known], places[known]) else 0.0
 
 
 def _on_axis(

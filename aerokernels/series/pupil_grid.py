@@ -9,6 +9,7 @@ import numpy as np
 from ..inputs.checks import check_count
 from ..pupils import Pupil
 from ..wavefront import exact_weights, remove_terms, weighted_mean
+from ..wavefront.pixel_weights import three_in_a_row
 from .map_errors import MapErrors, PixelErrors
 
 # Share of a pixel below which a remainder is rounding.
@@ -49,16 +50,12 @@ class PupilGrid:
     def reader(self, good: np.ndarray, remove: tuple[str, ...], wavelength: float) -> "MapReader":
         """Return a reader of maps of some of the pixels with a weight, `good` of shape (n,)."""
         weight = np.where(self.spread(good, False), self.weight, 0.0)
-        lacking = exact_weights(weight, self.pixel, self.pupil) - weight
         rows, columns = np.nonzero(weight)
-        return MapReader(
-            self.coordinates[good],
-            weight[rows, columns],
-            remove,
-            wavelength,
-            lacking[rows, columns],
-            2 * (rows % 2) + columns % 2,
-        )
+        pixels = self.coordinates[good], weight[rows, columns], remove, wavelength
+        if not three_in_a_row(weight > 0.0):
+            return MapReader(*pixels)
+        lacking = exact_weights(weight, self.pixel, self.pupil) - weight
+        return MapReader(*pixels, lacking[rows, columns], 2 * (rows % 2) + columns % 2)
 
     def spread(self, values: np.ndarray, fill: Any = np.nan) -> np.ndarray:
         """Return a map of the values of the pixels with a weight, shape (ny, nx)."""
@@ -131,8 +128,7 @@ class MapReader:
         """Prepare from `coordinates` [m], shape (n, 2), and `weight`, shape (n,).
 
         `lacking` is exact weights minus `weight`, and `quarter` the number of each pixel's interleaved grid; None if
-        pixel
-        errors are not needed.
+        errors due to the pixels are not needed, or not known.
         """
         total = weight.sum()
         self.weight, self.remove, self.wavelength = weight / total, remove, wavelength

@@ -26,7 +26,7 @@ from .data import WavefrontMap
 from .half_pixels import halved
 from .modes import centroid_weights
 from .pixel_errors import INTERLEAVED, SAFETY, pixel_errors
-from .pixel_weights import exact_weights
+from .pixel_weights import exact_weights, three_in_a_row
 from .point_spread import complex_amplitude
 from .transfer import Transfer, autocorrelation, encircled, normalised_sensitivity, transfer_function
 
@@ -74,6 +74,8 @@ def _parts(wavefront: WavefrontMap, number: Callable[[Transfer], Any]) -> list[n
     The mean over the four grids differs from the number where that is not linear in the transfer function.
     """
     plain = np.asarray(number(transfer_function(wavefront)))
+    if not three_in_a_row(wavefront.lit):
+        return [np.full(plain.shape, np.nan)] * 5
     coincident, exact, halves, *grids = (np.asarray(number(one)) for one in _transfers(wavefront))
     spread = np.sqrt(np.var(grids, axis=0, ddof=1) / len(grids))
     return [
@@ -168,7 +170,7 @@ def grid_errors(wavefront: Any, number: Callable[[Any], Any]) -> np.ndarray:
         coarse = {name: values[every] for name, values in maps.items()}
         if coarse["weight"].any():
             grids.append(np.asarray(number(replace(wavefront, **coarse, pixel=2.0 * wavefront.pixel, pupil=None))))
-    if len(grids) < 2:
+    if len(grids) < 2 or not three_in_a_row(wavefront.lit):
         return np.full(plain.shape, np.nan)
     spread = np.std(grids, axis=0, ddof=1) / np.sqrt(len(grids))
     # Slivers with a negative exact weight are left out: a Wavefront allows none.

@@ -2,15 +2,16 @@
 
 Two errors are added as squares: twice the second-order deficit of the pixels' shares of the pupil (pixel_weights.py),
 twice since the third order is left out; and the standard error of the mean over the four grids of every other row and
-column, which represents variations from pixel to pixel.
+column, which represents variations from pixel to pixel. Without three pixels in a row they are NaN, not known.
 """
 
+import math
 from typing import Any
 
 import numpy as np
 
 from ..zernike import zernike_modes
-from .pixel_weights import exact_weights
+from .pixel_weights import exact_weights, three_in_a_row
 from .terms import mean_phasor, weighted_mean
 
 SAFETY = 2.0
@@ -21,6 +22,8 @@ INTERLEAVED = tuple((slice(row, None, 2), slice(column, None, 2)) for row in (0,
 def pixel_errors(wavefront: Any) -> dict[str, float]:
     """Return errors due to the pixels of "strehl", "opd_rms" [m], "tilt_x", "tilt_y" [rad] and "peak_to_valley" [m]."""
     opd, lit = wavefront.opd, wavefront.lit
+    if not three_in_a_row(lit):
+        return dict.fromkeys(("strehl", "opd_rms", "tilt_x", "tilt_y", "peak_to_valley"), math.nan)
     weight = np.asarray(wavefront.weight)
     exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
 
@@ -51,6 +54,8 @@ def zernike_pixel_errors(wavefront: Any, modes: np.ndarray) -> np.ndarray:
         modes: The polynomials at its pixels, shape (lit count, count).
     """
     opd, lit = wavefront.opd, wavefront.lit
+    if not three_in_a_row(lit):
+        return np.full(modes.shape[1], np.nan)
     weight = np.asarray(wavefront.weight)
     exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
 

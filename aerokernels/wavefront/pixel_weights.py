@@ -30,6 +30,14 @@ STENCILS = (
 REACH = 2
 
 
+def three_in_a_row(lit: np.ndarray) -> bool:
+    """Return whether three pixels in a row or a column have a sample, shape (ny, nx).
+
+    Without them nothing tells how much a wavefront varies within a pixel, and errors due to the pixels are not known.
+    """
+    return any(bool((one[:-2] & one[1:-1] & one[2:]).any()) for one in (lit, lit.T))
+
+
 def exact_weights(weight: np.ndarray, pixel: float, pupil: Pupil | None) -> np.ndarray:
     """Return weights by which a sum over pixels is the mean over the pupil to second order in the pixels' side.
 

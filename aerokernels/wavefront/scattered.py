@@ -6,6 +6,7 @@ The error is measured: every eighth sample is predicted from the others. If ther
 once, an eighth at a time, since the error is greatest at the rim and only few samples are there.
 """
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -42,19 +43,6 @@ def from_scattered(
     _check_cover(place, wanted, pixel, pupil)
     made = np.full(weight.shape, np.nan)
     made[lit] = _interpolated(place, values, wanted, pupil.reach)
-
-    def budget() -> dict[str, float]:
-        turns = min(max(LEFT_OUT * EACH_LEFT_OUT // len(values), 1), LEFT_OUT)
-        worst = 0.0
-        for turn in range(turns):
-            out = np.arange(len(values)) % LEFT_OUT == (turn + LEFT_OUT // 2) % LEFT_OUT
-            again = _interpolated(place[~out], values[~out], place[out], pupil.reach)
-            worst = max(worst, float(np.abs(again - values[out]).max()))
-        found = {"interpolation": SAFETY * worst}
-        if opd_error is not None:
-            found["samples"] = float(opd_error)
-        return {**found, "total": float(np.linalg.norm(list(found.values())))}
-
     return {
         "opd": made,
         "weight": weight,
@@ -62,15 +50,30 @@ def from_scattered(
         "intensity": intensity,
         "radius": pupil.reach,
         "pupil": pupil,
-        "budget": budget,
+        "budget": partial(_budget, place, values, pupil.reach, opd_error),
     }
+
+
+def _budget(place: np.ndarray, values: np.ndarray, radius: float, opd_error: float | None) -> dict[str, float]:
+    """Return the error budget of the map [m] by cause, and "total"."""
+    turns = min(max(LEFT_OUT * EACH_LEFT_OUT // len(values), 1), LEFT_OUT)
+    worst = 0.0
+    for turn in range(turns):
+        out = np.arange(len(values)) % LEFT_OUT == (turn + LEFT_OUT // 2) % LEFT_OUT
+        again = _interpolated(place[~out], values[~out], place[out], radius)
+        worst = max(worst, float(np.abs(again - values[out]).max()))
+    found = {"interpolation": SAFETY * worst}
+    if opd_error is not None:
+        found["samples"] = float(opd_error)
+    return {**found, "total": float(np.linalg.norm(list(found.values())))}
 
 
 def _checked(points: Any, opd: Any, pupil: Pupil) -> tuple[np.ndarray, np.ndarray]:
     """Check the samples; return points in the pupil's plane [m], shape (n, 2), and OPD [m], shape (n,)."""
     refuse_masked(points, "points")
     refuse_masked(opd, "opd")
-    place, values = np.asarray(points, dtype=np.float64), np.asarray(opd, dtype=np.float64)
+    # Copies: the error is measured when it is first read.
+    place, values = np.array(points, dtype=np.float64), np.array(opd, dtype=np.float64)
     if place.ndim != 2 or place.shape[1] not in (2, 3) or values.shape != place.shape[:1]:
         raise ValueError(
             "points must have shape (n, 2), x and y in the pupil, or (n, 3), in space, and opd shape (n,), got "

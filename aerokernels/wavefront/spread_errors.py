@@ -21,7 +21,7 @@ import numpy as np
 
 from .half_pixels import QUARTERS, halved
 from .pixel_errors import SAFETY
-from .pixel_weights import exact_weights
+from .pixel_weights import exact_weights, three_in_a_row
 from .point_spread import complex_amplitude, steady_product
 
 # Where light beyond half of a period is read: half a lobe apart along and across the row or column of an angle.
@@ -29,7 +29,9 @@ NEARER, ABOUT = 4, np.array([-1.0, 0.0, 1.0])
 
 
 def spread_errors(wavefront: Any, angle: np.ndarray) -> np.ndarray:
-    """Return the error due to the pixels of intensities at angles of rows and columns [rad] (m,), shape (m, m)."""
+    """Return errors due to the pixels of intensities at angles [rad] (m,), shape (m, m); NaN if not known."""
+    if not three_in_a_row(wavefront.lit):
+        return np.full((len(angle), len(angle)), np.nan)
     weight = np.asarray(wavefront.weight)
     exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
     phase = complex_amplitude(wavefront.opd, wavefront.lit.astype(np.float64), wavefront.wavelength)

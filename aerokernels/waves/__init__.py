@@ -5,5 +5,6 @@ from .split_step import split_step
 from .validity import validity
 from .verdict import Validity
 from .wave import Wave
+from .wrapping import WrappedWaveWarning
 
-__all__ = ["Validity", "Wave", "angular_spectrum", "split_step", "validity"]
+__all__ = ["Validity", "Wave", "WrappedWaveWarning", "angular_spectrum", "split_step", "validity"]

@@ -28,7 +28,8 @@ from ..wavefront.grid import LEAST_COVER
 from .angular_spectrum import transfer_exponent
 from .layers import FEWEST_STEPS, check_memory, layer_count, mean_layers, path_range
 from .library import PRECISIONS, FourierLibrary, fourier_library
-from .wave import Wave
+from .wave import Wave, propagated
+from .wrapping import warn_of_wrapping
 
 # Fewest pixels along a side of a window.
 FEWEST_PIXELS = 8
@@ -69,6 +70,9 @@ def split_step(
         The Wave on the plane where the box ends, along the normal. Light that meets a body is lost, and lowers
         `strehl`; light that starts inside a body begins where it leaves the body.
 
+    Warns:
+        WrappedWaveWarning: Light leaves the window without the field's help, and comes back on its other side.
+
     Raises:
         TypeError: `field` or `light` is of the wrong type.
         ValueError: The wave does not meet the field, a number is out of range, or the window needs too much memory.
@@ -96,11 +100,12 @@ def split_step(
             count = layer_count(field, end - begin, step_count)
             check_memory(count, wave.amplitude.size)
             sampled = mean_layers(field, wave, begin, end, count)
+        warn_of_wrapping(wave.amplitude, wave.pixel, wave.wavelength, end, wave.ambient_index)
         with stage("upload"):
             layers = library.array(sampled[0])
             opaque = None if sampled[1] is None else library.array(sampled[1])
         with stage("kernel"):
-            start = wave.propagate(begin, paraxial=paraxial)
+            start = propagated(wave, begin, paraxial)
             propagate = partial(
                 through_layers, length=end - begin, paraxial=paraxial, library=library, precision=precision
             )
@@ -111,7 +116,7 @@ def split_step(
             sparse = every_second_pixel(light, wave, window)
             strehl_error, path = float("nan"), sampled[0].sum(axis=0)
             if coarse is not None and sparse is not None:
-                rough = sparse.propagate(begin, paraxial=paraxial)
+                rough = propagated(sparse, begin, paraxial)
                 kept = every_second(wave.amplitude.shape)
                 behind = propagate(rough, layers[:, *kept], None if opaque is None else opaque[:, *kept], steps)
                 fine, fewer, larger = (

@@ -12,6 +12,7 @@ from ..pupils import as_unit_vector, as_vector, transverse_axes
 from ..wavefront import PointSpread
 from ..wavefront.point_spread import far_field
 from .angular_spectrum import angular_spectrum, as_amplitude
+from .wrapping import warn_of_wrapping
 
 
 @shown
@@ -91,12 +92,19 @@ class Wave:
         """Squared magnitude of the amplitude, shape (rows, columns)."""
         return np.abs(self.amplitude) ** 2
 
+    @checked
     def propagate(self, distance: float, *, paraxial: bool = False) -> "Wave":
-        """Return the wave after a distance [m] in ambient air: see angular_spectrum.py."""
-        moved = angular_spectrum(
-            self.amplitude, self.pixel, self.wavelength, distance, ambient_index=self.ambient_index, paraxial=paraxial
-        )
-        return replace(self, amplitude=moved, center=self.center + distance * self.normal)
+        """Return the wave after a distance [m] in ambient air: see angular_spectrum.py.
+
+        Warns:
+            WrappedWaveWarning: Light leaves the window, which is periodic, and comes back on its other side.
+
+        Raises:
+            ValueError: The distance is not finite.
+        """
+        moved = propagated(self, distance, paraxial)
+        warn_of_wrapping(self.amplitude, self.pixel, self.wavelength, distance, self.ambient_index)
+        return moved
 
     def strehl(self) -> float:
         """Return the Strehl ratio: far-field intensity along the axis over the one of the initial wave.
@@ -147,3 +155,11 @@ class Wave:
             f"{self.strehl():.6g} +- {self.strehl_error:.2g} after {self.step_count} steps, amplitude error "
             f"{self.error:.2g}"
         )
+
+
+def propagated(wave: Wave, distance: float, paraxial: bool) -> Wave:
+    """Return a wave after a distance [m] in ambient air, with what has left its window on the other side."""
+    moved = angular_spectrum(
+        wave.amplitude, wave.pixel, wave.wavelength, distance, ambient_index=wave.ambient_index, paraxial=paraxial
+    )
+    return replace(wave, amplitude=moved, center=wave.center + distance * wave.normal)

@@ -1,7 +1,6 @@
 """Range from a waveform: exact arrivals, range walk, what is refused."""
 
 import math
-import warnings
 
 import numpy as np
 import pytest
@@ -347,37 +346,3 @@ def test_a_template_may_begin_and_end_within_its_pulse():
     samples = pulse(np.arange(-7, 8) * NANOSECOND)
     exact = 0.5 * SPEED_OF_LIGHT * 10e-9
     assert estimate_range(time, voltage, "centroid", template=samples) == pytest.approx(exact, abs=2e-3)
-
-
-@pytest.mark.parametrize("fraction", [0.2, 0.5, 0.8])
-def test_a_saturated_record_is_told_of_by_how_much(fraction):
-    """Gaussians and HELIOS cut off at 0.25 to 0.9 of their peak: the reported error covers the range's everywhere.
-
-    Whole pulses, of which the greatest samples differ, and those whose own shape is flat at the top are not reported.
-    """
-    from aerokernels.echo import HeliosPulse, SaturatedRecordWarning
-    from aerokernels.echo.saturation import saturation_shift
-
-    shapes = (lambda time: np.exp(-((time / 6e-9) ** 2)), HeliosPulse(2.943e-9))
-    draw = np.random.default_rng(3)
-    for shape in shapes:
-        for cut in draw.uniform(0.25, 0.9, 12):
-            period = 6e-9 / draw.uniform(4.0, 12.0)
-            time = np.arange(0.0, 250e-9, period)
-            whole = np.asarray(shape(time - 100e-9 - draw.uniform(0.0, period)))
-            volts = np.minimum(whole, cut)
-            exact = estimate_range(time, whole, "constant-fraction", template=shape, fraction=fraction)
-            with warnings.catch_warnings(record=True) as told:
-                warnings.simplefilter("always")
-                found = estimate_range(time, volts, "constant-fraction", template=shape, fraction=fraction)
-            shift = 0.5 * SPEED_OF_LIGHT * period * saturation_shift(volts, fraction)
-            assert abs(found - exact) <= shift + 2e-3 * 0.5 * SPEED_OF_LIGHT * 12e-9, (cut, period, found - exact)
-            if abs(found - exact) > 2e-3:
-                assert [one.category for one in told] == [SaturatedRecordWarning], (cut, found - exact)
-    flat = np.clip(2.0 - np.abs(time - 100e-9) / 10e-9, 0.0, 1.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        estimate_range(time, shapes[0](time - 100e-9), "constant-fraction", fraction=fraction)
-        estimate_range(
-            time, flat, "constant-fraction", fraction=fraction, template=lambda t: np.clip(2 - np.abs(t) / 10e-9, 0, 1)
-        )

@@ -20,7 +20,8 @@ def test_grey_levels_of_electrons():
     electrons = 500.0 * np.maximum(np.nan_to_num(brightness), 0.0) + 20.0
     expected = np.rint(np.minimum(electrons / 1000.0, 1.0) * 15) / 15
     np.testing.assert_allclose(sensor.expose(brightness), expected)
-    assert sensor.expose(9.0) == 1.0
+    assert sensor.expose(9.0) == Sensor(read_noise=0.0).expose(9.0) == 1.0
+    assert Sensor().expose(0.5).shape == ()
     many = np.full(40_000, 0.6)
     noisy = Sensor(1000.0, 0.5, 7.0, 20.0, 16).expose(many, seed=3) * 1000.0
     assert noisy.mean() == pytest.approx(320.0, abs=0.5) and noisy.var() == pytest.approx(

@@ -58,7 +58,7 @@ def field() -> IndexField:
         ),
         (
             lambda field: estimate_range(*WAVE, "centroid", template=[[1.0], [1.0, 2.0]]),
-            "template must hold real numbers",
+            "template must be a function or an array of real numbers or None, got",
         ),
         (lambda field: zernike.zernike_modes(10**400, 0.0, 0.0), "a whole number of 401 digits"),
         (lambda field: Disc(radius=1e-3, centre=(0, 0, 0)), r"Disc has no argument 'centre': did you mean center\?"),

@@ -135,3 +135,34 @@ def test_the_pixels_of_a_series_hold_all_of_the_pupil():
         grid = series_grid(Rectangle(width, height), count)
         for axis, extent in ((grid.x, width), (grid.y, height)):
             assert len(axis) * grid.pixel >= extent * (1.0 - 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("pupil", "count"),
+    [
+        (Disc(RADIUS), 2),
+        (Annulus(RADIUS, 0.9 * RADIUS), 2),
+        (Polygon(RADIUS * np.array([[11.0, -0.5], [13.0, -0.5], [13.0, 0.5], [11.0, 0.5]])), 20),
+    ],
+    ids=["disc", "ring", "far from its centre"],
+)
+def test_errors_of_two_pixels_side_by_side_are_not_known(pupil, count):
+    """Set-up: maps without three pixels in a row, of half a wave of curvature about the middle of the pupil.
+
+    Expected: errors that are not known. The four pixels of a symmetric wavefront are alike: their Strehl ratio was
+    reported as 1.000 +- 1e-16, in the disc.
+    """
+    coordinate, pixel, weight, intensity = pupil_grid(pupil, count)
+    x, y = np.meshgrid(coordinate, coordinate)
+    middle = np.mean(getattr(pupil, "vertices", np.zeros((1, 2))), axis=0)
+    opd = 0.5 * WAVELENGTH * ((x - middle[0]) ** 2 + (y - middle[1]) ** 2) / RADIUS**2
+    seen = Wavefront(opd, weight, pixel, WAVELENGTH, intensity=intensity, pupil=pupil, budget=lambda: {"total": 1e-9})
+    assert 1 < seen.lit.sum() <= 6
+    for told in (*seen.quantities.values(), *seen.image_quantities().values()):
+        assert np.isnan(told.error)
+    assert np.isnan(seen.zernike_errors(1)).all() and np.isnan(seen.mtf().error).any()
+    assert np.isnan(seen.psf(np.array([0.0, 1e-5])).error).all() and np.isnan(seen.encircled_energy().error).all()
+    grid = series_grid(pupil, count)
+    flat = opd[weight > 0.0] if grid.weight.shape == weight.shape else np.zeros(int(grid.lit.sum()))
+    read = grid.reader(np.ones(int(grid.lit.sum()), dtype=bool), ("piston",), WAVELENGTH)(flat)
+    assert np.isnan(read.pixel_errors.strehl)

@@ -1,5 +1,7 @@
 """`Wavefront.from_samples`: maps of samples scattered over a pupil."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -80,3 +82,15 @@ def test_many_samples_make_a_map_of_few_pixels(pupil, pixel_count: int):
     exact = abs(np.mean(np.exp(2j * np.pi / 633e-9 * wave(many)))) ** 2
     strehl = found.quantities["strehl"]
     assert abs(strehl.value - exact) <= strehl.error + 1e-5
+
+
+def test_a_map_of_scattered_samples_can_be_pickled_and_keeps_its_samples():
+    """Its error is measured when it is first read: in another process, or after the caller has reused the arrays."""
+    places = in_disc(np.random.default_rng(2).random((2, 120))).T
+    values = 5e-8 * np.sin(3.0 * places[:, 0] / 1e-3)
+    made = Wavefront.from_samples(places, values, Disc(1e-3), WAVELENGTH, pixel_count=16, opd_error=1e-9)
+    again = pickle.loads(pickle.dumps(made))
+    expected = dict(Wavefront.from_samples(places, values, Disc(1e-3), WAVELENGTH, opd_error=1e-9).error)
+    places[:], values[:] = 0.0, 1.0
+    assert made.error == again.error == expected
+    assert again.quantities == made.quantities
