@@ -115,8 +115,9 @@ def test_warp_and_opencl_are_one_at_equal_samples(geometry, precision):
     assert np.nanmax(np.abs(warp - opencl)) < {"float32": 2e-5, "float64": 1e-9}[precision] * WAVE
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+@pytest.mark.parametrize(
+    ("geometry", "precision"), [("planar", "float32"), ("planar", "float64"), ("axisymmetric", "float32")]
+)
 @pytest.mark.parametrize("forward", [True, False])
 def test_rays_along_z_are_those_of_any_direction(geometry, precision, forward):
     """OpenCL moves them in a plane with the axis, Warp as all others: the same samples, the same numbers, to rounding.
@@ -238,7 +239,7 @@ def test_who_is_sampled_evenly():
     assert trace(field, few).plan.sample_count == 0
     assert trace(field, rays, until=ArcLength(1e-3)).plan.sample_count == 0
     assert trace(field, rays, method="adaptive").plan.sample_count == 0
-    assert trace(uniform_field("volume", "linear"), rays).plan.sample_count == 0
+    assert trace(uniform_field("volume", "linear"), rays, until=STOPS["far"]).plan.sample_count == 0
     wild = IndexField.from_samples(
         noise((25, 25, 25), 0.4, width=1.0), origin=(-12e-4,) * 3, spacing=(CELL,) * 3, geometry="volume"
     )
