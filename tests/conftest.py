@@ -15,8 +15,9 @@ from hypothesis import settings
 ROOT = Path(__file__).resolve().parents[1]
 # Processes that tests start, in other folders, take this checkout too where it is not installed.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-# Most of the tests' time goes into compiling kernels: see quiet_warp.py. The bits are those of the usual flags.
-os.environ.setdefault("AEROKERNELS_WARP_FLAGS", "-march=native")
+# Most of the tests' time goes into compiling kernels: see quiet_warp.py. Compilers need not search for loops and
+# statements that fit vectors: the tests' few rays are traced as quickly. The bits are those of the usual flags.
+os.environ.setdefault("AEROKERNELS_WARP_FLAGS", "-march=native -fno-vectorize -fno-slp-vectorize")
 # On a machine that other work shares, an example of half a millisecond took 277: time says nothing about the answer.
 settings.register_profile("at any load", settings(), deadline=None)
 settings.load_profile("at any load")

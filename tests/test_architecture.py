@@ -68,6 +68,21 @@ def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
+@functools.cache
+def imports(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """Every import of a file, wherever it is: statements are searched, not the expressions in them."""
+    found: list[ast.Import | ast.ImportFrom] = []
+    inside: list[ast.AST] = [tree(path)]
+    while inside:
+        node = inside.pop()
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            found.append(node)
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+            below = getattr(node, part, None)
+            inside += below if isinstance(below, list) else []
+    return found
+
+
 def dotted(path: Path) -> tuple[str, ...]:
     """("aerokernels", "medium", "mesh") for aerokernels/medium/mesh.py; a package's __init__ stands for the package."""
     parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
@@ -79,32 +94,32 @@ def imported(path: Path) -> set[tuple[int, str]]:
     here = dotted(path)
     package = here if path.name == "__init__.py" else here[:-1]
     found = set()
-    for node in ast.walk(tree(path)):
+    for node in imports(path):
         if isinstance(node, ast.Import):
             names = [alias.name.split(".") for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
+        else:
             base = list(package[: len(package) - node.level + 1]) if node.level else []
             base += node.module.split(".") if node.module else []
             # `from aerokernels import flow` names a package only in what is imported
             names = [[*base, alias.name] for alias in node.names] if len(base) < 2 else [base]
-        else:
-            continue
         names = [name for name in names if name[0] == PACKAGE.name and name[1:] != ["__version__"]]
         found |= {(node.lineno, name[1] if len(name) > 1 else "") for name in names}
     return found
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: ".".join(dotted(path)[1:]))
-def test_imports_run_from_later_stages_to_earlier_ones(path: Path):
-    package = dotted(path)[1]
-    if package == "__init__":
-        return  # it only hands names out
-    assert package in RANK, f"{path}: a new package; give it its rank in this test"
-    for line, other in imported(path):
-        assert other in RANK, (
-            f"{path}:{line}: imports {other or 'the whole package'!r}, which is no package with a rank"
-        )
-        assert other == package or RANK[other] < RANK[package], f"{path}:{line}: {package} may not import {other}"
+def test_imports_run_from_later_stages_to_earlier_ones():
+    faults = []
+    for path in MODULES:
+        package = dotted(path)[1]
+        if package == "__init__":
+            continue  # it only hands names out
+        assert package in RANK, f"{path}: a new package; give it its rank in this test"
+        for line, other in sorted(imported(path)):
+            if other not in RANK:
+                faults.append(f"{path}:{line}: imports {other or 'the whole package'!r}, no package with a rank")
+            elif other != package and RANK[other] >= RANK[package]:
+                faults.append(f"{path}:{line}: {package} may not import {other}")
+    assert not faults, "\n".join(faults)
 
 
 def imported_modules(path: Path, modules: dict[tuple[str, ...], Path]) -> set[tuple[str, ...]]:
@@ -112,16 +127,14 @@ def imported_modules(path: Path, modules: dict[tuple[str, ...], Path]) -> set[tu
     here = dotted(path)
     package = here if path.name == "__init__.py" else here[:-1]
     found = set()
-    for node in ast.walk(tree(path)):
+    for node in imports(path):
         if isinstance(node, ast.Import):
             names = [tuple(alias.name.split(".")) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
+        else:
             base = package[: len(package) - node.level + 1] if node.level else ()
             base += tuple(node.module.split(".")) if node.module else ()
             # A name in a package is a module of it, or one of its own.
             names = [(*base, alias.name) if (*base, alias.name) in modules else base for alias in node.names]
-        else:
-            continue
         found |= {name for name in names if name in modules}
     return found - {here}
 
@@ -141,24 +154,24 @@ def test_no_modules_import_each_other_in_a_circle():
     assert not circle
 
 
-def outliving_calls(source: str) -> list[str]:
+def outliving_calls(tree: ast.Module) -> list[str]:
     """What a module keeps from one call to the next: decorators that cache, `global`, containers that functions fill.
 
     Also objects of a class of the package that may change: `OPENED` of opened.py is the only one that is allowed.
     """
-    tree, found = ast.parse(source), []
+    found = []
     functions = [node for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))]
     for function in functions:
         for decorator in function.decorator_list:
             name = ast.unparse(decorator).split("(")[0].split(".")[-1]
             if name in ("cache", "lru_cache"):
                 found.append(f"@{name} {function.name}")
-    held = {}
+    held = set()
     for node in tree.body:
         if isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value is not None:
-            for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
-                held[ast.unparse(target)] = ast.unparse(node.value)
-    found += [f"{name} = {value}" for name, value in held.items() if value.startswith("Opened(")]
+            held |= {ast.unparse(target) for target in getattr(node, "targets", None) or [node.target]}
+            if isinstance(node.value, ast.Call) and ast.unparse(node.value).startswith("Opened("):
+                found.append(ast.unparse(node))
     for node in (inner for function in functions for inner in ast.walk(function)):
         if isinstance(node, ast.Global):
             found += [f"global {name}" for name in node.names]
@@ -177,7 +190,7 @@ FILLS = ("append", "add", "update", "setdefault", "extend", "insert", "pop", "po
 
 def test_nothing_but_one_object_outlives_calls():
     """No caches in modules: what is kept belongs to a field, a result or a prepared object, or to OPENED."""
-    found = {".".join(dotted(path)): outliving_calls(path.read_text(encoding="utf-8")) for path in MODULES}
+    found = {".".join(dotted(path)): outliving_calls(tree(path)) for path in MODULES}
     assert {name: kept for name, kept in found.items() if kept} == {"aerokernels.process.opened": ["OPENED = Opened()"]}
 
 
@@ -193,8 +206,10 @@ def test_nothing_but_one_object_outlives_calls():
     ],
 )
 def test_the_reader_of_caches_sees_every_form(source: str):
-    assert outliving_calls(source)
-    assert not outliving_calls("T = {1: 2}\n@property\ndef f(x):\n    seen = {}\n    seen[x] = T[x]\n    return seen")
+    assert outliving_calls(ast.parse(source))
+    assert not outliving_calls(
+        ast.parse("T = {1: 2}\n@property\ndef f(x):\n    seen = {}\n    seen[x] = T[x]\n    return seen")
+    )
 
 
 def test_the_import_reader_sees_every_form(tmp_path: Path):

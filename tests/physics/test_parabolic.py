@@ -24,14 +24,14 @@ def test_meridional_skew_and_helical_rays(geometry):
     assert_float64(case(f"parabolic {geometry}"), 1e-10, tolerance=1e-6)
 
 
-@pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_a_hundred_pitches(geometry):
+def test_a_hundred_pitches():
     """628 lengths 1/g = 6.3 m, 1300 radii of the rod, in float64 and float32.
 
-    Formula and errors as above; a phase error grows with the path, so it must be below 1e-8 of the path, that is 6e-6
-    rad in 628 rad, in float64. In float32: see assert_float32.
+    Sums over a long path are those of every geometry, which the other tests go through. Formula and errors as above; a
+    phase error grows with the path, so it must be below 1e-8 of the path, that is 6e-6 rad in 628 rad, in float64. In
+    float32: see assert_float32.
     """
-    rod = parabolic(geometry, 100.0, g=100.0)
+    rod = parabolic("axisymmetric", 100.0, g=100.0)
     assert_float64(rod, 1e-8, tolerance=1e-4)
     assert_float32(rod)
 

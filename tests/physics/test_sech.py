@@ -41,7 +41,7 @@ def test_a_fan_refocuses(geometry):
     slope = np.array([-0.9, -0.5, -0.1, 0.0, 0.3, 0.7, 1.0])
     aim = np.stack([np.zeros_like(slope), slope, np.ones_like(slope)], axis=1)
     rays = RayBundle(np.zeros_like(aim), aim)
-    for half_periods in (1, 2, 7, 10):
+    for half_periods in (1, 10):
         z = half_periods * np.pi / g
         result = trace(field, rays, until=across_z(z), precision="float64", tolerance=1e-6)
         assert result.ok.all()

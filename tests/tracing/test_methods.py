@@ -30,7 +30,8 @@ def test_straight_is_the_same_at_every_ray_count(engine, geometry, slope):
     each engine; and differ from full rays by more than 10 times the tolerance of 1e-3 wave.
     """
     field, rays = uniform_field(geometry, amplitude=3e-2), bundle(max(6000, LEAST_RAYS), slope)
-    options = {"until": FAR, "precision": "float64", **on(engine)}
+    until = None if geometry == "axisymmetric" else FAR  # other tests take these kernels, too
+    options = {"until": until, "precision": "float64", **on(engine)}
     few = rays[np.arange(0, len(rays), 300)]
     many, alone = trace(field, rays, method="straight", **options), trace(field, few, method="straight", **options)
     assert many.plan.method == alone.plan.method == "straight"
@@ -43,7 +44,7 @@ def test_straight_is_the_same_at_every_ray_count(engine, geometry, slope):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_straight_of_a_pupil_is_straight_too(engine):
     field, pupil = uniform_field("volume", amplitude=1e-4), Disc(0.8e-3, (0.0, 0.0, -1e-3))
-    options = {"method": "straight", "allow_truncation": True, **on(engine)}
+    options = {"method": "straight", "precision": "float64", "allow_truncation": True, **on(engine)}
     for count in (160, 16 * 1024):
         estimate = estimate_strehl(field, pupil, ray_count=count, **options)
         assert estimate.plan.method == "straight"

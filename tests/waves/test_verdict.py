@@ -102,7 +102,7 @@ def test_the_verdict_is_right_of_random_views():
 
     In two of them rays are off by more than 0.01; in one of those only because they bend. scripts/verdict counts more.
     """
-    found = [check_verdict(draw_view(seed), pixel_count=96) for seed in (36, 21, 27)]
+    found = [check_verdict(draw_view(seed), pixel_count=64) for seed in (36, 21, 27)]
     assert [one.is_good for one in found] == [True, False, False]
     for one in found:
         assert one.right
@@ -115,7 +115,7 @@ def test_rays_do_not_answer_for_air_beside_the_pupil(seed: int):
 
     By rays alone both were said to be good, to -0.0006 and +0.0009; a wave says +0.014 and +0.021.
     """
-    found = check_verdict(draw_view(seed), pixel_count=96)
+    found = check_verdict(draw_view(seed), pixel_count=64)
     assert found.answered_by == "waves" and found.right and not found.is_good
     assert found.reported == pytest.approx(found.by_wave - found.by_rays, abs=5e-3)
 
@@ -328,5 +328,5 @@ def test_the_wave_knows_wide_diffraction_and_crossed_rays(seed: int):
     Reported to 0.003: what a coarse window and few slabs are off by. A window of 1.5 pupils reported -0.011 of -0.005,
     and straight rays in the place of crossed ones told +0.002 of +0.015.
     """
-    found = check_verdict(draw_view(seed), pixel_count=80)
+    found = check_verdict(draw_view(seed), pixel_count=64)
     assert found.right and found.reported == pytest.approx(found.by_wave - found.by_rays, abs=0.003)

@@ -16,6 +16,9 @@ from ..backends import all_on
 
 PRECISION = {"volume": "float32", "planar": "float64", "axisymmetric": "float32"}
 BUNDLES = 10
+# Drawn with few rays: those along the span, whose thousand boxes each cost as much as a whole bundle, and those that
+# are mostly traced again. Of the two planar ones along the span, the first takes as long as all others.
+FEW, LEFT_OUT = ("spanwise", "mixed"), ("planar", 0)
 
 
 @pytest.mark.parametrize("kind", ["cpu", pytest.param("gpu", marks=pytest.mark.gpu)])
@@ -25,9 +28,11 @@ def test_bundles(geometry, kind):
     engines = all_on(kind)
     findings = []
     for seed in range(BUNDLES):
+        if (geometry, seed) == LEFT_OUT:
+            continue
         chosen = {"geometry": geometry, "precision": PRECISION[geometry], "interpolation": "cubic"}
         case = draw(1000 + seed, **chosen)
-        if case.kind["bundle"] == "spanwise":  # a thousand boxes along x: each of them costs as much as a whole bundle
+        if case.kind["bundle"] in FEW:
             case = draw(1000 + seed, count="300", **chosen)
         try:
             found = check(case, engines, sample=40)[0]

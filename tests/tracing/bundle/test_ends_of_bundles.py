@@ -3,6 +3,7 @@
 The truth is the same rays under error control in float64 at a thousandth of the tolerance; straight rays are exact.
 """
 
+import functools
 import warnings
 
 import numpy as np
@@ -93,9 +94,9 @@ def test_rays_that_leave_by_the_cylinder_at_a_slant(engine):
         assert np.abs(found.position - exact.position).max() < 1e-7
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_planar_field_seen_along_its_span(engine):
-    """A metre of the tail of a layer: what is left out counts by the whole way, and no ray runs out of steps."""
+@functools.cache
+def along_the_span():
+    """A metre of the tail of a layer, its rays and stop, and where single rays end."""
     y, z = np.arange(81) * 0.1e-3, np.arange(81) * 0.1e-3
     samples = np.repeat(2e-5 * np.exp(-y / 0.7e-3)[:, None], len(z), axis=1)
     field = IndexField.from_samples(samples, origin=(0.0, 0.0), spacing=(0.1e-3, 0.1e-3), geometry="planar")
@@ -105,10 +106,17 @@ def test_a_planar_field_seen_along_its_span(engine):
         np.c_[np.ones(COUNT), 3e-4 * rng.standard_normal((COUNT, 2))],
     )
     until = Plane((2.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    return field, rays, until, truth(field, rays, until)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_planar_field_seen_along_its_span(engine):
+    """What is left out counts by the whole way, and no ray runs out of steps."""
+    backend = on(engine)
+    field, rays, until, exact = along_the_span()
     lever_arms = lever_arms_of(field, rays, until)
     assert lever_arms is not None and abs(lever_arms.path_length - 2.0) < 1e-3
-    exact = truth(field, rays, until)
-    found = trace(field, rays, until=until, **on(engine), precision="float64")
+    found = trace(field, rays, until=until, **backend, precision="float64")
     assert (found.traced_status == exact.traced_status).all() and found.ok.all()
     assert np.abs(found.opd - exact.opd).max() < TOLERANCE * WAVE
 

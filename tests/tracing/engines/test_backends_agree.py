@@ -83,7 +83,7 @@ def exact_straight(geometry: str, stop: str):
     ("geometry", "stop", "precision"),
     [
         ("volume", "far", "float64"),
-        ("planar", "within", "float32"),
+        ("planar", "within", "float64"),
         ("axisymmetric", "box", "float64"),
         ("planar", "arc", "float32"),
         ("planar", "long-arc", "float32"),

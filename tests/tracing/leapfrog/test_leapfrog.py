@@ -115,8 +115,9 @@ def test_warp_and_opencl_are_one_at_equal_samples(geometry, precision):
     assert np.nanmax(np.abs(warp - opencl)) < {"float32": 2e-5, "float64": 1e-9}[precision] * WAVE
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+@pytest.mark.parametrize(
+    ("geometry", "precision"), [("planar", "float32"), ("planar", "float64"), ("axisymmetric", "float32")]
+)
 @pytest.mark.parametrize("forward", [True, False])
 def test_rays_along_z_are_those_of_any_direction(geometry, precision, forward):
     """OpenCL moves them in a plane with the axis, Warp as all others: the same samples, the same numbers, to rounding.
@@ -238,7 +239,7 @@ def test_who_is_sampled_evenly():
     assert trace(field, few).plan.sample_count == 0
     assert trace(field, rays, until=ArcLength(1e-3)).plan.sample_count == 0
     assert trace(field, rays, method="adaptive").plan.sample_count == 0
-    assert trace(uniform_field("volume", "linear"), rays).plan.sample_count == 0
+    assert trace(uniform_field("volume", "linear"), rays, until=STOPS["far"]).plan.sample_count == 0
     wild = IndexField.from_samples(
         noise((25, 25, 25), 0.4, width=1.0), origin=(-12e-4,) * 3, spacing=(CELL,) * 3, geometry="volume"
     )
@@ -309,14 +310,14 @@ def test_a_pupil_by_even_samples_is_that_of_single_rays(engine, terms):
     even = replace(plan, method="leapfrog", sample_count=300, quadrature_error_scale=0.125, trajectory_error_scale=0.01)
     found = []
     for how in (plan, even):
-        run = PupilRun(PupilTask(field, pupil, pupil.normal, stop, how, WAVE, 600, 16, terms=terms))
+        run = PupilRun(PupilTask(field, pupil, pupil.normal, stop, how, WAVE, 200, 16, terms=terms))
         found.append(run(3))
         again = run(3)
         assert (again.phasors == found[-1].phasors).all() and (again.moments == found[-1].moments).all()
     exact, mixed = found
-    assert (mixed.moments[:, 0] == exact.moments[:, 0]).all() and mixed.ray_count == exact.ray_count == 9600
-    assert np.abs(mixed.phasors - exact.phasors).max() < 2.0 * np.pi * 1e-3 * 600
-    assert mixed.evaluation_count > 300 * 9000 and mixed.evaluation_count != 300 * 9600
+    assert (mixed.moments[:, 0] == exact.moments[:, 0]).all() and mixed.ray_count == exact.ray_count == 3200
+    assert np.abs(mixed.phasors - exact.phasors).max() < 2.0 * np.pi * 1e-3 * 200
+    assert mixed.evaluation_count > 300 * 3000 and mixed.evaluation_count != 300 * 3200
 
 
 @pytest.mark.usefixtures("both_backends")

@@ -53,10 +53,10 @@ def cloud_rays(parallel: bool) -> RayBundle:
 
 
 @functools.cache
-def fixed_steps(geometry: str, parallel: bool, stop: str):
-    """Some of the rays by steps of a quarter of a cell in float64: every engine is compared with them."""
-    steps = {"method": "fixed", "step": CELL / 4, "precision": "float64"}
-    return trace(cloud(geometry), cloud_rays(parallel)[::EVERY], until=STOPS[stop], **steps)
+def single_rays(geometry: str, parallel: bool, stop: str):
+    """Some of the rays, one by one in float64 to a thousandth of the tolerance: every engine is compared with them."""
+    settings = {"method": "adaptive", "precision": "float64", "tolerance": 1e-6}
+    return trace(cloud(geometry), cloud_rays(parallel)[::EVERY], until=STOPS[stop], **settings)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -69,7 +69,7 @@ def test_rays_through_a_cloud_in_a_long_box(engine, geometry):
             result = trace(cloud(geometry), rays, until=until, **on(engine))
             if until is None and parallel:
                 assert 0 < result.plan.sample_count <= 60
-            expected, part = fixed_steps(geometry, parallel, stop), slice(None, None, EVERY)
+            expected, part = single_rays(geometry, parallel, stop), slice(None, None, EVERY)
             assert (result.traced_status[part] == expected.traced_status).all()
             assert np.abs(result.opd[part] - expected.opd)[expected.ok].max() < 1e-3 * WAVE
             assert np.abs(result.direction[part] - expected.direction)[expected.ok].max() < 1e-7
