@@ -178,7 +178,7 @@ def test_the_error_told_holds_the_layers_along_the_beams(interpolation: str, mon
             instrument = FLDI(2e-4, 2e-5, focus=place, axis=axis, direction=(0.0, 1.0, 0.0))
             found = fldi_response(field, instrument, rays=21)
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(rays, "LAYERS_PER_CELL", (20, 20))
+                patch.setattr(rays, "LAYERS_PER_CELL", (40, 40))
                 fine = fldi_response(field, instrument, rays=21)
             assert abs(float(found.phase) - float(fine.phase)) < float(found.error), (place, axis)
             assert float(found.error) < 0.1 * np.abs(fine.phase)

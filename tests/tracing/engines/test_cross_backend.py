@@ -166,9 +166,7 @@ def test_any_number_of_rays(engine, count):
 def test_chunks_of_a_bundle_change_nothing(monkeypatch, engine, kind):
     """Chunks of 128 and a last one of 44 against one chunk: the same bits, whatever outputs are wanted."""
     backend, field, rays = on(engine), field_of(*kind), oblique_rays(300)
-    # On the mesh no ray is traced again, which would take a kernel of float64 that no other test takes.
-    tolerance = 1.0 if "bilinear" in kind else 1e-3
-    settings = {"until": FAR, "method": "adaptive", "tolerance": tolerance, **backend}
+    settings = {"until": FAR, "method": "adaptive", **backend}
     whole = trace(field, rays, **settings)
     monkeypatch.setattr(launch, "CHUNK", 128)
     chunked = trace(field, rays, **settings)
