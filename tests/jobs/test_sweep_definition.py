@@ -209,6 +209,6 @@ def test_half_a_line_is_dropped_and_no_case_is_kept_twice(tmp_path):
 
 def test_a_refused_value_of_a_sweep_is_shown_with_its_unit():
     definition = define(SCENE, {"target.tilt": ["10 deg", "100 deg"], "target.distance": [2]})
-    with pytest.raises(SceneError, match=r"target.tilt = '1.745\d* rad' must be below 1.5706 rad$"):
+    with pytest.raises(SceneError, match=r"target.tilt = '1.745\d* rad' must be below 1.5706 rad \(89.99 deg\)$"):
         definition.load(definition.cases()[1])
     assert definition.load(definition.cases()[0]).target.tilt == np.deg2rad(10)

@@ -174,8 +174,8 @@ def _lost_by(field, position, direction, span, until, ends, weakest: float) -> t
         if not len(rows):
             return
         share = face_shares(field)[faces]
-        amount = path_beyond(field, point, inward, chord, path, share)
-        amount += drift_beyond(field, point, inward, chord, path, until, distance, leaves, share)
+        amount = path_beyond(field, point, inward, chord, path, share=share)
+        amount += drift_beyond(field, point, inward, chord, path, until, distance, leaves, share=share)
         face[rows] = np.where(amount > lost[rows], faces, face[rows])
         lost[rows] += amount
 
@@ -194,14 +194,11 @@ def _lost_by(field, position, direction, span, until, ends, weakest: float) -> t
     else:
         found = mesh_crossings(field, position, direction, stop, weakest)
         chord = np.full(len(found.ray), np.inf)
-        share = np.ones(len(found.ray))
-        amount = path_beyond(field, found.point, found.inward, chord, found.path, share, found.cell, found.contrast)
+        amount = path_beyond(field, found.point, found.inward, chord, found.path, found.cell, found.contrast)
         leaves = np.sum(found.inward * direction[found.ray], axis=1) < 0.0
         distance = np.array(found.path)
         distance[~leaves] = stop[found.ray[~leaves]] - found.path[~leaves]
-        amount += drift_beyond(
-            field, found.point, found.inward, chord, found.path, until, distance, leaves, share, found.cell
-        )
+        amount += drift_beyond(field, found.point, found.inward, chord, found.path, until, distance, leaves, found.cell)
         np.add.at(lost, found.ray, amount)
     aside = np.flatnonzero(~span.meets | (stop <= span.enter) & (span.enter > 0.0))
     lost[aside] = _beside(field, position[aside], direction[aside], stop[aside], until)
@@ -259,10 +256,12 @@ def _beside(field: IndexField, position, direction, stop, until) -> np.ndarray:
     share = np.ones(len(rows))
     if isinstance(field.samples, UniformGrid):
         share = face_shares(field)[face_toward(field, (place - nearest)[rows])]
-    strength, scale = contrast_tail(field, nearest[rows], inward, chord, share)
+    strength, scale = contrast_tail(field, nearest[rows], inward, chord, share=share)
     lost[rows] = strength * np.exp(-distance[rows] / scale) * length[rows]
     if isinstance(until, Plane):  # any other stop is met at a right angle
-        strength, scale = slope_tail(field, nearest[rows], inward, chord, obliquity(direction[rows], until), share)
+        strength, scale = slope_tail(
+            field, nearest[rows], inward, chord, obliquity(direction[rows], until), share=share
+        )
         rest = np.where(np.isfinite(stop[rows]), stop[rows] - along[rows], 0.0)
         lost[rows] += strength * np.exp(-distance[rows] / scale) * length[rows] * rest
     return lost

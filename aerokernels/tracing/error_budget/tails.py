@@ -32,17 +32,17 @@ NO_OBLIQUITY = 1e-12
 DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0])  # over s; the middle one belongs to both windows
 
 
-def path_beyond(field: IndexField, point, inward, chord, path, share, cell=None, contrast=None) -> np.ndarray:
+def path_beyond(field: IndexField, point, inward, chord, path, cell=None, contrast=None, share=1.0) -> np.ndarray:
     """Optical path beyond some points [m], over a length `path` [m] in the direction -inward, shape (n,).
 
     The other arguments are those of `contrast_tail`.
     """
-    strength, scale = contrast_tail(field, point, inward, chord, share, cell, contrast)
+    strength, scale = contrast_tail(field, point, inward, chord, cell, contrast, share)
     return np.asarray(strength * _length(field, scale, inward, path))
 
 
 def drift_beyond(
-    field: IndexField, point, inward, chord, path, until, distance, leaves, share, cell=None
+    field: IndexField, point, inward, chord, path, until, distance, leaves, cell=None, share=1.0
 ) -> np.ndarray:
     """Change of optical paths to an oblique stop by the deflection in the air beyond some points [m], shape (n,).
 
@@ -55,8 +55,8 @@ def drift_beyond(
         until: The stop.
         distance: From the points to the stop [m], shape (n,); rays for which that is not finite never meet it.
         leaves: Whether rays leave the known air there, or enter it; one for all, or of shape (n,).
-        share: a of the points, shape (n,).
         cell: Size of the cells there [m], shape (n,); None for the field's own.
+        share: a of the points, shape (n,) or one for all.
     """
     lost = np.zeros(len(point))
     across = obliquity(inward, until)
@@ -64,7 +64,8 @@ def drift_beyond(
     if len(rows) == 0:
         return lost
     cell = None if cell is None else cell[rows]
-    strength, scale = slope_tail(field, point[rows], inward[rows], chord[rows], across[rows], share[rows], cell)
+    share = np.broadcast_to(share, len(point))[rows]
+    strength, scale = slope_tail(field, point[rows], inward[rows], chord[rows], across[rows], cell, share)
     length = _length(field, scale, inward[rows], path[rows])
     middle = np.where(np.broadcast_to(leaves, len(point))[rows], -0.5, 0.5) * length
     lost[rows] = strength * length * np.maximum(distance[rows] + middle, 0.0)
@@ -72,7 +73,7 @@ def drift_beyond(
 
 
 def contrast_tail(
-    field: IndexField, point, inward, chord, share, cell=None, contrast=None
+    field: IndexField, point, inward, chord, cell=None, contrast=None, share=1.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """max(a A0, q(0)) of |contrast|, and the decay length s / ln(A1 / A0) [m], infinite where there is no decay.
 
@@ -81,9 +82,9 @@ def contrast_tail(
         point: Points of the boundary [m], shape (n, 3).
         inward: Unit vectors into the known air, shape (n, 3).
         chord: Length of the known air in that direction [m], shape (n,).
-        share: a of the points, shape (n,).
         cell: Size of the cells there [m], shape (n,); None for the field's own.
         contrast: |contrast| at the points, shape (n,), where it is already known.
+        share: a of the points, shape (n,) or one for all.
     """
     field, cell = _original(field, cell, inward)
     places, step = _places(point, inward, chord, cell)
@@ -98,7 +99,7 @@ def contrast_tail(
     return _falls_off(field, found, point, step, share)
 
 
-def slope_tail(field: IndexField, point, inward, chord, across, share, cell=None) -> tuple[np.ndarray, np.ndarray]:
+def slope_tail(field: IndexField, point, inward, chord, across, cell=None, share=1.0) -> tuple[np.ndarray, np.ndarray]:
     """The same of |grad m . across| as `contrast_tail` of |contrast|; `across` is (n, 3)."""
     field, cell = _original(field, cell, inward)
     places, step = _places(point, inward, chord, cell)
