@@ -130,7 +130,7 @@ def optical_series(
         store = ZarrStore(Path(out), template, _definition(series, template, settings))
         if store.done.count and store.is_finished:
             maps = store.finish()
-            if text := maps.attrs[TRUNCATION]:
+            if text := maps.attrs.get(TRUNCATION, ""):
                 warn_caller(text, TruncationWarning)
             return maps
     for slope, *probe in zip(*map(store.done.column, ("slope", *PROBE)), strict=True):
