@@ -43,6 +43,8 @@ LEAST_SAMPLES = 36
 CUBES_WORTH = {False: 4.0, True: 16.0}
 CUBES_GAIN = 0.5
 CUBES_MORE = 1.4
+# Numbers of samples that are tried with polynomials: the sum of a ray's error bounds may be just above the tolerance.
+CUBES_TRIALS = 3
 # Number of lines from which is estimated whether a table is worth making.
 CUBES_LINES = 64
 # The greatest share of the device's largest allocation that they may take.
@@ -264,20 +266,22 @@ class _Fitting:
             return None  # decided before a table is made
         # A sample costs so little that taking some more is cheaper than looking up the bound on structure between them.
         count = structure.fewest(count, multiple_of_three(CUBES_MORE * count)) or count
-        sampling = structure.sampling(count)
-        plan = replace(self.plan, sample_count=count)
-        by_cubes = replace(plan, cubes=True)
-        spline, finest, bends = level_pair(self._trials(plan), count)
-        (level,) = levels_of(self._trials(by_cubes), count)
-        worst = level.error(finest)
-        if not (level.is_fit and finest.is_fit and worst <= self.limit / MARGIN and level.turn(spline) <= CUBES_ANGLE):
-            return None
-        scales = error_scales(spline, worst, bends)
-        final = self._trials(replace(by_cubes, sampling=sampling))
-        again = float((final((count, *scales))[0]["step_error"] > self.limit).mean())
-        if not self._may_retrace(again, count):
-            return None
-        return _Fit(count, scales, worst, sampling, fit.searched, fit.steepest)
+        for taken in range(count, count + 3 * CUBES_TRIALS, 3):
+            sampling = structure.sampling(taken)
+            plan = replace(self.plan, sample_count=taken)
+            by_cubes = replace(plan, cubes=True)
+            spline, finest, bends = level_pair(self._trials(plan), taken)
+            (level,) = levels_of(self._trials(by_cubes), taken)
+            worst = level.error(finest)
+            fits = level.is_fit and finest.is_fit and worst <= self.limit / MARGIN
+            if not (fits and level.turn(spline) <= CUBES_ANGLE):
+                return None
+            scales = error_scales(spline, worst, bends)
+            final = self._trials(replace(by_cubes, sampling=sampling))
+            again = float((final((taken, *scales))[0]["step_error"] > self.limit).mean())
+            if self._may_retrace(again, taken):
+                return _Fit(taken, scales, worst, sampling, fit.searched, fit.steepest)
+        return None
 
     def _may_retrace(self, share: float, count: int) -> bool:
         """Whether tracing this share of the rays again costs less than cubes save of so many samples."""

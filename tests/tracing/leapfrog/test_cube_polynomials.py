@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import IndexField, Plane, RayBundle, trace
+from aerokernels.benchmark.bundle_scenes import bundle_scene
 from aerokernels.medium.spline import weights
 from aerokernels.tracing.leapfrog.cube_polynomials import OFTEN, POWERS, WHOLE, cube_polynomials
 from aerokernels.tracing.scheme import CUBE_SIDE
@@ -106,3 +107,19 @@ def test_a_needle_is_not_missed():
     made = field(20.0, needle=4e-4)
     exact = traced(made, "opencl", method="adaptive", precision="float64", tolerance=1e-5)
     assert np.abs(traced(made, "opencl").opd - exact.opd).max() < TOLERANCE * WAVE
+
+
+def test_a_few_more_samples_are_tried_where_bounds_add_up_to_too_much(monkeypatch):
+    """Slanted rays of the cone scene: with the fewest samples one ray in twenty is just above its limit."""
+    pytest.importorskip("pyopencl")
+    scene = bundle_scene("slanted")
+    some = scene.make_rays(130_000, 1)
+    options = {"until": scene.until, "wavelength": WAVE, "bundle": "off", "backend": "opencl", "outputs": ("opd",)}
+    found = trace(scene.make_field(), some, **options)
+    assert found.plan.cubes and found.ok.all()
+    monkeypatch.setattr("aerokernels.tracing.leapfrog.sample_count.CUBES_TRIALS", 1)
+    before = trace(scene.make_field(), some, **options).plan
+    assert not before.cubes and before.sample_count < found.plan.sample_count
+    few = slice(0, 400)
+    exact = trace(scene.make_field(), some[few], **{**options, "method": "adaptive", "precision": "float64"})
+    assert np.abs(found.opd[few] - exact.opd).max() < 0.1 * TOLERANCE * WAVE
