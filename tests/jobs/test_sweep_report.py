@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import aerokernels
+from aerokernels.commands._output import output
+from aerokernels.commands.sweep import _finish
 from aerokernels.jobs.sweeps.definition import define
 from aerokernels.jobs.sweeps.report import sweep_report
 
@@ -71,14 +73,13 @@ def test_a_figure_is_over_the_keys_that_change_it(finished):
     }
 
 
-def test_the_command_tells_of_cases_without_some_numbers(finished, monkeypatch):
+def test_the_command_tells_of_cases_without_some_numbers(finished, monkeypatch, capsys):
     _, _, out = finished
-    from aerokernels.commands import sweep
-
-    told: list[str] = []
-    monkeypatch.setattr("aerokernels.commands._output.warn", told.append)
-    monkeypatch.setattr("aerokernels.commands._output.result", lambda text, facts: told.append(json.dumps(facts)))
-    sweep._finish(6, Path(out))
-    facts = json.loads(told[0])
+    _finish(6, Path(out))
+    told = capsys.readouterr()
+    assert told.out.startswith("6 of 6 cases succeeded: ")
+    assert told.err.startswith("warning: 2 of 6 cases lack some numbers; the first, case 4: range: ")
+    monkeypatch.setattr(output, "as_json", True)
+    _finish(6, Path(out))
+    facts = json.loads(capsys.readouterr().out)
     assert facts["failed"] == {} and list(facts["incomplete"]) == ["4", "5"]
-    assert told[1].startswith("warning: 2 of 6 cases lack some numbers; the first, case 4: range: ")

@@ -44,7 +44,7 @@ def sweep_report(dataset: "xarray.Dataset", definition: Definition) -> str:
     lead = f"{definition.case_count} cases ({shape}) over {', '.join(definition.keys)}"
     lead += f", {failed} failed" if failed else ""
     lead += f"; {dataset.attrs['source']}, {dataset.attrs.get('created', '')}"
-    found = [quantity for row in SHOWN if (quantity := _Quantity.of(dataset, *row)).is_there]
+    found = [column for row in SHOWN if (column := _Column.of(dataset, *row)).is_there]
     same = [(each.words, each.texts.flat[0]) for each in found if each.is_same]
     varying = [each for each in found if not each.is_same]
     columns, rows = _cases(dataset, definition, varying)
@@ -62,8 +62,8 @@ def sweep_report(dataset: "xarray.Dataset", definition: Definition) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Quantity:
-    """A quantity of all cases.
+class _Column:
+    """A quantity over all cases: a column of the table.
 
     Attributes:
         name: Its variable.
@@ -80,7 +80,7 @@ class _Quantity:
     texts: np.ndarray
 
     @classmethod
-    def of(cls, dataset: "xarray.Dataset", name: str, words: str, unit: str, factor: float) -> "_Quantity":
+    def of(cls, dataset: "xarray.Dataset", name: str, words: str, unit: str, factor: float) -> "_Column":
         """Collect a quantity of a sweep."""
         texts = np.empty(dataset[name].shape, object)
         for place, value in np.ndenumerate(dataset[name].values):
@@ -115,7 +115,7 @@ def _axis(dataset: "xarray.Dataset", key: str) -> tuple[np.ndarray, str]:
     return values * factor, key if name == "1" else f"{key} [{name}]"
 
 
-def _pictures(dataset: "xarray.Dataset", definition: Definition, shown: list[_Quantity]) -> Iterator[Picture]:
+def _pictures(dataset: "xarray.Dataset", definition: Definition, shown: list[_Column]) -> Iterator[Picture]:
     """Yield figures over the keys that change a quantity: lines over one or two, heat maps over two with many values.
 
     Any further key is fixed at its first value.
@@ -222,7 +222,7 @@ def _edges(places: np.ndarray) -> np.ndarray:
 
 
 def _cases(
-    dataset: "xarray.Dataset", definition: Definition, shown: list[_Quantity]
+    dataset: "xarray.Dataset", definition: Definition, shown: list[_Column]
 ) -> tuple[list[str], list[list[str]]]:
     """Return the columns and rows of the table of cases."""
     columns = [CASE, *(_axis(dataset, key)[1] for key in definition.keys), *(each.words for each in shown)]

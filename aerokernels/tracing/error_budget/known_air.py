@@ -253,9 +253,7 @@ def _beside(field: IndexField, position, direction, stop, until) -> np.ndarray:
     rows = np.flatnonzero(distance <= size)
     inward = (nearest - place)[rows] / np.maximum(distance[rows], 1e-300)[:, None]
     chord = np.full(len(rows), np.inf)
-    share = np.ones(len(rows))
-    if isinstance(field.samples, UniformGrid):
-        share = face_shares(field)[face_toward(field, (place - nearest)[rows])]
+    share = face_shares(field)[face_toward(field, (place - nearest)[rows])] if field.is_uniform else 1.0
     strength, scale = contrast_tail(field, nearest[rows], inward, chord, share=share)
     lost[rows] = strength * np.exp(-distance[rows] / scale) * length[rows]
     if isinstance(until, Plane):  # any other stop is met at a right angle
