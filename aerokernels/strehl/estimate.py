@@ -298,7 +298,8 @@ class PreparedStrehl:
         return StrehlEstimate(
             ray_count=job.per_replicate * REPLICATES,
             traced_ray_count=traced,
-            blocked=1.0 - float(np.add.reduce(sums.moments[:, 0])) / sums.ray_count,
+            # The weights of a lattice add up to its number of rays within 3e-7 only.
+            blocked=max(0.0, 1.0 - float(np.add.reduce(sums.moments[:, 0])) / sums.ray_count),
             plan=plan,
             budget=StrehlBudget(self.field, self.pupil, self.look, seed, job.until, wavelength, job.air),
             spread=spread,

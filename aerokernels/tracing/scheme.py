@@ -122,9 +122,9 @@ WALL_BACK = 1e-5
 WALK_LIMIT = 6
 
 # The pupil of a million rays.
-# Rays summed by one work-group or thread, before the groups of a replicate are joined.
-# Rays summed by one work-group or thread, before the groups of a replicate are joined.
-GROUP = 128
+# Rays summed by one work-group or thread, before the groups of a replicate are joined:
+# so many that those of a lattice of 144 rays are one group, whose sums need no joining.
+GROUP = 256
 # Rows of group sums that are joined to one at a time: all rows of a million rays are joined at once.
 REDUCTION_WIDTH = 64
 # Multipliers of the hash that scrambles Sobol points (Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)).

@@ -14,7 +14,6 @@ from aerokernels.tracing import grid_tables
 from aerokernels.tracing.engines import engine_of
 from aerokernels.tracing.launch import Trials, launch
 from aerokernels.tracing.planning import plan_rays
-from aerokernels.tracing.pupil.sums import replicate_seeds
 
 from ..backends import ENGINES, WAVE, on
 
@@ -192,12 +191,6 @@ def test_the_memory_of_a_known_grid_is_free_as_soon_as_its_field_is(name: str, m
         assert grid() is None
     finally:
         gc.enable()
-
-
-@pytest.mark.parametrize("seed", [0, 1, 2**31, np.int64(7), 123456789012345678901234567890])
-def test_seeds_of_replicates_are_whole_numbers_of_numpys_generator(seed: int):
-    expected = np.random.default_rng(seed).integers(0, 2**32, size=(16, 2), dtype=np.uint32)
-    assert np.array_equal(replicate_seeds(seed, 16), expected)
 
 
 @pytest.mark.parametrize("name", ENGINES)

@@ -1,5 +1,7 @@
 """Parts of pupils: radial quadrature, lattices, the order and sums of rays, the plane of a job, air at its ends."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from scipy.stats import qmc
@@ -183,10 +185,24 @@ def test_points_in_the_order_of_their_digits():
     assert point_order(1, False).tolist() == [0] and not order.flags.writeable
 
 
-def test_seeds_of_replicates():
-    """The numbers that a generator's integers of 32 bits would be, two for each replicate."""
-    expected = np.random.Generator(np.random.PCG64(9)).integers(0, 2**32, 10, dtype=np.uint32).reshape(5, 2)
-    np.testing.assert_array_equal(replicate_seeds(9, 5), expected)
+@pytest.mark.parametrize("seed", [0, 2**31, np.int64(7), 2**64 + 3, 2**128 - 41])
+def test_seeds_of_replicates(seed: int):
+    """The numbers of NumPy's generator whose key is the seed, in two halves; several threads draw at once."""
+
+    def expected(seed: int) -> np.ndarray:
+        return np.random.Philox(key=int(seed)).random_raw(5).astype("<u8").view("<u4").reshape(5, 2)
+
+    seeds = [seed + number for number in range(40)]
+    with ThreadPoolExecutor(4) as threads:
+        found = list(threads.map(lambda seed: replicate_seeds(seed, 5), seeds))
+    np.testing.assert_array_equal(found, [expected(seed) for seed in seeds])
+
+
+def test_seeds_of_replicates_beyond_a_key_and_without_a_seed():
+    long = 123456789012345678901234567890**2
+    assert np.array_equal(replicate_seeds(long, 3), replicate_seeds(long, 3))
+    assert not np.array_equal(replicate_seeds(long, 3), replicate_seeds(long + 1, 3))
+    assert not np.array_equal(replicate_seeds(None, 3), replicate_seeds(None, 3))
 
 
 def test_sums_tell_their_errors():
@@ -210,10 +226,10 @@ def test_sums_tell_their_errors():
 
 
 def test_groups_of_rays():
-    """128 rays a group, 64 groups joined at a time, down to one."""
-    assert [group_count(n) for n in (1, 128, 129, 1000)] == [1, 1, 2, 8]
-    assert joined_counts(1) == [1] and joined_counts(128 * 64) == [64, 1] and joined_counts(128 * 65) == [65, 2, 1]
-    assert joined_counts(128 * 64 * 64 + 1) == [4097, 65, 2, 1]
+    """256 rays a group, 64 groups joined at a time, down to one; the least lattice is one group."""
+    assert [group_count(n) for n in (1, min(lattices.LATTICES), 256, 257, 1000)] == [1, 1, 1, 2, 4]
+    assert joined_counts(1) == [1] and joined_counts(256 * 64) == [64, 1] and joined_counts(256 * 65) == [65, 2, 1]
+    assert joined_counts(256 * 64 * 64 + 1) == [4097, 65, 2, 1]
 
 
 def test_memory_is_asked_for_before_rays_are_traced():
