@@ -4,7 +4,6 @@ The contrast is stored, never the index: float32 cannot represent small contrast
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -301,12 +300,12 @@ class IndexField(Derived):
         """Return the gradient of the contrast [1/m] at points (n, 3), shape (n, 3)."""
         return self.evaluate(points)[1]
 
-    @cached_property
+    @property
     def refinement(self):
         """This field and its coarser versions, from which its interpolation error is estimated: see levels.py."""
-        from .levels import refinement
+        from .levels import cached_refinement
 
-        return refinement(self)
+        return cached_refinement(self)
 
     @checked
     def resample(

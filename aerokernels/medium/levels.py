@@ -86,6 +86,17 @@ def _remaining_share(before: np.ndarray, after: np.ndarray, highest: float) -> f
     return 1.0 / (2.0**order - 1.0)
 
 
+def cached_refinement(field) -> RefinementLevels | None:
+    """Return `refinement` of the field, cached on it without a reference back: a cycle would keep its memory."""
+
+    def make() -> RefinementLevels | None:
+        levels = refinement(field)
+        return replace(levels, fine=None) if levels is not None and levels.fine is field else levels
+
+    kept: RefinementLevels | None = field.derive("refinement", make)
+    return replace(kept, fine=field) if kept is not None and kept.fine is None else kept
+
+
 def refinement(field) -> RefinementLevels | None:
     """Return the field with coarser versions, or a finer one; None if a mesh can be neither thinned nor refined."""
     if field.interpolation == "cells":  # compared with an interpolant of the same averages
@@ -118,6 +129,8 @@ def _of_grid(field):
 
     def level(greatest: int):
         every = [min(s, greatest) for s in strides]
+        if max(every) == 1 and all(c.stop - c.start == count for c, count in zip(cut, grid.shape, strict=True)):
+            return field  # with its spline and tables
         samples = grid.samples[tuple(cut)][tuple(slice(None, None, s) for s in every)]
         low = np.array([c.start for c in cut])
         origin, spacing = grid.origin + low * grid.spacing, grid.spacing * np.array(every)

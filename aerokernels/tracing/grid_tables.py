@@ -42,9 +42,14 @@ def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
     begun_grid(engine, grid)()
 
 
-def tables_pay_once(engine: Engine, grid: UniformGrid) -> bool:
-    """Whether `prepare_grid` is faster than NumPy for a grid whose values are not known to change."""
-    return engine.is_gpu or grid.samples.size >= MANY_NODES
+def prepare_once(engine: Engine, grid: Any) -> None:
+    """`prepare_grid`, if that is faster than NumPy for a grid whose values are not known to change; no mesh needs it.
+
+    Raises:
+        ValueError: The grid does not fit the device.
+    """
+    if isinstance(grid, UniformGrid) and (engine.is_gpu or grid.samples.size >= MANY_NODES):
+        prepare_grid(engine, grid)
 
 
 def begun_grid(engine: Engine, grid: UniformGrid) -> Callable[[], None]:

@@ -16,6 +16,7 @@ from .engines import OUTPUT_TYPES, Prepared, engine_of
 from .engines.device_memory import lacks_memory, memory_of
 from .engines.layout import REAL_TYPES
 from .error_limit import error_limit
+from .grid_tables import prepare_once
 from .plan import TracePlan
 from .retry import Retry, room_for
 from .status import RayStatus
@@ -62,6 +63,7 @@ def launch(
     # Step bounds are made for the directions of the rays; the leapfrog kernels of Warp need no step bounds.
     needs_none = plan.backend == "warp" and plan.sample_count > 0
     with memory_of(engine.device):
+        prepare_once(engine, field.samples)  # of a field without a plan of its own, as the coarser ones of a budget
         directions = rays.held("direction")[:1] if needs_none else rays.direction
         prepared = engine.prepare(field, plan, until, wavelength, outputs, directions)
         if are_read and engine.is_gpu and rays.ray_count <= FEW and not engine.keeps(rays.ray_count * RAY_BYTES):

@@ -12,14 +12,13 @@ import numpy as np
 
 from ..inputs.checks import check_choice, check_count, check_positive
 from ..medium import IndexField
-from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .allowance import step_allowance
 from .engines import engine_of
 from .engines.choice import choose_backend
 from .engines.device_memory import memory_of
 from .error_limit import error_limit
-from .grid_tables import prepare_grid, tables_pay_once
+from .grid_tables import prepare_once
 from .leapfrog.sample_cost import pays_once
 from .leapfrog.sample_count import fit_leapfrog, may_be_leapfrog, spread_of
 from .lever_arms import lever_arms_of
@@ -161,7 +160,9 @@ def make_plan(
     if max_steps is not None:
         max_steps = check_count(max_steps, "max_steps")
     chosen, device, why = choose_backend(backend, device)
-    _prepare_grid(field, chosen, device)
+    if chosen != "reference":
+        with memory_of(device):
+            prepare_once(engine_of(chosen, device), field.samples)
     # Names taken from an array are NumPy strings, which the caches of kernels would treat as different keys.
     method, precision = str(method), str(precision)
     reasons = []
@@ -201,14 +202,3 @@ def make_plan(
         predicted_evaluations=predicted,
         predicted_error=None if method in ("paper", "fixed") else float(tolerance),
     )
-
-
-def _prepare_grid(field: IndexField, backend: str, device: str) -> None:
-    """Compute the tables that planning needs on the device on which rays are traced, if that pays for one field."""
-    grid = field.samples
-    if backend == "reference" or not isinstance(grid, UniformGrid):
-        return
-    engine = engine_of(backend, device)
-    if tables_pay_once(engine, grid):
-        with memory_of(device):
-            prepare_grid(engine, grid)

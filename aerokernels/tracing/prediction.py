@@ -14,6 +14,8 @@ from .step_bound import CONES, cones_of, step_bound
 
 OVERHEAD = 1.5
 FIRST = 15.0
+# Nodes whose differences are in memory together.
+SLAB = 1 << 17  # speed only
 # Evaluations for each cell where the interpolant has kinks between cells, fitted to the same fields.
 PIECEWISE_SMOOTH_COST = {"linear": 2.0, "monotone": 3.0, "bilinear": 12.0}
 
@@ -40,8 +42,16 @@ def predict_evaluations(field: IndexField, budget: float, directions: np.ndarray
 
 
 def greatest_turn(grid: UniformGrid) -> float:
-    """A bound on the angle by which a ray across the box can turn [rad]."""
-    steepest = max(
-        float(np.abs(np.diff(grid.samples, axis=axis)).max()) / grid.spacing[axis] for axis in range(grid.samples.ndim)
-    )
+    """A bound on the angle by which a ray across the box can turn [rad], cached on the grid."""
+    found: float = grid.derive("greatest turn", lambda: _greatest_turn(grid))
+    return found
+
+
+def _greatest_turn(grid: UniformGrid) -> float:
+    samples, steepest = grid.samples, 0.0
+    rows = max(1, SLAB * len(samples) // samples.size)
+    for first in range(0, len(samples), rows):
+        slab = samples[first : first + rows + 1]  # with the first row of the next one
+        for axis, spacing in enumerate(grid.spacing):
+            steepest = max(steepest, float(np.abs(np.diff(slab, axis=axis)).max(initial=0.0)) / spacing)
     return steepest * float(np.linalg.norm(grid.high - grid.low)) / grid.ambient_index

@@ -38,6 +38,8 @@ TURN = 0.02
 # Sines of the angles with a coordinate axis within which rays look ahead in a cone; other rays use all directions.
 CONE_SINES = (0.02, 0.2)
 
+# Nodes whose differences are in memory together.
+SLAB = 1 << 19  # speed only
 # Tables cached on a grid: for two precisions, some tolerances and some cones.
 CACHED = 32  # speed only
 
@@ -193,15 +195,28 @@ def _roughness_of_blocks(grid: UniformGrid) -> tuple[int, list[np.ndarray], list
     block = block_size(grid)
     fourth, second = [], []
     for axis in range(grid.samples.ndim):
-        nodes = _stretched(grid, axis)  # in the grid's own memory order, with that axis first
-        nodes /= grid.ambient_index
-        change = axis_back(np.abs(_differences(nodes, 4)), axis)
-        fourth.append(block_maxima(change, block) / grid.spacing[axis] ** 4)
-        second.append(np.zeros_like(fourth[-1]))
-        if grid.interpolation != "cubic":
-            change = axis_back(np.abs(np.diff(nodes[1:-1], 2, axis=0)), axis)
-            second[-1] = block_maxima(change, block)
+        found = [_roughness_of_slab(grid, axis, slab, block) for slab in _slabs(grid, axis, block)]
+        across = 1 if axis == 0 else 0  # the axis that the slabs divide
+        fourth.append(np.concatenate([slab[0] for slab in found], axis=across) / grid.spacing[axis] ** 4)
+        second.append(np.concatenate([slab[1] for slab in found], axis=across))
     return block, fourth, second
+
+
+def _slabs(grid: UniformGrid, axis: int, block: int) -> list[slice]:
+    """Nodes of some whole blocks at a time, along the first of the other axes: memory for all would be five grids."""
+    nodes = grid.shape[1 if axis == 0 else 0]
+    size = max(1, SLAB * nodes // (grid.samples.size * block)) * block
+    return [slice(first, min(first + size + 1, nodes)) for first in range(0, max(nodes - 1, 1), size)]
+
+
+def _roughness_of_slab(grid: UniformGrid, axis: int, slab: slice, block: int) -> tuple[np.ndarray, np.ndarray]:
+    """Greatest fourth differences along an axis, and kinks, of the blocks in a slab."""
+    nodes = _stretched(grid, axis, slab)  # in the grid's own memory order, with that axis first
+    nodes /= grid.ambient_index
+    fourth = block_maxima(axis_back(np.abs(_differences(nodes, 4)), axis), block)
+    if grid.interpolation == "cubic":
+        return fourth, np.zeros_like(fourth)
+    return fourth, block_maxima(axis_back(np.abs(np.diff(nodes[1:-1], 2, axis=0)), axis), block)
 
 
 def _differences(values: np.ndarray, order: int) -> np.ndarray:
@@ -213,19 +228,19 @@ def _differences(values: np.ndarray, order: int) -> np.ndarray:
     return found
 
 
-def _stretched(grid: UniformGrid, axis: int) -> np.ndarray:
+def _stretched(grid: UniformGrid, axis: int, slab: slice) -> np.ndarray:
     """Values whose differences along an axis bound the potential's: two more than nodes at each end, axis first.
 
-    Coefficients for a cubic spline, else samples, mirrored on the axis of symmetry and continued by a cubic elsewhere.
+    Those of a slab of nodes along the next axis. Coefficients for a cubic spline, else samples, mirrored on the axis of
+    symmetry and continued by a cubic elsewhere.
     """
     if grid.interpolation == "cubic":
         # The coefficients already have one entry beyond each end.
         others = tuple(slice(None) if a == axis else slice(1, -1) for a in range(grid.samples.ndim))
-        moved = axis_first(grid.coefficients[others], axis)
-        inner, missing = moved, 1
+        inner, missing = axis_first(grid.coefficients[others], axis)[:, slab], 1
     else:
-        moved = axis_first(grid.samples * (grid.ambient_index + 0.5 * grid.samples), axis)
-        inner, missing = moved, 2
+        samples = axis_first(grid.samples, axis)[:, slab]
+        inner, missing = samples * (grid.ambient_index + 0.5 * samples), 2
     high = _continued(inner[::-1], missing)[::-1]
     if grid.even_first_axis and axis == 0:
         centre = 2 - missing

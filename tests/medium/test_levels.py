@@ -1,5 +1,8 @@
 """What coarser nodes tell of an error: Richardson's estimate of known series, and the levels of grids."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -65,6 +68,21 @@ def test_levels_of_a_grid_keep_every_second_and_fourth_node():
     assert mirrored.fine.samples.origin == pytest.approx([0.0, 1.0])
     small = IndexField.from_samples(samples[:, :7], origin=(0.0, 1.0), spacing=(0.5, 0.25), geometry="planar")
     assert refinement(small).coarser is None and refinement(small).coarse.samples.shape == (4, 4)
+
+
+def test_a_grid_of_which_nothing_is_left_out_is_its_own_finest_level():
+    """Its spline and tables serve again; without a reference back, so that no cycle keeps its memory."""
+    field = IndexField.from_samples(np.eye(9) * 1e-4, origin=(0.0, 0.0), spacing=(1.0, 1.0), geometry="planar")
+    assert field.refinement.fine is field and field.refinement.coarse is field.refinement.coarse
+    few = IndexField.from_samples(np.eye(4) * 1e-4, origin=(0.0, 0.0), spacing=(1.0, 1.0), geometry="planar")
+    assert few.refinement.fine is few
+    gone = weakref.ref(field), weakref.ref(few)
+    gc.disable()
+    try:
+        del field, few
+        assert [each() for each in gone] == [None, None]
+    finally:
+        gc.enable()
 
 
 def test_few_nodes_are_compared_with_another_interpolant():

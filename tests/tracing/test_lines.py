@@ -9,11 +9,9 @@ from aerokernels.tracing import ArcLength, Plane
 from aerokernels.tracing.error_budget.tails import (
     DEPTHS,
     contrast_in,
-    contrast_tail,
-    drift_beyond,
     extent,
-    path_beyond,
-    slope_tail,
+    lost_beyond,
+    tails,
 )
 from aerokernels.tracing.lever_arms import lever_arms_of, obliquity
 from aerokernels.tracing.lines import (
@@ -245,19 +243,20 @@ def test_exponential_tails_are_found(geometry: str):
     point = np.array([[0.1, 0.2, HIGH[2]], [-0.2, 0.3, HIGH[2]], [0.1, 0.1, HIGH[2]]])
     inward = np.array([[0.0, 0.0, -1.0], [0.0, 0.6, -0.8], [0.28, 0.0, -0.96]])
     chord = np.full(3, np.inf)
-    strength, scale = contrast_tail(field, point, inward, chord)
+    ((strength, scale),) = tails(field, point, inward, chord)
     depth = 2.0 * 0.025  # two cells along z, whatever the direction: s u
     assert strength == pytest.approx(tail(np.full(3, HIGH[2] - depth)), rel=1e-3)
     assert scale == pytest.approx(DECAY / np.abs(inward[:, 2]), rel=1e-3)
+    whole = None, np.full(3, np.inf), True
     for path in (0.1, 2.0, 50.0):
         expected = strength * np.minimum(np.minimum(scale, extent(field, inward)), path)
-        assert path_beyond(field, point, inward, chord, np.full(3, path)) == pytest.approx(expected, rel=1e-12)
-    assert path_beyond(field, point, inward, chord, np.full(3, -1.0)).tolist() == [0.0] * 3
+        assert lost_beyond(field, point, inward, chord, np.full(3, path), *whole) == pytest.approx(expected, rel=1e-12)
+    assert lost_beyond(field, point, inward, chord, np.full(3, -1.0), *whole).tolist() == [0.0] * 3
     # Where the known air is short, depths end with it: no decay is seen in 0.
-    short, endless = contrast_tail(field, point, inward, np.zeros(3))
+    ((short, endless),) = tails(field, point, inward, np.zeros(3))
     assert short == pytest.approx([2e-4] * 3) and np.isposinf(endless).all()
     # Into the lower end the contrast rises outward: no decay.
-    up, endless = contrast_tail(field, point - [0.0, 0.0, 3.5], -inward, chord)
+    ((up, endless),) = tails(field, point - [0.0, 0.0, 3.5], -inward, chord)
     assert up == pytest.approx(tail(np.full(3, LOW[2])), rel=1e-9) and np.isposinf(endless).all()
     assert DEPTHS.tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
 
@@ -267,9 +266,9 @@ def test_tails_of_a_resampled_field_are_its_sources():
     fine = field_of("planar", lambda *places: tail(places[-1]), (8, 6, 141))
     point, inward, chord = np.array([[0.1, 0.2, HIGH[2]]]), np.array([[0.0, 0.6, -0.8]]), np.full(1, np.inf)
     across = np.array([[0.0, 0.8, 0.6]])
-    expected = (contrast_tail(fine, point, inward, chord), slope_tail(fine, point, inward, chord, across))
+    expected = tails(fine, point, inward, chord, across)
     for coarse in (fine.resample(0.4), fine.resample(0.2).resample(0.5)):
-        found = (contrast_tail(coarse, point, inward, chord), slope_tail(coarse, point, inward, chord, across))
+        found = tails(coarse, point, inward, chord, across)
         np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
@@ -286,15 +285,17 @@ def test_missing_air_turns_rays_by_its_slope(geometry: str, leaves: bool):
     inward = np.array([[0.0, 0.0, -1.0], [0.0, 0.6, -0.8]])
     until = Plane((0.0, 0.0, 9.0), (0.0, 0.5, -1.0))
     across = obliquity(inward, until)
-    strength, scale = slope_tail(field, point, inward, np.full(2, np.inf), across)
+    _, (strength, scale) = tails(field, point, inward, np.full(2, np.inf), across)
     assert strength == pytest.approx(np.abs(slope * across[:, 1]), rel=1e-9) and (scale > 1e6).all()  # but for rounding
     distance, path = np.array([2.0, 2.0]), np.full(2, 0.3)
-    found = drift_beyond(field, point, inward, np.full(2, np.inf), path, until, distance, leaves)
+    given = field, point, inward, np.full(2, np.inf), path
+    straight = lost_beyond(*given, None, distance, leaves)
+    found = lost_beyond(*given, until, distance, leaves) - straight
     middle = 2.0 - 0.15 if leaves else 2.0 + 0.15
-    assert found == pytest.approx(strength * 0.3 * middle, rel=1e-12)
+    assert found == pytest.approx(strength * 0.3 * middle, rel=1e-9)
     for stop, rest in ((None, distance), (until, np.full(2, np.inf)), (Plane((0, 0, 9), -inward[0]), distance)):
-        other = drift_beyond(field, point[:1], inward[:1], np.full(1, np.inf), path[:1], stop, rest[:1], leaves)
-        assert other.tolist() == [0.0]
+        other = lost_beyond(field, point[:1], inward[:1], np.full(1, np.inf), path[:1], stop, rest[:1], leaves)
+        assert other.tolist() == [straight[0]]
 
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)

@@ -32,7 +32,7 @@ from ..prediction import greatest_turn
 from ..stop import ArcLength, Plane, stop_distance
 from .face_shares import face_shares, face_toward
 from .mesh_rim import mesh_crossings, mesh_rim
-from .tails import contrast_tail, drift_beyond, extent, path_beyond, slope_tail
+from .tails import extent, lost_beyond, tails
 
 # No ray is examined if the greatest possible loss is below this share of the tolerance, or of GREATEST_TOLERANCE [m] if
 # that is less.
@@ -174,8 +174,7 @@ def _lost_by(field, position, direction, span, until, ends, weakest: float) -> t
         if not len(rows):
             return
         share = face_shares(field)[faces]
-        amount = path_beyond(field, point, inward, chord, path, share=share)
-        amount += drift_beyond(field, point, inward, chord, path, until, distance, leaves, share=share)
+        amount = lost_beyond(field, point, inward, chord, path, until, distance, leaves, share=share)
         face[rows] = np.where(amount > lost[rows], faces, face[rows])
         lost[rows] += amount
 
@@ -194,12 +193,11 @@ def _lost_by(field, position, direction, span, until, ends, weakest: float) -> t
     else:
         found = mesh_crossings(field, position, direction, stop, weakest)
         chord = np.full(len(found.ray), np.inf)
-        amount = path_beyond(field, found.point, found.inward, chord, found.path, found.cell, found.contrast)
         leaves = np.sum(found.inward * direction[found.ray], axis=1) < 0.0
         distance = np.array(found.path)
         distance[~leaves] = stop[found.ray[~leaves]] - found.path[~leaves]
-        amount += drift_beyond(field, found.point, found.inward, chord, found.path, until, distance, leaves, found.cell)
-        np.add.at(lost, found.ray, amount)
+        given = field, found.point, found.inward, chord, found.path, until, distance, leaves
+        np.add.at(lost, found.ray, lost_beyond(*given, found.cell, found.contrast))
     aside = np.flatnonzero(~span.meets | (stop <= span.enter) & (span.enter > 0.0))
     lost[aside] = _beside(field, position[aside], direction[aside], stop[aside], until)
     return lost, face
@@ -254,14 +252,12 @@ def _beside(field: IndexField, position, direction, stop, until) -> np.ndarray:
     inward = (nearest - place)[rows] / np.maximum(distance[rows], 1e-300)[:, None]
     chord = np.full(len(rows), np.inf)
     share = face_shares(field)[face_toward(field, (place - nearest)[rows])] if field.is_uniform else 1.0
-    strength, scale = contrast_tail(field, nearest[rows], inward, chord, share=share)
-    lost[rows] = strength * np.exp(-distance[rows] / scale) * length[rows]
-    if isinstance(until, Plane):  # any other stop is met at a right angle
-        strength, scale = slope_tail(
-            field, nearest[rows], inward, chord, obliquity(direction[rows], until), share=share
-        )
+    across = obliquity(direction[rows], until) if isinstance(until, Plane) else None  # else met at a right angle
+    contrast, *slope = tails(field, nearest[rows], inward, chord, across, share=share)
+    lost[rows] = contrast.strength * np.exp(-distance[rows] / contrast.scale) * length[rows]
+    for tail in slope:
         rest = np.where(np.isfinite(stop[rows]), stop[rows] - along[rows], 0.0)
-        lost[rows] += strength * np.exp(-distance[rows] / scale) * length[rows] * rest
+        lost[rows] += tail.strength * np.exp(-distance[rows] / tail.scale) * length[rows] * rest
     return lost
 
 

@@ -17,6 +17,7 @@ times the distance from the middle of that air to the stop.
 """
 
 from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,83 +33,74 @@ NO_OBLIQUITY = 1e-12
 DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0])  # over s; the middle one belongs to both windows
 
 
-def path_beyond(field: IndexField, point, inward, chord, path, cell=None, contrast=None, share=1.0) -> np.ndarray:
-    """Optical path beyond some points [m], over a length `path` [m] in the direction -inward, shape (n,).
-
-    The other arguments are those of `contrast_tail`.
-    """
-    strength, scale = contrast_tail(field, point, inward, chord, cell, contrast, share)
-    return np.asarray(strength * _length(field, scale, inward, path))
-
-
-def drift_beyond(
-    field: IndexField, point, inward, chord, path, until, distance, leaves, cell=None, share=1.0
+def lost_beyond(
+    field: IndexField, point, inward, chord, path, until, distance, leaves, cell=None, contrast=None, share=1.0
 ) -> np.ndarray:
-    """Change of optical paths to an oblique stop by the deflection in the air beyond some points [m], shape (n,).
+    """Optical path beyond some points, and its change at an oblique stop by the deflection there [m], shape (n,).
 
     Args:
         field: The refractive index.
         point: Points of the boundary [m], shape (n, 3).
         inward: Unit vectors along the rays into the known air, shape (n, 3).
         chord: Length of the known air in that direction [m], shape (n,).
-        path: Length of the path beyond [m], shape (n,).
+        path: Length of the path beyond, in the direction -inward [m], shape (n,).
         until: The stop.
         distance: From the points to the stop [m], shape (n,); rays for which that is not finite never meet it.
         leaves: Whether rays leave the known air there, or enter it; one for all, or of shape (n,).
         cell: Size of the cells there [m], shape (n,); None for the field's own.
-        share: a of the points, shape (n,) or one for all.
-    """
-    lost = np.zeros(len(point))
-    across = obliquity(inward, until)
-    rows = np.flatnonzero((np.abs(across).max(axis=1, initial=0.0) > NO_OBLIQUITY) & np.isfinite(distance))
-    if len(rows) == 0:
-        return lost
-    cell = None if cell is None else cell[rows]
-    share = np.broadcast_to(share, len(point))[rows]
-    strength, scale = slope_tail(field, point[rows], inward[rows], chord[rows], across[rows], cell, share)
-    length = _length(field, scale, inward[rows], path[rows])
-    middle = np.where(np.broadcast_to(leaves, len(point))[rows], -0.5, 0.5) * length
-    lost[rows] = strength * length * np.maximum(distance[rows] + middle, 0.0)
-    return lost
-
-
-def contrast_tail(
-    field: IndexField, point, inward, chord, cell=None, contrast=None, share=1.0
-) -> tuple[np.ndarray, np.ndarray]:
-    """max(a A0, q(0)) of |contrast|, and the decay length s / ln(A1 / A0) [m], infinite where there is no decay.
-
-    Args:
-        field: The refractive index.
-        point: Points of the boundary [m], shape (n, 3).
-        inward: Unit vectors into the known air, shape (n, 3).
-        chord: Length of the known air in that direction [m], shape (n,).
-        cell: Size of the cells there [m], shape (n,); None for the field's own.
         contrast: |contrast| at the points, shape (n,), where it is already known.
         share: a of the points, shape (n,) or one for all.
     """
+    across = obliquity(inward, until)
+    is_oblique = (np.abs(across).max(axis=1, initial=0.0) > NO_OBLIQUITY) & np.isfinite(distance)
+    share, leaves = np.broadcast_to(share, len(point)), np.broadcast_to(leaves, len(point))
+    lost = np.zeros(len(point))
+    for rows in (np.flatnonzero(~is_oblique), np.flatnonzero(is_oblique)):
+        if not len(rows):
+            continue
+        own = (None if each is None else each[rows] for each in (cell, contrast, share))
+        turns = across[rows] if is_oblique[rows[0]] else None
+        found = tails(field, point[rows], inward[rows], chord[rows], turns, *own)
+        lengths = [_length(field, tail.scale, inward[rows], path[rows]) for tail in found]
+        lost[rows] = found[0].strength * lengths[0]
+        if turns is not None:
+            middle = np.where(leaves[rows], -0.5, 0.5) * lengths[1]
+            lost[rows] += found[1].strength * lengths[1] * np.maximum(distance[rows] + middle, 0.0)
+    return lost
+
+
+class Tail(NamedTuple):
+    """max(a A0, q(0)) of a quantity q, and its decay length s / ln(A1 / A0) [m], infinite where there is no decay."""
+
+    strength: np.ndarray
+    scale: np.ndarray
+
+
+def tails(
+    field: IndexField, point, inward, chord, across=None, cell=None, contrast=None, share: Any = 1.0
+) -> list[Tail]:
+    """The tail of |contrast|, and with `across`, vectors (n, 3), that of |grad m . across| as well.
+
+    The other arguments are those of `lost_beyond`.
+    """
     field, cell = _original(field, cell, inward)
     places, step = _places(point, inward, chord, cell)
+    flat, shape = places.reshape(-1, 3), places.shape[:2]
+    along = None if across is None else np.tile(across, (len(DEPTHS), 1))
     if field.is_uniform:
-        found = np.abs(contrast_in(field, places.reshape(-1, 3))).reshape(places.shape[:2])
+        found = [contrast_in(field, flat)] if along is None else _contrast_and_slope(field, flat, along)
+    elif along is None:
+        found = [field.contrast_at(flat)]
     else:
-        found = np.abs(field.contrast_at(places.reshape(-1, 3))).reshape(places.shape[:2])
+        value, gradient = field.evaluate(flat)
+        found = [value, np.sum(gradient * along, axis=1)]
+    found = [np.abs(each).reshape(shape) for each in found]
+    if not field.is_uniform:
         # A point on the rim may be outside the mesh by rounding.
-        none = np.flatnonzero(~(found[:, 0] > 0.0))
+        none = np.flatnonzero(~(found[0][0] > 0.0))
         if len(none):
-            found[none, 0] = rim_contrast(field, point[none]) if contrast is None else contrast[none]
-    return _falls_off(field, found, point, step, share)
-
-
-def slope_tail(field: IndexField, point, inward, chord, across, cell=None, share=1.0) -> tuple[np.ndarray, np.ndarray]:
-    """The same of |grad m . across| as `contrast_tail` of |contrast|; `across` is (n, 3)."""
-    field, cell = _original(field, cell, inward)
-    places, step = _places(point, inward, chord, cell)
-    flat, along = places.reshape(-1, 3), np.repeat(across, len(DEPTHS), axis=0)
-    if field.is_uniform:
-        found = _slope_in(field, flat, along)
-    else:
-        found = np.sum(field.gradient_at(flat) * along, axis=1)
-    return _falls_off(field, np.abs(found).reshape(places.shape[:2]), point, step, share)
+            found[0][0, none] = rim_contrast(field, point[none]) if contrast is None else contrast[none]
+    return [_falls_off(field, each, point, step, share) for each in found]
 
 
 def _original(field: IndexField, cell, inward: np.ndarray) -> tuple[IndexField, np.ndarray]:
@@ -127,21 +119,21 @@ def _cell(field: IndexField, inward: np.ndarray) -> np.ndarray:
 
 
 def _places(point, inward, chord, cell) -> tuple[np.ndarray, np.ndarray]:
-    """Points below the boundary [m], shape (n, 5, 3), and s [m], shape (n,)."""
+    """Points below the boundary [m], shape (5, n, 3), and s [m], shape (n,)."""
     step = WINDOW_CELLS * cell
-    depth = np.minimum(step[:, None] * DEPTHS, chord[:, None])
-    return point[:, None] + depth[..., None] * inward[:, None], step
+    depth = np.minimum(step * DEPTHS[:, None], chord)
+    return point + depth[..., None] * inward, step
 
 
-def _falls_off(field: IndexField, found: np.ndarray, point, step, share) -> tuple[np.ndarray, np.ndarray]:
-    """max(a A0, q(0)) and the decay length of a quantity q sampled at the depths, shape (n, 5)."""
+def _falls_off(field: IndexField, found: np.ndarray, point, step, share) -> Tail:
+    """The tail of a quantity q sampled at the depths, shape (5, n)."""
     if field.body is not None and len(point):
-        found[field.body.contains(field.local_coordinates(point))] = 0.0
+        found[:, field.body.contains(field.local_coordinates(point))] = 0.0
     middle = len(DEPTHS) // 2
-    last, before = found[:, : middle + 1].max(axis=1), found[:, middle:].max(axis=1)
+    last, before = found[: middle + 1].max(axis=0), found[middle:].max(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where((before > last) & (last > 0.0), step / np.log(before / last), np.inf)
-    return np.maximum(share * last, found[:, 0]), scale
+    return Tail(np.maximum(share * last, found[0]), scale)
 
 
 def _length(field: IndexField, scale, inward, path) -> np.ndarray:
@@ -152,44 +144,76 @@ def _length(field: IndexField, scale, inward, path) -> np.ndarray:
 def contrast_in(field: IndexField, points: np.ndarray) -> np.ndarray:
     """Contrast at points (n, 3) of a uniform grid, linear between its samples; beyond a face, its value at the face."""
     assert isinstance(field.samples, UniformGrid)
-    return _linear(field.samples, field.local_coordinates(points))
+    return Corners(field.samples, field.local_coordinates(points)).value()
 
 
-def _slope_in(field: IndexField, points: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Grad m . along at points of a uniform grid, both (n, 3), from differences over one cell, within the box."""
-    grid = field.samples
-    assert isinstance(grid, UniformGrid)
+def _contrast_and_slope(field: IndexField, points: np.ndarray, along: np.ndarray) -> list[np.ndarray]:
+    """The contrast, and grad m . along, at points of a uniform grid, both (n, 3), as by `Corners`."""
+    assert isinstance(field.samples, UniformGrid)
     local = field.local_coordinates(points)
     if field.geometry == "axisymmetric":
         radius = np.where(local[:, 0] > 0.0, local[:, 0], 1.0)
         along = np.stack([np.sum(points[:, :2] * along[:, :2], axis=1) / radius, along[:, 2]], axis=1)
     else:
         along = along[:, 1:] if field.geometry == "planar" else along
-    slope = np.zeros(len(points))
-    for axis, spacing in enumerate(grid.spacing):
-        low, high = local.copy(), local.copy()
-        low[:, axis] = np.maximum(local[:, axis] - 0.5 * spacing, grid.low[axis])
-        high[:, axis] = np.minimum(local[:, axis] + 0.5 * spacing, grid.high[axis])
-        # The difference is less than half a cell only where rounding puts a point outside the box.
-        apart = np.maximum(high[:, axis] - low[:, axis], 0.25 * spacing)
-        slope += along[:, axis] * (_linear(grid, high) - _linear(grid, low)) / apart
-    return slope
+    corners = Corners(field.samples, local)
+    slopes = [corners.slope(axis) * way for axis, way in enumerate(along.T)]
+    return [corners.value(), np.sum(slopes, axis=0)]
 
 
-def _linear(grid: UniformGrid, local: np.ndarray) -> np.ndarray:
-    """Samples at points along the grid's axes, linear between nodes; beyond a face, the value at the face."""
-    start = np.zeros(len(local), dtype=np.int64)
-    shares, strides = [], np.array(grid.samples.strides) // grid.samples.itemsize
-    for axis, (column, count) in enumerate(zip(local.T, grid.shape, strict=True)):
-        place = np.clip((column - grid.origin[axis]) / grid.spacing[axis], 0.0, count - 1.0)
-        cell = np.minimum(place.astype(np.int64), count - 2)
-        start += strides[axis] * cell
-        shares.append(place - cell)
-    flat = grid.samples.ravel(order="K")  # in memory order, like the strides
-    values = [flat[start + int(strides @ corner)] for corner in product((0, 1), repeat=len(shares))]
-    for share in reversed(shares):  # the last axis varies first
-        values = [low + share * (high - low) for low, high in zip(values[::2], values[1::2], strict=True)]
-    return np.asarray(values[0])
+class Corners:
+    """Samples at the corners of the cells of points along a grid's axes, which are read once for value and slopes."""
+
+    def __init__(self, grid: UniformGrid, local: np.ndarray):
+        """Find the cells; points beyond a face are moved to it."""
+        self.grid, self.cells, self.shares = grid, [], []
+        self.strides = np.array(grid.samples.strides) // grid.samples.itemsize
+        self.flat = grid.samples.ravel(order="K")  # in memory order, like the strides
+        self.start = np.zeros(len(local), dtype=np.int64)
+        for axis, (column, count) in enumerate(zip(local.T, grid.shape, strict=True)):
+            place = np.clip((column - grid.origin[axis]) / grid.spacing[axis], 0.0, count - 1.0)
+            cell = np.minimum(place.astype(np.int64), count - 2)
+            self.start += self.strides[axis] * cell
+            self.cells.append(cell)
+            self.shares.append(place - cell)
+        self.corners = {c: self._sample(self.start, c) for c in product((0, 1), repeat=len(self.shares))}
+
+    def value(self) -> np.ndarray:
+        """Samples linear between nodes."""
+        return self._across(None, list(self.corners.values()))
+
+    def slope(self, axis: int) -> np.ndarray:
+        """Difference along an axis over one cell about the points, within the box, over the cell [1/m].
+
+        That is a mean of the differences in the point's own cell and in the one nearest to it.
+        """
+        cell, share, last = self.cells[axis], self.shares[axis], self.grid.shape[axis] - 2
+        low, high = (self._across(axis, [self.corners[c] for c in self.corners if c[axis] == k]) for k in (0, 1))
+        own = high - low
+        is_low = share < 0.5
+        beside = cell + np.where(is_low, -1, 2)  # the node next to the cell
+        start = self.start + self.strides[axis] * (np.clip(beside, 0, last + 1) - cell)
+        node = self._across(axis, [self._sample(start, c) for c in self.corners if c[axis] == 0])
+        near = np.where(is_low, low - node, node - high)
+        near = np.where((beside < 0) | (beside > last + 1), own, near)
+        return np.asarray(_between(own, near, np.abs(share - 0.5)) / self.grid.spacing[axis])
+
+    def _across(self, axis: int | None, values: list[np.ndarray]) -> np.ndarray:
+        """Values at the corners of a cell's face across an axis, or of the cell, linear between them."""
+        for share in reversed([share for other, share in enumerate(self.shares) if other != axis]):
+            values = [_between(low, high, share) for low, high in zip(values[::2], values[1::2], strict=True)]
+        return values[0]  # the last axis varied first
+
+    def _sample(self, start: np.ndarray, corner: tuple[int, ...]) -> np.ndarray:
+        return self.flat[start + int(self.strides @ corner)]
+
+
+def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Return low + share (high - low), in one new array."""
+    found: np.ndarray = high - low
+    found *= share
+    found += low
+    return found
 
 
 def extent(field: IndexField, direction: np.ndarray) -> np.ndarray:

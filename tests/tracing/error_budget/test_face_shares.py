@@ -15,7 +15,7 @@ from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus
 from aerokernels.tracing.error_budget.face_shares import face_shares
 from aerokernels.tracing.error_budget.known_air import may_be_lost
-from aerokernels.tracing.error_budget.tails import contrast_tail
+from aerokernels.tracing.error_budget.tails import tails
 from aerokernels.tracing.lines import FACES, SIDE
 
 from .known_air_boxes import GEOMETRIES, UP, WAVE
@@ -136,7 +136,7 @@ def test_the_air_of_a_ray_at_its_own_end_counts_in_full(share):
     samples = CONTRAST * np.random.default_rng(1).uniform(-1.0, 1.0, (5, 5, 9))
     field = field_of(samples)
     point, inward = np.array([[0.0, 0.0, 8 * CELL]]), np.array([[0.0, 0.0, -1.0]])
-    found, _ = contrast_tail(field, point, inward, np.array([8 * CELL]), share=share)
+    ((found, _),) = tails(field, point, inward, np.array([8 * CELL]), share=share)
     last = np.abs(samples[2, 2, -3:])
     assert 0.3 * last.max() < last[2] < last.max()
     assert found[0] == pytest.approx(max(last[2], share * last.max()), rel=1e-12)
