@@ -23,6 +23,7 @@ from .leapfrog.sample_cost import pays_once
 from .leapfrog.sample_count import fit_leapfrog, may_be_leapfrog, spread_of
 from .lever_arms import lever_arms_of
 from .lines import box_size
+from .long_mesh import seen_in_mesh
 from .plan import LEAPFROG, METHODS, PRECISIONS, TracePlan
 from .prediction import predict_evaluations
 
@@ -111,7 +112,8 @@ def plan_rays(
                 plan = fit_leapfrog(field, pilot(), trial, until, wavelength, examined, like, sure_count or ray_count)
             if plan is not None:
                 return plan
-    return make_plan(field, method=method, wavelength=wavelength, **choices)
+    plan = make_plan(field, method=method, wavelength=wavelength, **choices)
+    return seen_in_mesh(field, pilot, sure_count or ray_count, until, wavelength, plan)
 
 
 def plan_bundle(
