@@ -19,8 +19,8 @@ from .plan import TracePlan
 
 # Rays that are traced to see how many evaluations they need, and the number of rays from which they are.
 SOME, MANY = 32, 2000
-# Evaluations of all rays that take a processor of two cores some ten seconds, and how many times as many a GPU makes.
-LONG, ON_GPU = 2e7, 100.0
+# Evaluations of all rays that take two cores some ten seconds at most, and how many times as many an H100 makes.
+LONG, ON_GPU = 2e7, 500.0
 
 
 def seen_in_mesh(
