@@ -19,7 +19,7 @@ from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.preamble import ScopeCurve
 from aerokernels.hardware.rows import READ_ECHOES, WRITE_ECHO, echo_of, label_of, row_of, signed
 from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
-from aerokernels.hardware.store_file import store_address
+from aerokernels.hardware.store_file import file_identity, save_copy, store_address
 from aerokernels.hardware.transaction import KEEP_IT, DamagedStoreError, StoreError, described_errors, transaction
 from aerokernels.inputs.checks import check_path
 
@@ -95,6 +95,7 @@ class EchoStore:
         except ValueError:
             self._connection.close()
             raise
+        self._identity = file_identity(self.path)
         self._recording, self._label = 0, "{}"
         self._followed = False  # whether this recording has an echo already
         self._last: tuple[int, int, int | None, int] | None = None  # session, sequence, device time, check sum
@@ -176,10 +177,20 @@ class EchoStore:
         """Write the open batch to the disk: when this returns, the batch survives a kill.
 
         Raises:
-            StoreError: the disk is full or fails; batches committed before are safe.
+            StoreError: the disk is full or fails, and batches committed before are safe; or the file was moved or
+                deleted, and a copy with this batch was written, which the message names.
         """
-        if not (self._echoes or self._damaged or self._gaps):
-            return
+        if self._echoes or self._damaged or self._gaps:
+            self._write_batch()
+        if file_identity(self.path) != self._identity:
+            with described_errors(self.path):
+                copy = save_copy(self._connection, self.path)
+            raise StoreError(
+                f"store {self.path}: the file was moved, replaced or deleted while echoes were written to it; all of "
+                f"its echoes are in {copy}: record again, into that file or a new one"
+            )
+
+    def _write_batch(self) -> None:
         with self._transaction():
             many = self._connection.executemany
             added = many(WRITE_ECHO, self._echoes).rowcount if self._echoes else 0

@@ -1,6 +1,9 @@
-"""The SQLite address of a store's file, after checking how it may be opened."""
+"""A store's file: its SQLite address, after checking how it may be opened, and a copy of one that lost its name."""
 
+import contextlib
 import os
+import sqlite3
+import tempfile
 from pathlib import Path
 
 
@@ -34,3 +37,41 @@ def store_address(path: Path, *, read_only: bool) -> str:
     log_exists = file.with_name(f"{file.name}-wal").exists()
     archived = not log_exists and not os.access(file.parent, os.W_OK)
     return f"{address}?mode=ro{'&immutable=1' if archived else ''}"
+
+
+def file_identity(path: Path) -> tuple[int, int] | None:
+    """Return what tells this file from another one of its name; None if there is no such file."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
+def save_copy(connection: sqlite3.Connection, path: Path) -> Path:
+    """Write the content of an open store whose file no longer has its name to a new file; return that file.
+
+    A file that was moved is completed, too: its log, which keeps the old name, is merged into it.
+
+    Args:
+        connection: the open store, outside a transaction.
+        path: the name that the file had; the copy is beside it, or in the folder for temporary files.
+
+    Raises:
+        sqlite3.Error: the copy could not be written.
+    """
+    with contextlib.suppress(sqlite3.Error):
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    is_usable = path.parent.is_dir() and os.access(path.parent, os.W_OK)
+    folder = path.parent if is_usable else Path(tempfile.gettempdir())
+    # Never the old name itself: the open store's log still has it, and SQLite would take it for that of the new file.
+    copy, number = folder / f"{path.stem}-saved{path.suffix}", 1
+    while copy.exists():
+        number += 1
+        copy = folder / f"{path.stem}-saved-{number}{path.suffix}"
+    target = sqlite3.connect(copy)
+    try:
+        connection.backup(target)
+    finally:
+        target.close()
+    return copy
