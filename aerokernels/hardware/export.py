@@ -14,8 +14,8 @@ import numpy as np
 from aerokernels.files.drafts import draft_of
 from aerokernels.files.netcdf_file import RetryingFile
 from aerokernels.hardware.csv_cells import csv_cell
-from aerokernels.hardware.rows import signed
-from aerokernels.hardware.store import EchoStore, StoredEcho
+from aerokernels.hardware.rows import StoredEcho, signed
+from aerokernels.hardware.store import EchoStore
 from aerokernels.hardware.transaction import StoreError
 
 ECHOES_AT_ONCE = 1024  # most echoes written at a time

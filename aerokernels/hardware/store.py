@@ -3,63 +3,37 @@
 Once `commit` has returned, the echoes added before it are on the disk; a kill loses only echoes added since.
 """
 
-import json
 import re
 import sqlite3
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
-from operator import index
 from pathlib import Path
 from typing import Any, TypeVar
 
 from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.preamble import ScopeCurve
-from aerokernels.hardware.rows import READ_ECHOES, WRITE_ECHO, echo_of, label_of, row_of, signed
+from aerokernels.hardware.rows import (
+    READ_ECHOES,
+    WRITE_ECHO,
+    Gap,
+    StoredEcho,
+    encode_label,
+    label_of,
+    row_of,
+    signed,
+    stored_echo,
+)
 from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
 from aerokernels.hardware.store_file import file_identity, save_copy, store_address
 from aerokernels.hardware.transaction import KEEP_IT, DamagedStoreError, StoreError, described_errors, transaction
+from aerokernels.hardware.waveform import as_whole
 from aerokernels.inputs.checks import check_path
 
 Made = TypeVar("Made")
 _BUSY_TIME = 30.0  # [s] wait for another recorder that is committing to the same store
 _CHECKPOINT_PAGES = 4000  # pages of the write-ahead log, 16 MB, before they are moved into the file
-
-
-@dataclass(frozen=True, eq=False)
-class StoredEcho:
-    """One echo read back.
-
-    Attributes:
-        session: run of the board at its port, counted from 1; a new session begins where number or clock went back.
-        host_time_ns: host clock when the echo was complete [ns since 1970].
-        label: the operator's label, such as {"mach": "3"}.
-        frame: the frame or the curve; `.time` [s] and `.voltage` [V] are its waveform, `.sequence` its number.
-    """
-
-    session: int
-    host_time_ns: int
-    label: dict[str, str]
-    frame: EchoFrame | ScopeCurve
-
-
-@dataclass(frozen=True)
-class Gap:
-    """Consecutive numbers of echoes that are missing in the store.
-
-    Attributes:
-        session: run of the board.
-        after_sequence: last number before the gap.
-        before_sequence: first number after it.
-        missing_count: numbers missing in between.
-    """
-
-    session: int
-    after_sequence: int
-    before_sequence: int
-    missing_count: int
 
 
 class EchoStore:
@@ -95,6 +69,7 @@ class EchoStore:
         except ValueError:
             self._connection.close()
             raise
+        self._read_only = read_only
         self._identity = file_identity(self.path)
         self._recording, self._label = 0, "{}"
         self._followed = False  # whether this recording has an echo already
@@ -138,7 +113,22 @@ class EchoStore:
 
         Numbering continues from the last echo of the same port and protocol: echoes that the board sent while nobody
         recorded are a gap, unless the board was restarted meanwhile.
+
+        Args:
+            port: name of the port.
+            protocol: name of the protocol.
+            label: texts by their keys.
+
+        Raises:
+            TypeError: a label that is not texts by their keys, or a name that is no text.
+            ValueError: the store was opened for reading only, or is closed.
+            StoreError: the store cannot be written.
         """
+        for name, given in (("port", port), ("protocol", protocol)):
+            if not isinstance(given, str):
+                raise TypeError(f"{name} must be a text, got {given!r}")
+        if self._read_only:
+            raise ValueError(f"store {self.path}: opened for reading only; open it without read_only=True to record")
         self._label = encode_label(label)
         self._followed = False
         self.missing_count = self.duplicate_count = 0
@@ -151,7 +141,16 @@ class EchoStore:
             self._recording = self._connection.execute("SELECT last_insert_rowid()").fetchone()[0]
 
     def add(self, echo: EchoFrame | ScopeCurve, host_time_ns: int) -> bool:
-        """Add an echo to the open batch; return False if the store already has it (a frame sent twice)."""
+        """Add an echo to the open batch; return False if the store already has it (a frame sent twice).
+
+        Raises:
+            ValueError: `begin_recording` was not called before.
+            TypeError: something other than an echo, or a host time [ns since 1970] that is no whole number.
+        """
+        self._check_recording()
+        if not isinstance(echo, EchoFrame | ScopeCurve):
+            raise TypeError(f"a store holds an EchoFrame or a ScopeCurve, got {echo!r}")
+        host_time_ns = as_whole(host_time_ns, "host_time_ns")
         sequence, device_time = echo.sequence, echo.device_time_us
         if sequence is None:  # the instrument does not count, so the store numbers its curves
             sequence = 0 if self._last is None else (self._last[1] + 1) % 2**32
@@ -170,7 +169,11 @@ class EchoStore:
         return True
 
     def add_damaged(self, piece: DamagedPiece, host_time_ns: int) -> None:
-        """Add a damaged piece to the open batch."""
+        """Add a damaged piece to the open batch; raises the errors of `add`."""
+        self._check_recording()
+        if not isinstance(piece, DamagedPiece):
+            raise TypeError(f"a damaged piece is a DamagedPiece, got {piece!r}")
+        host_time_ns = as_whole(host_time_ns, "host_time_ns")
         self._damaged.append((self._recording, host_time_ns, piece.reason, len(piece.raw), piece.raw))
 
     def commit(self) -> None:
@@ -253,7 +256,7 @@ class EchoStore:
         """Yield the echoes in the order they were recorded; with `label`, only those with exactly this label."""
         where, values = ("", ()) if label is None else ("WHERE label = ?", (encode_label(label),))
         for session, host_time, text, *columns in self._rows(f"{READ_ECHOES} {where} ORDER BY id", values):
-            yield self._read(_stored_echo, session, host_time, text, *columns)
+            yield self._read(stored_echo, session, host_time, text, *columns)
 
     def gaps(self) -> list[Gap]:
         """Return the gaps in the numbers, in the order they were noticed."""
@@ -263,6 +266,10 @@ class EchoStore:
     def snapshot(self) -> AbstractContextManager[None]:
         """Return a context in which all reads show the store at one moment, even while a recorder writes."""
         return transaction(self._connection, "BEGIN", self.path)
+
+    def _check_recording(self) -> None:
+        if not self._recording:
+            raise ValueError(f"store {self.path}: call begin_recording(port, protocol, label) before echoes are added")
 
     def _transaction(self) -> AbstractContextManager[None]:
         return transaction(self._connection, "BEGIN IMMEDIATE", self.path)
@@ -319,12 +326,3 @@ class EchoStore:
         self._followed = True
         self._last = (session, sequence, device_time, crc)
         return session
-
-
-def _stored_echo(session: Any, host_time: Any, text: Any, *columns: Any) -> StoredEcho:
-    return StoredEcho(index(session), index(host_time), label_of(text), echo_of(*columns))
-
-
-def encode_label(label: Mapping[str, str]) -> str:
-    """Return a label as it is stored: JSON text with sorted keys, so that equal labels are equal texts."""
-    return json.dumps(dict(label), sort_keys=True, ensure_ascii=False)

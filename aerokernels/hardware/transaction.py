@@ -27,6 +27,7 @@ def described_errors(path: Path) -> Iterator[None]:
 
     Raises:
         StoreError: the file could not be read or written; `DamagedStoreError` where its content is damaged.
+        ValueError: the store was closed.
     """
     try:
         yield
@@ -35,6 +36,10 @@ def described_errors(path: Path) -> Iterator[None]:
             f"store {path}: {error}; what was committed is safe: "
             "make room or unlock the file, then record again into the same store"
         ) from error
+    except sqlite3.ProgrammingError as error:
+        if "closed" in str(error):
+            raise ValueError(f"store {path}: it is closed; open it again") from None
+        raise
     except sqlite3.DatabaseError as error:
         if type(error) is not sqlite3.DatabaseError:  # its other subclasses are bugs of this program, not of the file
             raise

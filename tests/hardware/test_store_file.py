@@ -43,9 +43,7 @@ def test_a_file_that_loses_its_name_is_saved_under_another(tmp_path: Path, how: 
         if how == "replaced":
             path.write_text("another file")
         add(store, 2)
-        with pytest.raises(
-            StoreError, match=r"e\.sqlite: the file was moved.* are in .*e-saved-2\.sqlite: record"
-        ):
+        with pytest.raises(StoreError, match=r"e\.sqlite: the file was moved.* are in .*e-saved-2\.sqlite: record"):
             store.commit()
     assert numbers_in(tmp_path / "e-saved-2.sqlite") == [0, 1, 2]
     assert (tmp_path / "e-saved.sqlite").read_text() == "another file"
