@@ -45,7 +45,7 @@ class EchoStore:
 
     Raises:
         ValueError: the file or its folder does not exist, is not an echo store, or has an unknown schema.
-        StoreError: the disk is full, or fails.
+        StoreError: the disk is full or fails, or another program keeps the file locked.
     """
 
     def __init__(self, path: str | Path, *, read_only: bool = False) -> None:
@@ -60,6 +60,11 @@ class EchoStore:
             self._prepare(read_only)
         except sqlite3.DatabaseError as error:
             self._connection.close()
+            if isinstance(error, sqlite3.OperationalError) and re.search("locked|busy", str(error)):
+                raise StoreError(
+                    f"store {self.path}: another program has kept it locked for {_BUSY_TIME:g} s; close the file "
+                    "there, or wait until that program has finished"
+                ) from error
             if isinstance(error, sqlite3.OperationalError) and re.search("full|I/O", str(error)):
                 if is_new and self.path.is_file() and not self.path.stat().st_size:
                     self.path.unlink()

@@ -28,14 +28,25 @@ def store_address(path: Path, *, read_only: bool) -> str:
             raise ValueError(f"store {path}: a folder or a device, not a file; give another file name")
         if path.is_file() and not os.access(path, os.W_OK):
             raise ValueError(f"store {path}: no permission to write it; allow it, or give another file name")
+        if not os.access(path.resolve().parent, os.W_OK):
+            raise ValueError(
+                f"store {path}: no permission to write in its folder, where SQLite keeps the store's log; allow it, or "
+                "give a file in another folder"
+            )
         return f"{address}?mode=rwc"
     if not path.is_file():
         if path.exists():
             raise ValueError(f"store {path}: a folder or a device, not a file; give the file that `record` wrote")
         raise ValueError(f"store {path}: no such file; record one with `aerokernels record --store`")
     file = path.resolve()  # SQLite creates the log beside the file itself, not beside a link to it
-    log_exists = file.with_name(f"{file.name}-wal").exists()
-    archived = not log_exists and not os.access(file.parent, os.W_OK)
+    log, index = (file.with_name(f"{file.name}-{end}") for end in ("wal", "shm"))
+    is_closed = not os.access(file.parent, os.W_OK)
+    archived = is_closed and not (log.exists() and log.stat().st_size)
+    if is_closed and not archived and not index.exists():
+        raise ValueError(
+            f"store {path}: some of its echoes are in {log.name} beside it, which can only be read in a folder that "
+            "may be written; copy both files to one"
+        )
     return f"{address}?mode=ro{'&immutable=1' if archived else ''}"
 
 

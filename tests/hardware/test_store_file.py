@@ -1,7 +1,11 @@
 """A store's file that is moved, replaced or deleted while it is written, locked by others, or in a closed folder."""
 
+import os
+import shutil
 import sqlite3
+import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +27,75 @@ def numbers_in(path: Path) -> list[int]:
         found = [number for (number,) in connection.execute("SELECT sequence FROM echoes ORDER BY id")]
     connection.close()
     return found
+
+
+@pytest.mark.parametrize("read_only", [False, True])
+def test_a_file_that_another_program_locks_is_said_to_be_that(tmp_path: Path, monkeypatch, read_only: bool):
+    """Before: "database is locked; give an echo store or a new file name", with the status of bad input."""
+    path = tmp_path / "e.sqlite"
+    with EchoStore(path) as store:
+        store.begin_recording("p", "frames", {})
+    monkeypatch.setattr("aerokernels.hardware.store._BUSY_TIME", 0.1)
+    other = sqlite3.connect(path, isolation_level=None)
+    try:
+        other.execute("PRAGMA journal_mode = DELETE")  # in WAL mode readers are never locked out
+        other.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(StoreError, match=r"e\.sqlite: another program has kept it locked for 0\.1 s; close"):
+            EchoStore(path, read_only=read_only)
+    finally:
+        other.close()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no permissions of this kind there")
+def test_a_folder_that_may_not_be_written(root: Path):
+    """A finished store is read there; one with a log is not, as SQLite would say "unable to open database file"."""
+    place = tempfile.TemporaryDirectory()  # pytest's own folders are closed to other users
+    folder = Path(place.name)
+    folder.chmod(0o755)
+    for name in ("finished", "killed"):
+        (folder / name).mkdir()
+        with EchoStore(folder / f"{name}.sqlite") as store:
+            store.begin_recording("p", "frames", {})
+            add(store, 0)
+            store.commit()
+            if name == "killed":
+                shutil.copy(folder / f"{name}.sqlite-wal", folder / name / "e.sqlite-wal")
+                shutil.copy(folder / f"{name}.sqlite", folder / name / "e.sqlite")
+        if name == "finished":
+            shutil.copy(folder / f"{name}.sqlite", folder / name / "e.sqlite")
+        (folder / name).chmod(0o555)
+    code = (
+        "import os, sys\n"
+        "from aerokernels.hardware.store import EchoStore\n"
+        "if os.getuid() == 0:\n"  # who may do everything
+        "    os.setgroups([]); os.setgid(65534); os.setuid(65534)\n"
+        "for name in ('finished', 'killed'):\n"
+        "    for read_only in (True, False):\n"
+        "        try:\n"
+        "            with EchoStore(name + '/e.sqlite', read_only=read_only) as store:\n"
+        "                print(store.echo_count)\n"
+        "        except Exception as error:\n"
+        "            print(type(error).__name__, error)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            encoding="utf-8",
+            cwd=folder,
+            env=environment,
+            timeout=60,
+        )
+    finally:
+        for name in ("finished", "killed"):
+            (folder / name).chmod(0o755)
+        place.cleanup()
+    read, written, log, written_too = done.stdout.splitlines()
+    assert read == "1"
+    assert log.startswith("ValueError store killed/e.sqlite: some of its echoes are in e.sqlite-wal beside it")
+    for line in (written, written_too):
+        assert "no permission to write" in line
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="an open file keeps its name there")
