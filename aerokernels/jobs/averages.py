@@ -10,6 +10,8 @@ from aerokernels.jobs.recorded import LEAST_SAMPLES, RecordedEcho
 
 # An echo is resampled if its times differ from the first echo's by more than this share of a sample period.
 SAME_TIME = 1e-6
+# The digitiser's step is searched in so many echoes; differences below this share of the peak are rounding errors.
+STEP_ECHOES, ROUNDING = 16, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +27,10 @@ class AverageEcho:
         peak_mean: mean of the echoes' own greatest samples [V]; noise makes it higher than the mean's peak.
         peak_spread: standard deviation of those [V]; NaN for a single echo.
         resampled_count: echoes whose times differed from the first one's.
+        greatest: greatest sample of all echoes [V].
+        greatest_share: share of the echoes that reach it, 0 to 1.
+        equal_count: samples in a row that are equal to it, the median over these echoes.
+        step: least difference of two samples of an echo [V]: the digitiser's step, unless noise or averaging hide it.
     """
 
     time: np.ndarray
@@ -35,6 +41,10 @@ class AverageEcho:
     peak_mean: float
     peak_spread: float
     resampled_count: int
+    greatest: float
+    greatest_share: float
+    equal_count: float
+    step: float
 
 
 def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
@@ -47,11 +57,14 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
         ValueError: no echoes, or an echo whose times do not overlap those of the first.
     """
     time: np.ndarray | None = None
-    peaks = []
+    peaks, equal, steps = [], [], []
     resampled = 0
     for echo in echoes:
         volts = echo.voltage
         peaks.append(float(volts.max()))
+        equal.append(_equal_in_a_row(volts))
+        if len(steps) < STEP_ECHOES:
+            steps.append(_least_step(volts))
         if time is None:
             time = echo.time
             period = float(time[-1] - time[0]) / (time.size - 1)
@@ -71,6 +84,7 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
         square += step * np.where(there, volts - mean, 0.0)
     if time is None:
         raise ValueError(f"there are no echoes to average: each needs {LEAST_SAMPLES} samples and a sample period")
+    at_top = np.array(peaks) == max(peaks)
     spread = np.sqrt(np.divide(square, number - 1.0, where=number > 1.0, out=np.full(time.size, np.nan)))
     return AverageEcho(
         time=time,
@@ -81,7 +95,25 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
         peak_mean=float(np.mean(peaks)),
         peak_spread=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else math.nan,
         resampled_count=resampled,
+        greatest=max(peaks),
+        greatest_share=float(np.mean(at_top)),
+        equal_count=float(np.median(np.array(equal)[at_top])),
+        step=min(steps),
     )
+
+
+def _equal_in_a_row(volts: np.ndarray) -> int:
+    """Return the number of samples in a row, from the first greatest one on, that are equal to it."""
+    top = int(np.argmax(volts))
+    other = np.flatnonzero(volts[top:] != volts[top])
+    return int(other[0]) if other.size else volts.size - top
+
+
+def _least_step(volts: np.ndarray) -> float:
+    """Return the least difference of two samples [V] that is more than rounding; 0 for a constant record."""
+    steps = np.diff(np.unique(volts))
+    steps = steps[steps > ROUNDING * float(np.abs(volts).max())]
+    return float(steps.min()) if steps.size else 0.0
 
 
 def _at_times(time: np.ndarray, echo: RecordedEcho) -> np.ndarray:

@@ -9,7 +9,7 @@ import contextlib
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,50 +19,14 @@ from aerokernels import __version__
 from aerokernels.compare import WaveformComparison, compare_waveforms, pearson_correlation
 from aerokernels.jobs.alignment import measured_offset, overlap, simulated_on
 from aerokernels.jobs.averages import AverageEcho, average
+from aerokernels.jobs.comparison_options import EACH, NO_ALIGNMENT, CompareOptions
 from aerokernels.jobs.range_errors import RangeErrors, range_errors
-from aerokernels.jobs.recorded import Label, label_text, random_subset, recorded_echoes, recorded_labels
+from aerokernels.jobs.record_faults import RecordFaults, record_faults
+from aerokernels.jobs.recorded import Label, RecordedEcho, label_text, random_subset, recorded_echoes, recorded_labels
 from aerokernels.jobs.run_folder import RunFolder, match_runs
 
 if TYPE_CHECKING:
     import xarray
-
-NO_ALIGNMENT, EACH = "none", "each"
-
-
-@dataclass(frozen=True)
-class CompareOptions:
-    """Options of a comparison.
-
-    Attributes:
-        align: "none", "each", or the label on which the trigger offset is measured, such as "mach=0".
-        trigger_offset: time by which the recorded time axis is late, where it is known [s].
-        threshold: level of the leading edge [V]; None takes the run's threshold.
-        ranged_count: greatest number of randomly chosen echoes of a label that are ranged one by one.
-        seed: seed of that random choice.
-    """
-
-    align: str = NO_ALIGNMENT
-    trigger_offset: float = 0.0
-    threshold: float | None = None
-    ranged_count: int = 300
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        """Check.
-
-        Raises:
-            ValueError: an invalid option.
-        """
-        if self.align not in (NO_ALIGNMENT, EACH) and "=" not in self.align:
-            raise ValueError(f"align {self.align!r}: give none, each, or a label such as mach=0")
-        if not np.isfinite(self.trigger_offset):
-            raise ValueError(f"trigger_offset = {self.trigger_offset}: give a time in seconds")
-        if self.trigger_offset and self.align != NO_ALIGNMENT:
-            raise ValueError(f"trigger_offset and align {self.align}: give the offset, or have it measured, not both")
-        if self.threshold is not None and not (np.isfinite(self.threshold) and self.threshold > 0.0):
-            raise ValueError(f"threshold = {self.threshold}: give a positive voltage")
-        if self.ranged_count < 2:
-            raise ValueError(f"ranged_count = {self.ranged_count}: at least 2 echoes are needed for a spread")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +47,7 @@ class LabelComparison:
         echo_correlation: mean r at zero lag of the single echoes that were ranged.
         trigger_offset: time subtracted from the recorded times [s].
         ranges: range errors by method.
+        faults: what the digitiser did to the echoes: cut-off peaks, an offset.
     """
 
     label: Label
@@ -98,6 +63,7 @@ class LabelComparison:
     echo_correlation: float
     trigger_offset: float
     ranges: dict[str, RangeErrors]
+    faults: RecordFaults
 
     @property
     def peak_standard_error(self) -> float:
@@ -114,6 +80,8 @@ class LabelComparison:
                 f"{name}: the simulated echo of run {self.run.path} has noise, which adds to every difference: compare "
                 "with a run whose detector.noise is false"
             )
+        if self.faults.sentences:  # they change the pulse's width, too
+            return found + [f"{name}: {sentence}" for sentence in self.faults.sentences]
         widths = (
             f"{1e9 * wave.recorded_width:.3f} ns wide at half height, the simulated {1e9 * wave.simulated_width:.3f} ns"
         )
@@ -161,6 +129,9 @@ class LabelComparison:
             "simulated_width_s": wave.simulated_width,
             "same_pulse": wave.same_pulse,
             "trigger_offset_s": self.trigger_offset,
+            "offset_v": self.faults.offset,
+            "offset_standard_error_v": self.faults.offset_error,
+            "cut_off_share": self.faults.cut_off_share,
             "resampled_count": self.recorded.resampled_count,
             "unfit_count": self.unfit_count,
         }
@@ -251,7 +222,7 @@ def compare_recording(
     for number, label in enumerate(matched):
         progress(f"averaging {label_text(label)}", 0.5 * number / len(matched))
         with _naming_label(source, label):
-            averages[label] = average(recorded_echoes(source, label, unfit))
+            averages[label] = average(_echoes(source, label, options, unfit))
     offset = options.trigger_offset
     if options.align not in (NO_ALIGNMENT, EACH):
         reference = _reference(options.align, matched)
@@ -278,7 +249,7 @@ def _compare_label(
     threshold = options.threshold or float(run.detector.get("threshold", 0.0)) or None
     there, time, simulated = overlap(recorded, run, offset)
     waveform = compare_waveforms(time, recorded.mean[there], simulated, threshold=threshold)
-    echoes = random_subset(recorded_echoes(source, label), options.ranged_count, options.seed)
+    echoes = random_subset(_echoes(source, label, options), options.ranged_count, options.seed)
     correlations = [_correlation(echo.voltage, simulated_on(run, echo.time - offset)) for echo in echoes]
     ranges = range_errors(
         [(echo.time - offset, echo.voltage) for echo in echoes], run, time, simulated, waveform.edge_level
@@ -297,7 +268,16 @@ def _compare_label(
         echo_correlation=float(np.nanmean(correlations)) if np.isfinite(correlations).any() else float("nan"),
         trigger_offset=offset,
         ranges=ranges,
+        faults=record_faults(recorded, recorded.mean[there], simulated),
     )
+
+
+def _echoes(
+    source: Path, label: Label, options: CompareOptions, unfit: Counter[Label] | None = None
+) -> Iterator[RecordedEcho]:
+    """Yield the echoes of a label without the known offset of their voltage."""
+    for echo in recorded_echoes(source, label, unfit):
+        yield replace(echo, voltage=echo.voltage - options.voltage_offset) if options.voltage_offset else echo
 
 
 def _correlation(recorded: np.ndarray, simulated: np.ndarray) -> float:

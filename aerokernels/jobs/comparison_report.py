@@ -10,8 +10,9 @@ from aerokernels import __version__
 from aerokernels.compare import DEGREES
 from aerokernels.display.quantities import Quantity
 from aerokernels.hardware.csv_cells import csv_cell
-from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
+from aerokernels.jobs.comparison import BenchComparison, LabelComparison
 from aerokernels.jobs.comparison_figure import ranges_figure, waveforms_figure
+from aerokernels.jobs.comparison_options import EACH, NO_ALIGNMENT
 from aerokernels.jobs.figure_layout import png
 from aerokernels.jobs.page import bullets, page, picture, remarks, section, table
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
@@ -168,6 +169,8 @@ def notes(found: BenchComparison) -> list[str]:
         f"Degrees of correlation: {degrees}.",
         f"At most {found.options.ranged_count} echoes of a label, chosen at random, were ranged one by one.",
     ]
+    if found.options.voltage_offset:
+        lines.append(f"{1e3 * found.options.voltage_offset:g} mV were subtracted from all recorded voltages.")
     resampled = sum(one.recorded.resampled_count for one in found.labels)
     if resampled:
         lines.append(
