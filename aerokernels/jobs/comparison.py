@@ -20,6 +20,7 @@ from aerokernels.compare import WaveformComparison, compare_waveforms, pearson_c
 from aerokernels.jobs.alignment import measured_offset, overlap, simulated_on
 from aerokernels.jobs.averages import AverageEcho, average
 from aerokernels.jobs.comparison_options import EACH, NO_ALIGNMENT, CompareOptions
+from aerokernels.jobs.mean_errors import MeanErrors, mean_errors
 from aerokernels.jobs.range_errors import RangeErrors, range_errors
 from aerokernels.jobs.record_faults import RecordFaults, record_faults
 from aerokernels.jobs.recorded import Label, RecordedEcho, label_text, random_subset, recorded_echoes, recorded_labels
@@ -46,8 +47,10 @@ class LabelComparison:
         waveform: comparison of the mean with the simulation.
         echo_correlation: mean r at zero lag of the single echoes that were ranged.
         trigger_offset: time subtracted from the recorded times [s].
+        trigger_offset_error: its error where it was measured [s], else 0.
         ranges: range errors by method.
         faults: what the digitiser did to the echoes: cut-off peaks, an offset.
+        errors: errors of what is read from the mean.
     """
 
     label: Label
@@ -62,13 +65,15 @@ class LabelComparison:
     waveform: WaveformComparison
     echo_correlation: float
     trigger_offset: float
+    trigger_offset_error: float
     ranges: dict[str, RangeErrors]
     faults: RecordFaults
+    errors: MeanErrors
 
     @property
     def peak_standard_error(self) -> float:
-        """Standard error of the mean waveform's peak [V]; NaN for a single echo."""
-        return float(self.standard_error[int(np.argmax(self.mean))])
+        """Error of the mean waveform's peak [V]; NaN for a single echo."""
+        return self.errors.peak
 
     @property
     def warnings(self) -> list[str]:
@@ -120,15 +125,18 @@ class LabelComparison:
             "degree": wave.degree,
             "greatest_correlation": wave.best_correlation,
             "lag_s": wave.lag,
+            "lag_standard_error_s": self.errors.lag,
             "greatest_degree": wave.best_degree,
             "single_correlation_mean": self.echo_correlation,
             "edge_level_v": wave.edge_level,
             "edge_shift_s": wave.edge_shift,
+            "edge_shift_standard_error_s": self.errors.edge_shift,
             "range_difference_m": wave.range_difference,
             "recorded_width_s": wave.recorded_width,
             "simulated_width_s": wave.simulated_width,
             "same_pulse": wave.same_pulse,
             "trigger_offset_s": self.trigger_offset,
+            "trigger_offset_standard_error_s": self.trigger_offset_error,
             "offset_v": self.faults.offset,
             "offset_standard_error_v": self.faults.offset_error,
             "cut_off_share": self.faults.cut_off_share,
@@ -223,17 +231,17 @@ def compare_recording(
         progress(f"averaging {label_text(label)}", 0.5 * number / len(matched))
         with _naming_label(source, label):
             averages[label] = average(_echoes(source, label, options, unfit))
-    offset = options.trigger_offset
+    offset = options.trigger_offset, 0.0
     if options.align not in (NO_ALIGNMENT, EACH):
         reference = _reference(options.align, matched)
         with _naming_label(source, reference):
-            offset = measured_offset(averages[reference], matched[reference])
+            offset = _measured_offset(averages[reference], matched[reference])
     found = []
     for number, (label, run) in enumerate(matched.items()):
         progress(f"comparing {label_text(label)}", 0.5 + 0.5 * number / len(matched))
         with _naming_label(source, label):
-            own = measured_offset(averages[label], run) if options.align == EACH else offset
-            found.append(_compare_label(source, label, run, averages[label], unfit[label], own, options))
+            own = _measured_offset(averages[label], run) if options.align == EACH else offset
+            found.append(_compare_label(source, label, run, averages[label], unfit[label], *own, options))
     return BenchComparison(source, options, tuple(found), tuple(label for label in labels if label not in matched))
 
 
@@ -244,6 +252,7 @@ def _compare_label(
     recorded: AverageEcho,
     unfit_count: int,
     offset: float,
+    offset_error: float,
     options: CompareOptions,
 ) -> LabelComparison:
     threshold = options.threshold or float(run.detector.get("threshold", 0.0)) or None
@@ -251,8 +260,16 @@ def _compare_label(
     waveform = compare_waveforms(time, recorded.mean[there], simulated, threshold=threshold)
     echoes = random_subset(_echoes(source, label, options), options.ranged_count, options.seed)
     correlations = [_correlation(echo.voltage, simulated_on(run, echo.time - offset)) for echo in echoes]
+    errors = mean_errors(recorded, there, time, simulated, waveform.edge_level).shifted(offset_error)
     ranges = range_errors(
-        [(echo.time - offset, echo.voltage) for echo in echoes], run, time, simulated, waveform.edge_level
+        [(echo.time - offset, echo.voltage) for echo in echoes],
+        run,
+        time,
+        simulated,
+        waveform.edge_level,
+        recorded.step,
+        errors.rounding,
+        offset_error,
     )
     return LabelComparison(
         label=label,
@@ -267,9 +284,18 @@ def _compare_label(
         waveform=waveform,
         echo_correlation=float(np.nanmean(correlations)) if np.isfinite(correlations).any() else float("nan"),
         trigger_offset=offset,
+        trigger_offset_error=offset_error,
         ranges=ranges,
         faults=record_faults(recorded, recorded.mean[there], simulated),
+        errors=errors,
     )
+
+
+def _measured_offset(recorded: AverageEcho, run: RunFolder) -> tuple[float, float]:
+    """Return the measured trigger offset and its error [s]."""
+    offset = measured_offset(recorded, run)
+    there, time, simulated = overlap(recorded, run, offset)
+    return offset, mean_errors(recorded, there, time, simulated, 0.5 * float(simulated.max())).lag
 
 
 def _echoes(
