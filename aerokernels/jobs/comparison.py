@@ -85,8 +85,9 @@ class LabelComparison:
                 f"{name}: the simulated echo of run {self.run.path} has noise, which adds to every difference: compare "
                 "with a run whose detector.noise is false"
             )
-        if self.faults.sentences:  # they change the pulse's width, too
-            return found + [f"{name}: {sentence}" for sentence in self.faults.sentences]
+        found += [f"{name}: {sentence}" for sentence in self.faults.sentences]
+        if self.faults.is_cut_off or self.faults.has_offset:  # they change the pulse's width, too
+            return found
         widths = (
             f"{1e9 * wave.recorded_width:.3f} ns wide at half height, the simulated {1e9 * wave.simulated_width:.3f} ns"
         )
@@ -140,6 +141,7 @@ class LabelComparison:
             "offset_v": self.faults.offset,
             "offset_standard_error_v": self.faults.offset_error,
             "cut_off_share": self.faults.cut_off_share,
+            "without_pulse_count": self.recorded.without_pulse_count,
             "resampled_count": self.recorded.resampled_count,
             "unfit_count": self.unfit_count,
         }
@@ -267,6 +269,7 @@ def _compare_label(
         time,
         simulated,
         waveform.edge_level,
+        recorded.least_peak,
         recorded.step,
         errors.rounding,
         offset_error,

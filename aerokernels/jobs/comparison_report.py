@@ -179,9 +179,7 @@ def notes(found: BenchComparison) -> list[str]:
         lines.append(f"{1e3 * found.options.voltage_offset:g} mV were subtracted from all recorded voltages.")
     resampled = sum(one.recorded.resampled_count for one in found.labels)
     if resampled:
-        lines.append(
-            f"{resampled} echoes had other sample times than the first of their label: interpolated by a spline."
-        )
+        lines.append(f"{resampled} echoes had other sample times than most of their label: interpolated by a spline.")
     unfit = sum(one.unfit_count for one in found.labels)
     if unfit:
         lines.append(f"{unfit} echoes had fewer than {LEAST_SAMPLES} samples or no sample period and were skipped.")

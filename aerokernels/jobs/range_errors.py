@@ -61,6 +61,7 @@ def range_errors(
     time: np.ndarray,
     simulated: np.ndarray,
     threshold: float,
+    least_peak: float = 0.0,
     step: float = 0.0,
     rounding: float = 0.0,
     offset_error: float = 0.0,
@@ -73,6 +74,7 @@ def range_errors(
         time: times at which the simulation was interpolated [s], shape (n,).
         simulated: the simulation at these times [V], shape (n,).
         threshold: level of the leading edge [V].
+        least_peak: greatest voltage below which an echo has no pulse and no range by any method [V].
         step: the digitiser's step [V].
         rounding: what noise leaves of its rounding, as a share of half a step.
         offset_error: error of the trigger offset that was subtracted from the times [s].
@@ -92,6 +94,8 @@ def range_errors(
         simulated_error = math.nan if distance is None else float(distance) - run.distance
         errors = []
         for times, volts in echoes:
+            if volts.max() < least_peak:  # constant fraction and centroid would find a pulse in its noise
+                continue
             try:
                 errors.append(read(times, volts) - own)
             except ValueError:  # the threshold is never crossed, or the record truncates the pulse

@@ -1,4 +1,4 @@
-"""Find what a digitiser does to an echo without a word: a peak that is cut off, and an offset of the voltage.
+"""Find what is wrong with recorded voltages: peaks that are cut off, an offset, echoes without a pulse.
 
 A peak is cut off where the greatest samples of an echo are equal, and more of them than the simulated pulse has there
 if it is rounded in the steps of the record. An offset is the mean of recorded minus simulated voltage before the pulse,
@@ -31,6 +31,7 @@ class RecordFaults:
         offset: recorded minus simulated voltage where there is no pulse [V]; NaN if the record has no such samples.
         offset_error: its standard error [V].
         peak: greatest recorded voltage of the mean [V].
+        without_pulse: number of echoes without a pulse, and of all echoes.
     """
 
     cut_off_share: float
@@ -38,6 +39,7 @@ class RecordFaults:
     offset: float
     offset_error: float
     peak: float
+    without_pulse: tuple[int, int]
 
     @property
     def is_cut_off(self) -> bool:
@@ -53,6 +55,12 @@ class RecordFaults:
     def sentences(self) -> list[str]:
         """The faults with their remedies, in words."""
         found = []
+        if self.without_pulse[0]:
+            found.append(
+                f"{self.without_pulse[0]} of {self.without_pulse[1]} echoes have no pulse (their greatest sample is "
+                "below a quarter of the mean's): they lower the mean and have no range; record such echoes under "
+                "another label"
+            )
         if self.is_cut_off:
             found.append(
                 f"the peak of {100.0 * self.cut_off_share:.0f} % of the echoes is cut off at {self.cut_off_level:.4g} "
@@ -89,8 +97,9 @@ def record_faults(recorded: AverageEcho, mean: np.ndarray, simulated: np.ndarray
     if quiet.size >= LEAST_COUNT:
         difference = mean[quiet] - simulated[quiet]
         offset, error = float(difference.mean()), float(difference.std(ddof=1)) / math.sqrt(quiet.size)
+    counts = recorded.without_pulse_count, recorded.count
     share = recorded.greatest_share if cut else 0.0
-    return RecordFaults(share, recorded.greatest, offset, error, float(mean.max()))
+    return RecordFaults(share, recorded.greatest, offset, error, float(mean.max()), counts)
 
 
 def _equal_by_rounding(simulated: np.ndarray, step: float) -> int:
