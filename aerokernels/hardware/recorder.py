@@ -14,6 +14,10 @@ from aerokernels.hardware.waveform import Waveform
 FIRST_WAIT = 0.1
 GREATEST_WAIT = 5.0
 
+# State of a port from which bytes come, but nothing that could be stored.
+NO_GOOD_FRAME = "open, but no good frame yet: check --baud and --protocol"
+_NO_FRAME_TIME = 2.0  # [s] after which that is said
+
 _REPORT_INTERVAL = 1.0  # [s] between two status reports while nothing is committed
 
 
@@ -29,7 +33,7 @@ class RecordingStatus:
         reconnect_count: how often the port was lost and opened again.
         last_sequence: number of the last echo stored, None before the first.
         last_peak: greatest voltage of the last echo [V].
-        port_state: "open", "silent" (open, but no bytes arrive) or the reason why the port is lost.
+        port_state: "open", "silent" (open, but no bytes arrive), `NO_GOOD_FRAME`, or the reason why the port is lost.
     """
 
     stored_count: int = 0
@@ -44,7 +48,7 @@ class RecordingStatus:
     @property
     def port_open(self) -> bool:
         """Whether the port is open."""
-        return self.port_state in ("open", "silent")
+        return self.port_state in ("open", "silent", NO_GOOD_FRAME)
 
 
 class Recorder:
@@ -89,7 +93,7 @@ class Recorder:
         self._batch_count, self._batch_since = 0, 0.0
         self._damaged_count = 0
         self._last_echo: Waveform | None = None
-        self._reported_at = 0.0
+        self._reported_at = self._began_at = 0.0
 
     def run(self) -> RecordingStatus:
         """Record and return the final status; wait for a lost port to come back.
@@ -98,7 +102,7 @@ class Recorder:
             StoreError: the store cannot be written; the port is closed, and committed echoes are safe.
         """
         stream: EchoStream | None = self._stream
-        self._reported_at = time.monotonic()
+        self._reported_at = self._began_at = time.monotonic()
         while stream is not None:
             try:
                 lost = self._record_from(stream)
@@ -126,10 +130,19 @@ class Recorder:
             if self._stall_time and silence > self._stall_time:
                 return f"nothing came for {self._stall_time:g} s"
             if self._batch_count and (stream.waits_long or now - self._batch_since >= self._commit_interval):
-                self._commit("open")
+                self._commit(self._state_of(stream))
             elif not self._batch_count and now - self._reported_at >= _REPORT_INTERVAL:
-                self._report_state("silent" if silence >= 1.0 else "open")
+                self._report_state(self._state_of(stream))
         return None
+
+    def _state_of(self, stream: EchoStream) -> str:
+        """Return the state of an open port."""
+        now = time.monotonic()
+        if now - stream.heard_at >= 1.0:
+            return "silent"
+        is_waiting = stream.waits_long or now - self._began_at < _NO_FRAME_TIME  # an oscilloscope waits for a trigger
+        has_frames = self._status.stored_count or self._store.pending_count or self._store.duplicate_count
+        return "open" if is_waiting or has_frames else NO_GOOD_FRAME
 
     def _take_all(self, pieces: Iterable[tuple[Piece, int]]) -> None:
         for piece, host_time in pieces:
