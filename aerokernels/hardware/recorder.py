@@ -8,6 +8,7 @@ from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.port import PORT_ERRORS, PortError
 from aerokernels.hardware.sources import EchoStream, Piece
 from aerokernels.hardware.store import EchoStore
+from aerokernels.hardware.transaction import LockedStoreError
 from aerokernels.hardware.waveform import Waveform
 
 # First and greatest wait between attempts to reopen a lost port [s]; the wait doubles each time.
@@ -18,6 +19,9 @@ GREATEST_WAIT = 5.0
 NO_GOOD_FRAME = "open, but no good frame yet: check --baud and --protocol"
 _NO_FRAME_TIME = 2.0  # [s] after which that is said
 
+# Times to wait for a program that has locked the store, at each commit and at the last one, and between tries [s].
+_LOCK_WAIT, _LAST_LOCK_WAIT, _RETRY_INTERVAL = 0.5, 30.0, 1.0
+_GREATEST_WAITING = 2**28  # [bytes] of echoes that may wait in memory meanwhile
 _REPORT_INTERVAL = 1.0  # [s] between two status reports while nothing is committed
 
 
@@ -33,6 +37,7 @@ class RecordingStatus:
         reconnect_count: how often the port was lost and opened again.
         last_sequence: number of the last echo stored, None before the first.
         last_peak: greatest voltage of the last echo [V].
+        waiting_count: echoes and pieces that wait in memory because another program keeps the store locked.
         port_state: "open", "silent" (open, but no bytes arrive), `NO_GOOD_FRAME`, or the reason why the port is lost.
     """
 
@@ -43,6 +48,7 @@ class RecordingStatus:
     reconnect_count: int = 0
     last_sequence: int | None = None
     last_peak: float | None = None
+    waiting_count: int = 0
     port_state: str = "open"
 
     @property
@@ -92,6 +98,7 @@ class Recorder:
         self._status = RecordingStatus()
         self._batch_count, self._batch_since = 0, 0.0
         self._damaged_count = 0
+        self._retry_at = 0.0
         self._last_echo: Waveform | None = None
         self._reported_at = self._began_at = 0.0
 
@@ -112,7 +119,9 @@ class Recorder:
             if lost is None:
                 break
             self._take_all((piece, time.time_ns()) for piece in stream.cut_off(f"cut off: {lost}"))
-            self._commit(lost)
+            self._try_commit(lost)
+            if self._status.port_state != lost:
+                self._report_state(lost)
             stream = self._wait_for_port()
         self._commit(self._status.port_state)
         return self._status
@@ -130,7 +139,7 @@ class Recorder:
             if self._stall_time and silence > self._stall_time:
                 return f"nothing came for {self._stall_time:g} s"
             if self._batch_count and (stream.waits_long or now - self._batch_since >= self._commit_interval):
-                self._commit(self._state_of(stream))
+                self._try_commit(self._state_of(stream))
             elif not self._batch_count and now - self._reported_at >= _REPORT_INTERVAL:
                 self._report_state(self._state_of(stream))
         return None
@@ -157,12 +166,25 @@ class Recorder:
             elif self._store.add(piece, host_time):
                 self._last_echo = piece
             if self._batch_count >= self._batch_size:
-                self._commit(self._status.port_state)
+                self._try_commit(self._status.port_state)
 
-    def _commit(self, port_state: str) -> None:
+    def _try_commit(self, port_state: str) -> None:
+        """Commit, or go on for a while if another program has locked the store: the batch waits in memory."""
+        if time.monotonic() < self._retry_at:
+            return
+        try:
+            self._commit(port_state, _LOCK_WAIT)
+        except LockedStoreError:
+            if self._store.pending_bytes > _GREATEST_WAITING:
+                raise
+            self._retry_at = time.monotonic() + _RETRY_INTERVAL
+            self._status = replace(self._status, waiting_count=self._batch_count)
+            self._report_state(port_state)
+
+    def _commit(self, port_state: str, wait: float = _LAST_LOCK_WAIT) -> None:
         status, store = self._status, self._store
         stored = store.pending_count + store.duplicate_count
-        store.commit()
+        store.commit(wait)
         stored -= store.duplicate_count  # the commit may find duplicates that another recorder has stored meanwhile
         self._batch_count = 0
         self._status = replace(
@@ -171,6 +193,7 @@ class Recorder:
             duplicate_count=store.duplicate_count,
             damaged_count=self._damaged_count,
             missing_count=store.missing_count,
+            waiting_count=0,
             last_sequence=store.last_sequence if stored else status.last_sequence,
             last_peak=self._last_echo.peak if stored and self._last_echo else status.last_peak,
         )
@@ -192,6 +215,8 @@ class Recorder:
             until = time.monotonic() + wait
             while time.monotonic() < until and not self._stopped():
                 time.sleep(min(0.1, wait))
+                if self._batch_count:
+                    self._try_commit(lost)
                 if time.monotonic() - self._reported_at >= _REPORT_INTERVAL:
                     self._report_state(lost)
             wait = min(2.0 * wait, GREATEST_WAIT)

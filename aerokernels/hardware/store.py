@@ -85,6 +85,7 @@ class EchoStore:
         self._gaps: list[tuple] = []
         # Both since `begin_recording`: numbers missing between the echoes, and frames that the store already had.
         self.missing_count = self.duplicate_count = 0
+        self.pending_bytes = 0  # in the open batch
 
     def _prepare(self, read_only: bool) -> None:
         execute = self._connection.execute
@@ -170,6 +171,7 @@ class EchoStore:
             self.duplicate_count += 1
             return False
         session = self._follow(sequence, device_time, echo.crc, host_time_ns)
+        self.pending_bytes += 2 * echo.samples.size + len(echo.raw)
         self._echoes.append(row_of(echo, self._recording, session, sequence, host_time_ns, self._label))
         return True
 
@@ -179,17 +181,26 @@ class EchoStore:
         if not isinstance(piece, DamagedPiece):
             raise TypeError(f"a damaged piece is a DamagedPiece, got {piece!r}")
         host_time_ns = as_whole(host_time_ns, "host_time_ns")
+        self.pending_bytes += len(piece.raw)
         self._damaged.append((self._recording, host_time_ns, piece.reason, len(piece.raw), piece.raw))
 
-    def commit(self) -> None:
+    def commit(self, wait: float = _BUSY_TIME) -> None:
         """Write the open batch to the disk: when this returns, the batch survives a kill.
 
+        Args:
+            wait: longest time to wait for another program that has locked the file [s].
+
         Raises:
+            LockedStoreError: the file is still locked after that time; the batch stays open, for a later commit.
             StoreError: the disk is full or fails, and batches committed before are safe; or the file was moved or
                 deleted, and a copy with this batch was written, which the message names.
         """
         if self._echoes or self._damaged or self._gaps:
-            self._write_batch()
+            self._connection.execute(f"PRAGMA busy_timeout = {round(1e3 * wait)}")
+            try:
+                self._write_batch()
+            finally:
+                self._connection.execute(f"PRAGMA busy_timeout = {round(1e3 * _BUSY_TIME)}")
         if file_identity(self.path) != self._identity:
             with described_errors(self.path):
                 copy = save_copy(self._connection, self.path)
@@ -219,6 +230,7 @@ class EchoStore:
             )
         for batch in (self._echoes, self._keys, self._damaged, self._gaps):
             batch.clear()
+        self.pending_bytes = 0
 
     def close(self) -> None:
         """Close the file; an uncommitted batch is dropped."""

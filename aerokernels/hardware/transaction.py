@@ -17,6 +17,10 @@ class StoreError(RuntimeError):
         super().__init__(" ".join(message.split()))
 
 
+class LockedStoreError(StoreError):
+    """Another program keeps the file locked; a later try may succeed."""
+
+
 class DamagedStoreError(StoreError, ValueError):
     """The file's content is damaged; the message names the file."""
 
@@ -26,15 +30,20 @@ def described_errors(path: Path) -> Iterator[None]:
     """Turn errors of SQLite into errors that name the file and the remedy.
 
     Raises:
-        StoreError: the file could not be read or written; `DamagedStoreError` where its content is damaged.
+        StoreError: the file could not be read or written; `DamagedStoreError` where its content is damaged,
+            `LockedStoreError` where another program keeps it locked.
         ValueError: the store was closed.
     """
     try:
         yield
     except sqlite3.OperationalError as error:
+        if "locked" in str(error):
+            raise LockedStoreError(
+                f"store {path}: another program keeps it locked; what was committed is safe: close the file there, or "
+                "wait until that program has finished, then record again into the same store"
+            ) from error
         raise StoreError(
-            f"store {path}: {error}; what was committed is safe: "
-            "make room or unlock the file, then record again into the same store"
+            f"store {path}: {error}; what was committed is safe: make room, then record again into the same store"
         ) from error
     except sqlite3.ProgrammingError as error:
         if "closed" in str(error):

@@ -1,19 +1,24 @@
-"""What the recorder says of a line on which something comes, but no frames."""
+"""What the recorder says of a line on which something comes, but no frames, and of a store that is locked."""
 
+import sqlite3
 import threading
+import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from aerokernels.commands._recording import describe
 from aerokernels.hardware import recorder as module
 from aerokernels.hardware.frames import EchoFrame, encode
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.hardware.recorder import NO_GOOD_FRAME, Recorder, RecordingStatus
 from aerokernels.hardware.store import EchoStore
+from aerokernels.hardware.transaction import StoreError
 
-from .line import frames_from, needs_pseudo_terminals, started
+from .line import frames_from, needs_pseudo_terminals, sequences, started
 
 
 @needs_pseudo_terminals
@@ -46,6 +51,71 @@ def test_a_line_without_frames_is_said_to_be_that(tmp_path: Path, monkeypatch, l
         thread.join(10)
     assert is_said.is_set() and all(one.port_open for one in seen)
     assert status.stored_count == 1 and status.port_state == "open"
+
+
+@needs_pseudo_terminals
+def test_a_store_that_another_program_locks_for_a_while_loses_nothing(tmp_path: Path, monkeypatch):
+    """Set-up: a program has begun to write to the store and does not finish. Frames come, the port goes and comes back.
+
+    Expected: the frames wait in memory, the status says how many, and all are stored once the lock is gone. Before, the
+    recording ended after 30 s, and what had come since the last commit was lost.
+    """
+    monkeypatch.setattr(module, "_LOCK_WAIT", 0.05)
+    monkeypatch.setattr(module, "_RETRY_INTERVAL", 0.05)
+    link, path, seen = tmp_path / "port", tmp_path / "s.sqlite", []
+    wire = [encode(EchoFrame(k, k, 250, 1e-3, 0.0, np.arange(20))) for k in range(6)]
+    other = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+    with PseudoTerminal(link) as terminal, EchoStore(path) as store:
+        store.begin_recording(str(link), "frames", {})
+        connect = partial(frames_from, link)
+        stream, are_waiting, ended = connect(), threading.Event(), threading.Event()
+        other.execute("BEGIN IMMEDIATE")
+
+        def talk() -> None:
+            terminal.write(b"".join(wire[:3]))
+            are_waiting.wait(10)
+            terminal.close()
+            terminal.open()
+            while not terminal.has_reader():
+                time.sleep(0.01)
+            time.sleep(0.3)
+            other.execute("ROLLBACK")
+            terminal.write(b"".join(wire[3:]))
+
+        def report(status: RecordingStatus) -> None:
+            seen.append(status)
+            if status.waiting_count == 3:
+                are_waiting.set()
+            if status.stored_count == 6:
+                ended.set()
+
+        thread = threading.Thread(target=talk)
+        thread.start()
+        status = Recorder(stream, store, connect, commit_interval=0.05, stopped=ended.is_set, report=report).run()
+        thread.join(10)
+        other.close()
+    assert (status.stored_count, status.waiting_count, status.missing_count) == (6, 0, 0)
+    assert any(one.waiting_count == 3 and not one.stored_count for one in seen)
+    assert any("the port was lost" in one.port_state for one in seen)
+    assert "3 wait for the store, which another program keeps locked" in describe(replace(status, waiting_count=3))
+    assert sequences(path) == list(range(6))
+
+
+@needs_pseudo_terminals
+def test_a_lock_that_stays_ends_a_recording_with_a_sentence(tmp_path: Path, monkeypatch):
+    """At the end of a recording, and where more waits than memory may hold."""
+    link, path = tmp_path / "port", tmp_path / "s.sqlite"
+    for name, value in (("_LOCK_WAIT", 0.01), ("_LAST_LOCK_WAIT", 0.1), ("_GREATEST_WAITING", 100)):
+        monkeypatch.setattr(module, name, value)
+    with PseudoTerminal(link) as terminal, EchoStore(path) as store:
+        store.begin_recording(str(link), "frames", {})
+        stream = frames_from(link)
+        other = sqlite3.connect(path, isolation_level=None)
+        other.execute("BEGIN IMMEDIATE")
+        terminal.write(b"".join(encode(EchoFrame(k, k, 250, 1e-3, 0.0, np.arange(20))) for k in range(3)))
+        with pytest.raises(StoreError, match="another program keeps it locked; what was committed is safe: close"):
+            Recorder(stream, store, lambda: stream, count=9, commit_interval=0.0).run()
+        other.close()
 
 
 @needs_pseudo_terminals
