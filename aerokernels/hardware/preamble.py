@@ -75,6 +75,14 @@ class Preamble:
         if self.sample_count is not None and self.sample_count < 1:
             raise PreambleError(f"preamble: {self.sample_count} samples")
 
+    def agrees(self, other: "Preamble") -> bool:
+        """Whether two preambles scale counts alike; the time of the first sample may differ by less than a sample."""
+        same = all(
+            getattr(self, name) == getattr(other, name)
+            for name in ("sample_type", "sample_count", "sample_period", "scale", "offset")
+        )
+        return same and abs(self.first_sample_time - other.first_sample_time) < self.sample_period
+
     def curve(self, data: bytes, raw: bytes, sequence: int | None) -> "ScopeCurve":
         """Return the curve in the block `data`.
 
