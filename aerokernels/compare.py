@@ -14,7 +14,7 @@ import numpy as np
 from .display.shown import shown
 from .echo.pulse_curve import PulseCurve
 from .echo.waveform import SPEED_OF_LIGHT
-from .inputs.arguments import Numbers, checked
+from .inputs.arguments import GREAT, SMALL, Numbers, checked
 from .inputs.checks import as_finite_array, as_waveform, check_positive
 
 # Table 5, made half-open: a degree holds for |r| from its own bound up to, but not at, the next.
@@ -184,14 +184,16 @@ def compare_waveforms(
             that is constant or has no positive peak, a lag or threshold that is not positive.
         TypeError: Values that are not real numbers.
     """
-    _, test, period = as_waveform(time, recorded, least_count=2 * LEAST_OVERLAP)
-    _, model, _ = as_waveform(time, simulated, least_count=2 * LEAST_OVERLAP)
+    test, period = _samples(time, recorded, "recorded")
+    model, _ = _samples(time, simulated, "simulated")
     test_peak, model_peak = float(test.max()), float(model.max())
     for name, peak in (("recorded", test_peak), ("simulated", model_peak)):
         if peak <= 0.0:
             raise ValueError(
                 f"the {name} waveform has no positive peak (greatest sample {peak:g} V): is its sign inverted?"
             )
+        if not SMALL < peak < GREAT:
+            raise ValueError(f"the {name} waveform peaks at {peak:g} V, which is out of all proportion: give volts")
     r = pearson_correlation(test, model)
     if greatest_lag is None:  # noise moves the greatest samples
         shift = max(test.size // 2, abs(int(np.argmax(test)) - int(np.argmax(model))) + LEAST_OVERLAP)
@@ -223,6 +225,17 @@ def compare_waveforms(
         simulated_width=float(widths[1, half]) * period,
         same_pulse=_same_widths(widths[0], widths[1], _noise(test - model) / test_peak, model / model_peak),
     )
+
+
+def _samples(time: Numbers, voltage: Numbers, name: str) -> tuple[np.ndarray, float]:
+    """Return samples [V] and their period [s]; a ValueError says which of the two waveforms it is about."""
+    try:
+        _, samples, period = as_waveform(time, voltage, least_count=2 * LEAST_OVERLAP)
+    except ValueError as error:
+        raise ValueError(f"the {name} waveform: {error}") from None
+    if samples.min() == samples.max() and samples.max() > 0.0:
+        raise ValueError(f"the {name} waveform is constant: its correlation is not defined")
+    return samples, period
 
 
 def _edge(samples: np.ndarray, level: float) -> float:

@@ -14,9 +14,10 @@ import numpy as np
 from aerokernels.files.drafts import draft_of
 from aerokernels.files.netcdf_file import RetryingFile
 from aerokernels.hardware.csv_cells import csv_cell
-from aerokernels.hardware.rows import StoredEcho, signed
+from aerokernels.hardware.rows import StoredEcho, encode_label, signed
 from aerokernels.hardware.store import EchoStore
 from aerokernels.hardware.transaction import StoreError
+from aerokernels.inputs.checks import check_path
 
 ECHOES_AT_ONCE = 1024  # most echoes written at a time
 SAMPLES_AT_ONCE = 2**23  # most samples written at a time: one long curve makes every row as long
@@ -60,11 +61,16 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
         label: select the echoes whose label has these values; their labels may have other keys too.
 
     Raises:
+        TypeError: something other than a store, a path, or texts by their keys.
         ValueError: another file name extension, a folder that does not exist or is not writable, no echoes with this
             label, or a damaged store.
         StoreError: the file could not be written, or the store could not be read.
     """
-    out = Path(out)
+    if not isinstance(store, EchoStore):
+        raise TypeError(f"store must be an EchoStore that is open for reading, got {store!r}")
+    if label is not None:
+        encode_label(label)  # checks it
+    out = check_path(out, "out")
     write = {".nc": _write_netcdf, ".csv": _write_csv}.get(out.suffix.lower())
     if write is None:
         raise ValueError(f"--out {out}: give a name that ends in .nc or .csv")

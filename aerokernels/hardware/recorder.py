@@ -10,6 +10,8 @@ from aerokernels.hardware.sources import EchoStream, Piece
 from aerokernels.hardware.store import EchoStore
 from aerokernels.hardware.transaction import LockedStoreError
 from aerokernels.hardware.waveform import Waveform
+from aerokernels.inputs.checks import check_count
+from aerokernels.inputs.kinds import is_number
 
 # First and greatest wait between attempts to reopen a lost port [s]; the wait doubles each time.
 FIRST_WAIT = 0.1
@@ -86,12 +88,14 @@ class Recorder:
         report: Callable[[RecordingStatus], None] = lambda status: None,
     ) -> None:
         """Check the arguments; `run` records."""
-        if count is not None and count < 1:
-            raise ValueError(f"count = {count}: give 1 or more, or leave it out to record until interrupted")
-        if not commit_interval >= 0.0:
-            raise ValueError(f"commit interval = {commit_interval} s: give 0 or more")
-        if not stall_time >= 0.0:
-            raise ValueError(f"stall time = {stall_time} s: give 0 or more")
+        if count is not None:
+            count = check_count(count, "count", least=0)
+            if count < 1:
+                raise ValueError(f"count = {count}: give 1 or more, or leave it out to record until interrupted")
+        for name, given in (("commit interval", commit_interval), ("stall time", stall_time)):
+            if not is_number(given) or not given >= 0.0:
+                raise ValueError(f"{name} = {given!r} s: give 0 or more")
+        batch_size = check_count(batch_size, "batch_size")
         self._stream, self._store, self._reconnect, self._count = stream, store, reconnect, count
         self._commit_interval, self._batch_size, self._stall_time = commit_interval, batch_size, stall_time
         self._stopped, self._report = stopped, report

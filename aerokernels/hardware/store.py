@@ -70,6 +70,8 @@ class EchoStore:
                     self.path.unlink()
                 raise StoreError(f"store {self.path}: {error}; make room first, or give another file name") from error
             remedy = "give the file that `record` wrote" if read_only else "give an echo store or a new file name"
+            if "malformed" in str(error):  # the beginning of the file is that of a database, the rest is not
+                remedy = KEEP_IT
             raise ValueError(f"store {self.path}: {error}; {remedy}") from error
         except ValueError:
             self._connection.close()

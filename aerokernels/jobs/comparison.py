@@ -17,6 +17,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.compare import WaveformComparison, compare_waveforms, pearson_correlation
+from aerokernels.inputs.checks import check_path
 from aerokernels.jobs.alignment import measured_offset, overlap, simulated_on
 from aerokernels.jobs.averages import AverageEcho, average
 from aerokernels.jobs.comparison_options import EACH, NO_ALIGNMENT, CompareOptions
@@ -208,7 +209,7 @@ class BenchComparison:
 
 
 def compare_recording(
-    source: Path,
+    source: str | Path,
     runs: Sequence[RunFolder],
     options: CompareOptions | None = None,
     progress: Callable[[str, float], None] = lambda stage, fraction: None,
@@ -222,9 +223,12 @@ def compare_recording(
         progress: called with the name of each stage and the share of the job done before it.
 
     Raises:
+        TypeError: runs that are not those of `read_run`.
         ValueError: files that cannot be read, no run for any label, or times that do not overlap; names the label.
     """
-    options = options or CompareOptions()
+    source, options = check_path(source, "source"), options or CompareOptions()
+    if not isinstance(runs, Sequence) or not runs or not all(isinstance(run, RunFolder) for run in runs):
+        raise TypeError(f"runs must be a list of runs, as read_run returns them, got {runs!r}")
     labels = recorded_labels(source)
     matched = match_runs(labels, runs)
     averages: dict[Label, AverageEcho] = {}

@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerokernels.inputs.checks import check_count
+from aerokernels.inputs.kinds import is_number
+
 NO_ALIGNMENT, EACH = "none", "each"
 
 
@@ -32,15 +35,22 @@ class CompareOptions:
 
         Raises:
             ValueError: an invalid option.
+            TypeError: an option of another kind.
         """
+        if not isinstance(self.align, str):
+            raise TypeError(f"align must be none, each, or a label such as mach=0, got {self.align!r}")
         if self.align not in (NO_ALIGNMENT, EACH) and "=" not in self.align:
             raise ValueError(f"align {self.align!r}: give none, each, or a label such as mach=0")
         for name, unit in (("trigger_offset", "a time in seconds"), ("voltage_offset", "a voltage in volts")):
-            if not np.isfinite(getattr(self, name)):
-                raise ValueError(f"{name} = {getattr(self, name)}: give {unit}")
+            if not is_number(given := getattr(self, name)):
+                raise TypeError(f"{name} must be {unit}, got {given!r}")
+            if not np.isfinite(given):
+                raise ValueError(f"{name} = {given}: give {unit}")
         if self.trigger_offset and self.align != NO_ALIGNMENT:
             raise ValueError(f"trigger_offset and align {self.align}: give the offset, or have it measured, not both")
+        if self.threshold is not None and not is_number(self.threshold):
+            raise TypeError(f"threshold must be a voltage in volts or None, got {self.threshold!r}")
         if self.threshold is not None and not (np.isfinite(self.threshold) and self.threshold > 0.0):
             raise ValueError(f"threshold = {self.threshold}: give a positive voltage")
-        if self.ranged_count < 2:
-            raise ValueError(f"ranged_count = {self.ranged_count}: at least 2 echoes are needed for a spread")
+        check_count(self.ranged_count, "ranged_count", least=2)  # a spread needs two echoes
+        check_count(self.seed, "seed", least=0)

@@ -20,6 +20,7 @@ import numpy as np
 
 from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.hardware.store import EchoStore
+from aerokernels.inputs.checks import check_path
 from aerokernels.inputs.units import quantity
 from aerokernels.jobs.recorded_csv import csv_echoes
 
@@ -52,12 +53,13 @@ def label_text(label: Label) -> str:
     return " ".join(f"{key}={value}" for key, value in label) or "(no label)"
 
 
-def recorded_labels(path: Path) -> list[Label]:
+def recorded_labels(path: str | Path) -> list[Label]:
     """Return the different labels in a file, in the order of their first echo.
 
     Raises:
         ValueError: see `recorded_echoes`; or the file holds no echoes.
     """
+    path = check_path(path, "path")
     if _kind(path) == "store":
         with _naming_file(path), EchoStore(path, read_only=True) as store:
             found = [_as_label(one) for one in store.labels()]
@@ -70,7 +72,7 @@ def recorded_labels(path: Path) -> list[Label]:
 
 
 def recorded_echoes(
-    path: Path, label: Label | None = None, unfit: Counter[Label] | None = None
+    path: str | Path, label: Label | None = None, unfit: Counter[Label] | None = None
 ) -> Iterator[RecordedEcho]:
     """Yield the echoes of a file one after the other; with `label`, only those with exactly this label.
 
@@ -85,6 +87,7 @@ def recorded_echoes(
     Raises:
         ValueError: the file does not exist, is of another kind or damaged; the message names the place and the remedy.
     """
+    path = check_path(path, "path")
     kind = _kind(path)
     if kind == "store":
         yield from _from_store(path, label, Counter() if unfit is None else unfit)
