@@ -37,6 +37,7 @@ class AverageEcho:
         greatest_share: share of the echoes that reach it, 0 to 1.
         equal_count: samples in a row that are equal to it, the median over these echoes.
         without_pulse_count: echoes whose greatest sample is below `least_peak`.
+        repeated_count: echoes whose samples are those of the echo before.
         step: least difference of two samples of an echo [V]: the digitiser's step, unless noise or averaging hide it.
     """
 
@@ -52,6 +53,7 @@ class AverageEcho:
     greatest_share: float
     equal_count: float
     without_pulse_count: int
+    repeated_count: int
     step: float
 
     @property
@@ -79,10 +81,13 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
     peaks: list[float] = []
     equal: list[int] = []
     steps: list[float] = []
-    resampled = 0
+    resampled = repeated = 0
+    before = np.empty(0)
     for echo in itertools.chain(head, source):
         volts = echo.voltage
         peaks.append(float(volts.max()))
+        repeated += np.array_equal(volts, before)
+        before = volts
         equal.append(_equal_in_a_row(volts))
         if len(steps) < STEP_ECHOES:
             steps.append(_least_step(volts))
@@ -114,6 +119,7 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
         greatest_share=float(np.mean(at_top)),
         equal_count=float(np.median(np.array(equal)[at_top])),
         without_pulse_count=int(np.count_nonzero(np.array(peaks) < LEAST_PULSE * mean.max())),
+        repeated_count=repeated,
         step=min(steps),
     )
 

@@ -1,4 +1,4 @@
-"""Find what is wrong with recorded voltages: peaks that are cut off, an offset, echoes without a pulse.
+"""Find what is wrong with recorded echoes: cut-off peaks, an offset, echoes without a pulse or repeated ones.
 
 A peak is cut off where the greatest samples of an echo are equal, and more of them than the simulated pulse has there
 if it is rounded in the steps of the record. An offset is the mean of recorded minus simulated voltage before the pulse,
@@ -13,7 +13,8 @@ import numpy as np
 from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.averages import AverageEcho
 
-# Equal greatest samples beyond those that rounding explains from which they are a cut, and the least share of echoes.
+# Equal greatest samples beyond those that rounding explains from which they are a cut, and the least share of echoes
+# that are cut off, or repeated.
 MORE_EQUAL, LEAST_SHARE = 2, 0.1
 # Share of the simulated peak below which there is no pulse, and the least number of such samples.
 NO_PULSE, LEAST_COUNT = 1e-3, 8
@@ -31,7 +32,9 @@ class RecordFaults:
         offset: recorded minus simulated voltage where there is no pulse [V]; NaN if the record has no such samples.
         offset_error: its standard error [V].
         peak: greatest recorded voltage of the mean [V].
-        without_pulse: number of echoes without a pulse, and of all echoes.
+        without_pulse_count: number of echoes without a pulse.
+        repeated_count: number of echoes that repeat the one before, though others differ.
+        count: number of echoes.
     """
 
     cut_off_share: float
@@ -39,7 +42,9 @@ class RecordFaults:
     offset: float
     offset_error: float
     peak: float
-    without_pulse: tuple[int, int]
+    without_pulse_count: int
+    repeated_count: int
+    count: int
 
     @property
     def is_cut_off(self) -> bool:
@@ -55,9 +60,15 @@ class RecordFaults:
     def sentences(self) -> list[str]:
         """The faults with their remedies, in words."""
         found = []
-        if self.without_pulse[0]:
+        if self.repeated_count > LEAST_SHARE * self.count:
             found.append(
-                f"{self.without_pulse[0]} of {self.without_pulse[1]} echoes have no pulse (their greatest sample is "
+                f"{self.repeated_count} of {self.count} echoes repeat the one before in every sample, as where an "
+                "oscilloscope is read faster than it acquires: the errors, which count each echo, are too small; "
+                "trigger it more often"
+            )
+        if self.without_pulse_count:
+            found.append(
+                f"{self.without_pulse_count} of {self.count} echoes have no pulse (their greatest sample is "
                 "below a quarter of the mean's): they lower the mean and have no range; record such echoes under "
                 "another label"
             )
@@ -97,9 +108,17 @@ def record_faults(recorded: AverageEcho, mean: np.ndarray, simulated: np.ndarray
     if quiet.size >= LEAST_COUNT:
         difference = mean[quiet] - simulated[quiet]
         offset, error = float(difference.mean()), float(difference.std(ddof=1)) / math.sqrt(quiet.size)
-    counts = recorded.without_pulse_count, recorded.count
     share = recorded.greatest_share if cut else 0.0
-    return RecordFaults(share, recorded.greatest, offset, error, float(mean.max()), counts)
+    return RecordFaults(
+        cut_off_share=share,
+        cut_off_level=recorded.greatest,
+        offset=offset,
+        offset_error=error,
+        peak=float(mean.max()),
+        without_pulse_count=recorded.without_pulse_count,
+        repeated_count=recorded.repeated_count if np.nanmax(recorded.spread, initial=0.0) > 0.0 else 0,
+        count=recorded.count,
+    )
 
 
 def _equal_by_rounding(simulated: np.ndarray, step: float) -> int:

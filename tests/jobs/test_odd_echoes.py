@@ -56,6 +56,20 @@ def test_the_mean_has_the_times_that_most_echoes_have():
         average([])
 
 
+def test_echoes_that_repeat_the_one_before_are_said(tmp_path: Path):
+    """Set-up: an instrument without a count is read three times for each acquisition. 30 echoes are 10 of them.
+
+    Expected: a warning, because the error of the mean is that of 30. Echoes without noise are all alike: no warning.
+    """
+    random, run = np.random.default_rng(5), read_run(str(make_run(tmp_path / "run", 0, 2.0)))
+    rows = [pulse(TIME) + 0.02 * random.standard_normal(TIME.size) for _ in range(10)]
+    found = compare_recording(write(tmp_path / "e.sqlite", [row for row in rows for _ in range(3)]), [run])
+    (text,) = found.warnings
+    assert text.startswith("mach=0: 20 of 30 echoes repeat the one before in every sample")
+    assert not compare_recording(write(tmp_path / "f.sqlite", rows), [run]).warnings
+    assert not compare_recording(write(tmp_path / "g.sqlite", [pulse(TIME)] * 10), [run]).warnings
+
+
 def test_echoes_without_a_pulse_are_said_and_not_ranged(tmp_path: Path):
     """Set-up: the beam is blocked in 2 of 40 echoes. Constant fraction and centroid found a pulse in their noise.
 
