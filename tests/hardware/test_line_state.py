@@ -1,5 +1,6 @@
 """What the recorder says of a line on which something comes, but no frames, and of a store that is locked."""
 
+import signal
 import sqlite3
 import threading
 import time
@@ -116,6 +117,24 @@ def test_a_lock_that_stays_ends_a_recording_with_a_sentence(tmp_path: Path, monk
         with pytest.raises(StoreError, match="another program keeps it locked; what was committed is safe: close"):
             Recorder(stream, store, lambda: stream, count=9, commit_interval=0.0).run()
         other.close()
+
+
+@needs_pseudo_terminals
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_an_interrupt_during_the_search_for_an_instrument(tmp_path: Path, name: str):
+    """A silent line: the search ends at once with the status of the signal, 128 + its number, and leaves no store.
+
+    All three ended with 130 before.
+    """
+    link, number = tmp_path / "port", getattr(signal, name)
+    with PseudoTerminal(link) as terminal:
+        with started("record", "--port", link, "--protocol", "scpi", "--store", tmp_path / "s.sqlite") as recorder:
+            while b"HEADER ON" not in terminal.read(0.1):
+                assert recorder.poll() is None
+            recorder.send_signal(number)
+            output = recorder.communicate(timeout=30)[0]
+    assert recorder.returncode == 128 + number and output.strip() == "interrupted"
+    assert not (tmp_path / "s.sqlite").exists()
 
 
 @needs_pseudo_terminals
