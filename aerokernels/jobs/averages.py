@@ -1,4 +1,11 @@
-"""Compute the mean waveform and the spread of many recorded echoes, in one pass and bounded memory."""
+"""Compute the mean waveform and the spread of many recorded echoes, in one pass and bounded memory.
+
+A digitiser rounds to steps q. Noise of standard deviation sigma averages the rounding out; what is left of it is about
+
+    q / 2 exp(-2 pi^2 sigma^2 / q^2)
+
+Reference: B. Widrow, I. Kollar, Quantization Noise, Cambridge (2008), chapter 4.
+"""
 
 import itertools
 import math
@@ -55,6 +62,15 @@ class AverageEcho:
     without_pulse_count: int
     repeated_count: int
     step: float
+
+    @property
+    def rounding(self) -> float:
+        """What the noise leaves of the digitiser's rounding in a sample of the mean [V]: at most half a step."""
+        known = self.spread[np.isfinite(self.spread)]
+        if not self.step > 0.0:
+            return 0.0
+        noise = math.sqrt(float(np.mean(known**2))) if known.size else 0.0  # not known for a single echo
+        return 0.5 * self.step * math.exp(-2.0 * (math.pi * noise / self.step) ** 2)
 
     @property
     def least_peak(self) -> float:

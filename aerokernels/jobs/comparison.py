@@ -263,7 +263,7 @@ def _compare_label(
 ) -> LabelComparison:
     threshold = options.threshold or float(run.detector.get("threshold", 0.0)) or None
     there, time, simulated = overlap(recorded, run, offset)
-    waveform = compare_waveforms(time, recorded.mean[there], simulated, threshold=threshold)
+    waveform = compare_waveforms(time, recorded.mean[there], simulated, threshold=threshold, rounding=recorded.rounding)
     echoes = random_subset(_echoes(source, label, options), options.ranged_count, options.seed)
     correlations = [_correlation(echo.voltage, simulated_on(run, echo.time - offset)) for echo in echoes]
     errors = mean_errors(recorded, there, time, simulated, waveform.edge_level).shifted(offset_error)
@@ -275,7 +275,7 @@ def _compare_label(
         waveform.edge_level,
         recorded.least_peak,
         recorded.step,
-        errors.rounding,
+        recorded.rounding,
         offset_error,
     )
     return LabelComparison(

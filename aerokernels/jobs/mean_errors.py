@@ -4,11 +4,7 @@ All errors hold the exact value in 68 % of cases. For n echoes the standard erro
 of n - 1 degrees of freedom (1.84 for two echoes, 1.03 for twenty). A spread s holds the exact one within s (1 +- k),
 with k from the distribution of chi squared (2.05 / sqrt(2 n - 2) for two echoes, 1 / sqrt(2 n - 2) for many).
 
-A digitiser rounds to steps q. Noise of standard deviation sigma averages the rounding out; what is left of it is about
-
-    q / 2 exp(-2 pi^2 sigma^2 / q^2)
-
-References: B. Widrow, I. Kollar, Quantization Noise, Cambridge (2008), chapter 4.
+What noise leaves of a digitiser's rounding is added to the errors of samples: averages.py.
 """
 
 import math
@@ -46,11 +42,6 @@ def spread_factor(count: int) -> float:
     return float(brentq(missing, 1e-9, 1e3))
 
 
-def rounding_left(step: float, noise: float) -> float:
-    """Return what noise leaves of the rounding to steps, as a share of half a step; 0 without steps."""
-    return math.exp(-2.0 * (math.pi * noise / step) ** 2) if step > 0.0 else 0.0
-
-
 @dataclass(frozen=True, eq=False)
 class MeanErrors:
     """Errors of what is read from a mean echo; NaN for a single echo.
@@ -59,13 +50,11 @@ class MeanErrors:
         peak: error of its greatest sample [V], with the mean excess of the greatest of several samples with noise.
         edge_shift: error of the time at which it crosses a level [s]; NaN where the pulse does not.
         lag: error of the lag at which it correlates best with the simulation [s].
-        rounding: what noise leaves of the digitiser's rounding, as a share of half a step.
     """
 
     peak: float
     edge_shift: float
     lag: float
-    rounding: float
 
     def shifted(self, offset_error: float) -> "MeanErrors":
         """Return the errors with that of a trigger offset [s], which was subtracted from the times."""
@@ -87,9 +76,7 @@ def mean_errors(
     """
     mean, spread = recorded.mean[there], recorded.spread[there]
     known = np.isfinite(spread)
-    noise = math.sqrt(float(np.mean(spread[known] ** 2))) if known.any() else math.nan
-    left = rounding_left(recorded.step, noise) if known.any() else math.nan
-    error = np.hypot(mean_factor(recorded.count) * recorded.standard_error[there], 0.5 * recorded.step * left)
+    error = np.hypot(mean_factor(recorded.count) * recorded.standard_error[there], recorded.rounding)
     top = int(np.argmax(mean))
     slope = np.abs(np.gradient(mean[top] / simulated.max() * simulated, time))
     crossed = np.flatnonzero((mean[1:] >= level) & (mean[:-1] < level))
@@ -98,12 +85,11 @@ def mean_errors(
         at = int(crossed[0]) + int(mean[crossed[0] + 1] - level < level - mean[crossed[0]])
         edge = float(error[at] / slope[at]) if slope[at] > 0.0 else math.nan
     # All samples take part in the lag, so that the few echoes of each need no factor.
-    each = np.hypot(recorded.standard_error[there], 0.5 * recorded.step * left)
+    each = np.hypot(recorded.standard_error[there], recorded.rounding)
     return MeanErrors(
         peak=math.hypot(float(error[top]), _excess(simulated * (mean[top] / simulated.max()), error)),
         edge_shift=edge,
         lag=float(np.linalg.norm((slope * each)[known]) / np.sum(slope[known] ** 2)) if known.any() else math.nan,
-        rounding=left,
     )
 
 

@@ -76,7 +76,7 @@ def range_errors(
         threshold: level of the leading edge [V].
         least_peak: greatest voltage below which an echo has no pulse and no range by any method [V].
         step: the digitiser's step [V].
-        rounding: what noise leaves of its rounding, as a share of half a step.
+        rounding: what noise leaves of its rounding in a sample of the mean [V].
         offset_error: error of the trigger offset that was subtracted from the times [s].
     """
     shape = template_curve(run.voltage, as_waveform(run.time, run.voltage)[2])
@@ -100,7 +100,8 @@ def range_errors(
                 errors.append(read(times, volts) - own)
             except ValueError:  # the threshold is never crossed, or the record truncates the pulse
                 continue
-        left = rounding * _rounding_error(read, time, simulated, own, step) if rounding > NO_ROUNDING else 0.0
+        share = 2.0 * rounding / step if step > 0.0 else 0.0
+        left = share * _rounding_error(read, time, simulated, own, step) if share > NO_ROUNDING else 0.0
         common = math.hypot(left, 0.5 * SPEED_OF_LIGHT * offset_error)
         found[method] = _statistics(errors, len(echoes), simulated_error, common)
     return found

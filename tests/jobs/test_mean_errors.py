@@ -74,7 +74,7 @@ def test_the_rounding_of_a_coarse_digitiser_is_in_the_errors(tmp_path: Path):
             if method != "constant-fraction":  # which reads long in noise
                 wrong = abs(found.systematic_error_m - found.simulated_error_m)
                 assert wrong < 3.0 * found.systematic_standard_error_m < 0.01, method
-        left = one.errors.rounding
+        left = 2.0 * one.recorded.rounding / one.recorded.step
         assert left > 0.5 if noise < 0.01 else left < 1e-6  # 20 mV of noise average it out
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerokernels.compare import compare_waveforms
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.store import EchoStore
 from aerokernels.jobs.comparison import compare_recording
@@ -13,7 +14,7 @@ from aerokernels.jobs.comparison_options import CompareOptions
 from aerokernels.jobs.comparison_report import write_comparison
 from aerokernels.jobs.run_folder import read_run
 
-from .echoes_on_file import PERIOD, TIME, pulse
+from .echoes_on_file import ARRIVAL, PERIOD, TIME, pulse
 from .test_comparison import make_run
 
 
@@ -50,7 +51,24 @@ def test_a_peak_that_is_cut_off_is_said_to_be_that(tmp_path: Path, run, noise: f
 def test_a_whole_peak_is_not(tmp_path: Path, run, bits: int, noise: float):
     """A coarse digitiser without noise makes samples at the top equal, as rounding does to the simulated pulse too."""
     found = compare_recording(digitised(tmp_path / "e.sqlite", bits=bits, greatest=2.2, noise=noise), [run])
-    assert found.labels[0].faults.cut_off_share == 0.0 and not any("cut off" in text for text in found.warnings)
+    assert found.labels[0].faults.cut_off_share == 0.0 and not found.warnings
+
+
+@pytest.mark.parametrize(("noise", "count"), [(0.0, 1), (0.0, 10), (0.005, 10)])
+def test_a_coarse_digitiser_makes_no_other_pulse(tmp_path: Path, run, noise: float, count: int):
+    """Eight bits of which the pulse uses 29 counts: rounding moves its widths by more than a hundredth.
+
+    Before, the recorded pulse was said not to be the simulated one. Another pulse is still told apart.
+    """
+    path = digitised(tmp_path / "e.sqlite", bits=8, greatest=8.8, noise=noise, count=count)
+    found = compare_recording(path, [run])
+    assert found.labels[0].waveform.same_pulse and not found.warnings
+    mean, time, simulated = (getattr(found.labels[0], name) for name in ("mean", "time", "simulated"))
+    step = found.labels[0].recorded.step
+    wider = np.interp(time, ARRIVAL + 1.2 * (time - ARRIVAL), simulated)
+    assert compare_waveforms(time, mean, wider, rounding=0.5 * step).same_pulse is False
+    with pytest.raises(ValueError, match="rounding must be finite and at least 0"):
+        compare_waveforms(time, mean, simulated, rounding=-1.0)
 
 
 @pytest.mark.parametrize("offset", [0.05, -0.05, 0.005])
