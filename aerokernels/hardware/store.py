@@ -26,6 +26,7 @@ from aerokernels.hardware.rows import (
     stored_echo,
 )
 from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
+from aerokernels.hardware.sessions import Followed, Sessions
 from aerokernels.hardware.store_file import file_identity, save_copy, store_address
 from aerokernels.hardware.transaction import KEEP_IT, DamagedStoreError, StoreError, described_errors, transaction
 from aerokernels.hardware.waveform import as_whole
@@ -79,14 +80,11 @@ class EchoStore:
         self._read_only = read_only
         self._identity = file_identity(self.path)
         self._recording, self._label = 0, "{}"
-        self._followed = False  # whether this recording has an echo already
-        self._last: tuple[int, int, int | None, int] | None = None  # session, sequence, device time, check sum
+        self._sessions = Sessions()
         self._echoes: list[tuple] = []
         self._keys: set[tuple[int, int, int]] = set()
         self._damaged: list[tuple] = []
-        self._gaps: list[tuple] = []
-        # Both since `begin_recording`: numbers missing between the echoes, and frames that the store already had.
-        self.missing_count = self.duplicate_count = 0
+        self.duplicate_count = 0  # frames that the store already had, since `begin_recording`
         self.pending_bytes = 0  # in the open batch
 
     def _prepare(self, read_only: bool) -> None:
@@ -138,10 +136,9 @@ class EchoStore:
         if self._read_only:
             raise ValueError(f"store {self.path}: opened for reading only; open it without read_only=True to record")
         self._label = encode_label(label)
-        self._followed = False
-        self.missing_count = self.duplicate_count = 0
+        self.duplicate_count = 0
         with self._transaction():
-            self._last = self._last_echo(port, protocol)
+            self._sessions = Sessions(self._last_echo(port, protocol))
             row = (time.time_ns(), port, protocol, self._label)
             self._connection.execute(
                 "INSERT INTO recordings (started_ns, port, protocol, label) VALUES (?, ?, ?, ?)", row
@@ -159,12 +156,12 @@ class EchoStore:
         if not isinstance(echo, EchoFrame | ScopeCurve):
             raise TypeError(f"a store holds an EchoFrame or a ScopeCurve, got {echo!r}")
         host_time_ns = as_whole(host_time_ns, "host_time_ns")
-        sequence, device_time = echo.sequence, echo.device_time_us
+        sequence, device_time, last = echo.sequence, echo.device_time_us, self._sessions.last
         if sequence is None:  # the instrument does not count, so the store numbers its curves
-            sequence = 0 if self._last is None else (self._last[1] + 1) % 2**32
+            sequence = 0 if last is None else (last.sequence + 1) % 2**32
             is_new = True
         elif device_time is None:  # the last acquisition may be read again after a reconnection
-            is_new = self._last is None or (sequence, echo.crc) != (self._last[1], self._last[3])
+            is_new = last is None or (sequence, echo.crc) != (last.sequence, last.crc)
         else:
             key = (sequence, signed(device_time), echo.crc)
             is_new = key not in self._keys and not self._is_stored(key)
@@ -172,7 +169,7 @@ class EchoStore:
         if not is_new:
             self.duplicate_count += 1
             return False
-        session = self._follow(sequence, device_time, echo.crc, host_time_ns)
+        session = self._sessions.follow(sequence, device_time, echo.crc, host_time_ns)
         self.pending_bytes += 2 * echo.samples.size + len(echo.raw)
         self._echoes.append(row_of(echo, self._recording, session, sequence, host_time_ns, self._label))
         return True
@@ -197,7 +194,7 @@ class EchoStore:
             StoreError: the disk is full or fails, and batches committed before are safe; or the file was moved or
                 deleted, and a copy with this batch was written, which the message names.
         """
-        if self._echoes or self._damaged or self._gaps:
+        if self._echoes or self._damaged:
             self._connection.execute(f"PRAGMA busy_timeout = {round(1e3 * wait)}")
             try:
                 self._write_batch()
@@ -222,16 +219,22 @@ class EchoStore:
                 self._damaged,
             )
             many(
+                f"DELETE FROM gaps WHERE recording = {self._recording} "
+                "AND session = ? AND after_sequence = ? AND before_sequence = ?",
+                self._sessions.filled,
+            )
+            many(
                 "INSERT INTO gaps (recording, session, after_sequence, before_sequence, missing_count, host_time_ns) "
-                "VALUES (?, ?, ?, ?, ?, ?)",
-                self._gaps,
+                f"VALUES ({self._recording}, ?, ?, ?, ?, ?)",
+                self._sessions.noted,
             )
             self._connection.execute(
                 "UPDATE recordings SET committed_ns = ?, duplicate_count = ? WHERE id = ?",
                 (time.time_ns(), self.duplicate_count, self._recording),
             )
-        for batch in (self._echoes, self._keys, self._damaged, self._gaps):
+        for batch in (self._echoes, self._keys, self._damaged):
             batch.clear()
+        self._sessions.committed()
         self.pending_bytes = 0
 
     def close(self) -> None:
@@ -254,7 +257,12 @@ class EchoStore:
     @property
     def last_sequence(self) -> int | None:
         """Number of the last echo of this port, committed or not; None before the first."""
-        return None if self._last is None else self._last[1]
+        return None if self._sessions.last is None else self._sessions.last.sequence
+
+    @property
+    def missing_count(self) -> int:
+        """Numbers missing between the echoes since `begin_recording`."""
+        return self._sessions.missing_count
 
     @property
     def echo_count(self) -> int:
@@ -318,30 +326,11 @@ class EchoStore:
             with described_errors(self.path):
                 raise
 
-    def _last_echo(self, port: str, protocol: str) -> tuple[int, int, int | None, int] | None:
+    def _last_echo(self, port: str, protocol: str) -> Followed | None:
         rows = self._rows(
             "SELECT session, sequence, device_time_us, crc32 FROM echoes WHERE recording IN "
             "(SELECT id FROM recordings WHERE port = ? AND protocol = ?) ORDER BY id DESC LIMIT 1",
             (port, protocol),
         )
         row = next(rows, None)
-        return row and (row[0], row[1], None if row[2] is None else row[2] % 2**64, row[3])
-
-    def _follow(self, sequence: int, device_time: int | None, crc: int, host_time_ns: int) -> int:
-        """Return the session of an echo, and note the gap before it.
-
-        A board counts up (wrapping at 2**32) and its clock does not go back; otherwise the board was restarted.
-        """
-        session = 1
-        if self._last is not None:
-            session, last, last_time, _ = self._last
-            ahead = (sequence - last) % 2**32
-            back = device_time is not None and last_time is not None and device_time < last_time
-            if not 0 < ahead < 2**31 or back:
-                session += 1
-            elif ahead > 1:
-                self._gaps.append((self._recording, session, last, sequence, ahead - 1, host_time_ns))
-                self.missing_count += ahead - 1 if self._followed else 0
-        self._followed = True
-        self._last = (session, sequence, device_time, crc)
-        return session
+        return None if row is None else Followed(row[0], row[1], None if row[2] is None else row[2] % 2**64, row[3])
