@@ -1,5 +1,6 @@
 """The recording loop: store echoes from a port until a count or a stop, and reconnect whenever the port is lost."""
 
+import contextlib
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -8,7 +9,7 @@ from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.port import PORT_ERRORS, PortError
 from aerokernels.hardware.sources import EchoStream, Piece
 from aerokernels.hardware.store import EchoStore
-from aerokernels.hardware.transaction import LockedStoreError
+from aerokernels.hardware.transaction import LockedStoreError, StoreError
 from aerokernels.hardware.waveform import Waveform
 from aerokernels.inputs.checks import check_count
 from aerokernels.inputs.kinds import is_number
@@ -68,7 +69,7 @@ class Recorder:
         reconnect: opens the port again, or raises PortError; called with increasing waits after the port was lost.
         count: echoes to store before stopping; None records until `stopped`.
         commit_interval: longest time an echo waits for its commit [s]; a kill loses at most this much.
-        batch_size: most echoes and pieces between two commits.
+        batch_size: echoes and pieces from which on a commit is made at once.
         stall_time: silence after which the port is closed and opened again [s]; 0 waits for ever.
         stopped: called between reads; True ends the recording.
         report: called with the status after each commit, when the port is lost or comes back, and once a second.
@@ -110,13 +111,29 @@ class Recorder:
         """Record and return the final status; wait for a lost port to come back.
 
         Raises:
-            StoreError: the store cannot be written; the port is closed, and committed echoes are safe.
+            StoreError: the store cannot be written; the port is closed, and committed echoes are safe. What was
+                received since the last commit is in another file, which the message names.
         """
+        try:
+            return self._run()
+        except StoreError as error:
+            saved = self._store.save_batch()
+            if saved is None:
+                raise
+            raise type(error)(
+                f"{error}; the {self._batch_count} echoes and pieces that came since are in {saved}"
+            ) from error
+
+    def _run(self) -> RecordingStatus:
         stream: EchoStream | None = self._stream
         self._reported_at = self._began_at = time.monotonic()
         while stream is not None:
             try:
                 lost = self._record_from(stream)
+            except StoreError:
+                with contextlib.suppress(StoreError):  # the store of a failing disk may not even be searched
+                    self._take_all(stream.close(), commits=False)
+                raise
             finally:
                 rest = stream.close()
             self._take_all(rest)
@@ -157,10 +174,11 @@ class Recorder:
         has_frames = self._status.stored_count or self._store.pending_count or self._store.duplicate_count
         return "open" if is_waiting or has_frames else NO_GOOD_FRAME
 
-    def _take_all(self, pieces: Iterable[tuple[Piece, int]]) -> None:
+    def _take_all(self, pieces: Iterable[tuple[Piece, int]], commits: bool = True) -> None:
+        """Add pieces to the batch, all of them before a commit, so that none is lost if that fails."""
         for piece, host_time in pieces:
             if self._done():
-                return
+                break
             if not self._batch_count:
                 self._batch_since = time.monotonic()
             self._batch_count += 1
@@ -169,8 +187,8 @@ class Recorder:
                 self._damaged_count += 1
             elif self._store.add(piece, host_time):
                 self._last_echo = piece
-            if self._batch_count >= self._batch_size:
-                self._try_commit(self._status.port_state)
+        if commits and self._batch_count >= self._batch_size:
+            self._try_commit(self._status.port_state)
 
     def _try_commit(self, port_state: str) -> None:
         """Commit, or go on for a while if another program has locked the store: the batch waits in memory."""

@@ -3,32 +3,31 @@
 Once `commit` has returned, the echoes added before it are on the disk; a kill loses only echoes added since.
 """
 
-import re
+import json
 import sqlite3
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, TypeVar
 
+from aerokernels.hardware import rows
 from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.preamble import ScopeCurve
-from aerokernels.hardware.rows import (
-    READ_ECHOES,
-    WRITE_ECHO,
-    Gap,
-    StoredEcho,
-    encode_label,
-    label_of,
-    row_of,
-    signed,
-    stored_echo,
-)
+from aerokernels.hardware.rows import Gap, StoredEcho, encode_label
 from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
 from aerokernels.hardware.sessions import Followed, Sessions
-from aerokernels.hardware.store_file import file_identity, save_copy, store_address
-from aerokernels.hardware.transaction import KEEP_IT, DamagedStoreError, StoreError, described_errors, transaction
+from aerokernels.hardware.store_file import file_identity, free_name, save_copy, store_address
+from aerokernels.hardware.transaction import (
+    KEEP_IT,
+    DamagedStoreError,
+    StoreError,
+    described_errors,
+    opening_error,
+    transaction,
+)
 from aerokernels.hardware.waveform import as_whole
 from aerokernels.inputs.checks import check_path
 
@@ -61,25 +60,15 @@ class EchoStore:
             self._prepare(read_only)
         except sqlite3.DatabaseError as error:
             self._connection.close()
-            if isinstance(error, sqlite3.OperationalError) and re.search("locked|busy", str(error)):
-                raise StoreError(
-                    f"store {self.path}: another program has kept it locked for {_BUSY_TIME:g} s; close the file "
-                    "there, or wait until that program has finished"
-                ) from error
-            if isinstance(error, sqlite3.OperationalError) and re.search("full|I/O", str(error)):
-                if is_new and self.path.is_file() and not self.path.stat().st_size:
-                    self.path.unlink()
-                raise StoreError(f"store {self.path}: {error}; make room first, or give another file name") from error
-            remedy = "give the file that `record` wrote" if read_only else "give an echo store or a new file name"
-            if "malformed" in str(error):  # the beginning of the file is that of a database, the rest is not
-                remedy = KEEP_IT
-            raise ValueError(f"store {self.path}: {error}; {remedy}") from error
+            if is_new and self.path.is_file() and not self.path.stat().st_size:
+                self.path.unlink()
+            raise opening_error(self.path, error, read_only, _BUSY_TIME) from error
         except ValueError:
             self._connection.close()
             raise
         self._read_only = read_only
         self._identity = file_identity(self.path)
-        self._recording, self._label = 0, "{}"
+        self._recording, self._label, self._origin = 0, "{}", ("", "")
         self._sessions = Sessions()
         self._echoes: list[tuple] = []
         self._keys: set[tuple[int, int, int]] = set()
@@ -135,7 +124,7 @@ class EchoStore:
                 raise TypeError(f"{name} must be a text, got {given!r}")
         if self._read_only:
             raise ValueError(f"store {self.path}: opened for reading only; open it without read_only=True to record")
-        self._label = encode_label(label)
+        self._label, self._origin = encode_label(label), (port, protocol)
         self.duplicate_count = 0
         with self._transaction():
             self._sessions = Sessions(self._last_echo(port, protocol))
@@ -163,7 +152,7 @@ class EchoStore:
         elif device_time is None:  # the last acquisition may be read again after a reconnection
             is_new = last is None or (sequence, echo.crc) != (last.sequence, last.crc)
         else:
-            key = (sequence, signed(device_time), echo.crc)
+            key = (sequence, rows.signed(device_time), echo.crc)
             is_new = key not in self._keys and not self._is_stored(key)
             self._keys.add(key)
         if not is_new:
@@ -171,7 +160,7 @@ class EchoStore:
             return False
         session = self._sessions.follow(sequence, device_time, echo.crc, host_time_ns)
         self.pending_bytes += 2 * echo.samples.size + len(echo.raw)
-        self._echoes.append(row_of(echo, self._recording, session, sequence, host_time_ns, self._label))
+        self._echoes.append(rows.row_of(echo, self._recording, session, sequence, host_time_ns, self._label))
         return True
 
     def add_damaged(self, piece: DamagedPiece, host_time_ns: int) -> None:
@@ -211,7 +200,7 @@ class EchoStore:
     def _write_batch(self) -> None:
         with self._transaction():
             many = self._connection.executemany
-            added = many(WRITE_ECHO, self._echoes).rowcount if self._echoes else 0
+            added = many(rows.WRITE_ECHO, self._echoes).rowcount if self._echoes else 0
             # Another recorder of the same board may have stored them first, through a port that allows two (a socket).
             self.duplicate_count += len(self._echoes) - added
             many(
@@ -236,6 +225,26 @@ class EchoStore:
             batch.clear()
         self._sessions.committed()
         self.pending_bytes = 0
+
+    def save_batch(self) -> Path | None:
+        """Write the open batch to a new store in the folder for temporary files, if it cannot be written to this one.
+
+        Returns:
+            The new file; None if there is nothing to write, or it cannot be written there either.
+        """
+        if not (self._echoes or self._damaged):
+            return None
+        path = free_name(Path(tempfile.gettempdir()), self.path, "rest")
+        try:
+            with EchoStore(path) as other:
+                other.begin_recording(*self._origin, json.loads(self._label))
+                other._echoes = [(other._recording, *row[1:]) for row in self._echoes]
+                other._damaged = [(other._recording, *row[1:]) for row in self._damaged]
+                other._sessions.noted = self._sessions.noted
+                other.commit()
+        except (StoreError, ValueError):
+            return None
+        return path
 
     def close(self) -> None:
         """Close the file; an uncommitted batch is dropped."""
@@ -276,19 +285,19 @@ class EchoStore:
 
     def labels(self) -> list[dict[str, str]]:
         """Return the different labels in the store, in the order of their first echo."""
-        rows = self._rows("SELECT label FROM echoes GROUP BY label ORDER BY min(id)")
-        return [self._read(label_of, text) for (text,) in rows]
+        found = self._rows("SELECT label FROM echoes GROUP BY label ORDER BY min(id)")
+        return [self._read(rows.label_of, text) for (text,) in found]
 
     def echoes(self, label: Mapping[str, str] | None = None) -> Iterator[StoredEcho]:
         """Yield the echoes in the order they were recorded; with `label`, only those with exactly this label."""
         where, values = ("", ()) if label is None else ("WHERE label = ?", (encode_label(label),))
-        for session, host_time, text, *columns in self._rows(f"{READ_ECHOES} {where} ORDER BY id", values):
-            yield self._read(stored_echo, session, host_time, text, *columns)
+        for session, host_time, text, *columns in self._rows(f"{rows.READ_ECHOES} {where} ORDER BY id", values):
+            yield self._read(rows.stored_echo, session, host_time, text, *columns)
 
     def gaps(self) -> list[Gap]:
         """Return the gaps in the numbers, in the order they were noticed."""
-        rows = self._rows("SELECT session, after_sequence, before_sequence, missing_count FROM gaps ORDER BY id")
-        return [self._read(lambda *numbers: Gap(*map(int, numbers)), *row) for row in rows]
+        found = self._rows("SELECT session, after_sequence, before_sequence, missing_count FROM gaps ORDER BY id")
+        return [self._read(lambda *numbers: Gap(*map(int, numbers)), *row) for row in found]
 
     def snapshot(self) -> AbstractContextManager[None]:
         """Return a context in which all reads show the store at one moment, even while a recorder writes."""
@@ -327,10 +336,10 @@ class EchoStore:
                 raise
 
     def _last_echo(self, port: str, protocol: str) -> Followed | None:
-        rows = self._rows(
+        found = self._rows(
             "SELECT session, sequence, device_time_us, crc32 FROM echoes WHERE recording IN "
             "(SELECT id FROM recordings WHERE port = ? AND protocol = ?) ORDER BY id DESC LIMIT 1",
             (port, protocol),
         )
-        row = next(rows, None)
+        row = next(found, None)
         return None if row is None else Followed(row[0], row[1], None if row[2] is None else row[2] % 2**64, row[3])

@@ -76,13 +76,19 @@ def save_copy(connection: sqlite3.Connection, path: Path) -> Path:
     is_usable = path.parent.is_dir() and os.access(path.parent, os.W_OK)
     folder = path.parent if is_usable else Path(tempfile.gettempdir())
     # Never the old name itself: the open store's log still has it, and SQLite would take it for that of the new file.
-    copy, number = folder / f"{path.stem}-saved{path.suffix}", 1
-    while copy.exists():
-        number += 1
-        copy = folder / f"{path.stem}-saved-{number}{path.suffix}"
+    copy = free_name(folder, path, "saved")
     target = sqlite3.connect(copy)
     try:
         connection.backup(target)
     finally:
         target.close()
     return copy
+
+
+def free_name(folder: Path, path: Path, what: str) -> Path:
+    """Return a name in `folder` that no file has: that of `path` with `what` and, if necessary, a number."""
+    found, number = folder / f"{path.stem}-{what}{path.suffix}", 1
+    while found.exists():
+        number += 1
+        found = folder / f"{path.stem}-{what}-{number}{path.suffix}"
+    return found

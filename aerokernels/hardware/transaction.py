@@ -1,5 +1,6 @@
 """Transactions on an echo store, and errors of its file in words."""
 
+import re
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,6 +24,28 @@ class LockedStoreError(StoreError):
 
 class DamagedStoreError(StoreError, ValueError):
     """The file's content is damaged; the message names the file."""
+
+
+def opening_error(path: Path, error: sqlite3.DatabaseError, read_only: bool, wait: float) -> Exception:
+    """Return the error, with its remedy, of a store that cannot be opened.
+
+    Args:
+        path: the file.
+        error: SQLite's error.
+        read_only: whether it was opened for reading only.
+        wait: time for which another program's lock was waited for [s].
+    """
+    if isinstance(error, sqlite3.OperationalError) and re.search("locked|busy", str(error)):
+        return LockedStoreError(
+            f"store {path}: another program has kept it locked for {wait:g} s; close the file there, or wait until "
+            "that program has finished"
+        )
+    if isinstance(error, sqlite3.OperationalError) and re.search("full|I/O", str(error)):
+        return StoreError(f"store {path}: {error}; make room first, or give another file name")
+    remedy = "give the file that `record` wrote" if read_only else "give an echo store or a new file name"
+    if "malformed" in str(error):  # the beginning of the file is that of a database, the rest is not
+        remedy = KEEP_IT
+    return ValueError(f"store {path}: {error}; {remedy}")
 
 
 @contextmanager

@@ -1,7 +1,10 @@
 """What the recorder says of a line on which something comes, but no frames, and of a store that is locked."""
 
+import os
 import signal
 import sqlite3
+import subprocess
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -106,6 +109,7 @@ def test_a_store_that_another_program_locks_for_a_while_loses_nothing(tmp_path: 
 def test_a_lock_that_stays_ends_a_recording_with_a_sentence(tmp_path: Path, monkeypatch):
     """At the end of a recording, and where more waits than memory may hold."""
     link, path = tmp_path / "port", tmp_path / "s.sqlite"
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     for name, value in (("_LOCK_WAIT", 0.01), ("_LAST_LOCK_WAIT", 0.1), ("_GREATEST_WAITING", 100)):
         monkeypatch.setattr(module, name, value)
     with PseudoTerminal(link) as terminal, EchoStore(path) as store:
@@ -114,9 +118,10 @@ def test_a_lock_that_stays_ends_a_recording_with_a_sentence(tmp_path: Path, monk
         other = sqlite3.connect(path, isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
         terminal.write(b"".join(encode(EchoFrame(k, k, 250, 1e-3, 0.0, np.arange(20))) for k in range(3)))
-        with pytest.raises(StoreError, match="another program keeps it locked; what was committed is safe: close"):
+        with pytest.raises(StoreError, match=r"another program keeps it locked; .* came since are in .*s-rest\.sqlite"):
             Recorder(stream, store, lambda: stream, count=9, commit_interval=0.0).run()
         other.close()
+    assert sequences(tmp_path / "s-rest.sqlite") == [0, 1, 2] and not sequences(path)
 
 
 @needs_pseudo_terminals
@@ -154,3 +159,39 @@ def test_the_command_says_at_its_end_what_to_check(tmp_path: Path):
             output = recorder.communicate(timeout=30)[0]
     assert "but no good frame: check that the instrument sends at --baud 115200 and in --protocol frames" in output
     assert recorder.returncode == 0
+
+
+@needs_pseudo_terminals
+def test_what_a_full_disk_does_not_take_is_kept_elsewhere(tmp_path: Path, root: Path):
+    """A process whose files may grow to 150 kB: what it recorded is in the store and in one among temporary files.
+
+    Before, the echoes since the last commit were lost.
+    """
+    code = (
+        "import resource, sys, threading\n"
+        "import numpy as np\n"
+        "from aerokernels.hardware.frames import EchoFrame, encode\n"
+        "from aerokernels.hardware.port import open_port\n"
+        "from aerokernels.hardware.pseudo_terminal import PseudoTerminal\n"
+        "from aerokernels.hardware.recorder import Recorder\n"
+        "from aerokernels.hardware.sources import FrameStream\n"
+        "from aerokernels.hardware.store import EchoStore\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))\n"
+        "wire = b''.join(encode(EchoFrame(k, k, 250, 1e-3, 0.0, np.arange(100))) for k in range(160))\n"
+        "with PseudoTerminal('port') as terminal, EchoStore('s.sqlite') as store:\n"
+        "    store.begin_recording('port', 'frames', {'mach': '3'})\n"
+        "    stream = FrameStream(open_port('port'))\n"
+        "    threading.Thread(target=terminal.write, args=(wire,), daemon=True).start()\n"
+        "    Recorder(stream, store, lambda: stream, count=160, commit_interval=0.0, batch_size=20).run()\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(root), "TMPDIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", cwd=tmp_path, env=environment, timeout=60
+    )
+    assert done.returncode == 1 and "what was committed is safe" in done.stderr, done.stderr
+    assert "pieces that came since are in" in done.stderr and "s-rest.sqlite" in done.stderr
+    committed, rest = sequences(tmp_path / "s.sqlite"), sequences(tmp_path / "s-rest.sqlite")
+    assert committed and len(rest) >= 20
+    assert committed + rest == list(range(len(committed) + len(rest)))
+    with EchoStore(tmp_path / "s-rest.sqlite", read_only=True) as store:
+        assert store.labels() == [{"mach": "3"}] and not store.gaps()
