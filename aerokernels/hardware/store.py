@@ -190,12 +190,7 @@ class EchoStore:
             finally:
                 self._connection.execute(f"PRAGMA busy_timeout = {round(1e3 * _BUSY_TIME)}")
         if file_identity(self.path) != self._identity:
-            with described_errors(self.path):
-                copy = save_copy(self._connection, self.path)
-            raise StoreError(
-                f"store {self.path}: the file was moved, replaced or deleted while echoes were written to it; all of "
-                f"its echoes are in {copy}: record again, into that file or a new one"
-            )
+            raise StoreError(f"store {self.path}: {save_copy(self._connection, self.path)}")
 
     def _write_batch(self) -> None:
         with self._transaction():

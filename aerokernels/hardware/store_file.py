@@ -59,30 +59,33 @@ def file_identity(path: Path) -> tuple[int, int] | None:
     return found.st_dev, found.st_ino
 
 
-def save_copy(connection: sqlite3.Connection, path: Path) -> Path:
-    """Write the content of an open store whose file no longer has its name to a new file; return that file.
+def save_copy(connection: sqlite3.Connection, path: Path) -> str:
+    """Write the content of an open store whose file no longer has its name to a new file; return a sentence about it.
 
     A file that was moved is completed, too: its log, which keeps the old name, is merged into it.
 
     Args:
         connection: the open store, outside a transaction.
         path: the name that the file had; the copy is beside it, or in the folder for temporary files.
-
-    Raises:
-        sqlite3.Error: the copy could not be written.
     """
+    lost = "the file was moved, replaced or deleted while echoes were written to it"
+    fault: object = "no folder to copy them to"
     with contextlib.suppress(sqlite3.Error):
         connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-    is_usable = path.parent.is_dir() and os.access(path.parent, os.W_OK)
-    folder = path.parent if is_usable else Path(tempfile.gettempdir())
-    # Never the old name itself: the open store's log still has it, and SQLite would take it for that of the new file.
-    copy = free_name(folder, path, "saved")
-    target = sqlite3.connect(copy)
-    try:
-        connection.backup(target)
-    finally:
-        target.close()
-    return copy
+    for folder in (path.parent, Path(tempfile.gettempdir())):
+        if not (folder.is_dir() and os.access(folder, os.W_OK)):
+            continue
+        # Never the old name itself: the open store's log still has it, and SQLite would take it for the new file's.
+        copy = free_name(folder, path, "saved")
+        try:
+            with contextlib.closing(sqlite3.connect(copy)) as target:
+                connection.backup(target)
+        except sqlite3.Error as error:  # no room there
+            fault = error
+            copy.unlink(missing_ok=True)
+        else:
+            return f"{lost}; all of its echoes are in {copy}: record again, into that file or a new one"
+    return f"{lost}, and its echoes could not be copied ({fault}): if it was moved, give it its old name again"
 
 
 def free_name(folder: Path, path: Path, what: str) -> Path:

@@ -129,6 +129,34 @@ def test_a_file_that_loses_its_name_is_saved_under_another(tmp_path: Path, how: 
         assert store.echo_count == 4 and not store.gaps()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files there")
+def test_a_copy_for_which_there_is_no_room(tmp_path: Path, root: Path):
+    """A process that may write no file beyond 20 kB after a store of 60 kB was moved: the remedy holds."""
+    code = (
+        "import os, resource\n"
+        "import numpy as np\n"
+        "from aerokernels.hardware.frames import EchoFrame\n"
+        "from aerokernels.hardware.store import EchoStore\n"
+        "store = EchoStore('e.sqlite')\n"
+        "store.begin_recording('p', 'frames', {})\n"
+        "for number in range(20):\n"
+        "    store.add(EchoFrame(number, number, 250, 1e-3, 0.0, np.arange(1000)), number)\n"
+        "store.commit()\n"
+        "os.rename('e.sqlite', 'moved.sqlite')\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))\n"
+        "store.commit()\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(root), "TMPDIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", cwd=tmp_path, env=environment, timeout=60
+    )
+    assert done.returncode == 1 and "could not be copied (disk I/O error)" in done.stderr, done.stderr
+    assert "if it was moved, give it its old name again" in done.stderr
+    assert not list(tmp_path.glob("*saved*"))
+    (tmp_path / "moved.sqlite").rename(tmp_path / "e.sqlite")  # the log still has that name
+    assert numbers_in(tmp_path / "e.sqlite") == list(range(20))
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="an open file keeps its name there")
 def test_a_folder_that_is_moved_leaves_the_copy_among_temporary_files(tmp_path: Path, monkeypatch):
     """Nothing new was added since the last commit: the next one notices it all the same."""
