@@ -237,7 +237,9 @@ class EchoStore:
                 other._damaged = [(other._recording, *row[1:]) for row in self._damaged]
                 other._sessions.noted = self._sessions.noted
                 other.commit()
-        except (StoreError, ValueError):
+        except (StoreError, ValueError):  # no room there either
+            for part in path.parent.glob(f"{path.name}*"):
+                part.unlink(missing_ok=True)
             return None
         return path
 

@@ -157,6 +157,32 @@ def test_a_copy_for_which_there_is_no_room(tmp_path: Path, root: Path):
     assert numbers_in(tmp_path / "e.sqlite") == list(range(20))
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files there")
+def test_a_batch_for_which_there_is_no_room_anywhere(tmp_path: Path, root: Path):
+    """The batch stays open in the store, and nothing half-written is left among the temporary files."""
+    code = (
+        "import resource\n"
+        "import numpy as np\n"
+        "from aerokernels.hardware.frames import EchoFrame\n"
+        "from aerokernels.hardware.store import EchoStore\n"
+        "store = EchoStore('e.sqlite')\n"
+        "store.begin_recording('p', 'frames', {})\n"
+        "assert store.save_batch() is None\n"
+        "for number in range(20):\n"
+        "    store.add(EchoFrame(number, number, 250, 1e-3, 0.0, np.arange(1000)), number)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, resource.RLIM_INFINITY))\n"
+        "print(store.save_batch(), store.pending_count)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))\n"
+        "store.commit()\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(root), "TMPDIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", cwd=tmp_path, env=environment, timeout=60
+    )
+    assert done.returncode == 0 and done.stdout.split() == ["None", "20"], done.stderr
+    assert not list(tmp_path.glob("e-rest*")) and numbers_in(tmp_path / "e.sqlite") == list(range(20))
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="an open file keeps its name there")
 def test_a_folder_that_is_moved_leaves_the_copy_among_temporary_files(tmp_path: Path, monkeypatch):
     """Nothing new was added since the last commit: the next one notices it all the same."""
