@@ -14,8 +14,8 @@ import numpy as np
 from .display.shown import shown
 from .echo.pulse_curve import PulseCurve
 from .echo.waveform import SPEED_OF_LIGHT
-from .inputs.arguments import Numbers, checked
-from .inputs.checks import as_finite_array, as_waveform, check_positive
+from .inputs.arguments import GREAT, SMALL, Numbers, checked
+from .inputs.checks import as_finite_array, as_waveform, check_at_least, check_positive
 
 # Table 5, made half-open: a degree holds for |r| from its own bound up to, but not at, the next.
 DEGREES = (
@@ -162,6 +162,7 @@ def compare_waveforms(
     *,
     greatest_lag: float | None = None,
     threshold: float | None = None,
+    rounding: float = 0.0,
 ) -> WaveformComparison:
     """Compare a recorded waveform with a simulated one.
 
@@ -173,6 +174,8 @@ def compare_waveforms(
             they are farther apart. Only overlapping samples count.
         threshold: Level at which the leading edges are compared [V]; None: half of the lower peak. One level for both,
             as for a fixed discriminator, so that a lower pulse counts as later.
+        rounding: Greatest error of a recorded sample beside its noise [V], such as half a step of the digitiser. Pulses
+            whose widths differ by no more than that explains are the same.
 
     Returns:
         Peak errors in both conventions, r at zero lag, the greatest r and its lag (between samples: the vertex of the
@@ -181,17 +184,19 @@ def compare_waveforms(
 
     Raises:
         ValueError: Shapes that disagree, fewer than 16 samples, uneven times, numbers that are not finite, a waveform
-            that is constant or has no positive peak, a lag or threshold that is not positive.
+            that is constant or has no positive peak, a lag or threshold that is not positive, a negative rounding.
         TypeError: Values that are not real numbers.
     """
-    _, test, period = as_waveform(time, recorded, least_count=2 * LEAST_OVERLAP)
-    _, model, _ = as_waveform(time, simulated, least_count=2 * LEAST_OVERLAP)
+    test, period = _samples(time, recorded, "recorded")
+    model, _ = _samples(time, simulated, "simulated")
     test_peak, model_peak = float(test.max()), float(model.max())
     for name, peak in (("recorded", test_peak), ("simulated", model_peak)):
         if peak <= 0.0:
             raise ValueError(
                 f"the {name} waveform has no positive peak (greatest sample {peak:g} V): is its sign inverted?"
             )
+        if not SMALL < peak < GREAT:
+            raise ValueError(f"the {name} waveform peaks at {peak:g} V, which is out of all proportion: give volts")
     r = pearson_correlation(test, model)
     if greatest_lag is None:  # noise moves the greatest samples
         shift = max(test.size // 2, abs(int(np.argmax(test)) - int(np.argmax(model))) + LEAST_OVERLAP)
@@ -206,6 +211,7 @@ def compare_waveforms(
     edge_shift = (_edge(test, level) - _edge(model, level)) * period
     widths = np.array([_widths(test), _widths(model)])
     half = WIDTH_SHARES.index(0.5)
+    noise = math.hypot(_noise(test - model), check_at_least(rounding, "rounding", 0.0))
     return WaveformComparison(
         recorded_peak=test_peak,
         simulated_peak=model_peak,
@@ -221,8 +227,19 @@ def compare_waveforms(
         range_difference=0.5 * SPEED_OF_LIGHT * edge_shift,
         recorded_width=float(widths[0, half]) * period,
         simulated_width=float(widths[1, half]) * period,
-        same_pulse=_same_widths(widths[0], widths[1], _noise(test - model) / test_peak, model / model_peak),
+        same_pulse=_same_widths(widths[0], widths[1], noise / test_peak, model / model_peak),
     )
+
+
+def _samples(time: Numbers, voltage: Numbers, name: str) -> tuple[np.ndarray, float]:
+    """Return samples [V] and their period [s]; a ValueError says which of the two waveforms it is about."""
+    try:
+        _, samples, period = as_waveform(time, voltage, least_count=2 * LEAST_OVERLAP)
+    except ValueError as error:
+        raise ValueError(f"the {name} waveform: {error}") from None
+    if samples.min() == samples.max() and samples.max() > 0.0:
+        raise ValueError(f"the {name} waveform is constant: its correlation is not defined")
+    return samples, period
 
 
 def _edge(samples: np.ndarray, level: float) -> float:

@@ -49,6 +49,8 @@ def describe(status: "RecordingStatus", rate: float | None = None) -> str:
     parts.append(f"missing {status.missing_count}")
     if status.duplicate_count:
         parts.append(f"sent twice {status.duplicate_count}")
+    if status.waiting_count:
+        parts.append(f"{status.waiting_count} wait for the store, which another program keeps locked")
     if status.reconnect_count:
         parts.append(f"reconnected {status.reconnect_count}")
     if rate is not None:

@@ -31,6 +31,9 @@ def compare(
     trigger_offset: Annotated[
         str, typer.Option(help="Known trigger offset: time by which the recorded times are late, such as 2.5 ns.")
     ] = "0 s",
+    voltage_offset: Annotated[
+        str, typer.Option(help="Known offset of the recorded voltages, which is subtracted, such as 12 mV.")
+    ] = "0 V",
     threshold: Annotated[str | None, typer.Option(help="Level of the leading edge [default: the run's].")] = None,
     ranged: Annotated[int, typer.Option(help="Greatest number of echoes per label that are ranged one by one.")] = 300,
 ) -> None:
@@ -42,7 +45,8 @@ def compare(
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
     from aerokernels.inputs.units import quantity
-    from aerokernels.jobs.comparison import CompareOptions, compare_recording
+    from aerokernels.jobs.comparison import compare_recording
+    from aerokernels.jobs.comparison_options import CompareOptions
     from aerokernels.jobs.comparison_report import TABLES, write_comparison
     from aerokernels.jobs.recorded import label_text
     from aerokernels.jobs.run_folder import read_run
@@ -51,6 +55,7 @@ def compare(
     options = CompareOptions(
         align=align,
         trigger_offset=quantity(trigger_offset, "time"),
+        voltage_offset=quantity(voltage_offset, "voltage"),
         threshold=None if threshold is None else quantity(threshold, "voltage"),
         ranged_count=ranged,
     )

@@ -44,12 +44,12 @@ def record(
     """
     from dataclasses import asdict
 
-    from aerokernels.commands._output import output, result, say
+    from aerokernels.commands._output import note, output, result, say
     from aerokernels.commands._recording import describe, parse_labels, reporter
     from aerokernels.display.plain_text import plain
     from aerokernels.hardware.port import PortError
     from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS
-    from aerokernels.hardware.recorder import Recorder
+    from aerokernels.hardware.recorder import NO_GOOD_FRAME, Recorder
     from aerokernels.hardware.store import EchoStore
     from aerokernels.inputs.checks import check_choice
     from aerokernels.process.interrupt import interrupt_flag
@@ -83,6 +83,13 @@ def record(
                 ).run()
         finally:
             stream.close()
+    if status.port_state == NO_GOOD_FRAME or (
+        status.damaged_count and not status.stored_count + status.duplicate_count
+    ):
+        note(
+            f"bytes came from {port}, but no good frame: check that the instrument sends at --baud {baud} and in "
+            f"--protocol {protocol}"
+        )
     result(f"done: {describe(status)}, in {store}", {**asdict(status), "store": str(store)})
 
 

@@ -9,7 +9,8 @@ from scipy.constants import speed_of_light
 from aerokernels.echo.stored import echo_of_result
 from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.hardware.frames import GREATEST_SAMPLE_COUNT, EchoFrame
-from aerokernels.inputs.checks import check_path
+from aerokernels.inputs.checks import as_finite_array, check_at_least, check_count, check_path, check_positive
+from aerokernels.inputs.kinds import is_number
 
 # The scene whose echo the simulated instruments send by default.
 DEFAULT_SCENE = "wind-tunnel-static"
@@ -35,15 +36,19 @@ class EchoSource:
         """Check.
 
         Raises:
-            ValueError: an echo that is not finite, more samples than a frame holds, or a negative noise.
+            ValueError: an echo that is not finite, more samples than a frame holds, a sample period that a frame does
+                not hold, or a negative noise.
+            TypeError: an echo or a noise that is no number.
         """
-        voltage = np.asarray(self.voltage, dtype=np.float64)
+        voltage = np.asarray(self.voltage)
+        if voltage.dtype.kind == "f" and not np.all(np.isfinite(voltage)):
+            raise ValueError(f"the echo has {np.sum(~np.isfinite(voltage))} samples that are not finite: repair them")
+        voltage = as_finite_array(voltage, "the echo")
+        check_count(self.sample_period_ps, "sample_period_ps", most=2**32 - 1)
         if voltage.ndim != 1 or not 1 <= voltage.size <= GREATEST_SAMPLE_COUNT:
             raise ValueError(f"an echo of shape {voltage.shape}: give one row of 1 to {GREATEST_SAMPLE_COUNT} samples")
-        if not np.all(np.isfinite(voltage)):
-            raise ValueError(f"the echo has {np.sum(~np.isfinite(voltage))} samples that are not finite: repair them")
-        if not (np.isfinite(self.noise) and self.noise >= 0.0):
-            raise ValueError(f"noise = {self.noise} V: give 0 or more")
+        if not (is_number(self.noise) and np.isfinite(self.noise) and self.noise >= 0.0):
+            raise ValueError(f"noise = {self.noise!r} V: give 0 or more")
         object.__setattr__(self, "voltage", voltage)
 
     @classmethod
@@ -59,7 +64,8 @@ class EchoSource:
     ) -> "EchoSource":
         """Make a Gaussian echo of a target at `distance` [m]: `peak` [V], `pulse_width` [s] wide at half maximum."""
         time_ = _sample_times(sample_count, sample_period_ps)
-        delay = 2.0 * distance / speed_of_light
+        delay = 2.0 * check_at_least(distance, "distance") / speed_of_light
+        pulse_width, peak = check_positive(pulse_width, "pulse_width", "s"), check_at_least(peak, "peak")
         voltage = peak * np.exp(-4.0 * np.log(2.0) * ((time_ - delay) / pulse_width) ** 2)
         return cls(voltage, sample_period_ps, noise)
 
@@ -143,6 +149,7 @@ class EchoSource:
 
 def _sample_times(sample_count: int, sample_period_ps: int) -> np.ndarray:
     """Return the times of a frame's samples [s]."""
+    check_count(sample_count, "sample_count", most=GREATEST_SAMPLE_COUNT)
     return np.arange(sample_count) * (sample_period_ps * 1e-12)
 
 

@@ -14,12 +14,15 @@ import numpy as np
 from aerokernels.files.drafts import draft_of
 from aerokernels.files.netcdf_file import RetryingFile
 from aerokernels.hardware.csv_cells import csv_cell
-from aerokernels.hardware.rows import signed
-from aerokernels.hardware.store import EchoStore, StoredEcho
+from aerokernels.hardware.rows import StoredEcho, encode_label, signed
+from aerokernels.hardware.store import EchoStore
 from aerokernels.hardware.transaction import StoreError
+from aerokernels.inputs.checks import check_path
 
 ECHOES_AT_ONCE = 1024  # most echoes written at a time
 SAMPLES_AT_ONCE = 2**23  # most samples written at a time: one long curve makes every row as long
+# Counts from 0 V up to which single precision, and seven digits of a text, resolve a tenth of a count.
+SINGLE_COUNTS = 2**20
 
 
 @dataclass(frozen=True)
@@ -31,12 +34,14 @@ class _Extent:
         sample_count: samples of the longest echo.
         time: time of each sample [s], where all echoes agree on it; None otherwise.
         keys: keys of their labels.
+        is_single: whether single precision resolves the counts of all echoes: not on an offset a million counts high.
     """
 
     count: int
     sample_count: int
     time: np.ndarray | None
     keys: tuple[str, ...]
+    is_single: bool
 
     @property
     def at_once(self) -> int:
@@ -56,11 +61,16 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
         label: select the echoes whose label has these values; their labels may have other keys too.
 
     Raises:
+        TypeError: something other than a store, a path, or texts by their keys.
         ValueError: another file name extension, a folder that does not exist or is not writable, no echoes with this
             label, or a damaged store.
         StoreError: the file could not be written, or the store could not be read.
     """
-    out = Path(out)
+    if not isinstance(store, EchoStore):
+        raise TypeError(f"store must be an EchoStore that is open for reading, got {store!r}")
+    if label is not None:
+        encode_label(label)  # checks it
+    out = check_path(out, "out")
     write = {".nc": _write_netcdf, ".csv": _write_csv}.get(out.suffix.lower())
     if write is None:
         raise ValueError(f"--out {out}: give a name that ends in .nc or .csv")
@@ -96,17 +106,21 @@ def _survey(store: EchoStore, label: Mapping[str, str] | None) -> _Extent:
     count = longest = 0
     axes: set[tuple[float, float]] = set()
     keys: dict[str, None] = {}
+    is_single = True
     for echo in _chosen(store, label):
         count += 1
         longest = max(longest, echo.frame.samples.size)
         if len(axes) < 2:
             axes.add((echo.frame.sample_period_ps, echo.frame.first_sample_time))
         keys.update(dict.fromkeys(echo.label))
+        if is_single:
+            greatest = abs(echo.frame.offset) + 32768.0 * abs(echo.frame.scale)
+            is_single = greatest <= min(SINGLE_COUNTS * abs(echo.frame.scale), float(np.finfo(np.float32).max))
     time = None
     if len(axes) == 1:
         ((period, first),) = axes
         time = first + np.arange(longest) * (period * 1e-12)
-    return _Extent(count, longest, time, tuple(sorted(keys)))
+    return _Extent(count, longest, time, tuple(sorted(keys)), is_single)
 
 
 def _write_csv(store: EchoStore, draft: Path, extent: _Extent, label: Mapping[str, str] | None) -> None:
@@ -118,6 +132,7 @@ def _write_csv(store: EchoStore, draft: Path, extent: _Extent, label: Mapping[st
                 "sample_period_s", "first_sample_time_s", *(f"voltage_{k}_v" for k in range(extent.sample_count)),
             ]
         )  # fmt: skip
+        digits = ".7g" if extent.is_single else ".17g"
         for echo in _chosen(store, label):
             frame = echo.frame
             writer.writerow(
@@ -125,7 +140,7 @@ def _write_csv(store: EchoStore, draft: Path, extent: _Extent, label: Mapping[st
                     echo.session, frame.sequence, "" if frame.device_time_us is None else frame.device_time_us,
                     echo.host_time_ns, *(csv_cell(echo.label.get(key, "")) for key in extent.keys),
                     f"{frame.sample_period_ps * 1e-12:.12g}", f"{frame.first_sample_time:.12g}",
-                    *(f"{volt:.7g}" for volt in frame.voltage.tolist()),
+                    *(f"{volt:{digits}}" for volt in frame.voltage.tolist()),
                     *[""] * (extent.sample_count - frame.samples.size),
                 ]
             )  # fmt: skip
@@ -172,10 +187,11 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
                 ),
             )
         ]
+        real = np.dtype(np.float32 if extent.is_single else np.float64)
         volts = _variable(
-            file, "voltage", ("echo", "sample"), "f4", "V", "echo; NaN beyond its own samples",
+            file, "voltage", ("echo", "sample"), real, "V", "echo; NaN beyond its own samples",
             chunks=(extent.at_once, max(extent.sample_count, 1)), compression="gzip",
-            compression_opts=1, shuffle=True, fillvalue=np.float32("nan"),
+            compression_opts=1, shuffle=True, fillvalue=real.type("nan"),
         )  # fmt: skip
         coordinates = ["sequence", "host_time", *label_names.values()]
         if extent.time is not None:
@@ -187,7 +203,7 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
             here = slice(start, start + len(block))
             for column, kind, value in columns:
                 column[here] = np.array([value(echo) for echo in block], dtype=kind)
-            rows = np.full((len(block), extent.sample_count), np.nan, np.float32)
+            rows = np.full((len(block), extent.sample_count), np.nan, real)
             for row, echo in zip(rows, block, strict=True):
                 row[: echo.frame.samples.size] = echo.frame.voltage
             if extent.sample_count:

@@ -45,7 +45,10 @@ class FaultPlan:
 
         Raises:
             ValueError: an unknown kind, or a probability outside 0 to 1.
+            TypeError: rates that are not probabilities by their kinds.
         """
+        if not isinstance(self.rates, Mapping):
+            raise TypeError(f'rates must be probabilities by their kinds, such as {{"torn": 0.01}}, got {self.rates!r}')
         for kind, rate in self.rates.items():
             if kind not in FAULTS:
                 raise ValueError(f"fault {kind!r}: give one of {', '.join(FAULTS)}")

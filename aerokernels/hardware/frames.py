@@ -18,13 +18,12 @@ import struct
 import zlib
 from dataclasses import dataclass, field
 from functools import cached_property
-from operator import index
 from typing import Any
 
 import numpy as np
 from cobs import cobs
 
-from aerokernels.hardware.waveform import Waveform
+from aerokernels.hardware.waveform import Waveform, as_counts, as_finite, as_whole
 
 MAGIC = b"AE"
 VERSION = 1
@@ -70,26 +69,22 @@ class EchoFrame(Waveform):
 
         Raises:
             ValueError: a value that does not fit; the message names the field.
+            TypeError: a value that is no number.
         """
         for name, bits in (("sequence", 32), ("device_time_us", 64), ("sample_period_ps", 32), ("flags", 8)):
-            value = index(getattr(self, name))
+            value = as_whole(getattr(self, name), name)
             object.__setattr__(self, name, value)
             if not 0 <= value < 1 << bits:
                 raise ValueError(f"{name} = {value} does not fit its unsigned {bits}-bit field: use 0 to 2**{bits} - 1")
         for name in ("scale", "offset"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and abs(value) <= float(np.finfo(np.float32).max)):
-                raise ValueError(f"{name} = {value} is not a finite float32: give volts that are")
-            object.__setattr__(self, name, float(np.float32(value)))
-        samples = np.asarray(self.samples)
-        if samples.ndim != 1 or samples.size > GREATEST_SAMPLE_COUNT:
-            raise ValueError(
-                f"samples have shape {samples.shape}: a frame holds one row of at most {GREATEST_SAMPLE_COUNT}"
-            )
-        if samples.size and (samples.dtype.kind not in "iu" or samples.min() < -32768 or samples.max() > 32767):
-            raise ValueError(f"samples of type {samples.dtype} do not fit int16: scale and round them to counts first")
-        samples = samples.astype(np.int16)
-        samples.flags.writeable = False
+            given = as_finite(getattr(self, name), name)
+            volts = float(np.float32(given)) if abs(given) <= float(np.finfo(np.float32).max) else math.inf
+            if math.isinf(volts) or (given and not volts):
+                raise ValueError(f"{name} = {given} is beyond float32: give volts that are not")
+            object.__setattr__(self, name, volts)
+        samples = as_counts(self.samples)
+        if samples.size > GREATEST_SAMPLE_COUNT:
+            raise ValueError(f"samples have shape {samples.shape}: a frame holds {GREATEST_SAMPLE_COUNT} at most")
         object.__setattr__(self, "samples", samples)
 
     @cached_property

@@ -1,9 +1,13 @@
 """Open a serial port or a pyserial URL exclusively, and read the bytes that have arrived."""
 
 import errno
+import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from aerokernels.inputs.checks import check_count
+from aerokernels.inputs.kinds import is_number
 
 if TYPE_CHECKING:
     import serial
@@ -38,14 +42,20 @@ def open_port(port: str, *, baud: int = 115200, timeout: float = 0.1, flow: str 
 
     Raises:
         PortError: the port does not exist, is in use, is not a serial port, or permission is missing.
-        ValueError: an invalid line rate or flow control.
+        ValueError: an invalid line rate, timeout or flow control.
+        TypeError: a port that is no text.
     """
     import serial
 
+    if not isinstance(port, str):
+        raise TypeError(f"port must be a text such as /dev/ttyUSB0, got {port!r}")
+    baud = check_count(baud, "baud", least=-(2**63))
+    if not is_number(timeout) or not 0.0 <= timeout < threading.TIMEOUT_MAX:
+        raise ValueError(f"timeout = {timeout!r}: give seconds, 0 or more")
     if not 0 < baud < 2**31:  # the drivers' field has 31 bits
         raise ValueError(f"baud = {baud}: give a positive line rate such as 115200")
     if flow not in FLOW_CONTROLS:
-        why = ", which takes bytes out of binary data" if "xon" in flow.lower() else ""
+        why = ", which takes bytes out of binary data" if "xon" in str(flow).lower() else ""
         raise ValueError(f"flow control {flow!r}{why}: give one of {', '.join(FLOW_CONTROLS)}")
     try:
         opened = serial.serial_for_url(

@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from aerokernels.hardware.waveform import Waveform
+from aerokernels.hardware.waveform import Waveform, as_counts, as_finite, as_whole
 
 # Full names of the fields, and the least length to which an instrument abbreviates them (VERBOSE OFF).
 _TEKTRONIX_FIELDS = {
@@ -75,6 +75,14 @@ class Preamble:
         if self.sample_count is not None and self.sample_count < 1:
             raise PreambleError(f"preamble: {self.sample_count} samples")
 
+    def agrees(self, other: "Preamble") -> bool:
+        """Whether two preambles scale counts alike; the time of the first sample may differ by less than a sample."""
+        same = all(
+            getattr(self, name) == getattr(other, name)
+            for name in ("sample_type", "sample_count", "sample_period", "scale", "offset")
+        )
+        return same and abs(self.first_sample_time - other.first_sample_time) < self.sample_period
+
     def curve(self, data: bytes, raw: bytes, sequence: int | None) -> "ScopeCurve":
         """Return the curve in the block `data`.
 
@@ -128,6 +136,21 @@ class ScopeCurve(Waveform):
     raw: bytes = field(default=b"", repr=False)
     device_time_us: None = None
     flags: int = 0
+
+    def __post_init__(self) -> None:
+        """Check.
+
+        Raises:
+            ValueError: a number that is not finite, or samples that are not one row of 16-bit counts.
+            TypeError: a value that is no number.
+        """
+        if self.sequence is not None:
+            object.__setattr__(self, "sequence", as_whole(self.sequence, "sequence"))
+        for name in ("sample_period_ps", "scale", "offset", "first_sample_time"):
+            number = as_finite(getattr(self, name), name)
+            # A whole number of picoseconds stays one: the store then holds it as a whole number.
+            object.__setattr__(self, name, getattr(self, name) if isinstance(getattr(self, name), int) else number)
+        object.__setattr__(self, "samples", as_counts(self.samples))
 
     @cached_property
     def crc(self) -> int:

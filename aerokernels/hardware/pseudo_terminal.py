@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from aerokernels.inputs.checks import check_path
+
 
 def _numberless(name: str) -> str:
     """Return a terminal's name without its number, which is the same for all pseudo-terminals of a system."""
@@ -26,7 +28,7 @@ class PseudoTerminal:
 
     def __init__(self, link: str | Path) -> None:
         """Make the terminal and the link."""
-        self.link = Path(link)
+        self.link = check_path(link, "link")
         if self.link.exists() and not self.link.is_symlink():
             raise ValueError(f"link {self.link} is a file or a folder: give a path that is free")
         if not self.link.parent.is_dir():

@@ -1,5 +1,6 @@
 """The recording loop: store echoes from a port until a count or a stop, and reconnect whenever the port is lost."""
 
+import contextlib
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -8,12 +9,22 @@ from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.port import PORT_ERRORS, PortError
 from aerokernels.hardware.sources import EchoStream, Piece
 from aerokernels.hardware.store import EchoStore
+from aerokernels.hardware.transaction import LockedStoreError, StoreError
 from aerokernels.hardware.waveform import Waveform
+from aerokernels.inputs.checks import check_count
+from aerokernels.inputs.kinds import is_number
 
 # First and greatest wait between attempts to reopen a lost port [s]; the wait doubles each time.
 FIRST_WAIT = 0.1
 GREATEST_WAIT = 5.0
 
+# State of a port from which bytes come, but nothing that could be stored.
+NO_GOOD_FRAME = "open, but no good frame yet: check --baud and --protocol"
+_NO_FRAME_TIME = 2.0  # [s] after which that is said
+
+# Times to wait for a program that has locked the store, at each commit and at the last one, and between tries [s].
+_LOCK_WAIT, _LAST_LOCK_WAIT, _RETRY_INTERVAL = 0.5, 30.0, 1.0
+_GREATEST_WAITING = 2**28  # [bytes] of echoes that may wait in memory meanwhile
 _REPORT_INTERVAL = 1.0  # [s] between two status reports while nothing is committed
 
 
@@ -29,7 +40,8 @@ class RecordingStatus:
         reconnect_count: how often the port was lost and opened again.
         last_sequence: number of the last echo stored, None before the first.
         last_peak: greatest voltage of the last echo [V].
-        port_state: "open", "silent" (open, but no bytes arrive) or the reason why the port is lost.
+        waiting_count: echoes and pieces that wait in memory because another program keeps the store locked.
+        port_state: "open", "silent" (open, but no bytes arrive), `NO_GOOD_FRAME`, or the reason why the port is lost.
     """
 
     stored_count: int = 0
@@ -39,12 +51,13 @@ class RecordingStatus:
     reconnect_count: int = 0
     last_sequence: int | None = None
     last_peak: float | None = None
+    waiting_count: int = 0
     port_state: str = "open"
 
     @property
     def port_open(self) -> bool:
         """Whether the port is open."""
-        return self.port_state in ("open", "silent")
+        return self.port_state in ("open", "silent", NO_GOOD_FRAME)
 
 
 class Recorder:
@@ -56,7 +69,7 @@ class Recorder:
         reconnect: opens the port again, or raises PortError; called with increasing waits after the port was lost.
         count: echoes to store before stopping; None records until `stopped`.
         commit_interval: longest time an echo waits for its commit [s]; a kill loses at most this much.
-        batch_size: most echoes and pieces between two commits.
+        batch_size: echoes and pieces from which on a commit is made at once.
         stall_time: silence after which the port is closed and opened again [s]; 0 waits for ever.
         stopped: called between reads; True ends the recording.
         report: called with the status after each commit, when the port is lost or comes back, and once a second.
@@ -76,39 +89,60 @@ class Recorder:
         report: Callable[[RecordingStatus], None] = lambda status: None,
     ) -> None:
         """Check the arguments; `run` records."""
-        if count is not None and count < 1:
-            raise ValueError(f"count = {count}: give 1 or more, or leave it out to record until interrupted")
-        if not commit_interval >= 0.0:
-            raise ValueError(f"commit interval = {commit_interval} s: give 0 or more")
-        if not stall_time >= 0.0:
-            raise ValueError(f"stall time = {stall_time} s: give 0 or more")
+        if count is not None:
+            count = check_count(count, "count", least=0)
+            if count < 1:
+                raise ValueError(f"count = {count}: give 1 or more, or leave it out to record until interrupted")
+        for name, given in (("commit interval", commit_interval), ("stall time", stall_time)):
+            if not is_number(given) or not given >= 0.0:
+                raise ValueError(f"{name} = {given!r} s: give 0 or more")
+        batch_size = check_count(batch_size, "batch_size")
         self._stream, self._store, self._reconnect, self._count = stream, store, reconnect, count
         self._commit_interval, self._batch_size, self._stall_time = commit_interval, batch_size, stall_time
         self._stopped, self._report = stopped, report
         self._status = RecordingStatus()
         self._batch_count, self._batch_since = 0, 0.0
         self._damaged_count = 0
+        self._retry_at = 0.0
         self._last_echo: Waveform | None = None
-        self._reported_at = 0.0
+        self._reported_at = self._began_at = 0.0
 
     def run(self) -> RecordingStatus:
         """Record and return the final status; wait for a lost port to come back.
 
         Raises:
-            StoreError: the store cannot be written; the port is closed, and committed echoes are safe.
+            StoreError: the store cannot be written; the port is closed, and committed echoes are safe. What was
+                received since the last commit is in another file, which the message names.
         """
+        try:
+            return self._run()
+        except StoreError as error:
+            saved = self._store.save_batch()
+            if saved is None:
+                raise
+            raise type(error)(
+                f"{error}; the {self._batch_count} echoes and pieces that came since are in {saved}"
+            ) from error
+
+    def _run(self) -> RecordingStatus:
         stream: EchoStream | None = self._stream
-        self._reported_at = time.monotonic()
+        self._reported_at = self._began_at = time.monotonic()
         while stream is not None:
             try:
                 lost = self._record_from(stream)
+            except StoreError:
+                with contextlib.suppress(StoreError):  # the store of a failing disk may not even be searched
+                    self._take_all(stream.close(), commits=False)
+                raise
             finally:
                 rest = stream.close()
             self._take_all(rest)
             if lost is None:
                 break
             self._take_all((piece, time.time_ns()) for piece in stream.cut_off(f"cut off: {lost}"))
-            self._commit(lost)
+            self._try_commit(lost)
+            if self._status.port_state != lost:
+                self._report_state(lost)
             stream = self._wait_for_port()
         self._commit(self._status.port_state)
         return self._status
@@ -126,15 +160,25 @@ class Recorder:
             if self._stall_time and silence > self._stall_time:
                 return f"nothing came for {self._stall_time:g} s"
             if self._batch_count and (stream.waits_long or now - self._batch_since >= self._commit_interval):
-                self._commit("open")
+                self._try_commit(self._state_of(stream))
             elif not self._batch_count and now - self._reported_at >= _REPORT_INTERVAL:
-                self._report_state("silent" if silence >= 1.0 else "open")
+                self._report_state(self._state_of(stream))
         return None
 
-    def _take_all(self, pieces: Iterable[tuple[Piece, int]]) -> None:
+    def _state_of(self, stream: EchoStream) -> str:
+        """Return the state of an open port."""
+        now = time.monotonic()
+        if now - stream.heard_at >= 1.0:
+            return "silent"
+        is_waiting = stream.waits_long or now - self._began_at < _NO_FRAME_TIME  # an oscilloscope waits for a trigger
+        has_frames = self._status.stored_count or self._store.pending_count or self._store.duplicate_count
+        return "open" if is_waiting or has_frames else NO_GOOD_FRAME
+
+    def _take_all(self, pieces: Iterable[tuple[Piece, int]], commits: bool = True) -> None:
+        """Add pieces to the batch, all of them before a commit, so that none is lost if that fails."""
         for piece, host_time in pieces:
             if self._done():
-                return
+                break
             if not self._batch_count:
                 self._batch_since = time.monotonic()
             self._batch_count += 1
@@ -143,13 +187,26 @@ class Recorder:
                 self._damaged_count += 1
             elif self._store.add(piece, host_time):
                 self._last_echo = piece
-            if self._batch_count >= self._batch_size:
-                self._commit(self._status.port_state)
+        if commits and self._batch_count >= self._batch_size:
+            self._try_commit(self._status.port_state)
 
-    def _commit(self, port_state: str) -> None:
+    def _try_commit(self, port_state: str) -> None:
+        """Commit, or go on for a while if another program has locked the store: the batch waits in memory."""
+        if time.monotonic() < self._retry_at:
+            return
+        try:
+            self._commit(port_state, _LOCK_WAIT)
+        except LockedStoreError:
+            if self._store.pending_bytes > _GREATEST_WAITING:
+                raise
+            self._retry_at = time.monotonic() + _RETRY_INTERVAL
+            self._status = replace(self._status, waiting_count=self._batch_count)
+            self._report_state(port_state)
+
+    def _commit(self, port_state: str, wait: float = _LAST_LOCK_WAIT) -> None:
         status, store = self._status, self._store
         stored = store.pending_count + store.duplicate_count
-        store.commit()
+        store.commit(wait)
         stored -= store.duplicate_count  # the commit may find duplicates that another recorder has stored meanwhile
         self._batch_count = 0
         self._status = replace(
@@ -158,6 +215,7 @@ class Recorder:
             duplicate_count=store.duplicate_count,
             damaged_count=self._damaged_count,
             missing_count=store.missing_count,
+            waiting_count=0,
             last_sequence=store.last_sequence if stored else status.last_sequence,
             last_peak=self._last_echo.peak if stored and self._last_echo else status.last_peak,
         )
@@ -179,6 +237,8 @@ class Recorder:
             until = time.monotonic() + wait
             while time.monotonic() < until and not self._stopped():
                 time.sleep(min(0.1, wait))
+                if self._batch_count:
+                    self._try_commit(lost)
                 if time.monotonic() - self._reported_at >= _REPORT_INTERVAL:
                     self._report_state(lost)
             wait = min(2.0 * wait, GREATEST_WAIT)

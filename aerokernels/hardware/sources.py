@@ -172,12 +172,19 @@ class CurveStream:
         if (count is not None and count == self._last_count) or not self._is_complete():
             time.sleep(_NEXT_QUESTION)
             return []
-        # Queried each time: the operator may change the scale, and on some instruments each trigger changes it.
+        # Queried each time: the operator may change the scale, and on some instruments each trigger changes it. Queried
+        # again after the curve: a scale that was changed in between belongs to the curve, or does not.
         text = self._scope.ask_text(self._dialect.preamble)
         block = self._scope.ask_block(self._dialect.curve)
         host_time = time.time_ns()
         try:
-            curve = self._dialect.parse(text).curve(block.data, block.raw, count)
+            preamble = self._dialect.parse(text)
+            curve = preamble.curve(block.data, block.raw, count)
+            if not preamble.agrees(self._dialect.parse(self._scope.ask_text(self._dialect.preamble))):
+                raise PreambleError("preamble: the scale changed while the curve was read")
+        except (NoAnswerError, DamagedAnswerError):
+            self._scope.reject(block, "preamble: none came after the curve")
+            raise
         except PreambleError as error:
             self._scope.reject(block, str(error))
             raise DamagedAnswerError from error

@@ -4,62 +4,36 @@ Once `commit` has returned, the echoes added before it are on the disk; a kill l
 """
 
 import json
-import re
 import sqlite3
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
-from operator import index
 from pathlib import Path
 from typing import Any, TypeVar
 
+from aerokernels.hardware import rows
 from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.preamble import ScopeCurve
-from aerokernels.hardware.rows import READ_ECHOES, WRITE_ECHO, echo_of, label_of, row_of, signed
+from aerokernels.hardware.rows import Gap, StoredEcho, encode_label
 from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
-from aerokernels.hardware.store_file import store_address
-from aerokernels.hardware.transaction import KEEP_IT, DamagedStoreError, StoreError, described_errors, transaction
+from aerokernels.hardware.sessions import Followed, Sessions
+from aerokernels.hardware.store_file import file_identity, free_name, save_copy, store_address
+from aerokernels.hardware.transaction import (
+    KEEP_IT,
+    DamagedStoreError,
+    StoreError,
+    described_errors,
+    opening_error,
+    transaction,
+)
+from aerokernels.hardware.waveform import as_whole
 from aerokernels.inputs.checks import check_path
 
 Made = TypeVar("Made")
 _BUSY_TIME = 30.0  # [s] wait for another recorder that is committing to the same store
 _CHECKPOINT_PAGES = 4000  # pages of the write-ahead log, 16 MB, before they are moved into the file
-
-
-@dataclass(frozen=True, eq=False)
-class StoredEcho:
-    """One echo read back.
-
-    Attributes:
-        session: run of the board at its port, counted from 1; a new session begins where number or clock went back.
-        host_time_ns: host clock when the echo was complete [ns since 1970].
-        label: the operator's label, such as {"mach": "3"}.
-        frame: the frame or the curve; `.time` [s] and `.voltage` [V] are its waveform, `.sequence` its number.
-    """
-
-    session: int
-    host_time_ns: int
-    label: dict[str, str]
-    frame: EchoFrame | ScopeCurve
-
-
-@dataclass(frozen=True)
-class Gap:
-    """Consecutive numbers of echoes that are missing in the store.
-
-    Attributes:
-        session: run of the board.
-        after_sequence: last number before the gap.
-        before_sequence: first number after it.
-        missing_count: numbers missing in between.
-    """
-
-    session: int
-    after_sequence: int
-    before_sequence: int
-    missing_count: int
 
 
 class EchoStore:
@@ -71,7 +45,7 @@ class EchoStore:
 
     Raises:
         ValueError: the file or its folder does not exist, is not an echo store, or has an unknown schema.
-        StoreError: the disk is full, or fails.
+        StoreError: the disk is full or fails, or another program keeps the file locked.
     """
 
     def __init__(self, path: str | Path, *, read_only: bool = False) -> None:
@@ -86,24 +60,21 @@ class EchoStore:
             self._prepare(read_only)
         except sqlite3.DatabaseError as error:
             self._connection.close()
-            if isinstance(error, sqlite3.OperationalError) and re.search("full|I/O", str(error)):
-                if is_new and self.path.is_file() and not self.path.stat().st_size:
-                    self.path.unlink()
-                raise StoreError(f"store {self.path}: {error}; make room first, or give another file name") from error
-            remedy = "give the file that `record` wrote" if read_only else "give an echo store or a new file name"
-            raise ValueError(f"store {self.path}: {error}; {remedy}") from error
+            if is_new and self.path.is_file() and not self.path.stat().st_size:
+                self.path.unlink()
+            raise opening_error(self.path, error, read_only, _BUSY_TIME) from error
         except ValueError:
             self._connection.close()
             raise
-        self._recording, self._label = 0, "{}"
-        self._followed = False  # whether this recording has an echo already
-        self._last: tuple[int, int, int | None, int] | None = None  # session, sequence, device time, check sum
+        self._read_only = read_only
+        self._identity = file_identity(self.path)
+        self._recording, self._label, self._origin = 0, "{}", ("", "")
+        self._sessions = Sessions()
         self._echoes: list[tuple] = []
         self._keys: set[tuple[int, int, int]] = set()
         self._damaged: list[tuple] = []
-        self._gaps: list[tuple] = []
-        # Both since `begin_recording`: numbers missing between the echoes, and frames that the store already had.
-        self.missing_count = self.duplicate_count = 0
+        self.duplicate_count = 0  # frames that the store already had, since `begin_recording`
+        self.pending_bytes = 0  # in the open batch
 
     def _prepare(self, read_only: bool) -> None:
         execute = self._connection.execute
@@ -137,12 +108,26 @@ class EchoStore:
 
         Numbering continues from the last echo of the same port and protocol: echoes that the board sent while nobody
         recorded are a gap, unless the board was restarted meanwhile.
+
+        Args:
+            port: name of the port.
+            protocol: name of the protocol.
+            label: texts by their keys.
+
+        Raises:
+            TypeError: a label that is not texts by their keys, or a name that is no text.
+            ValueError: the store was opened for reading only, or is closed.
+            StoreError: the store cannot be written.
         """
-        self._label = encode_label(label)
-        self._followed = False
-        self.missing_count = self.duplicate_count = 0
+        for name, given in (("port", port), ("protocol", protocol)):
+            if not isinstance(given, str):
+                raise TypeError(f"{name} must be a text, got {given!r}")
+        if self._read_only:
+            raise ValueError(f"store {self.path}: opened for reading only; open it without read_only=True to record")
+        self._label, self._origin = encode_label(label), (port, protocol)
+        self.duplicate_count = 0
         with self._transaction():
-            self._last = self._last_echo(port, protocol)
+            self._sessions = Sessions(self._last_echo(port, protocol))
             row = (time.time_ns(), port, protocol, self._label)
             self._connection.execute(
                 "INSERT INTO recordings (started_ns, port, protocol, label) VALUES (?, ?, ?, ?)", row
@@ -150,39 +135,67 @@ class EchoStore:
             self._recording = self._connection.execute("SELECT last_insert_rowid()").fetchone()[0]
 
     def add(self, echo: EchoFrame | ScopeCurve, host_time_ns: int) -> bool:
-        """Add an echo to the open batch; return False if the store already has it (a frame sent twice)."""
-        sequence, device_time = echo.sequence, echo.device_time_us
+        """Add an echo to the open batch; return False if the store already has it (a frame sent twice).
+
+        Raises:
+            ValueError: `begin_recording` was not called before.
+            TypeError: something other than an echo, or a host time [ns since 1970] that is no whole number.
+        """
+        self._check_recording()
+        if not isinstance(echo, EchoFrame | ScopeCurve):
+            raise TypeError(f"a store holds an EchoFrame or a ScopeCurve, got {echo!r}")
+        host_time_ns = as_whole(host_time_ns, "host_time_ns")
+        sequence, device_time, last = echo.sequence, echo.device_time_us, self._sessions.last
         if sequence is None:  # the instrument does not count, so the store numbers its curves
-            sequence = 0 if self._last is None else (self._last[1] + 1) % 2**32
+            sequence = 0 if last is None else (last.sequence + 1) % 2**32
             is_new = True
         elif device_time is None:  # the last acquisition may be read again after a reconnection
-            is_new = self._last is None or (sequence, echo.crc) != (self._last[1], self._last[3])
+            is_new = last is None or (sequence, echo.crc) != (last.sequence, last.crc)
         else:
-            key = (sequence, signed(device_time), echo.crc)
+            key = (sequence, rows.signed(device_time), echo.crc)
             is_new = key not in self._keys and not self._is_stored(key)
             self._keys.add(key)
         if not is_new:
             self.duplicate_count += 1
             return False
-        session = self._follow(sequence, device_time, echo.crc, host_time_ns)
-        self._echoes.append(row_of(echo, self._recording, session, sequence, host_time_ns, self._label))
+        session = self._sessions.follow(sequence, device_time, echo.crc, host_time_ns)
+        self.pending_bytes += 2 * echo.samples.size + len(echo.raw)
+        self._echoes.append(rows.row_of(echo, self._recording, session, sequence, host_time_ns, self._label))
         return True
 
     def add_damaged(self, piece: DamagedPiece, host_time_ns: int) -> None:
-        """Add a damaged piece to the open batch."""
+        """Add a damaged piece to the open batch; raises the errors of `add`."""
+        self._check_recording()
+        if not isinstance(piece, DamagedPiece):
+            raise TypeError(f"a damaged piece is a DamagedPiece, got {piece!r}")
+        host_time_ns = as_whole(host_time_ns, "host_time_ns")
+        self.pending_bytes += len(piece.raw)
         self._damaged.append((self._recording, host_time_ns, piece.reason, len(piece.raw), piece.raw))
 
-    def commit(self) -> None:
+    def commit(self, wait: float = _BUSY_TIME) -> None:
         """Write the open batch to the disk: when this returns, the batch survives a kill.
 
+        Args:
+            wait: longest time to wait for another program that has locked the file [s].
+
         Raises:
-            StoreError: the disk is full or fails; batches committed before are safe.
+            LockedStoreError: the file is still locked after that time; the batch stays open, for a later commit.
+            StoreError: the disk is full or fails, and batches committed before are safe; or the file was moved or
+                deleted, and a copy with this batch was written, which the message names.
         """
-        if not (self._echoes or self._damaged or self._gaps):
-            return
+        if self._echoes or self._damaged:
+            self._connection.execute(f"PRAGMA busy_timeout = {round(1e3 * wait)}")
+            try:
+                self._write_batch()
+            finally:
+                self._connection.execute(f"PRAGMA busy_timeout = {round(1e3 * _BUSY_TIME)}")
+        if file_identity(self.path) != self._identity:
+            raise StoreError(f"store {self.path}: {save_copy(self._connection, self.path)}")
+
+    def _write_batch(self) -> None:
         with self._transaction():
             many = self._connection.executemany
-            added = many(WRITE_ECHO, self._echoes).rowcount if self._echoes else 0
+            added = many(rows.WRITE_ECHO, self._echoes).rowcount if self._echoes else 0
             # Another recorder of the same board may have stored them first, through a port that allows two (a socket).
             self.duplicate_count += len(self._echoes) - added
             many(
@@ -190,16 +203,45 @@ class EchoStore:
                 self._damaged,
             )
             many(
+                f"DELETE FROM gaps WHERE recording = {self._recording} "
+                "AND session = ? AND after_sequence = ? AND before_sequence = ?",
+                self._sessions.filled,
+            )
+            many(
                 "INSERT INTO gaps (recording, session, after_sequence, before_sequence, missing_count, host_time_ns) "
-                "VALUES (?, ?, ?, ?, ?, ?)",
-                self._gaps,
+                f"VALUES ({self._recording}, ?, ?, ?, ?, ?)",
+                self._sessions.noted,
             )
             self._connection.execute(
                 "UPDATE recordings SET committed_ns = ?, duplicate_count = ? WHERE id = ?",
                 (time.time_ns(), self.duplicate_count, self._recording),
             )
-        for batch in (self._echoes, self._keys, self._damaged, self._gaps):
+        for batch in (self._echoes, self._keys, self._damaged):
             batch.clear()
+        self._sessions.committed()
+        self.pending_bytes = 0
+
+    def save_batch(self) -> Path | None:
+        """Write the open batch to a new store in the folder for temporary files, if it cannot be written to this one.
+
+        Returns:
+            The new file; None if there is nothing to write, or it cannot be written there either.
+        """
+        if not (self._echoes or self._damaged):
+            return None
+        path = free_name(Path(tempfile.gettempdir()), self.path, "rest")
+        try:
+            with EchoStore(path) as other:
+                other.begin_recording(*self._origin, json.loads(self._label))
+                other._echoes = [(other._recording, *row[1:]) for row in self._echoes]
+                other._damaged = [(other._recording, *row[1:]) for row in self._damaged]
+                other._sessions.noted = self._sessions.noted
+                other.commit()
+        except (StoreError, ValueError):  # no room there either
+            for part in path.parent.glob(f"{path.name}*"):
+                part.unlink(missing_ok=True)
+            return None
+        return path
 
     def close(self) -> None:
         """Close the file; an uncommitted batch is dropped."""
@@ -221,7 +263,12 @@ class EchoStore:
     @property
     def last_sequence(self) -> int | None:
         """Number of the last echo of this port, committed or not; None before the first."""
-        return None if self._last is None else self._last[1]
+        return None if self._sessions.last is None else self._sessions.last.sequence
+
+    @property
+    def missing_count(self) -> int:
+        """Numbers missing between the echoes since `begin_recording`."""
+        return self._sessions.missing_count
 
     @property
     def echo_count(self) -> int:
@@ -235,23 +282,27 @@ class EchoStore:
 
     def labels(self) -> list[dict[str, str]]:
         """Return the different labels in the store, in the order of their first echo."""
-        rows = self._rows("SELECT label FROM echoes GROUP BY label ORDER BY min(id)")
-        return [self._read(label_of, text) for (text,) in rows]
+        found = self._rows("SELECT label FROM echoes GROUP BY label ORDER BY min(id)")
+        return [self._read(rows.label_of, text) for (text,) in found]
 
     def echoes(self, label: Mapping[str, str] | None = None) -> Iterator[StoredEcho]:
         """Yield the echoes in the order they were recorded; with `label`, only those with exactly this label."""
         where, values = ("", ()) if label is None else ("WHERE label = ?", (encode_label(label),))
-        for session, host_time, text, *columns in self._rows(f"{READ_ECHOES} {where} ORDER BY id", values):
-            yield self._read(_stored_echo, session, host_time, text, *columns)
+        for session, host_time, text, *columns in self._rows(f"{rows.READ_ECHOES} {where} ORDER BY id", values):
+            yield self._read(rows.stored_echo, session, host_time, text, *columns)
 
     def gaps(self) -> list[Gap]:
         """Return the gaps in the numbers, in the order they were noticed."""
-        rows = self._rows("SELECT session, after_sequence, before_sequence, missing_count FROM gaps ORDER BY id")
-        return [self._read(lambda *numbers: Gap(*map(int, numbers)), *row) for row in rows]
+        found = self._rows("SELECT session, after_sequence, before_sequence, missing_count FROM gaps ORDER BY id")
+        return [self._read(lambda *numbers: Gap(*map(int, numbers)), *row) for row in found]
 
     def snapshot(self) -> AbstractContextManager[None]:
         """Return a context in which all reads show the store at one moment, even while a recorder writes."""
         return transaction(self._connection, "BEGIN", self.path)
+
+    def _check_recording(self) -> None:
+        if not self._recording:
+            raise ValueError(f"store {self.path}: call begin_recording(port, protocol, label) before echoes are added")
 
     def _transaction(self) -> AbstractContextManager[None]:
         return transaction(self._connection, "BEGIN IMMEDIATE", self.path)
@@ -281,39 +332,11 @@ class EchoStore:
             with described_errors(self.path):
                 raise
 
-    def _last_echo(self, port: str, protocol: str) -> tuple[int, int, int | None, int] | None:
-        rows = self._rows(
+    def _last_echo(self, port: str, protocol: str) -> Followed | None:
+        found = self._rows(
             "SELECT session, sequence, device_time_us, crc32 FROM echoes WHERE recording IN "
             "(SELECT id FROM recordings WHERE port = ? AND protocol = ?) ORDER BY id DESC LIMIT 1",
             (port, protocol),
         )
-        row = next(rows, None)
-        return row and (row[0], row[1], None if row[2] is None else row[2] % 2**64, row[3])
-
-    def _follow(self, sequence: int, device_time: int | None, crc: int, host_time_ns: int) -> int:
-        """Return the session of an echo, and note the gap before it.
-
-        A board counts up (wrapping at 2**32) and its clock does not go back; otherwise the board was restarted.
-        """
-        session = 1
-        if self._last is not None:
-            session, last, last_time, _ = self._last
-            ahead = (sequence - last) % 2**32
-            back = device_time is not None and last_time is not None and device_time < last_time
-            if not 0 < ahead < 2**31 or back:
-                session += 1
-            elif ahead > 1:
-                self._gaps.append((self._recording, session, last, sequence, ahead - 1, host_time_ns))
-                self.missing_count += ahead - 1 if self._followed else 0
-        self._followed = True
-        self._last = (session, sequence, device_time, crc)
-        return session
-
-
-def _stored_echo(session: Any, host_time: Any, text: Any, *columns: Any) -> StoredEcho:
-    return StoredEcho(index(session), index(host_time), label_of(text), echo_of(*columns))
-
-
-def encode_label(label: Mapping[str, str]) -> str:
-    """Return a label as it is stored: JSON text with sorted keys, so that equal labels are equal texts."""
-    return json.dumps(dict(label), sort_keys=True, ensure_ascii=False)
+        row = next(found, None)
+        return None if row is None else Followed(row[0], row[1], None if row[2] is None else row[2] % 2**64, row[3])

@@ -1,5 +1,6 @@
 """Transactions on an echo store, and errors of its file in words."""
 
+import re
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,8 +18,34 @@ class StoreError(RuntimeError):
         super().__init__(" ".join(message.split()))
 
 
+class LockedStoreError(StoreError):
+    """Another program keeps the file locked; a later try may succeed."""
+
+
 class DamagedStoreError(StoreError, ValueError):
     """The file's content is damaged; the message names the file."""
+
+
+def opening_error(path: Path, error: sqlite3.DatabaseError, read_only: bool, wait: float) -> Exception:
+    """Return the error, with its remedy, of a store that cannot be opened.
+
+    Args:
+        path: the file.
+        error: SQLite's error.
+        read_only: whether it was opened for reading only.
+        wait: time for which another program's lock was waited for [s].
+    """
+    if isinstance(error, sqlite3.OperationalError) and re.search("locked|busy", str(error)):
+        return LockedStoreError(
+            f"store {path}: another program has kept it locked for {wait:g} s; close the file there, or wait until "
+            "that program has finished"
+        )
+    if isinstance(error, sqlite3.OperationalError) and re.search("full|I/O", str(error)):
+        return StoreError(f"store {path}: {error}; make room first, or give another file name")
+    remedy = "give the file that `record` wrote" if read_only else "give an echo store or a new file name"
+    if "malformed" in str(error):  # the beginning of the file is that of a database, the rest is not
+        remedy = KEEP_IT
+    return ValueError(f"store {path}: {error}; {remedy}")
 
 
 @contextmanager
@@ -26,15 +53,25 @@ def described_errors(path: Path) -> Iterator[None]:
     """Turn errors of SQLite into errors that name the file and the remedy.
 
     Raises:
-        StoreError: the file could not be read or written; `DamagedStoreError` where its content is damaged.
+        StoreError: the file could not be read or written; `DamagedStoreError` where its content is damaged,
+            `LockedStoreError` where another program keeps it locked.
+        ValueError: the store was closed.
     """
     try:
         yield
     except sqlite3.OperationalError as error:
+        if "locked" in str(error):
+            raise LockedStoreError(
+                f"store {path}: another program keeps it locked; what was committed is safe: close the file there, or "
+                "wait until that program has finished, then record again into the same store"
+            ) from error
         raise StoreError(
-            f"store {path}: {error}; what was committed is safe: "
-            "make room or unlock the file, then record again into the same store"
+            f"store {path}: {error}; what was committed is safe: make room, then record again into the same store"
         ) from error
+    except sqlite3.ProgrammingError as error:
+        if "closed" in str(error):
+            raise ValueError(f"store {path}: it is closed; open it again") from None
+        raise
     except sqlite3.DatabaseError as error:
         if type(error) is not sqlite3.DatabaseError:  # its other subclasses are bugs of this program, not of the file
             raise

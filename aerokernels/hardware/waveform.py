@@ -1,5 +1,9 @@
 """The base class of recorded echoes of all protocols: counts, their scale in volts, and their times."""
 
+import math
+from operator import index
+from typing import Any
+
 import numpy as np
 
 
@@ -39,3 +43,37 @@ class Waveform:
             return None
         extreme = self.samples.max() if self.scale >= 0.0 else self.samples.min()
         return self.offset + self.scale * float(extreme)
+
+
+def as_counts(samples: Any) -> np.ndarray:
+    """Return counts as an int16 array of shape (sample_count,) that cannot be written to.
+
+    Raises:
+        ValueError: more than one row, counts that are not whole numbers, or that do not fit int16.
+    """
+    counts = np.asarray(samples)
+    if counts.ndim != 1:
+        raise ValueError(f"samples have shape {counts.shape}: give one row of counts")
+    if counts.size and (counts.dtype.kind not in "iu" or counts.min() < -32768 or counts.max() > 32767):
+        raise ValueError(f"samples of type {counts.dtype} do not fit int16: scale and round them to counts first")
+    counts = counts.astype(np.int16)
+    counts.flags.writeable = False
+    return counts
+
+
+def as_whole(value: Any, name: str) -> int:
+    """Return a whole number as Python's own; raise a TypeError that names any other value."""
+    try:
+        return index(value)
+    except TypeError:
+        raise TypeError(f"{name} must be a whole number, got {value!r}") from None
+
+
+def as_finite(value: Any, name: str) -> float:
+    """Return a finite number as a float; raise a TypeError or ValueError that names any other value."""
+    if isinstance(value, str) or not hasattr(value, "__float__") or np.ndim(value):
+        raise TypeError(f"{name} must be a number, got {value!r}")
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{name} = {number} is not finite: give a number that is")
+    return number

@@ -9,7 +9,7 @@ import contextlib
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,52 +17,18 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.compare import WaveformComparison, compare_waveforms, pearson_correlation
+from aerokernels.inputs.checks import check_path
 from aerokernels.jobs.alignment import measured_offset, overlap, simulated_on
 from aerokernels.jobs.averages import AverageEcho, average
+from aerokernels.jobs.comparison_options import EACH, NO_ALIGNMENT, CompareOptions
+from aerokernels.jobs.mean_errors import MeanErrors, mean_errors
 from aerokernels.jobs.range_errors import RangeErrors, range_errors
-from aerokernels.jobs.recorded import Label, label_text, random_subset, recorded_echoes, recorded_labels
+from aerokernels.jobs.record_faults import RecordFaults, record_faults
+from aerokernels.jobs.recorded import Label, RecordedEcho, label_text, random_subset, recorded_echoes, recorded_labels
 from aerokernels.jobs.run_folder import RunFolder, match_runs
 
 if TYPE_CHECKING:
     import xarray
-
-NO_ALIGNMENT, EACH = "none", "each"
-
-
-@dataclass(frozen=True)
-class CompareOptions:
-    """Options of a comparison.
-
-    Attributes:
-        align: "none", "each", or the label on which the trigger offset is measured, such as "mach=0".
-        trigger_offset: time by which the recorded time axis is late, where it is known [s].
-        threshold: level of the leading edge [V]; None takes the run's threshold.
-        ranged_count: greatest number of randomly chosen echoes of a label that are ranged one by one.
-        seed: seed of that random choice.
-    """
-
-    align: str = NO_ALIGNMENT
-    trigger_offset: float = 0.0
-    threshold: float | None = None
-    ranged_count: int = 300
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        """Check.
-
-        Raises:
-            ValueError: an invalid option.
-        """
-        if self.align not in (NO_ALIGNMENT, EACH) and "=" not in self.align:
-            raise ValueError(f"align {self.align!r}: give none, each, or a label such as mach=0")
-        if not np.isfinite(self.trigger_offset):
-            raise ValueError(f"trigger_offset = {self.trigger_offset}: give a time in seconds")
-        if self.trigger_offset and self.align != NO_ALIGNMENT:
-            raise ValueError(f"trigger_offset and align {self.align}: give the offset, or have it measured, not both")
-        if self.threshold is not None and not (np.isfinite(self.threshold) and self.threshold > 0.0):
-            raise ValueError(f"threshold = {self.threshold}: give a positive voltage")
-        if self.ranged_count < 2:
-            raise ValueError(f"ranged_count = {self.ranged_count}: at least 2 echoes are needed for a spread")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +48,10 @@ class LabelComparison:
         waveform: comparison of the mean with the simulation.
         echo_correlation: mean r at zero lag of the single echoes that were ranged.
         trigger_offset: time subtracted from the recorded times [s].
+        trigger_offset_error: its error where it was measured [s], else 0.
         ranges: range errors by method.
+        faults: what the digitiser did to the echoes: cut-off peaks, an offset.
+        errors: errors of what is read from the mean.
     """
 
     label: Label
@@ -97,12 +66,15 @@ class LabelComparison:
     waveform: WaveformComparison
     echo_correlation: float
     trigger_offset: float
+    trigger_offset_error: float
     ranges: dict[str, RangeErrors]
+    faults: RecordFaults
+    errors: MeanErrors
 
     @property
     def peak_standard_error(self) -> float:
-        """Standard error of the mean waveform's peak [V]; NaN for a single echo."""
-        return float(self.standard_error[int(np.argmax(self.mean))])
+        """Error of the mean waveform's peak [V]; NaN for a single echo."""
+        return self.errors.peak
 
     @property
     def warnings(self) -> list[str]:
@@ -114,6 +86,9 @@ class LabelComparison:
                 f"{name}: the simulated echo of run {self.run.path} has noise, which adds to every difference: compare "
                 "with a run whose detector.noise is false"
             )
+        found += [f"{name}: {sentence}" for sentence in self.faults.sentences]
+        if self.faults.is_cut_off or self.faults.has_offset:  # they change the pulse's width, too
+            return found
         widths = (
             f"{1e9 * wave.recorded_width:.3f} ns wide at half height, the simulated {1e9 * wave.simulated_width:.3f} ns"
         )
@@ -152,15 +127,22 @@ class LabelComparison:
             "degree": wave.degree,
             "greatest_correlation": wave.best_correlation,
             "lag_s": wave.lag,
+            "lag_standard_error_s": self.errors.lag,
             "greatest_degree": wave.best_degree,
             "single_correlation_mean": self.echo_correlation,
             "edge_level_v": wave.edge_level,
             "edge_shift_s": wave.edge_shift,
+            "edge_shift_standard_error_s": self.errors.edge_shift,
             "range_difference_m": wave.range_difference,
             "recorded_width_s": wave.recorded_width,
             "simulated_width_s": wave.simulated_width,
             "same_pulse": wave.same_pulse,
             "trigger_offset_s": self.trigger_offset,
+            "trigger_offset_standard_error_s": self.trigger_offset_error,
+            "offset_v": self.faults.offset,
+            "offset_standard_error_v": self.faults.offset_error,
+            "cut_off_share": self.faults.cut_off_share,
+            "without_pulse_count": self.recorded.without_pulse_count,
             "resampled_count": self.recorded.resampled_count,
             "unfit_count": self.unfit_count,
         }
@@ -227,7 +209,7 @@ class BenchComparison:
 
 
 def compare_recording(
-    source: Path,
+    source: str | Path,
     runs: Sequence[RunFolder],
     options: CompareOptions | None = None,
     progress: Callable[[str, float], None] = lambda stage, fraction: None,
@@ -241,9 +223,12 @@ def compare_recording(
         progress: called with the name of each stage and the share of the job done before it.
 
     Raises:
+        TypeError: runs that are not those of `read_run`.
         ValueError: files that cannot be read, no run for any label, or times that do not overlap; names the label.
     """
-    options = options or CompareOptions()
+    source, options = check_path(source, "source"), options or CompareOptions()
+    if not isinstance(runs, Sequence) or not runs or not all(isinstance(run, RunFolder) for run in runs):
+        raise TypeError(f"runs must be a list of runs, as read_run returns them, got {runs!r}")
     labels = recorded_labels(source)
     matched = match_runs(labels, runs)
     averages: dict[Label, AverageEcho] = {}
@@ -251,18 +236,18 @@ def compare_recording(
     for number, label in enumerate(matched):
         progress(f"averaging {label_text(label)}", 0.5 * number / len(matched))
         with _naming_label(source, label):
-            averages[label] = average(recorded_echoes(source, label, unfit))
-    offset = options.trigger_offset
+            averages[label] = average(_echoes(source, label, options, unfit))
+    offset = options.trigger_offset, 0.0
     if options.align not in (NO_ALIGNMENT, EACH):
         reference = _reference(options.align, matched)
         with _naming_label(source, reference):
-            offset = measured_offset(averages[reference], matched[reference])
+            offset = _measured_offset(averages[reference], matched[reference])
     found = []
     for number, (label, run) in enumerate(matched.items()):
         progress(f"comparing {label_text(label)}", 0.5 + 0.5 * number / len(matched))
         with _naming_label(source, label):
-            own = measured_offset(averages[label], run) if options.align == EACH else offset
-            found.append(_compare_label(source, label, run, averages[label], unfit[label], own, options))
+            own = _measured_offset(averages[label], run) if options.align == EACH else offset
+            found.append(_compare_label(source, label, run, averages[label], unfit[label], *own, options))
     return BenchComparison(source, options, tuple(found), tuple(label for label in labels if label not in matched))
 
 
@@ -273,15 +258,25 @@ def _compare_label(
     recorded: AverageEcho,
     unfit_count: int,
     offset: float,
+    offset_error: float,
     options: CompareOptions,
 ) -> LabelComparison:
     threshold = options.threshold or float(run.detector.get("threshold", 0.0)) or None
     there, time, simulated = overlap(recorded, run, offset)
-    waveform = compare_waveforms(time, recorded.mean[there], simulated, threshold=threshold)
-    echoes = random_subset(recorded_echoes(source, label), options.ranged_count, options.seed)
+    waveform = compare_waveforms(time, recorded.mean[there], simulated, threshold=threshold, rounding=recorded.rounding)
+    echoes = random_subset(_echoes(source, label, options), options.ranged_count, options.seed)
     correlations = [_correlation(echo.voltage, simulated_on(run, echo.time - offset)) for echo in echoes]
+    errors = mean_errors(recorded, there, time, simulated, waveform.edge_level).shifted(offset_error)
     ranges = range_errors(
-        [(echo.time - offset, echo.voltage) for echo in echoes], run, time, simulated, waveform.edge_level
+        [(echo.time - offset, echo.voltage) for echo in echoes],
+        run,
+        time,
+        simulated,
+        waveform.edge_level,
+        recorded.least_peak,
+        recorded.step,
+        recorded.rounding,
+        offset_error,
     )
     return LabelComparison(
         label=label,
@@ -296,8 +291,26 @@ def _compare_label(
         waveform=waveform,
         echo_correlation=float(np.nanmean(correlations)) if np.isfinite(correlations).any() else float("nan"),
         trigger_offset=offset,
+        trigger_offset_error=offset_error,
         ranges=ranges,
+        faults=record_faults(recorded, recorded.mean[there], simulated),
+        errors=errors,
     )
+
+
+def _measured_offset(recorded: AverageEcho, run: RunFolder) -> tuple[float, float]:
+    """Return the measured trigger offset and its error [s]."""
+    offset = measured_offset(recorded, run)
+    there, time, simulated = overlap(recorded, run, offset)
+    return offset, mean_errors(recorded, there, time, simulated, 0.5 * float(simulated.max())).lag
+
+
+def _echoes(
+    source: Path, label: Label, options: CompareOptions, unfit: Counter[Label] | None = None
+) -> Iterator[RecordedEcho]:
+    """Yield the echoes of a label without the known offset of their voltage."""
+    for echo in recorded_echoes(source, label, unfit):
+        yield replace(echo, voltage=echo.voltage - options.voltage_offset) if options.voltage_offset else echo
 
 
 def _correlation(recorded: np.ndarray, simulated: np.ndarray) -> float:

@@ -9,9 +9,11 @@ from typing import Any
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
 from aerokernels.display.quantities import Quantity
+from aerokernels.echo.waveform import SPEED_OF_LIGHT
 from aerokernels.hardware.csv_cells import csv_cell
-from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
+from aerokernels.jobs.comparison import BenchComparison, LabelComparison
 from aerokernels.jobs.comparison_figure import ranges_figure, waveforms_figure
+from aerokernels.jobs.comparison_options import EACH, NO_ALIGNMENT
 from aerokernels.jobs.figure_layout import png
 from aerokernels.jobs.page import bullets, page, picture, remarks, section, table
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
@@ -69,8 +71,8 @@ def error_table(found: BenchComparison) -> Table:
                 Quantity(100.0 * wave.peak_error, 100.0 * share * ratio, "%").text(signed=True),
                 Quantity(100.0 * wave.peak_error_of_recorded, 100.0 * share / ratio, "%").text(signed=True),
                 f"{wave.edge_level:.3f} V",
-                _number(1e12 * wave.edge_shift, "+.1f"),
-                _number(1e3 * wave.range_difference, "+.2f"),
+                Quantity(1e12 * wave.edge_shift, 1e12 * one.errors.edge_shift).text(signed=True),
+                _millimetres(wave.range_difference, 0.5 * SPEED_OF_LIGHT * one.errors.edge_shift),
             )
         )
     columns = ("label", "of the simulated peak", "of the recorded peak", "edge at", "edge shift [ps]", "as range [mm]")
@@ -85,7 +87,7 @@ def correlation_table(found: BenchComparison) -> Table:
             f"{wave.correlation:.4f}",
             wave.degree + _caveat(one),
             f"{wave.best_correlation:.4f}",
-            f"{1e12 * wave.lag:+.1f}",
+            Quantity(1e12 * wave.lag, 1e12 * one.errors.lag).text(signed=True),
             _number(one.echo_correlation, ".4f"),
             f"{_number(1e9 * wave.recorded_width, '.3f')} / {_number(1e9 * wave.simulated_width, '.3f')}",
         )
@@ -148,6 +150,7 @@ def notes(found: BenchComparison) -> list[str]:
         f"{name} from |r| = {bound:g} to {upper:g}"
         for (bound, name), upper in zip(DEGREES, [1.0, *bounds], strict=False)
     )
+    is_measured = found.options.align != NO_ALIGNMENT
     alignment = {
         NO_ALIGNMENT: "The recorded times were used unchanged, apart from the given trigger offset.",
         EACH: "Each label was shifted to its greatest correlation: only shapes are compared, and systematic range "
@@ -161,18 +164,22 @@ def notes(found: BenchComparison) -> list[str]:
         *(f"Warning: {text}." for text in found.warnings),
         alignment,
         "Trigger offsets: "
-        + ", ".join(f"{label_text(one.label)} {1e9 * one.trigger_offset:.4f} ns" for one in found.labels),
+        + ", ".join(
+            f"{label_text(one.label)} "
+            + str(Quantity(1e9 * one.trigger_offset, 1e9 * one.trigger_offset_error if is_measured else None, "ns"))
+            for one in found.labels
+        ),
         "The simulation is interpolated at the recorded times by a spline, because it is smooth and finely sampled; "
         "recorded samples are unchanged.",
         "Both peak errors are recorded minus simulated peak; the paper's Table 4 divides by the simulated one.",
         f"Degrees of correlation: {degrees}.",
         f"At most {found.options.ranged_count} echoes of a label, chosen at random, were ranged one by one.",
     ]
+    if found.options.voltage_offset:
+        lines.append(f"{1e3 * found.options.voltage_offset:g} mV were subtracted from all recorded voltages.")
     resampled = sum(one.recorded.resampled_count for one in found.labels)
     if resampled:
-        lines.append(
-            f"{resampled} echoes had other sample times than the first of their label: interpolated by a spline."
-        )
+        lines.append(f"{resampled} echoes had other sample times than most of their label: interpolated by a spline.")
     unfit = sum(one.unfit_count for one in found.labels)
     if unfit:
         lines.append(f"{unfit} echoes had fewer than {LEAST_SAMPLES} samples or no sample period and were skipped.")

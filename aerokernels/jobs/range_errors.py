@@ -9,16 +9,22 @@ A pulse that is truncated by the ends of the record shifts both readings alike. 
 systematic error is unknown, but the random error is known.
 """
 
+import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from aerokernels.echo import RANGING_METHODS
 from aerokernels.echo.ranging import Reading, template_curve
+from aerokernels.echo.waveform import SPEED_OF_LIGHT
 from aerokernels.inputs.checks import as_waveform
+from aerokernels.jobs.mean_errors import mean_factor, spread_factor
 from aerokernels.jobs.run_folder import RunFolder
+
+# Offsets of a digitiser's steps that are tried, and the rest of its rounding below which it is not.
+OFFSETS, NO_ROUNDING = 8, 1e-3
 
 
 @dataclass(frozen=True)
@@ -27,9 +33,10 @@ class RangeErrors:
 
     Attributes:
         systematic_error_m: mean range minus the true distance [m].
-        systematic_standard_error_m: standard error of that mean [m].
+        systematic_standard_error_m: error of that mean [m]: the standard error times Student's factor for few echoes,
+            what noise leaves of the digitiser's rounding, and the error of a measured trigger offset.
         random_error_m: standard deviation of the range of one echo [m].
-        random_standard_error_m: standard error of that, for normally distributed ranges [m].
+        random_standard_error_m: error of that, for normally distributed ranges [m] (mean_errors.py).
         simulated_error_m: the run's range minus the true distance [m]; NaN if the run has no range by the method.
         ranged_count: number of echoes with a range.
         missed_count: number of echoes without a range.
@@ -54,6 +61,10 @@ def range_errors(
     time: np.ndarray,
     simulated: np.ndarray,
     threshold: float,
+    least_peak: float = 0.0,
+    step: float = 0.0,
+    rounding: float = 0.0,
+    offset_error: float = 0.0,
 ) -> dict[str, RangeErrors]:
     """Compute the range errors of echoes by method; a method that cannot read the simulation is left out.
 
@@ -63,6 +74,10 @@ def range_errors(
         time: times at which the simulation was interpolated [s], shape (n,).
         simulated: the simulation at these times [V], shape (n,).
         threshold: level of the leading edge [V].
+        least_peak: greatest voltage below which an echo has no pulse and no range by any method [V].
+        step: the digitiser's step [V].
+        rounding: what noise leaves of its rounding in a sample of the mean [V].
+        offset_error: error of the trigger offset that was subtracted from the times [s].
     """
     shape = template_curve(run.voltage, as_waveform(run.time, run.voltage)[2])
     reported = run.summary.get("ranges_m") or {}
@@ -79,22 +94,40 @@ def range_errors(
         simulated_error = math.nan if distance is None else float(distance) - run.distance
         errors = []
         for times, volts in echoes:
+            if volts.max() < least_peak:  # constant fraction and centroid would find a pulse in its noise
+                continue
             try:
                 errors.append(read(times, volts) - own)
             except ValueError:  # the threshold is never crossed, or the record truncates the pulse
                 continue
-        found[method] = _statistics(errors, len(echoes), simulated_error)
+        share = 2.0 * rounding / step if step > 0.0 else 0.0
+        left = share * _rounding_error(read, time, simulated, own, step) if share > NO_ROUNDING else 0.0
+        common = math.hypot(left, 0.5 * SPEED_OF_LIGHT * offset_error)
+        found[method] = _statistics(errors, len(echoes), simulated_error, common)
     return found
 
 
-def _statistics(errors: Sequence[float], count: int, simulated_error: float) -> RangeErrors:
+def _rounding_error(
+    read: Callable[[np.ndarray, np.ndarray], float], time: np.ndarray, simulated: np.ndarray, own: float, step: float
+) -> float:
+    """Return the greatest change of a reading [m] where the simulation is rounded to steps, with any offset of them."""
+    changes = []
+    for shift in step * np.arange(OFFSETS) / OFFSETS:
+        with contextlib.suppress(ValueError):  # rounding may leave no rise through the threshold
+            changes.append(abs(read(time, step * np.rint((simulated + shift) / step) - shift) - own))
+    return max(changes, default=math.nan)
+
+
+def _statistics(errors: Sequence[float], count: int, simulated_error: float, common: float) -> RangeErrors:
     number = len(errors)
     spread = float(np.std(errors, ddof=1)) if number > 1 else math.nan
     return RangeErrors(
         systematic_error_m=float(np.mean(errors)) + simulated_error if number else math.nan,
-        systematic_standard_error_m=spread / math.sqrt(number) if number else math.nan,
+        systematic_standard_error_m=(
+            math.hypot(mean_factor(number) * spread / math.sqrt(number), common) if number else math.nan
+        ),
         random_error_m=spread,
-        random_standard_error_m=spread / math.sqrt(2.0 * (number - 1)) if number > 1 else math.nan,
+        random_standard_error_m=spread * spread_factor(number) if number > 1 else math.nan,
         simulated_error_m=simulated_error,
         ranged_count=number,
         missed_count=count - number,

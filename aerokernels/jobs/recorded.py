@@ -1,18 +1,13 @@
 """Read recorded echoes from the recorder's store, a CSV or a NetCDF file, grouped by label.
 
-CSV files have one of two forms. One row per echo: columns `voltage_0_v`, `voltage_1_v` ..., `sample_period_s`,
-`first_sample_time_s` (0 if absent) and `label_KEY` for each key of a label. Or one column per echo: the first column is
-the time, in seconds unless its heading names a unit (time_ns), and the heading of each other column is its label:
+CSV: see recorded_csv.py.
 
-    time_s, mach=0, mach=2, mach=2
-    0.0, 0.01, 0.02, 0.01
-
-NetCDF: `voltage` over (echo, sample) or (sample), with `time` over sample, or `sample_period` and `first_sample_time`
-over echo; `label_KEY` over echo. Attributes "units" such as "ns" or "mV" are applied; without them numbers are SI.
+NetCDF: `voltage` over (echo, sample), in any order, or (sample), with `time` over sample, or `sample_period` and
+`first_sample_time` over echo; `label_KEY` over echo. Attributes "units" such as "ns" or "mV" are applied; without them
+numbers are SI.
 """
 
 import contextlib
-import csv
 import itertools
 import sqlite3
 from collections import Counter
@@ -24,9 +19,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.files.netcdf_reading import open_netcdf
-from aerokernels.hardware.csv_cells import text_of_cell
 from aerokernels.hardware.store import EchoStore
+from aerokernels.inputs.checks import check_path
 from aerokernels.inputs.units import quantity
+from aerokernels.jobs.recorded_csv import csv_echoes
 
 if TYPE_CHECKING:
     import xarray
@@ -57,12 +53,13 @@ def label_text(label: Label) -> str:
     return " ".join(f"{key}={value}" for key, value in label) or "(no label)"
 
 
-def recorded_labels(path: Path) -> list[Label]:
+def recorded_labels(path: str | Path) -> list[Label]:
     """Return the different labels in a file, in the order of their first echo.
 
     Raises:
         ValueError: see `recorded_echoes`; or the file holds no echoes.
     """
+    path = check_path(path, "path")
     if _kind(path) == "store":
         with _naming_file(path), EchoStore(path, read_only=True) as store:
             found = [_as_label(one) for one in store.labels()]
@@ -75,7 +72,7 @@ def recorded_labels(path: Path) -> list[Label]:
 
 
 def recorded_echoes(
-    path: Path, label: Label | None = None, unfit: Counter[Label] | None = None
+    path: str | Path, label: Label | None = None, unfit: Counter[Label] | None = None
 ) -> Iterator[RecordedEcho]:
     """Yield the echoes of a file one after the other; with `label`, only those with exactly this label.
 
@@ -90,6 +87,7 @@ def recorded_echoes(
     Raises:
         ValueError: the file does not exist, is of another kind or damaged; the message names the place and the remedy.
     """
+    path = check_path(path, "path")
     kind = _kind(path)
     if kind == "store":
         yield from _from_store(path, label, Counter() if unfit is None else unfit)
@@ -143,10 +141,10 @@ def waveforms(data: "xarray.Dataset", path: Path) -> Iterator[RecordedEcho]:
             raise ValueError(
                 f"{path}: holds no `voltage` over (echo, sample); it has: {', '.join(map(str, data.variables))}"
             )
-        volts = _in_si(path, data["voltage"], "voltage", "V")
-        rows = volts if volts.ndim == 2 else volts[None]
         keys = [str(name) for name in data.variables if str(name).startswith("label_")]
         timed = "time" in data.variables
+        volts = _in_si(path, _echoes_first(path, data), "voltage", "V")
+        rows = volts if volts.ndim == 2 else volts[None]
         if not timed and "sample_period" not in data.variables:
             raise ValueError(f"{path}: holds no times: give `time` over sample, or `sample_period` over echo [s]")
 
@@ -160,8 +158,11 @@ def waveforms(data: "xarray.Dataset", path: Path) -> Iterator[RecordedEcho]:
         given = {name: column(name, _in_si(path, data[name], "time", "s")) for name in single}
         first = given.get("first_sample_time", np.zeros(len(rows)))
         shared = _in_si(path, data["time"], "time", "s") if timed else np.empty(0)
-        if shared.ndim != 1:
-            raise ValueError(f"{path}: `time` of shape {shared.shape}: give it over sample, one for all echoes")
+        if timed and shared.shape != rows.shape[1:]:
+            raise ValueError(
+                f"{path}: `time` has shape {shared.shape}, and an echo {rows.shape[1]} samples: give one time for each "
+                "sample, the same for all echoes"
+            )
         for k, row in enumerate(rows):
             count = int(np.isfinite(row).sum())
             row = row[:count] if np.isfinite(row[:count]).all() else row  # NaN beyond the echo's own samples is allowed
@@ -171,6 +172,22 @@ def waveforms(data: "xarray.Dataset", path: Path) -> Iterator[RecordedEcho]:
                 time = first[k] + np.arange(row.size) * float(given["sample_period"][k])
             echo_label = _as_label({name.removeprefix("label_"): values[k] for name, values in labels.items()})
             yield checked(RecordedEcho(echo_label, time, row), f"{path}: echo {k}")
+
+
+def _echoes_first(path: Path, data: "xarray.Dataset") -> "xarray.DataArray":
+    """Return `voltage` over (echo, sample) if it is stored over (sample, echo); the times name the samples."""
+    volts = data["voltage"]
+    if volts.ndim == 1:
+        return volts
+    first, last = volts.dims
+    timed = data["time"].dims if "time" in data.variables else ()
+    if last in timed or (first not in (*timed, "sample") and last != "echo"):
+        return volts
+    if timed and first not in timed:
+        raise ValueError(
+            f"{path}: `voltage` is over {first} and {last}, `time` over {timed[0]}: give `time` over sample"
+        )
+    return volts.transpose(last, first)
 
 
 def _in_si(path: Path, variable: "xarray.DataArray", dimension: str, usual: str) -> np.ndarray:
@@ -217,69 +234,8 @@ def _naming_file(path: Path) -> Iterator[None]:
 
 
 def _from_csv(path: Path) -> Iterator[RecordedEcho]:
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = csv.reader(line for line in file if line.strip() and not line.startswith("#"))
-            head = [name.strip() for name in next(rows, [])]
-            reader = _echo_rows if "voltage_0_v" in head else _echo_columns
-            yield from reader(path, head, rows)
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: neither a store nor NetCDF nor a CSV text; give one of them") from None
-    except csv.Error as error:
-        raise ValueError(f"{path}: not a CSV file ({error}); give the recorder's store, CSV or NetCDF") from None
-
-
-def _echo_rows(path: Path, head: list[str], rows: Iterable[list[str]]) -> Iterator[RecordedEcho]:
-    volts = [k for k, name in enumerate(head) if name.startswith("voltage_")]
-    if "sample_period_s" not in head:
-        raise ValueError(f"{path}: has no column sample_period_s, which sets the times of the samples: add it")
-    for number, row in enumerate(rows, start=2):
-        place = f"{path}: line {number}"
-        values = dict(itertools.zip_longest(head, row[: len(head)], fillvalue=""))
-        samples = [row[k] for k in volts if k < len(row) and row[k].strip()]
-        period = _number(values["sample_period_s"], f"{place}, sample_period_s")
-        first = _number(values.get("first_sample_time_s") or "0", f"{place}, first_sample_time_s")
-        voltage = np.array([_number(text, place) for text in samples])
-        time = first + period * np.arange(voltage.size)
-        label = _as_label(
-            {key.removeprefix("label_"): text_of_cell(text) for key, text in values.items() if key.startswith("label_")}
-        )
-        yield checked(RecordedEcho(label, time, voltage), place)
-
-
-def _echo_columns(path: Path, head: list[str], rows: Iterable[list[str]]) -> Iterator[RecordedEcho]:
-    if len(head) < 2 or not head[0].lower().startswith("time"):
-        raise ValueError(
-            f"{path}: its first line is {', '.join(head[:3])!r}; give a column `time_s` and one column for each echo, "
-            "headed by its label such as mach=3, or a row for each echo with columns voltage_0_v, voltage_1_v ..."
-        )
-    second = _time_unit(path, head[0])
-    table = []
-    for number, row in enumerate(rows, start=2):
-        if len(row) != len(head):
-            raise ValueError(f"{path}: line {number} has {len(row)} values, the first line {len(head)} columns")
-        table.append([_number(text, f"{path}: line {number}") for text in row])
-    values = np.array(table).reshape(-1, len(head))
-    values[:, 0] *= second
-    for k, name in enumerate(head[1:], start=1):
-        pairs = dict(part.partition("=")[::2] for part in name.split() if "=" in part)
-        yield checked(RecordedEcho(_as_label(pairs), values[:, 0], values[:, k]), f"{path}: column {name!r}")
-
-
-def _time_unit(path: Path, head: str) -> float:
-    """Return the unit [s] named in a time column's heading (time_s, time_ns, time [us]); 1 s without a unit."""
-    unit = head[len("time") :].strip(" _[]()/")
-    try:
-        return quantity(f"1 {unit}", "time")
-    except ValueError:
-        raise ValueError(f"{path}: its first column is headed {head!r}; give the times in seconds as time_s") from None
-
-
-def _number(text: str, place: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"{place}: {text!r} is not a number; repair the file") from None
+    for pairs, time, voltage, place in csv_echoes(path):
+        yield checked(RecordedEcho(_as_label(pairs), time, voltage), place)
 
 
 def checked(echo: RecordedEcho, place: str) -> RecordedEcho:

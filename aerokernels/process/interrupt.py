@@ -89,14 +89,30 @@ def _would_harm(frame: FrameType | None, base: FrameType) -> bool:
 
 @contextmanager
 def interrupt_flag() -> Iterator[threading.Event]:
-    """Yield an event that Ctrl-C, SIGTERM and a closing terminal set; restore their former handlers afterwards."""
+    """Yield an event that Ctrl-C, SIGTERM and a closing terminal set; restore their former handlers afterwards.
+
+    A block that ends with a KeyboardInterrupt, because it had nothing to finish, hands the signal itself on to the
+    former handler: the exit status depends on its number.
+    """
     flag = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield flag  # only the main thread may handle signals; elsewhere the caller sets the flag
         return
-    former = {number: signal.signal(number, lambda *_: flag.set()) for number in STOPPING if heeded(number)}
+    seen: list[int] = []
+
+    def note(number: int, _: FrameType | None) -> None:
+        seen.append(number)
+        flag.set()
+
+    former = {number: signal.signal(number, note) for number in STOPPING if heeded(number)}
+    is_handed_on = False
     try:
         yield flag
+    except KeyboardInterrupt:
+        is_handed_on = bool(seen)
+        raise
     finally:
         for number, handler in former.items():
             signal.signal(number, handler)
+        if is_handed_on:
+            signal.raise_signal(seen[0])

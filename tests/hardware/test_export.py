@@ -14,6 +14,7 @@ from aerokernels.hardware.export import export
 from aerokernels.hardware.frames import EchoFrame, decode, encode
 from aerokernels.hardware.preamble import ScopeCurve
 from aerokernels.hardware.store import EchoStore
+from aerokernels.jobs.recorded import recorded_echoes
 
 
 def frame(sequence: int, sample_count: int = 5) -> EchoFrame:
@@ -84,6 +85,23 @@ def test_echoes_of_different_shapes(store: EchoStore, tmp_path):
     export(store, tmp_path / "echoes.csv")
     lines = (tmp_path / "echoes.csv").read_text(encoding="utf-8").splitlines()
     assert len({line.count(",") for line in lines}) == 1 and len(lines) == 17
+
+
+@pytest.mark.parametrize(("offset", "kind"), [(0.0, "float32"), (1.0, "float32"), (100.0, "float64")])
+def test_counts_survive_a_large_offset(tmp_path, offset: float, kind: str):
+    """Counts of 1e-5 V on 100 V: single precision rounds to 0.76 counts there, and seven digits of a text to one."""
+    counts = np.arange(-50, 50)
+    with EchoStore(tmp_path / "s.sqlite") as store:
+        store.begin_recording("p", "frames", {})
+        store.add(EchoFrame(0, 0, 250, 1e-5, offset, counts), 0)
+        store.commit()
+        (frame,) = (echo.frame for echo in store.echoes())
+        for name in ("e.nc", "e.csv"):
+            export(store, tmp_path / name)
+            (back,) = recorded_echoes(tmp_path / name)
+            np.testing.assert_allclose(back.voltage, frame.voltage, rtol=0.0, atol=frame.scale / 8.0)
+    with xarray.open_dataset(tmp_path / "e.nc", engine="h5netcdf", decode_times=False) as data:
+        assert data["voltage"].dtype == kind
 
 
 def test_a_recording_goes_on_meanwhile(store: EchoStore, tmp_path, monkeypatch):

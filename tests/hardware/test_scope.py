@@ -7,10 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.echo_source import EchoSource
-from aerokernels.hardware.preamble import parse_tektronix
+from aerokernels.hardware.port import open_port
+from aerokernels.hardware.preamble import ScopeCurve, parse_tektronix
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal
-from aerokernels.hardware.scope_board import SimulatedScope
+from aerokernels.hardware.scope_board import SimulatedScope, run_scope
+from aerokernels.hardware.sources import CurveStream
 from aerokernels.hardware.store import EchoStore
 
 from .line import board, integrity, needs_pseudo_terminals, rows
@@ -102,6 +105,44 @@ def test_faults_on_the_line_are_kept_apart_and_the_rest_is_right(tmp_path: Path,
     reasons = " ".join(reason for (reason,) in rows(path, "SELECT reason FROM damaged"))
     assert "cut off" in reasons and "before a block" in reasons and "answers to" in reasons
     assert integrity(path) == "ok"
+
+
+def test_a_scale_that_is_changed_while_a_curve_is_read_is_not_believed(tmp_path: Path):
+    """Set-up: at every third curve the operator turns the knob: between the preamble and the curve, the scale doubles.
+
+    Expected: volts of every stored curve are the echo's; before, those of every third were half of it. The trigger's
+    jitter, by which the first sample's time changes each time, is no change.
+    """
+    source = EchoSource.gaussian(noise=0.0, sample_count=64)
+
+    class Turned(SimulatedScope):
+        def answer(self, command: str) -> bytes:
+            if command.startswith("CURVE") and self.curve_count % 3 == 2:
+                self._step *= 2.0 if self._step < 0.02 else 0.5
+            found = super().answer(command)
+            jitter = f"XZERO {1e-11 * np.random.default_rng(self.acquisition).random():.3E}".encode()
+            return found.replace(b"XZERO 0.0E0", jitter)
+
+    ended = threading.Event()
+    with PseudoTerminal(tmp_path / "port") as terminal:
+        scope = Turned(source, rate=500.0)
+        thread = threading.Thread(target=run_scope, args=(terminal, scope), kwargs={"stopped": ended.is_set})
+        thread.start()
+        stream = CurveStream(open_port(str(tmp_path / "port")), dialect="tektronix", timeout=2.0)
+        try:
+            found = []
+            while len(found) < 9:
+                found += [piece for piece, _ in stream.poll()]
+        finally:
+            stream.close()
+            ended.set()
+            thread.join(10)
+    reasons = [piece.reason for piece in found if isinstance(piece, DamagedPiece)]
+    curves = [piece for piece in found if isinstance(piece, ScopeCurve)]
+    assert len(curves) >= 5 and len({curve.first_sample_time for curve in curves}) > 1
+    assert reasons and set(reasons) == {"preamble: the scale changed while the curve was read"}
+    for curve in curves:
+        np.testing.assert_allclose(curve.voltage, source.voltage, atol=0.03)
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.store import EchoStore
 from aerokernels.jobs.recorded import recorded_echoes, recorded_labels
 
-from .echoes_on_file import LABELS, TIME, WRITERS, noisy, pulse
+from .echoes_on_file import LABELS, PERIOD, TIME, WRITERS, noisy, pulse
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -63,6 +63,70 @@ def test_bad_recordings_are_refused_by_name(tmp_path: Path, name: str, content, 
     with pytest.raises(ValueError, match=match) as refused:
         [list(recorded_echoes(path, label)) for label in recorded_labels(path)]
     assert name in str(refused.value)
+
+
+def test_columns_of_samples_are_taken_by_their_numbers(tmp_path: Path):
+    """A table program that sorts columns by name puts voltage_10_v before voltage_2_v; others add columns."""
+    (echo,) = noisy(1, 0.02)[:1]
+    numbers = sorted(range(TIME.size), key=str)
+    head = ["voltage_offset_v", *(f"voltage_{k}_v" for k in numbers), "sample_period_s"]
+    cells = ["9", *(repr(float(echo.voltage[k])) for k in numbers), repr(PERIOD)]
+    (tmp_path / "e.csv").write_text(f"# sorted\n\n{','.join(head)}\n{','.join(cells)}\n")
+    (back,) = recorded_echoes(tmp_path / "e.csv")
+    np.testing.assert_array_equal(back.voltage, echo.voltage)
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (lambda head, cells: (head, [*cells[:20], "", *cells[21:]]), r"line 4: voltage_19_v is empty and later"),
+        (lambda head, cells: ([*head[:20], *head[21:]], [*cells[:20], *cells[21:]]), "has no column voltage_19_v"),
+        (lambda head, cells: ([*head, "voltage_3_v"], [*cells, "1"]), "has voltage_3_v twice"),
+        (lambda head, cells: (head, [*cells, "1"]), "line 4 has 202 values, the first line 201 columns"),
+        (lambda head, cells: (head, cells[:150]), "line 4 has 150 values, the first line 201 columns"),
+    ],
+)
+def test_samples_that_are_missing_do_not_move_the_others(tmp_path: Path, change, match: str):
+    """An empty cell in the middle, a lost column, one given twice, a row that is too long, and one that is cut off."""
+    head = ["sample_period_s", *(f"voltage_{k}_v" for k in range(TIME.size))]
+    head, cells = change(head, [repr(PERIOD), *map(repr, pulse(TIME).tolist())])
+    (tmp_path / "e.csv").write_text(f"# comment\n\n{','.join(head)}\n{','.join(cells)}\n")
+    with pytest.raises(ValueError, match=match):
+        list(recorded_echoes(tmp_path / "e.csv"))
+
+
+@pytest.mark.parametrize(
+    ("head", "unit"), [("mach=3 [mV]", 1e-3), ("voltage_mv", 1e-3), ("uV", 1e-6), ("mach=3 V", 1.0), ("shot 7", 1.0)]
+)
+def test_a_unit_in_the_head_of_an_echo_is_heeded(tmp_path: Path, head: str, unit: float):
+    rows = (f"{at!r},{volt / unit!r}" for at, volt in zip(TIME.tolist(), pulse(TIME).tolist(), strict=True))
+    (tmp_path / "e.csv").write_text(f"time_s,{head}\n" + "\n".join(rows))
+    (echo,) = recorded_echoes(tmp_path / "e.csv")
+    assert echo.voltage == pytest.approx(pulse(TIME), rel=1e-12)
+    assert echo.label == (LABELS[3] if "mach" in head else ())
+
+
+@pytest.mark.parametrize("times", ["time", "sample_period"])
+def test_a_netcdf_file_may_have_its_samples_first(tmp_path: Path, times: str):
+    """50 echoes of 200 samples over (sample, echo) are not 200 echoes of 50 samples."""
+    volts = np.stack([pulse(TIME, 1.0 + 0.01 * number) for number in range(50)])
+    axis = {"time": ("sample", TIME)} if times == "time" else {"sample_period": PERIOD}
+    xarray.Dataset({"voltage": (("sample", "echo"), volts.T), **axis}).to_netcdf(tmp_path / "e.nc", engine="h5netcdf")
+    echoes = list(recorded_echoes(tmp_path / "e.nc"))
+    np.testing.assert_array_equal([echo.voltage for echo in echoes], volts)
+    assert all(echo.time == pytest.approx(TIME, abs=1e-20) for echo in echoes)
+
+
+@pytest.mark.parametrize(
+    ("dims", "match"), [(("echo", "sample"), r"shape \(500,\)"), (("sample", "echo"), "over other")]
+)
+def test_times_of_other_samples_are_refused(tmp_path: Path, dims: tuple, match: str):
+    volts = np.ones((20, TIME.size) if dims[0] == "echo" else (TIME.size, 20))
+    xarray.Dataset({"voltage": (dims, volts), "time": ("other", PERIOD * np.arange(500))}).to_netcdf(
+        tmp_path / "e.nc", engine="h5netcdf"
+    )
+    with pytest.raises(ValueError, match=match):
+        list(recorded_echoes(tmp_path / "e.nc"))
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # h5netcdf, of a file it half opened

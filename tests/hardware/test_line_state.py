@@ -1,0 +1,197 @@
+"""What the recorder says of a line on which something comes, but no frames, and of a store that is locked."""
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerokernels.commands._recording import describe
+from aerokernels.hardware import recorder as module
+from aerokernels.hardware.frames import EchoFrame, encode
+from aerokernels.hardware.pseudo_terminal import PseudoTerminal
+from aerokernels.hardware.recorder import NO_GOOD_FRAME, Recorder, RecordingStatus
+from aerokernels.hardware.store import EchoStore
+from aerokernels.hardware.transaction import StoreError
+
+from .line import frames_from, needs_pseudo_terminals, sequences, started
+
+
+@needs_pseudo_terminals
+@pytest.mark.parametrize("line", [b"$GPGGA,no digitiser\r\n", b"\x80\xfe\x00\x07"], ids=["text", "damage"])
+def test_a_line_without_frames_is_said_to_be_that(tmp_path: Path, monkeypatch, line: bytes):
+    """An instrument that sends text, or damage as at a wrong rate; then good frames, from which on the port is open."""
+    monkeypatch.setattr(module, "_NO_FRAME_TIME", 0.0)
+    monkeypatch.setattr(module, "_REPORT_INTERVAL", 0.05)
+    link, seen = tmp_path / "port", []
+    with PseudoTerminal(link) as terminal, EchoStore(tmp_path / "s.sqlite") as store:
+        store.begin_recording(str(link), "frames", {})
+        connect = partial(frames_from, link)
+        stream, is_said, ended = connect(), threading.Event(), threading.Event()
+
+        def talk() -> None:
+            while not is_said.wait(0.02):
+                terminal.write(line)
+            terminal.write(b"\0" + encode(EchoFrame(1, 1, 250, 1e-3, 0.0, np.arange(20))))
+
+        def report(status: RecordingStatus) -> None:
+            seen.append(status)
+            if status.port_state == NO_GOOD_FRAME:
+                is_said.set()
+            if status.stored_count:
+                ended.set()
+
+        thread = threading.Thread(target=talk)
+        thread.start()
+        status = Recorder(stream, store, connect, commit_interval=0.05, stopped=ended.is_set, report=report).run()
+        thread.join(10)
+    assert is_said.is_set() and all(one.port_open for one in seen)
+    assert status.stored_count == 1 and status.port_state == "open"
+
+
+@needs_pseudo_terminals
+def test_a_store_that_another_program_locks_for_a_while_loses_nothing(tmp_path: Path, monkeypatch):
+    """Set-up: a program has begun to write to the store and does not finish. Frames come, the port goes and comes back.
+
+    Expected: the frames wait in memory, the status says how many, and all are stored once the lock is gone. Before, the
+    recording ended after 30 s, and what had come since the last commit was lost.
+    """
+    monkeypatch.setattr(module, "_LOCK_WAIT", 0.05)
+    monkeypatch.setattr(module, "_RETRY_INTERVAL", 0.05)
+    link, path, seen = tmp_path / "port", tmp_path / "s.sqlite", []
+    wire = [encode(EchoFrame(k, k, 250, 1e-3, 0.0, np.arange(20))) for k in range(6)]
+    other = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+    with PseudoTerminal(link) as terminal, EchoStore(path) as store:
+        store.begin_recording(str(link), "frames", {})
+        connect = partial(frames_from, link)
+        stream, are_waiting, ended = connect(), threading.Event(), threading.Event()
+        other.execute("BEGIN IMMEDIATE")
+
+        def talk() -> None:
+            terminal.write(b"".join(wire[:3]))
+            are_waiting.wait(10)
+            terminal.close()
+            terminal.open()
+            while not terminal.has_reader():
+                time.sleep(0.01)
+            time.sleep(0.3)
+            other.execute("ROLLBACK")
+            terminal.write(b"".join(wire[3:]))
+
+        def report(status: RecordingStatus) -> None:
+            seen.append(status)
+            if status.waiting_count == 3:
+                are_waiting.set()
+            if status.stored_count == 6:
+                ended.set()
+
+        thread = threading.Thread(target=talk)
+        thread.start()
+        status = Recorder(stream, store, connect, commit_interval=0.05, stopped=ended.is_set, report=report).run()
+        thread.join(10)
+        other.close()
+    assert (status.stored_count, status.waiting_count, status.missing_count) == (6, 0, 0)
+    assert any(one.waiting_count == 3 and not one.stored_count for one in seen)
+    assert any("the port was lost" in one.port_state for one in seen)
+    assert "3 wait for the store, which another program keeps locked" in describe(replace(status, waiting_count=3))
+    assert sequences(path) == list(range(6))
+
+
+@needs_pseudo_terminals
+def test_a_lock_that_stays_ends_a_recording_with_a_sentence(tmp_path: Path, monkeypatch):
+    """At the end of a recording, and where more waits than memory may hold."""
+    link, path = tmp_path / "port", tmp_path / "s.sqlite"
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    for name, value in (("_LOCK_WAIT", 0.01), ("_LAST_LOCK_WAIT", 0.1), ("_GREATEST_WAITING", 100)):
+        monkeypatch.setattr(module, name, value)
+    with PseudoTerminal(link) as terminal, EchoStore(path) as store:
+        store.begin_recording(str(link), "frames", {})
+        stream = frames_from(link)
+        other = sqlite3.connect(path, isolation_level=None)
+        other.execute("BEGIN IMMEDIATE")
+        terminal.write(b"".join(encode(EchoFrame(k, k, 250, 1e-3, 0.0, np.arange(20))) for k in range(3)))
+        with pytest.raises(StoreError, match=r"another program keeps it locked; .* came since are in .*s-rest\.sqlite"):
+            Recorder(stream, store, lambda: stream, count=9, commit_interval=0.0).run()
+        other.close()
+    assert sequences(tmp_path / "s-rest.sqlite") == [0, 1, 2] and not sequences(path)
+
+
+@needs_pseudo_terminals
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_an_interrupt_during_the_search_for_an_instrument(tmp_path: Path, name: str):
+    """A silent line: the search ends at once with the status of the signal, 128 + its number, and leaves no store.
+
+    All three ended with 130 before.
+    """
+    link, number = tmp_path / "port", getattr(signal, name)
+    with PseudoTerminal(link) as terminal:
+        with started("record", "--port", link, "--protocol", "scpi", "--store", tmp_path / "s.sqlite") as recorder:
+            while b"HEADER ON" not in terminal.read(0.1):
+                assert recorder.poll() is None
+            recorder.send_signal(number)
+            output = recorder.communicate(timeout=30)[0]
+    assert recorder.returncode == 128 + number and output.strip() == "interrupted"
+    assert not (tmp_path / "s.sqlite").exists()
+
+
+@needs_pseudo_terminals
+def test_the_command_says_at_its_end_what_to_check(tmp_path: Path):
+    """Before: "stored 0, damaged 0, missing 0, port open" for as long as one waited, and "done" with status 0."""
+    link = tmp_path / "port"
+    with PseudoTerminal(link) as terminal:
+        with started("record", "--port", link, "--store", tmp_path / "s.sqlite", "--commit-interval", 0.05) as recorder:
+            assert recorder.stdout is not None
+            assert "recording frames" in recorder.stdout.readline()
+            while "damaged 0" in (line := recorder.stdout.readline()) or not line.strip():
+                terminal.write(b"\1\2\0")
+            while "damaged" not in line:
+                terminal.write(b"\1\2\0")
+                line = recorder.stdout.readline()
+            recorder.terminate()
+            output = recorder.communicate(timeout=30)[0]
+    assert "but no good frame: check that the instrument sends at --baud 115200 and in --protocol frames" in output
+    assert recorder.returncode == 0
+
+
+@needs_pseudo_terminals
+def test_what_a_full_disk_does_not_take_is_kept_elsewhere(tmp_path: Path, root: Path):
+    """A process whose files may grow to 150 kB: what it recorded is in the store and in one among temporary files.
+
+    Before, the echoes since the last commit were lost.
+    """
+    code = (
+        "import resource, sys, threading\n"
+        "import numpy as np\n"
+        "from aerokernels.hardware.frames import EchoFrame, encode\n"
+        "from aerokernels.hardware.port import open_port\n"
+        "from aerokernels.hardware.pseudo_terminal import PseudoTerminal\n"
+        "from aerokernels.hardware.recorder import Recorder\n"
+        "from aerokernels.hardware.sources import FrameStream\n"
+        "from aerokernels.hardware.store import EchoStore\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))\n"
+        "wire = b''.join(encode(EchoFrame(k, k, 250, 1e-3, 0.0, np.arange(100))) for k in range(160))\n"
+        "with PseudoTerminal('port') as terminal, EchoStore('s.sqlite') as store:\n"
+        "    store.begin_recording('port', 'frames', {'mach': '3'})\n"
+        "    stream = FrameStream(open_port('port'))\n"
+        "    threading.Thread(target=terminal.write, args=(wire,), daemon=True).start()\n"
+        "    Recorder(stream, store, lambda: stream, count=160, commit_interval=0.0, batch_size=20).run()\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(root), "TMPDIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", cwd=tmp_path, env=environment, timeout=60
+    )
+    assert done.returncode == 1 and "what was committed is safe" in done.stderr, done.stderr
+    assert "pieces that came since are in" in done.stderr and "s-rest.sqlite" in done.stderr
+    committed, rest = sequences(tmp_path / "s.sqlite"), sequences(tmp_path / "s-rest.sqlite")
+    assert committed and len(rest) >= 20
+    assert committed + rest == list(range(len(committed) + len(rest)))
+    with EchoStore(tmp_path / "s-rest.sqlite", read_only=True) as store:
+        assert store.labels() == [{"mach": "3"}] and not store.gaps()
