@@ -1,4 +1,4 @@
-"""Choose the rays of a bundle that an error budget traces again: some evenly spread, and those in the sharpest air.
+"""Choose the rays of a bundle that an error budget traces again: evenly spread ones, and those that may be worst.
 
 A few rays in a thousand may pass a feature about one cell wide and have the greatest error; an evenly spread subset
 misses them. Rays are therefore compared by the sharpness of the samples along their straight lines,
@@ -6,7 +6,10 @@ misses them. Rays are therefore compared by the sharpness of the samples along t
     roughness = sum over places on the line, and over the axes, of |d4 m| (cubic) or |d2 m| (other interpolants)
 
 where d2 and d4 are the second and fourth difference of the samples about the node nearest to the place. To lowest order
-this is the error of the field's coarser versions there. For a field on a mesh the subset is evenly spread.
+this is the error of the field's coarser versions there. Rays through a field on a mesh are not compared in this way.
+
+A ray in a thousand may also have the greatest error of the steps, as those near a focus: they need few long steps. The
+trace has estimated this error of every ray, so the rays with the greatest estimates belong to the subset.
 """
 
 import numpy as np
@@ -19,6 +22,8 @@ from ..lines import box_span
 # Rays that a budget traces, and how many of them are the rays in the sharpest air.
 SUBSET = 192
 SHARPEST = 64
+# Rays with the greatest step errors by the trace's own estimate, which a budget traces beside the others.
+LEAST_ACCURATE = 32
 # Rays that are compared, and places along each.
 COMPARED = 4096
 PLACES = 192
@@ -27,16 +32,28 @@ DIFFERENCES = {"cubic": (1.0, -4.0, 6.0, -4.0, 1.0)}
 OTHER_DIFFERENCES = (1.0, -2.0, 1.0)
 
 
-def subset(field: IndexField, rays: RayBundle, good: np.ndarray) -> np.ndarray:
-    """Return the rows of up to SUBSET of the rays that arrived; `good` says which did, shape (ray_count,)."""
+def subset(field: IndexField, rays: RayBundle, good: np.ndarray, step_error: np.ndarray | None = None) -> np.ndarray:
+    """Return the rows of up to SUBSET + LEAST_ACCURATE of the rays that arrived.
+
+    Args:
+        field: The refractive index.
+        rays: The bundle.
+        good: Which rays arrived, shape (ray_count,).
+        step_error: The trace's own estimate of the error of each ray's steps [m], shape (ray_count,), if it was kept.
+    """
     arrived = np.flatnonzero(good)
     rows = _evenly(arrived, SUBSET)
-    if len(arrived) > SUBSET and field.is_uniform:
+    if len(arrived) <= SUBSET:
+        return rows
+    if field.is_uniform:
         compared = _evenly(arrived, COMPARED)
         some = rays.rows(compared)
         strength = roughness(field, some.position, some.direction)
         sharpest = compared[np.argsort(strength, kind="stable")[-SHARPEST:]]
         rows = np.union1d(_evenly(arrived, SUBSET - SHARPEST), sharpest)
+    if step_error is not None:
+        estimate = np.nan_to_num(step_error[arrived])
+        rows = np.union1d(rows, arrived[np.argpartition(estimate, -LEAST_ACCURATE)[-LEAST_ACCURATE:]])
     return rows
 
 
