@@ -20,7 +20,7 @@ from .averages.rows_of_cells import AveragesLacking
 from .averages.vertex_values import vertex_values
 from .bodies.body import Body
 from .bodies.solid_body import SolidBody
-from .given_contrast import checked_walls, contrast_array, warn_of_index
+from .given_contrast import check_order, checked_walls, contrast_array, warn_of_index
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite, check_starts_on_axis, local_coordinates
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
@@ -118,6 +118,7 @@ class IndexField(Derived):
         """
         array = contrast_array(contrast)
         check_choice(geometry, "geometry", GEOMETRIES)
+        check_order(contrast, geometry)
         geometry, interpolation = str(geometry), str(interpolation)  # NumPy strings would be other keys of kernels
         if array.ndim != (dimension := 3 if geometry == "volume" else 2):
             raise ValueError(f"a {geometry} field needs an array of {dimension} axes, got shape {array.shape}")
@@ -138,8 +139,8 @@ class IndexField(Derived):
         """Return a field made from an xarray array of the contrast.
 
         Its dimensions are x, y, z, or y, z, or r, z, each with coordinates in the unit of their attribute `units`, or
-        in metres. The array's attributes `ambient_index`, `interpolation`, `wavelength` [m] and `cell_averages` are
-        used where there are any.
+        in metres. The array's own `units` may be that of a ratio ("1e-6", "ppm"). Its attributes `ambient_index`,
+        `interpolation`, `wavelength` [m] and `cell_averages` are used where there are any.
 
         Raises:
             TypeError: Not an xarray array.
