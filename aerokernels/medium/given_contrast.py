@@ -45,8 +45,8 @@ def check_order(contrast: Any, geometry: str) -> None:
 
 
 def warn_of_index(least: float, greatest: float) -> None:
-    """Warn a caller of from_samples or from_mesh whose contrasts look like indices n."""
-    if 0.99 < least <= greatest < 1.5:
+    """Warn a caller of from_samples or from_mesh whose contrasts look like indices n, of any medium up to germanium."""
+    if 0.99 < least <= greatest < 4.5:
         warn_caller(
             f"contrast is {least:g} to {greatest:g} everywhere: it is n - ambient_index, not n itself",
         )
