@@ -87,7 +87,8 @@ class GridDensity(SampledDensity):
         spacing: Node spacing [m], one per axis.
         geometry: "volume", "planar" or "axisymmetric".
         ambient_density: Density outside the grid [kg/m3].
-        cell_averages: The samples are averages over cells centred on the nodes, not values at the nodes.
+        cell_averages: The samples are averages over cells centred on the nodes, not values at the nodes; in an
+            axisymmetric field over the (r, z) rectangle, without the weight r.
         body: Solid body in the flow: a `Body`, in a volume a `SolidBody`; or None.
         conditions: The free stream, or None where it is not known.
         provenance: Where the field comes from, in words.

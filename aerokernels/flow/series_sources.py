@@ -61,7 +61,8 @@ def open_series(
         origin: Coordinates of the first node of arrays [m].
         spacing: Node spacing of arrays [m]; for volumes read from files, the greatest spacing of their grid.
         mesh: The mesh of arrays that are not on a uniform grid: averages over its cells, or values at its vertices.
-        cell_averages: The samples are averages over cells centred on the nodes.
+        cell_averages: The samples are averages over cells centred on the nodes; in an axisymmetric field over the
+            (r, z) rectangle, without the weight r.
         body: Solid body in the flow.
         conditions: The free stream.
         read: Reads a numbered file, `read(path, **options)`, or one time of a case,

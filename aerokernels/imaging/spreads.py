@@ -94,7 +94,9 @@ def spread_grid(
     moved = shift[row, column]
     moved = np.where(np.isfinite(moved), moved, 0.0)
     whole = np.rint(moved).astype(int)
-    lengths = [wavelength] if wavelengths is None else [float(one) for one in wavelengths]
+    # The camera's angles are those of rays in the ambient medium, where a wavelength is shorter by its index.
+    opd = opd / field.ambient_index
+    lengths = np.atleast_1d(wavelength if wavelengths is None else wavelengths) / field.ambient_index
     tilt = _cosines(tangent + moved * camera.pixel_tangent) - _cosines(tangent)
     kernels = np.zeros((len(lengths), len(row), size, size))
     kept = np.zeros((len(lengths), len(row)))
@@ -105,7 +107,7 @@ def spread_grid(
             wave = np.zeros((len(flat), *weight.shape), dtype=np.complex128)
             wave[:, up, across] = light * arrived[part] * phasors(2.0 * np.pi / length * flat)
             kernels[number, part], kept[number, part] = pixel_spreads(
-                wave, step, (moved - whole)[part], tangent[part], camera, length, size
+                wave, step, (moved - whole)[part], tangent[part], camera, float(length), size
             )
 
     in_threads(spread, [slice(first, first + NODES_AT_ONCE) for first in range(0, len(row), NODES_AT_ONCE)])
@@ -239,7 +241,7 @@ def pixel_spreads(
         fraction: Centres of the point spread functions along x and y [pixels], shape (n, 2).
         tangent: Tangents of the nodes, shape (n, 2).
         camera: The camera.
-        wavelength: Vacuum wavelength [m].
+        wavelength: Wavelength in the ambient medium [m].
         size: Side of the kernels [pixels].
     """
     power = np.sum(wave.real**2 + wave.imag**2, axis=(1, 2))

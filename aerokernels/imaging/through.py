@@ -51,6 +51,7 @@ class ImageThrough:
         wavelength: Vacuum wavelength [m] of the trace.
         spectrum: The wavelengths and weights of the picture.
         by_wavelength: Point spread functions at each of those wavelengths.
+        ambient_index: Index of the undisturbed medium, in which the camera is.
         seconds: Wall time by stage: see STAGES in clock.py.
     """
 
@@ -62,6 +63,7 @@ class ImageThrough:
     wavelength: float
     spectrum: Spectrum
     by_wavelength: tuple[SpreadGrid, ...]
+    ambient_index: float = 1.0
     seconds: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -78,7 +80,7 @@ class ImageThrough:
         q = np.stack([axis[lit] for axis in np.meshgrid(coordinate, coordinate)], axis=1)
         zero, found, middle = np.zeros((1, 2)), [], np.array([0])
         opd = defocus_paths(self.camera, zero, q)
-        for length in self.spectrum.wavelengths:
+        for length in self.spectrum.wavelengths / self.ambient_index:
             wave = np.zeros((1, *weight.shape), dtype=np.complex128)
             wave[:, lit] = weight[lit] * phasors(2.0 * np.pi / length * opd)
             kernel, _ = pixel_spreads(wave, step, zero, zero, self.camera, float(length), size)
@@ -221,7 +223,9 @@ def image_through(
             RuntimeWarning,
             stacklevel=3,
         )
-    return ImageThrough(image, scene, found, spreads, camera, found.wavelength, light, grids, seconds)
+    return ImageThrough(
+        image, scene, found, spreads, camera, found.wavelength, light, grids, field.ambient_index, seconds
+    )
 
 
 def _brightness(scene_image: Any) -> np.ndarray:

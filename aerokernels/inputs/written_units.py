@@ -31,7 +31,7 @@ _PREFIX_NAMES = {"nano": 1e-9, "micro": 1e-6, "milli": 1e-3, "centi": 1e-2, "dec
 _OTHERS = {
     "in": (_INCH, (1, 0, 0, 0)), "inch": (_INCH, (1, 0, 0, 0)), "inches": (_INCH, (1, 0, 0, 0)),
     "ft": (12 * _INCH, (1, 0, 0, 0)), "foot": (12 * _INCH, (1, 0, 0, 0)), "feet": (12 * _INCH, (1, 0, 0, 0)),
-    "micron": (1e-6, (1, 0, 0, 0)), "cc": (1e-6, (3, 0, 0, 0)),
+    "micron": (1e-6, (1, 0, 0, 0)), "microns": (1e-6, (1, 0, 0, 0)), "cc": (1e-6, (3, 0, 0, 0)),
     "lb": (_POUND, (0, 1, 0, 0)), "lbm": (_POUND, (0, 1, 0, 0)),
     "slug": (_POUND * 9.80665 / (12 * _INCH), (0, 1, 0, 0)), "slugs": (_POUND * 9.80665 / (12 * _INCH), (0, 1, 0, 0)),
     "lbf": (_POUND * 9.80665, _FORCE),
@@ -54,8 +54,25 @@ _FROM_ANOTHER_ZERO = {
     **dict.fromkeys(("degf", "f", "fahrenheit", "degreesfahrenheit", "degreefahrenheit", "degreef"), _FAHRENHEIT),
 }
 _NO_UNIT = {"", "1", "-", "--", "none", "dimensionless", "nondimensional", "normalized", "normalised", "unitless"}
+# Units of ratios, and powers of ten as they are written.
+_RATIOS = {"%": 1e-2, "percent": 1e-2, "permille": 1e-3, "ppm": 1e-6, "ppb": 1e-9}
+_POWER_OF_TEN = re.compile(r"(?:1(?:\.0*)?)?(?:[eE]|[x*]?10(?:\^|\*\*)?)([-+]\d{1,2})")
 _SPELLING = str.maketrans(
-    {"µ": "u", "μ": "u", "·": " ", "⋅": " ", "×": " ", "⁻": "-", "¹": "1", "²": "2", "³": "3", "{": "(", "}": ")"}
+    {
+        "µ": "u",
+        "μ": "u",
+        "·": " ",
+        "⋅": " ",
+        "×": " ",
+        "⁻": "-",
+        "¹": "1",
+        "²": "2",
+        "³": "3",
+        "⁶": "6",
+        "⁹": "9",
+        "{": "(",
+        "}": ")",
+    }
 )
 _TOKEN = re.compile(r"(?P<over>/)|(?P<open>\()|(?P<close>\))|(?P<one>1(?![\d.]))|(?P<unit>[A-Za-z]+)"
                     r"(?:\^?(?:\((?P<inner>[-+]?\d{1,2})\)|(?P<power>[-+]?\d{1,2})))?|[\s.*]+")  # fmt: skip
@@ -132,6 +149,24 @@ def unit_of(text: str, dimension: str) -> WrittenUnit:
     if found is None or found.exponents != DIMENSIONS[dimension]:
         raise ValueError(f"{text.strip()[:60]!r} is no unit of {ARTICLES[dimension]} that is known")
     return found
+
+
+def ratio_of(text: str) -> float:
+    """Return the value of 1 in the unit of a ratio that a text names: 1e-6 for "ppm", "1e-6" and "10^-6".
+
+    An empty text, or "1", is 1.
+
+    Raises:
+        ValueError: No known unit of a ratio.
+    """
+    plain = re.sub(r"\s", "", text[:LONGEST].translate(_SPELLING))
+    if is_no_unit(text):
+        return 1.0
+    if plain.lower() in _RATIOS:
+        return _RATIOS[plain.lower()]
+    if (power := _POWER_OF_TEN.fullmatch(plain)) is not None:
+        return float(f"1e{power[1]}")
+    raise ValueError(f"{text.strip()[:60]!r} is no unit of a ratio that is known")
 
 
 def unit_in_name(name: str) -> str:

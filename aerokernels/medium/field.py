@@ -19,7 +19,7 @@ from .averages.rows_of_cells import AveragesLacking
 from .averages.vertex_values import vertex_values
 from .bodies.body import Body
 from .bodies.solid_body import SolidBody
-from .given_contrast import checked_walls, contrast_array, warn_of_index
+from .given_contrast import check_order, checked_walls, contrast_array, warn_of_index
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite, check_starts_on_axis, local_coordinates
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
@@ -107,7 +107,9 @@ class IndexField(Derived):
             interpolation: "cubic" (C2 B-spline), "linear" or "monotone" (no overshoot at a shock).
             body: Solid body in the field: a `Body`, in a volume a `SolidBody`.
             cell_averages: `contrast` holds averages over the cells centred on the nodes (finite-volume data), not
-                samples at the nodes: the position of a shock inside a cell is then kept. See cell_averages.py.
+                samples at the nodes: the position of a shock inside a cell is then kept. In an axisymmetric field they
+                are averages over the (r, z) rectangle, without the weight r; `from_mesh` takes averages over volumes
+                of revolution, which differ by spacing^2 / (12 r) times the slope along r. See cell_averages.py.
             wavelength: Vacuum wavelength for which `contrast` was computed [m]; None if it is of no wavelength.
             upstream: Errors of `contrast` from how it was made.
 
@@ -117,6 +119,7 @@ class IndexField(Derived):
         """
         array = contrast_array(contrast)
         check_choice(geometry, "geometry", GEOMETRIES)
+        check_order(contrast, geometry)
         geometry, interpolation = str(geometry), str(interpolation)  # NumPy strings would be other keys of kernels
         if array.ndim != (dimension := 3 if geometry == "volume" else 2):
             raise ValueError(f"a {geometry} field needs an array of {dimension} axes, got shape {array.shape}")
@@ -137,8 +140,8 @@ class IndexField(Derived):
         """Return a field made from an xarray array of the contrast.
 
         Its dimensions are x, y, z, or y, z, or r, z, each with coordinates in the unit of their attribute `units`, or
-        in metres. The array's attributes `ambient_index`, `interpolation`, `wavelength` [m] and `cell_averages` are
-        used where there are any.
+        in metres. The array's own `units` may be that of a ratio ("1e-6", "ppm"). Its attributes `ambient_index`,
+        `interpolation`, `wavelength` [m] and `cell_averages` are used where there are any.
 
         Raises:
             TypeError: Not an xarray array.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..inputs.written_units import unit_of
+from ..inputs.written_units import ratio_of, unit_of
 
 GEOMETRIES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
 EVEN, UNEVEN = 1e-6, 1e-3  # of a spacing: nodes may be so far off an even grid in any case, and by rounding at most
@@ -20,8 +20,8 @@ def grid_arguments(array) -> dict:
 
     Raises:
         TypeError: Not an xarray array.
-        ValueError: Other dimensions, coordinates that are absent or not even, units that are not lengths, values that
-            are not real numbers, contrasts that no medium has.
+        ValueError: Other dimensions, coordinates that are absent or not even, units that are not lengths, a unit of the
+            contrast that is none of a ratio, values that are not real numbers, contrasts that no medium has.
     """
     if not hasattr(array, "dims") or not hasattr(array, "coords") or hasattr(array, "data_vars"):
         raise TypeError(f"from_xarray takes an xarray DataArray, got {type(array).__name__}: choose one of a Dataset")
@@ -64,6 +64,13 @@ def grid_arguments(array) -> dict:
     samples = np.asarray(array.values)
     if samples.dtype.kind not in "iuf":
         raise ValueError(f"the array holds {samples.dtype}, no real numbers: convert it")
+    try:
+        ratio = ratio_of(str(array.attrs.get("units", "")))
+    except ValueError as fault:
+        remedy = "it is n - ambient_index, a ratio; a density makes a field by DensityField.from_xarray and index_field"
+        raise ValueError(f"the unit of the contrast: {fault}: {remedy}") from None
+    if ratio != 1.0:
+        samples = samples * ratio
     if samples.size and samples.max() > GREATEST:
         raise ValueError(f"no medium has a contrast of {samples.max():g}, the greatest: it is n - ambient_index")
     return {"contrast": samples, "origin": origin, "spacing": spacing, "geometry": GEOMETRIES[order], **given}

@@ -98,7 +98,8 @@ class StrehlEstimate:
         standard_error: Standard error of `value` from the spread of independent replicates.
         marechal: Marechal's approximation.
         opd_rms: Rms OPD after removing the terms [m].
-        boresight: Deflection of the beam along the pupil's two axes [rad], shape (2,): slopes of the OPD's plane.
+        boresight: Deflection of the beam along the pupil's two axes [rad], shape (2,): slopes of the OPD's plane. In
+            an ambient medium of index n the beam is turned by 1/n of them.
         ray_count: Rays that the estimate represents: the requested number, rounded up to whole replicates.
         traced_ray_count: Rays actually traced; far fewer if a symmetric set-up was traced by radial quadrature, whose
             sampling error is no greater, or a smooth wavefront on lattices.

@@ -137,7 +137,7 @@ def trace(
 
 def _budget(field: IndexField, rays: RayBundle, retrace: Retrace, result: TraceResult) -> dict[str, float]:
     ends = None if result.known_air is None else result.known_air.needed(result.ends)
-    return error_budget(field, rays, result.ok, result.plan, retrace, result.truncation, ends)
+    return error_budget(field, rays, result.ok, result.plan, retrace, result.truncation, ends, result.step_error)
 
 
 def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> dict:

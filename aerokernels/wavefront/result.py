@@ -37,6 +37,7 @@ class Wavefront(WavefrontMap):
 
     Angles are those of the beam that leaves the pupil along the look direction: OPD = a x, light delayed at +x, turns
     the beam by +a toward +x, and the peak of `psf` is at +a. A distant point seen through the same air appears at -a.
+    All are angles in vacuum: in an ambient medium of index n the beam is turned by a / n.
     """
 
     @classmethod

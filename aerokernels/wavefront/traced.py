@@ -87,7 +87,7 @@ def wavefront(
         device=device,
         precision=precision,
         max_steps=max_steps,
-        outputs=("opd",),
+        outputs=("opd", "step_error"),  # by which the error budget chooses its rays
     )
     assert traced.opd is not None  # requested above
     if not traced.ok.any():

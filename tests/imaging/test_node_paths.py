@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from aerokernels import Camera, Disc, IndexField, Plane, RayBundle, trace
+from aerokernels import Camera, Disc, IndexField, Plane, RayBundle, image_through, trace
 from aerokernels.imaging.spreads import defocus_paths, node_paths
 
 OPTIONS = {"precision": "float64", "tolerance": 1e-5, "backend": "reference"}
@@ -81,3 +81,30 @@ def test_paths_from_a_far_point():
             # The wave reaches the ray's end later than the pupil's place by the way between them along its direction.
             expected = path - 1.2 * float((end - start) @ way)
             assert found[i, j] == pytest.approx(expected, abs=5e-9)
+
+
+def test_a_picture_in_water_is_the_one_in_air_with_the_wavelength_in_water():
+    """Indices and the wavelength times 1.33: all paths are as many waves, and rays and diffraction have equal angles.
+
+    The flow turns light by 2e-4 rad, 2 pixels, and a point of the scene spreads over some pixels.
+    """
+    x, z = np.linspace(-5e-3, 5e-3, 31), np.linspace(0.0, 1e-2, 31)
+    parts = np.meshgrid((x - 1e-3) / 2e-3, x / 2e-3, (z - 5e-3) / 1e-3, indexing="ij")
+    contrast = 2e-4 * np.exp(-0.5 * sum(part**2 for part in parts))
+    scene = np.zeros((24, 24))
+    scene[12, 12] = scene[5, 18] = 1.0
+    camera = Camera(Disc(2e-3, center=(0.0, 0.0, -0.5)), 0.1, 10e-6, distance=1.0)
+    seen = []
+    for ambient in (1.0, 1.33):
+        field = IndexField.from_samples(
+            ambient * contrast,
+            origin=(x[0], x[0], 0.0),
+            spacing=(x[1] - x[0], x[1] - x[0], z[1]),
+            geometry="volume",
+            ambient_index=ambient,
+        )
+        options = {"psf_nodes": 3, "psf_pixels": 12, "pupil_pixels": 24, "aperture_rays": 1}
+        seen.append(image_through(field, scene, camera, wavelength=ambient * 532e-9, **options))
+    assert np.abs(seen[0].displacement).max() > 0.5
+    assert seen[1].image == pytest.approx(seen[0].image, abs=1e-5 * seen[0].image.max())
+    assert seen[1].reference == pytest.approx(seen[0].reference, abs=1e-12)

@@ -191,9 +191,11 @@ def test_the_snapshots_of_a_series_are_asked_for_by_whole_numbers():
         series[1]
 
 
-def test_an_index_that_is_given_as_a_contrast_is_warned_of():
+@pytest.mark.parametrize("index", [1.0003, 1.33, 1.5168, 2.4, 4.0])
+def test_an_index_that_is_given_as_a_contrast_is_warned_of(index):
+    """Of air, water, glass, diamond and germanium."""
     with pytest.warns(UserWarning, match="it is n - ambient_index, not n itself"):
-        samples(np.full((3, 3), 1.0003))
+        samples(np.full((3, 3), index))
 
 
 @pytest.mark.parametrize("interpolation", ["cubic", "linear"])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from aerokernels.inputs.written_units import in_brackets, unit_of, written_unit
+from aerokernels.inputs.written_units import in_brackets, ratio_of, unit_of, written_unit
 
 
 @pytest.mark.parametrize(
@@ -27,6 +27,7 @@ from aerokernels.inputs.written_units import in_brackets, unit_of, written_unit
         ("mm", "length", 1e-3, 0.0),
         ("millimeters", "length", 1e-3, 0.0),
         ("µm", "length", 1e-6, 0.0),
+        ("microns", "length", 1e-6, 0.0),
         ("inches", "length", 0.0254, 0.0),
         ("ms", "time", 1e-3, 0.0),
         ("1", "length", 1.0, 0.0),
@@ -55,3 +56,14 @@ def test_units_in_names():
         "mm", "kPa", "kg/(m^3)", "", "",
     ]  # fmt: skip
     assert written_unit("axial") is None
+
+
+@pytest.mark.parametrize("text", ["ppm", "1e-6", "1.0E-06", "10^-6", "10**-6", "1 x 10^-6", "1 × 10⁻⁶", "10-6"])
+def test_millionths_as_they_are_written(text):
+    assert ratio_of(text) == 1e-6
+
+
+@pytest.mark.parametrize("text", ["2e-6", "kg/m3", "m", "1e6", "10", "1e-6 m", "e", "1" * 300])
+def test_what_is_no_unit_of_a_ratio_is_refused(text):
+    with pytest.raises(ValueError, match="is no unit of a ratio that is known"):
+        ratio_of(text)

@@ -191,15 +191,17 @@ def error_budget(
     retrace: Retrace,
     lost: np.ndarray,
     ends: Ends | None = None,
+    step_error: np.ndarray | None = None,
 ) -> dict[str, float]:
     """The budget of a trace [m of OPD]: the greatest error of each cause over the rays that arrived.
 
     `good` says which arrived, `lost` is the OPD that each may have lost where the known air ends [m], both of shape
     (ray_count,). `ends` are the traced end points [m] and directions by which it was estimated; None: straight lines.
+    `step_error` is the trace's own estimate of each ray's step error [m], shape (ray_count,), if it was kept.
     """
     if not good.any():
         return dict.fromkeys((*CAUSES, "total"), float("nan"))
-    rows = subset(field, rays, good)
+    rows = subset(field, rays, good, step_error)
     chosen = rays.rows(rows)
     ended = None if ends is None else (ends[0][rows], ends[1][rows])
     found = opd_errors(field, chosen, plan, retrace)
