@@ -55,7 +55,7 @@ def subset(field: IndexField, rays: RayBundle, good: np.ndarray, step_error: np.
     sharpest = compared[np.argsort(strength, kind="stable")[-SHARPEST:]]
     rows = np.union1d(_evenly(arrived, SUBSET - SHARPEST), sharpest)
     if step_error is not None:
-        estimate = np.nan_to_num(step_error[arrived])
+        estimate = np.nan_to_num(np.asarray(step_error)[arrived])
         rows = np.union1d(rows, arrived[np.argpartition(estimate, -LEAST_ACCURATE)[-LEAST_ACCURATE:]])
     return rows
 
