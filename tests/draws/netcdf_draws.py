@@ -258,6 +258,8 @@ def index(draw: random.Random, folder: Path) -> bool:
     if "density" in far:
         own = far["density"]
         assert own.values is not None
+        if own.attributes.get("units") == "kg/m3":  # if the draw has not changed it: a contrast is a ratio
+            own = own._replace(attributes={**own.attributes, "units": "1"})
         with suppress(TypeError), np.errstate(all="ignore"):
             far["density"] = own._replace(values=own.values * 1e-4)
     try:
