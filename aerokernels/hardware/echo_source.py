@@ -40,10 +40,7 @@ class EchoSource:
                 not hold, or a negative noise.
             TypeError: an echo or a noise that is no number.
         """
-        voltage = np.asarray(self.voltage)
-        if voltage.dtype.kind == "f" and not np.all(np.isfinite(voltage)):
-            raise ValueError(f"the echo has {np.sum(~np.isfinite(voltage))} samples that are not finite: repair them")
-        voltage = as_finite_array(voltage, "the echo")
+        voltage = as_finite_array(self.voltage, "the echo")
         check_count(self.sample_period_ps, "sample_period_ps", most=2**32 - 1)
         if voltage.ndim != 1 or not 1 <= voltage.size <= GREATEST_SAMPLE_COUNT:
             raise ValueError(f"an echo of shape {voltage.shape}: give one row of 1 to {GREATEST_SAMPLE_COUNT} samples")

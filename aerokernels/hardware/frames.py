@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 from cobs import cobs
 
-from aerokernels.hardware.waveform import Waveform, as_counts, as_finite, as_whole
+from aerokernels.hardware.waveform import Waveform, as_counts, as_whole
+from aerokernels.inputs.checks import check_at_least
 
 MAGIC = b"AE"
 VERSION = 1
@@ -77,7 +78,7 @@ class EchoFrame(Waveform):
             if not 0 <= value < 1 << bits:
                 raise ValueError(f"{name} = {value} does not fit its unsigned {bits}-bit field: use 0 to 2**{bits} - 1")
         for name in ("scale", "offset"):
-            given = as_finite(getattr(self, name), name)
+            given = check_at_least(getattr(self, name), name)
             volts = float(np.float32(given)) if abs(given) <= float(np.finfo(np.float32).max) else math.inf
             if math.isinf(volts) or (given and not volts):
                 raise ValueError(f"{name} = {given} is beyond float32: give volts that are not")

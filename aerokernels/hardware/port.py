@@ -49,11 +49,9 @@ def open_port(port: str, *, baud: int = 115200, timeout: float = 0.1, flow: str 
 
     if not isinstance(port, str):
         raise TypeError(f"port must be a text such as /dev/ttyUSB0, got {port!r}")
-    baud = check_count(baud, "baud", least=-(2**63))
+    baud = check_count(baud, "the line rate", most=2**31 - 1)  # the drivers' field has 31 bits
     if not is_number(timeout) or not 0.0 <= timeout < threading.TIMEOUT_MAX:
         raise ValueError(f"timeout = {timeout!r}: give seconds, 0 or more")
-    if not 0 < baud < 2**31:  # the drivers' field has 31 bits
-        raise ValueError(f"baud = {baud}: give a positive line rate such as 115200")
     if flow not in FLOW_CONTROLS:
         why = ", which takes bytes out of binary data" if "xon" in str(flow).lower() else ""
         raise ValueError(f"flow control {flow!r}{why}: give one of {', '.join(FLOW_CONTROLS)}")

@@ -16,7 +16,8 @@ from functools import cached_property
 
 import numpy as np
 
-from aerokernels.hardware.waveform import Waveform, as_counts, as_finite, as_whole
+from aerokernels.hardware.waveform import Waveform, as_counts, as_whole
+from aerokernels.inputs.checks import check_at_least
 
 # Full names of the fields, and the least length to which an instrument abbreviates them (VERBOSE OFF).
 _TEKTRONIX_FIELDS = {
@@ -147,9 +148,10 @@ class ScopeCurve(Waveform):
         if self.sequence is not None:
             object.__setattr__(self, "sequence", as_whole(self.sequence, "sequence"))
         for name in ("sample_period_ps", "scale", "offset", "first_sample_time"):
-            number = as_finite(getattr(self, name), name)
+            given = getattr(self, name)
+            number = check_at_least(given, name)
             # A whole number of picoseconds stays one: the store then holds it as a whole number.
-            object.__setattr__(self, name, getattr(self, name) if isinstance(getattr(self, name), int) else number)
+            object.__setattr__(self, name, given if isinstance(given, int) else number)
         object.__setattr__(self, "samples", as_counts(self.samples))
 
     @cached_property

@@ -1,6 +1,5 @@
 """The base class of recorded echoes of all protocols: counts, their scale in volts, and their times."""
 
-import math
 from operator import index
 from typing import Any
 
@@ -67,13 +66,3 @@ def as_whole(value: Any, name: str) -> int:
         return index(value)
     except TypeError:
         raise TypeError(f"{name} must be a whole number, got {value!r}") from None
-
-
-def as_finite(value: Any, name: str) -> float:
-    """Return a finite number as a float; raise a TypeError or ValueError that names any other value."""
-    if isinstance(value, str) or not hasattr(value, "__float__") or np.ndim(value):
-        raise TypeError(f"{name} must be a number, got {value!r}")
-    number = float(value)
-    if not math.isfinite(number):
-        raise ValueError(f"{name} = {number} is not finite: give a number that is")
-    return number

@@ -19,8 +19,9 @@ from .averages.rows_of_cells import AveragesLacking
 from .averages.vertex_values import vertex_values
 from .bodies.body import Body
 from .bodies.solid_body import SolidBody
-from .given_contrast import check_order, checked_walls, contrast_array, warn_of_index
+from .given_contrast import checked_walls, contrast_array, warn_of_index
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite, check_starts_on_axis, local_coordinates
+from .labelled_grid import check_order, grid_arguments
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
 
@@ -147,8 +148,6 @@ class IndexField(Derived):
             TypeError: Not an xarray array.
             ValueError: Other dimensions, coordinates that are absent or not evenly spaced, units that are not lengths.
         """
-        from .labelled_grid import grid_arguments
-
         return cls.from_samples(**grid_arguments(array), body=body)
 
     @classmethod

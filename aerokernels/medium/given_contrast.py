@@ -25,25 +25,6 @@ def contrast_array(contrast: Any) -> np.ndarray:
     return array
 
 
-def check_order(contrast: Any, geometry: str) -> None:
-    """Reject a labelled array, such as one of xarray, whose dimensions are those of a geometry in another order.
-
-    Raises:
-        ValueError: As described; the message names the remedy.
-    """
-    if not hasattr(contrast, "dims"):
-        return
-    from .labelled_grid import GEOMETRIES
-
-    axes = next(axes for axes, name in GEOMETRIES.items() if name == geometry)
-    names = tuple(map(str, contrast.dims))
-    if names != axes and sorted(names) == sorted(axes):
-        raise ValueError(
-            f"contrast has the dimensions {', '.join(names)}, and a field {', '.join(axes)}: take "
-            f"contrast.transpose({', '.join(map(repr, axes))}), or IndexField.from_xarray, which orders them itself"
-        )
-
-
 def warn_of_index(least: float, greatest: float) -> None:
     """Warn a caller of from_samples or from_mesh whose contrasts look like indices n, of any medium up to germanium."""
     if 0.99 < least <= greatest < 4.5:

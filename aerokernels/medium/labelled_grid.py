@@ -1,5 +1,7 @@
 """Convert an xarray array on an even grid to the arguments of `IndexField.from_samples`."""
 
+from typing import Any
+
 import numpy as np
 
 from ..inputs.written_units import ratio_of, unit_of
@@ -13,6 +15,23 @@ GREATEST = 1e3  # no medium has greater contrasts: the file is damaged
 def unevenness(step: float, farthest: float) -> float:
     """Return how far nodes with coordinates up to `farthest` may be off an even grid of a spacing `step`, like it."""
     return step * float(np.clip(SINGLE * farthest / step, EVEN, UNEVEN)) if step > 0.0 else 0.0
+
+
+def check_order(contrast: Any, geometry: str) -> None:
+    """Reject a labelled array, such as one of xarray, whose dimensions are those of a geometry in another order.
+
+    Raises:
+        ValueError: As described; the message names the remedy.
+    """
+    if not hasattr(contrast, "dims"):
+        return
+    axes = next(axes for axes, name in GEOMETRIES.items() if name == geometry)
+    names = tuple(map(str, contrast.dims))
+    if names != axes and sorted(names) == sorted(axes):
+        raise ValueError(
+            f"contrast has the dimensions {', '.join(names)}, and a field {', '.join(axes)}: take "
+            f"contrast.transpose({', '.join(map(repr, axes))}), or IndexField.from_xarray, which orders them itself"
+        )
 
 
 def grid_arguments(array) -> dict:

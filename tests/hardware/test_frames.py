@@ -81,7 +81,7 @@ def test_the_longest_frame_fits():
         ({"sequence": 2**32}, "sequence = 4294967296"),
         ({"sequence": -1}, "sequence = -1"),
         ({"device_time_us": 2**64}, "device_time_us"),
-        ({"scale": float("nan")}, "scale = nan"),
+        ({"scale": float("nan")}, "scale must be finite, got nan"),
         ({"offset": 1e39}, "offset = 1e"),
         ({"samples": np.array([40000])}, "int16"),
         ({"samples": np.array([0.5])}, "float64"),

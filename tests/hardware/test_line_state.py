@@ -1,10 +1,7 @@
 """What the recorder says of a line on which something comes, but no frames, and of a store that is locked."""
 
-import os
 import signal
 import sqlite3
-import subprocess
-import sys
 import threading
 import time
 from dataclasses import replace
@@ -162,7 +159,7 @@ def test_the_command_says_at_its_end_what_to_check(tmp_path: Path):
 
 
 @needs_pseudo_terminals
-def test_what_a_full_disk_does_not_take_is_kept_elsewhere(tmp_path: Path, root: Path):
+def test_what_a_full_disk_does_not_take_is_kept_elsewhere(tmp_path: Path, run_code):
     """A process whose files may grow to 150 kB: what it recorded is in the store and in one among temporary files.
 
     Before, the echoes since the last commit were lost.
@@ -184,10 +181,7 @@ def test_what_a_full_disk_does_not_take_is_kept_elsewhere(tmp_path: Path, root: 
         "    threading.Thread(target=terminal.write, args=(wire,), daemon=True).start()\n"
         "    Recorder(stream, store, lambda: stream, count=160, commit_interval=0.0, batch_size=20).run()\n"
     )
-    environment = {**os.environ, "PYTHONPATH": str(root), "TMPDIR": str(tmp_path)}
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", cwd=tmp_path, env=environment, timeout=60
-    )
+    done = run_code(code)
     assert done.returncode == 1 and "what was committed is safe" in done.stderr, done.stderr
     assert "pieces that came since are in" in done.stderr and "s-rest.sqlite" in done.stderr
     committed, rest = sequences(tmp_path / "s.sqlite"), sequences(tmp_path / "s-rest.sqlite")

@@ -30,7 +30,7 @@ SOURCE = EchoSource.gaussian(noise=0.0)
         (lambda: run_board(None, SOURCE, rate=-1.0), "echoes per second: give a positive one"),
         (lambda: FaultPlan({}, pause=-1.0), r"pause = -1\.0 s: give 0 or more"),
         (lambda: EchoSource(np.ones((2, 2))), r"an echo of shape \(2, 2\): give one row"),
-        (lambda: EchoSource(np.array([1.0, math.nan])), "the echo has 1 samples that are not finite"),
+        (lambda: EchoSource(np.array([1.0, math.nan])), "the echo: 1 of 2 values are not finite"),
         (lambda: EchoSource(np.ones(3), noise=-1.0), r"noise = -1\.0 V: give 0 or more"),
         (lambda: Recorder(None, None, None, count=0), "count = 0: give 1 or more"),
         (lambda: Recorder(None, None, None, commit_interval=float("nan")), r"commit interval = nan s: give 0 or more"),

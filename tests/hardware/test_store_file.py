@@ -1,9 +1,7 @@
 """A store's file that is moved, replaced or deleted while it is written, locked by others, or in a closed folder."""
 
-import os
 import shutil
 import sqlite3
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -47,7 +45,7 @@ def test_a_file_that_another_program_locks_is_said_to_be_that(tmp_path: Path, mo
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no permissions of this kind there")
-def test_a_folder_that_may_not_be_written(root: Path):
+def test_a_folder_that_may_not_be_written(run_code):
     """A finished store is read there; one with a log is not, as SQLite would say "unable to open database file"."""
     place = tempfile.TemporaryDirectory()  # pytest's own folders are closed to other users
     folder = Path(place.name)
@@ -77,16 +75,8 @@ def test_a_folder_that_may_not_be_written(root: Path):
         "        except Exception as error:\n"
         "            print(type(error).__name__, error)\n"
     )
-    environment = {**os.environ, "PYTHONPATH": str(root)}
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            capture_output=True,
-            encoding="utf-8",
-            cwd=folder,
-            env=environment,
-            timeout=60,
-        )
+        done = run_code(code, folder)
     finally:
         for name in ("finished", "killed"):
             (folder / name).chmod(0o755)
@@ -130,7 +120,7 @@ def test_a_file_that_loses_its_name_is_saved_under_another(tmp_path: Path, how: 
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files there")
-def test_a_copy_for_which_there_is_no_room(tmp_path: Path, root: Path):
+def test_a_copy_for_which_there_is_no_room(tmp_path: Path, run_code):
     """A process that may write no file beyond 20 kB after a store of 60 kB was moved: the remedy holds."""
     code = (
         "import os, resource\n"
@@ -146,10 +136,7 @@ def test_a_copy_for_which_there_is_no_room(tmp_path: Path, root: Path):
         "resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))\n"
         "store.commit()\n"
     )
-    environment = {**os.environ, "PYTHONPATH": str(root), "TMPDIR": str(tmp_path)}
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", cwd=tmp_path, env=environment, timeout=60
-    )
+    done = run_code(code)
     assert done.returncode == 1 and "could not be copied (disk I/O error)" in done.stderr, done.stderr
     assert "if it was moved, give it its old name again" in done.stderr
     assert not list(tmp_path.glob("*saved*"))
@@ -158,7 +145,7 @@ def test_a_copy_for_which_there_is_no_room(tmp_path: Path, root: Path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files there")
-def test_a_batch_for_which_there_is_no_room_anywhere(tmp_path: Path, root: Path):
+def test_a_batch_for_which_there_is_no_room_anywhere(tmp_path: Path, run_code):
     """The batch stays open in the store, and nothing half-written is left among the temporary files."""
     code = (
         "import resource\n"
@@ -175,10 +162,7 @@ def test_a_batch_for_which_there_is_no_room_anywhere(tmp_path: Path, root: Path)
         "resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))\n"
         "store.commit()\n"
     )
-    environment = {**os.environ, "PYTHONPATH": str(root), "TMPDIR": str(tmp_path)}
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", cwd=tmp_path, env=environment, timeout=60
-    )
+    done = run_code(code)
     assert done.returncode == 0 and done.stdout.split() == ["None", "20"], done.stderr
     assert not list(tmp_path.glob("e-rest*")) and numbers_in(tmp_path / "e.sqlite") == list(range(20))
 

@@ -73,9 +73,9 @@ def test_echoes_that_no_recording_has_are_refused(tmp_path: Path):
 @pytest.mark.parametrize(
     ("name", "value", "match"),
     [
-        ("scale", math.nan, "scale = nan"),
-        ("offset", "0", "offset must be a number, got '0'"),
-        ("scale", None, "scale must be a number, got None"),
+        ("scale", math.nan, "scale must be finite, got nan"),
+        ("offset", "0", "offset must be one number, got '0'"),
+        ("scale", None, "scale must be one number, got None"),
         ("sequence", 1.5, "sequence must be a whole number, got 1.5"),
         ("samples", np.arange(20) * 0.5, "float64 do not fit int16"),
         ("samples", np.arange(20) * 2000, "int64 do not fit int16"),
@@ -103,7 +103,7 @@ def test_a_scale_that_float32_rounds_to_zero_is_refused():
         (lambda folder: Recorder(None, None, None, batch_size=0), "batch_size must be a whole number"),
         (lambda folder: Recorder(None, None, None, stall_time="1"), "stall time = '1' s: give 0 or more"),
         (lambda folder: open_port(5), "port must be a text such as /dev/ttyUSB0, got 5"),
-        (lambda folder: open_port("/dev/x", baud="fast"), "baud must be a whole number"),
+        (lambda folder: open_port("/dev/x", baud="fast"), "the line rate must be a whole number"),
         (lambda folder: open_port("/dev/x", timeout=math.nan), "timeout = nan: give seconds"),
         (lambda folder: open_port("/dev/x", flow=None), "flow control None: give one of none"),
         (lambda folder: EchoSource(["a"]), "the echo must hold real numbers"),
