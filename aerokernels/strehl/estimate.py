@@ -1,7 +1,7 @@
 """Estimate the Strehl ratio of a pupil over millions of rays that are traced and summed on the device."""
 
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -19,6 +19,7 @@ from ..tracing.engines import engine_of
 from ..tracing.plan import TracePlan
 from ..tracing.pupil.fit import fit_moments
 from ..tracing.pupil.job import REPLICATES, PupilJob, make_job
+from ..tracing.pupil.new_values import next_job
 from ..tracing.retrace import report_rejected
 from ..wavefront import check_terms
 from ..wavefront.strehl_errors import estimate_quantities
@@ -197,17 +198,13 @@ class PreparedStrehl:
         return f"PreparedStrehl of {self.ray_count:,} rays, {pupil}, {self.wavelength * 1e9:.6g} nm, by {backend}"
 
     def _make_job(self, like: PupilJob | None) -> None:
+        chosen: dict[str, Any] = {"ray_count": self.ray_count, "remove": self.remove, **self.choices}
+        make: Callable[..., PupilJob] = partial(make_job, pupil=self.pupil, look=self.look, **chosen)
         with stage("plan"):
-            self.job = make_job(
-                self.field,
-                self.pupil,
-                self.look,
-                self.wavelength,
-                self.ray_count,
-                self.remove,
-                like=like,
-                **self.choices,
-            )
+            if like is None:
+                self.job = make(self.field, wavelength=self.wavelength)
+            else:
+                self.job = next_job(make, like, self.field, self.wavelength)
         self.job.air.check(self.allow_truncation)
         self.plan = self.job.plan
 

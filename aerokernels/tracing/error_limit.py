@@ -15,8 +15,8 @@ from .blocks import over_lines
 SHARE = 1e-3
 # Smaller numbers are no meaningful optical paths [m]: their products in single precision vanish.
 LEAST = 1e-24
-# Every so many of the lines along the last axis are summed first; relative difference of sums in another order.
-EVERY, ROUNDING = 4, 1e-9
+# Lines along the last axis that are summed first, along each other axis; relative difference of sums in another order.
+SOME, ROUNDING = 16, 1e-9
 # Tolerances whose limits a field caches.
 CACHED = 4  # speed only
 
@@ -25,6 +25,11 @@ def error_limit(field: IndexField, tolerance: float) -> float:
     """The OPD error [m] allowed to a ray, at most the requested `tolerance` [m]."""
     limit: float = field.derive(("error limit", tolerance), lambda: _find_limit(field, tolerance), CACHED)
     return limit
+
+
+def keep_error_limit(field: IndexField, tolerance: float, limit: float) -> None:
+    """Let a stricter limit [m] be the one that `error_limit` returns for a field."""
+    field.derive(("error limit", tolerance), lambda: limit, CACHED)
 
 
 def _find_limit(field: IndexField, tolerance: float) -> float:
@@ -58,7 +63,7 @@ def greatest_path(field: IndexField) -> float:
 
 def _find_some_path(grid: UniformGrid) -> float:
     """The greatest path along some lines of the last axis [m]."""
-    rows = grid.samples[(slice(None, None, EVERY),) * (grid.samples.ndim - 1)]
+    rows = grid.samples[tuple(slice(None, None, max(1, count // SOME)) for count in grid.shape[:-1])]
     return float(np.abs(rows).sum(axis=-1).max()) * float(grid.spacing[-1])
 
 

@@ -60,55 +60,100 @@ def begun_grid(engine: Engine, grid: UniformGrid) -> Callable[[], None]:
     Raises:
         ValueError: The grid does not fit the device.
     """
+    is_known = "coefficients" in grid.__dict__ or grid.held(FETCH) is not None
+    return _nothing if is_known or not is_faster(engine, grid) else GridTables(engine, grid).begun(grid)
+
+
+def is_faster(engine: Engine, grid: UniformGrid) -> bool:
+    """Whether the engine's device computes the tables of a grid, and faster than the host."""
     shape = grid.shape
     is_flat = len(shape) == 2
     if grid.interpolation != "cubic" or len(shape) < 2 or min(shape) < LEAST_COUNT or shape[-1] < LEAST_LAST:
-        return _nothing
+        return False
     if grid.samples.size < (LEAST_FLAT if is_flat else LEAST_NODES) or (is_flat and engine.is_gpu):
-        return _nothing
-    is_known = "coefficients" in grid.__dict__ or grid.held(FETCH) is not None
+        return False
     size = 8 * math.prod(count + 2 for count in shape)
-    if is_known or not engine.grid_tables or size > engine.memory[1]:
-        return _nothing
-    tables = _Tables(engine, grid)
-    read = tables.started(engine.grid_tables)
+    return bool(engine.grid_tables) and size <= engine.memory[1]
 
-    def finish() -> None:
-        found = read()
-        engine.settle()
-        grid.derive(engine.grid_key, lambda: tables.coefficients)
-        # Not a method of the tables, which have the grid: a cycle would keep its memory, on the device too.
-        fetch = partial(_fetched, engine, tables.coefficients, tables.on_host, grid.coefficient_shape)
-        grid.derive(FETCH, lambda: fetch)
-        for name, table in found.items():
-            grid.derive(name, partial(lambda table: table, table))
 
-    return finish
+def keep_tables(grid: UniformGrid, tables: dict[str, Any]) -> None:
+    """Cache tables that `GridTables.read` has returned on the grid from whose samples they were made."""
+    for name, table in tables.items():
+        grid.derive(name, partial(lambda table: table, table))
 
 
 def _nothing() -> None:
     """Do nothing: the host computes the tables, or they are known."""
 
 
-class _Tables:
-    """A grid on a device, and the launches that reduce it."""
+class GridTables:
+    """Memory on a device for the tables of grids on the same nodes, and the launches that compute them.
+
+    Attributes:
+        coefficients: The buffer of the spline's coefficients.
+        on_host: On a CPU the array with which it shares memory: allocating memory takes as long as a spline.
+    """
 
     def __init__(self, engine: Engine, grid: UniformGrid):
-        self.engine, self.grid, self.kernels = engine, grid, engine.kernels(GRID_KERNELS)
+        """Allocate memory for grids like this one: with the same nodes and the same ambient index."""
+        self.engine, self.grid = engine, grid
+        # One for each launch: a launch that is started again then sets no argument.
+        self.kernels = [engine.kernels(GRID_KERNELS) for _ in grid.shape]
         self.block = block_size(grid)
-        self.samples = engine.share(grid.samples.reshape(-1))
-        # On a CPU the coefficients share memory with the host: allocating memory takes as long as a spline.
-        self.on_host = None if engine.is_gpu else np.empty(math.prod(grid.coefficient_shape))
+        self.blocks = [_blocks(count, self.block) for count in grid.shape]
+        count = math.prod(grid.coefficient_shape)
+        self.on_host = None if engine.is_gpu else np.zeros(count)
+        self.coefficients = engine.empty(count) if self.on_host is None else engine.share(self.on_host)
         *others, last = grid.shape
         self.spare = engine.empty(math.prod(count + 2 for count in others) * last)
-        self.coefficients = self._spline()
+        sizes = [4 * math.prod(self.blocks)]
+        if "potential peaks" in engine.grid_tables:
+            first, second, third = _three(grid.coefficient_shape)
+            sizes += [second * third, first * third]
+        self.reading = engine.fetched([np.empty(size) for size in sizes])
 
-    def _spline(self) -> Any:
-        """Coefficients of the potential's spline, axis by axis."""
-        values, shape, engine = self.samples, list(self.grid.shape), self.engine
-        count = math.prod(self.grid.coefficient_shape)
-        whole = engine.empty(count) if self.on_host is None else engine.share(self.on_host)
-        for axis, made in enumerate((whole, self.spare, whole)[-len(shape) :]):
+    def begun(self, grid: UniformGrid) -> Callable[[], None]:
+        """Start for the samples of a grid, which then owns the coefficients; return what waits and caches all on it."""
+        self.start(self.engine.share(grid.samples.reshape(-1)))
+
+        def finish() -> None:
+            found, engine = self.read(), self.engine
+            engine.settle()
+            grid.derive(engine.grid_key, lambda: coefficients)
+            # Not a method of these tables, which have a grid: a cycle would keep its memory, on the device too.
+            fetch = partial(_fetched, engine, coefficients, self.on_host, grid.coefficient_shape)
+            grid.derive(FETCH, lambda: fetch)
+            keep_tables(grid, found)
+
+        coefficients = self.coefficients
+        return finish
+
+    def start(self, samples: Any) -> None:
+        """Start the launches for the samples in a buffer, and the copy of the tables to the host."""
+        in_blocks, *lines = self.reading.buffers
+        self._spline(samples)
+        self._by_blocks(samples, in_blocks)
+        if lines:
+            self._peaks(*lines)
+        self.reading.start()
+
+    def read(self) -> dict[str, Any]:
+        """Wait for the tables of the last `start`, and return them by name."""
+        in_blocks, *lines = (array.copy() for array in self.reading.wait())
+        *fourth, potential = in_blocks.reshape(4, *self.blocks)  # of a grid of two axes the first is of no axis
+        found = {"roughness": self._by_axis(*fourth), "potential by blocks": potential}
+        if lines:
+            first, second, third = _three(self.grid.coefficient_shape)
+            peaks = _peaks_of(lines[0].reshape(second, third), lines[1].reshape(first, third))
+            found["potential peaks"] = peaks[-len(self.blocks) :]
+        return found
+
+    def _spline(self, values: Any) -> None:
+        """Launch the spline of the potential, axis by axis, from a buffer of samples."""
+        shape, engine = list(self.grid.shape), self.engine
+        whole = self.coefficients
+        buffers = (whole, self.spare, whole)[-len(shape) :]
+        for axis, (made, kernels) in enumerate(zip(buffers, self.kernels, strict=True)):
             nodes, pitch = shape[axis], math.prod(shape[axis + 1 :])
             even = self.grid.even_first_axis and axis == 0
             inverse = known(
@@ -118,47 +163,21 @@ class _Tables:
             shape[axis] += 2
             ambient = self.grid.ambient_index if axis == 0 else 0.0
             before = [values, inverse, nodes, pitch, int(even), ambient]
-            engine.launch(self.kernels["spline_lines"], before, [made], lines)
+            engine.launch(kernels["spline_lines"], before, [made], lines)
             values = made
-        return values
 
     def _pivots(self, nodes: int, even: bool) -> Any:
         return self.engine.put(pivots(nodes, even))
 
-    def started(self, names: tuple[str, ...]) -> Callable[[], dict[str, Any]]:
-        """Start the launches of some tables; return a function that waits for the tables, by name."""
-        blocks = [_blocks(count, self.block) for count in self.grid.shape]
-        sizes = [4 * math.prod(blocks)]
-        if "potential peaks" in names:
-            first, second, third = _three(self.grid.coefficient_shape)
-            sizes += [second * third, first * third]
-        reading = self.engine.fetched([np.empty(size) for size in sizes])
-        in_blocks, *lines = reading.buffers
-        self._by_blocks(in_blocks)
-        if lines:
-            self._peaks(*lines)
-        reading.start()
-
-        def read() -> dict[str, Any]:
-            in_blocks, *lines = reading.taken()
-            *fourth, potential = in_blocks.reshape(4, *blocks)  # of a grid of two axes the first is of no axis
-            found = {"roughness": self._by_axis(*fourth), "potential by blocks": potential}
-            if lines:
-                peaks = _peaks_of(lines[0].reshape(second, third), lines[1].reshape(first, third))
-                found["potential peaks"] = peaks[-len(blocks) :]
-            return found
-
-        return read
-
-    def _by_blocks(self, made: Any) -> None:
+    def _by_blocks(self, samples: Any, made: Any) -> None:
         """Launch the greatest fourth differences along each axis and potential in each block, into this buffer."""
         grid = self.grid
         first, second, third = _three(grid.shape)
         columns = _blocks(first, self.block) * _blocks(second, self.block) * third
         even = int(grid.even_first_axis and first == 1)
-        before = [self.coefficients, self.samples, first, second, third, self.block, even, grid.ambient_index]
-        self.engine.launch(self.kernels["column_maxima"], before, [self.spare], columns)
-        self._maxima(self.spare, 1, 4 * columns // third, third, self.block, made)
+        before = [self.coefficients, samples, first, second, third, self.block, even, grid.ambient_index]
+        self.engine.launch(self.kernels[0]["column_maxima"], before, [self.spare], columns)
+        self._maxima(0, self.spare, 1, 4 * columns // third, third, self.block, made)
 
     def _by_axis(self, *fourth: np.ndarray) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
         """Convert to the form of step_bound.roughness_of_blocks."""
@@ -172,13 +191,16 @@ class _Tables:
         Lines of the last axis are contiguous in memory, which would be slower.
         """
         first, second, third = _three(self.grid.coefficient_shape)
-        self._maxima(self.coefficients, second * third, 1, first, first, planes)
-        self._maxima(self.coefficients, third, first, second, second, rows)
+        self._maxima(1, self.coefficients, second * third, 1, first, first, planes)
+        self._maxima(-1, self.coefficients, third, first, second, second, rows)
 
-    def _maxima(self, values: Any, pitch: int, outer: int, count: int, block: int, made: Any) -> None:
-        """Launch the greatest absolute values over the nodes of blocks along an axis, into the buffer `made`."""
+    def _maxima(self, number: int, values: Any, pitch: int, outer: int, count: int, block: int, made: Any) -> None:
+        """Launch the greatest absolute values over the nodes of blocks along an axis, into the buffer `made`.
+
+        `number` tells the kernels of the launches apart.
+        """
         places = outer * _blocks(count, block) * pitch
-        self.engine.launch(self.kernels["block_maxima"], [values, count, pitch, block], [made], places)
+        self.engine.launch(self.kernels[number]["block_maxima"], [values, count, pitch, block], [made], places)
 
 
 def _fetched(engine: Engine, coefficients: Any, on_host: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Launch a bundle on the engine of its plan, in chunks that fit the device's memory: upload, trace and download."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -205,32 +205,43 @@ class Trials:
 
     def __call__(self, *asked: tuple[int, float, float]) -> list[dict[str, np.ndarray]]:
         """Return the outputs for each (number of samples, quadrature scale, trajectory scale), see TracePlan."""
-        return self.started(*asked)()
+        repeated = self.repeated(*asked)
+        repeated.start()
+        return repeated.read()
 
-    def started(self, *asked: tuple[int, float, float]) -> Callable[[], list[dict[str, np.ndarray]]]:
-        """Start to trace the rays for each of these numbers; return a function that waits for the outputs.
+    def repeated(self, *asked: tuple[int, float, float]) -> "RepeatedTrials":
+        """Allocate memory for these numbers."""
+        return RepeatedTrials(self, asked)
 
-        All outputs are read together. The function is called once, by the thread that started them.
-        """
-        prepared, engine, names = self.prepared, self.prepared.engine, self.names
+
+class RepeatedTrials:
+    """Trace the rays of Trials for several numbers, any number of times; all outputs are read together."""
+
+    def __init__(self, trials: Trials, asked: Sequence[tuple[int, float, float]]):
+        """Allocate the memory; `asked` as for a call of the trials."""
+        self.trials, self.asked = trials, asked
+        prepared, names, count = trials.prepared, trials.names, trials.count
         with stage("upload"):
-            reading = engine.fetched([_empty(name, self.count) for _ in asked for name in names])
-            buffers = iter(reading.buffers)
-            results = [
-                prepared.allocate(self.count, without=names) | {name: next(buffers) for name in names} for _ in asked
+            self.reading = prepared.engine.fetched([_empty(name, count) for _ in asked for name in names])
+            buffers = iter(self.reading.buffers)
+            self.results = [
+                prepared.allocate(count, without=names) | {name: next(buffers) for name in names} for _ in asked
             ]
+
+    def start(self) -> None:
+        """Start to trace the rays for each of the numbers, and to copy the outputs."""
+        prepared = self.trials.prepared
         with stage("kernel"):
-            for (count, quadrature, trajectory), made in zip(asked, results, strict=True):
+            for (count, quadrature, trajectory), made in zip(self.asked, self.results, strict=True):
                 prepared.tune(sample_count=count, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
-                prepared.launch(self.starts, made, self.count)
-            reading.start()
+                prepared.launch(self.trials.starts, made, self.trials.count)
+            self.reading.start()
 
-        def read() -> list[dict[str, np.ndarray]]:
-            with stage("kernel"):
-                arrays = iter(reading.taken())
-            return [{name: next(arrays) for name in names} for _ in results]
-
-        return read
+    def read(self) -> list[dict[str, np.ndarray]]:
+        """Wait for the outputs of the last start, and return them for each of the numbers."""
+        with stage("kernel"):
+            arrays = iter(self.reading.taken())
+        return [{name: next(arrays) for name in self.trials.names} for _ in self.results]
 
 
 def _together(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:

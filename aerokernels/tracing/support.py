@@ -37,14 +37,22 @@ def support_box(
             ends on a surface across it.
     """
     low, high = field.derive(
-        ("support box", tolerance, lever_arms), lambda: _find_support_box(field, tolerance, lever_arms), CACHED
+        ("support box", tolerance, lever_arms), lambda: find_support_box(field, tolerance, lever_arms), CACHED
     )
     return low, high
 
 
-def _find_support_box(
+def keep_support_box(
+    field: IndexField, tolerance: float, lever_arms: LeverArms | None, box: tuple[np.ndarray, np.ndarray]
+) -> None:
+    """Let a box that contains the support be the one that `support_box` returns for a field."""
+    field.derive(("support box", tolerance, lever_arms), lambda: box, CACHED)
+
+
+def find_support_box(
     field: IndexField, tolerance: float, lever_arms: LeverArms | None
 ) -> tuple[np.ndarray, np.ndarray]:
+    """As `support_box`, without caching it."""
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     potential, slope = left_out(field, tolerance, lever_arms)
@@ -89,6 +97,11 @@ def left_out(field: IndexField, tolerance: float, lever_arms: LeverArms | None) 
 def _potential_peaks(grid: UniformGrid) -> list[np.ndarray]:
     """Along each axis, the greatest absolute coefficient in each plane across it."""
     return grid.derive("potential peaks", lambda: _peaks_along_axes(grid.coefficients))
+
+
+def keep_potential_peaks(grid: UniformGrid, coefficients: np.ndarray) -> None:
+    """Cache what `support_box` needs of a grid, from its spline's coefficients."""
+    grid.derive("potential peaks", lambda: _peaks_along_axes(coefficients))
 
 
 def _slope_peaks(grid: UniformGrid) -> list[np.ndarray]:

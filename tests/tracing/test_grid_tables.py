@@ -112,7 +112,7 @@ def test_a_mirrored_end_is_solved_as_by_numpy(engine):
 def test_only_other_values_of_a_known_pupil_are_prepared_there(monkeypatch):
     """Grids of few nodes, and on a GPU those of two axes, are left to NumPy."""
     asked = []
-    monkeypatch.setattr(grid_tables, "_Tables", lambda engine, grid: asked.append(grid.shape) or 1 / 0)
+    monkeypatch.setattr(grid_tables, "GridTables", lambda engine, grid: asked.append(grid.shape) or 1 / 0)
     engine = engine_of("warp", "cpu")
     engine.grid_tables = GRID_TABLES
     for grid in (volume((5, 5, 9), 1).samples, volume((3, 200, 200), 1).samples):

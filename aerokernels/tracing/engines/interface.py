@@ -58,6 +58,12 @@ class Engine(Protocol):
     def kernels(self, names: Iterable[str]) -> dict[str, Any]:
         """Return the named kernels, which have no options: those of a pupil, of a grid and of rejected rays."""
 
+    def coefficients_of(self, field: IndexField, precision: str) -> Any:
+        """Return the buffer of a grid's coefficients that `prepare` gives to the kernels of leapfrog for few rays."""
+
+    def round_into(self, coefficients: Any, made: Any, count: int, precision: str) -> None:
+        """Start to round a grid's coefficients, a buffer of float64, into a buffer of this precision."""
+
     def keeps(self, size: float) -> bool:
         """Whether results of `size` bytes, and the rays, stay on the device until they are read."""
 

@@ -1,5 +1,6 @@
 """Upload the arrays of fields and of bundles to an engine's device, and cache them with the field or the bundle."""
 
+import math
 from abc import ABC, abstractmethod
 from typing import Any
 
@@ -14,7 +15,7 @@ from ..leapfrog.cube_polynomials import cube_polynomials
 from ..plan import TracePlan
 from ..stop import stop_key
 from .field_data import FieldData, array_of, field_data, plan_members, step_bound_tables, trace_members
-from .layout import Value, arrays_of
+from .layout import REAL_TYPES, Value, arrays_of
 
 # Structs of a field that are cached for the last plans.
 STRUCTS_CACHED = 4  # speed only
@@ -27,9 +28,11 @@ class Uploads(ABC):
 
     Attributes:
         grid_key: See interface.py; without its first entry, it tells the uploads of engines and devices apart.
+        is_gpu: See interface.py.
     """
 
     grid_key: tuple
+    is_gpu: bool
 
     @abstractmethod
     def put(self, array: np.ndarray) -> Any:
@@ -40,8 +43,12 @@ class Uploads(ABC):
         """Upload an array of a struct to the device."""
 
     @abstractmethod
-    def computed_coefficients(self, field: IndexField, precision: str) -> Any:
-        """Return a grid's coefficients if this device has computed them, else None."""
+    def empty(self, count: int, width: int = 1, kind: type = np.float64) -> Any:
+        """See interface.py."""
+
+    @abstractmethod
+    def round_into(self, coefficients: Any, made: Any, count: int, precision: str) -> None:
+        """See interface.py."""
 
     @abstractmethod
     def place_structs(self, data: FieldData, precision: str, arrays: dict[str, Any], bounds: dict[str, Any]) -> Any:
@@ -78,6 +85,25 @@ class Uploads(ABC):
             structs, control = make()
         return structs, control | plan_members(plan, outputs)
 
+    def coefficients_of(self, field: IndexField, precision: str) -> Any:
+        """See interface.py."""
+        return self._field_arrays(field, field_data(field, precision, False), precision, False)["coefficients"]
+
+    def _computed_coefficients(self, field: IndexField, precision: str) -> Any:
+        """Return a grid's coefficients if this device has computed them, else None.
+
+        A CPU leaves it to NumPy to round them: for the kernel one more program would have to be loaded.
+        """
+        found = field.samples.held(self.grid_key)
+        if found is None or precision == "float64":
+            return found
+        if not self.is_gpu:
+            return None
+        count = math.prod(field.samples.coefficient_shape)
+        made = self.empty(count, kind=REAL_TYPES[precision])
+        self.round_into(found, made, count, precision)
+        return made
+
     def bundle_arguments(self, table: BundleTable, outputs: frozenset) -> list:
         """Return the arguments of the kernel deliver_bundle before the rays, with arrays on the device."""
         with stage("upload"):
@@ -96,7 +122,7 @@ class Uploads(ABC):
         """Return the arrays of Field on the device, by name, cached on the field."""
 
         def upload() -> dict[str, Any]:
-            coefficients = self.computed_coefficients(field, precision)
+            coefficients = self._computed_coefficients(field, precision)
             shared = data.derive((*self.grid_key[1:], precision), lambda: self._shared_arrays(data, precision))
             return {
                 member.name: shared[member.name]

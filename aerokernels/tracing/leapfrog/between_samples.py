@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from copy import copy
 
 import numpy as np
 
@@ -82,6 +83,13 @@ class MissedStructure:
         self.length, self.steepness = _rounded_length(self.lines.length), _rounded_steepness(self.lines.direction)
         if leaves_steepest and rays.ray_count > SPREAD_RAYS:
             self.steepness = _of_nearly_all(rays.direction, self.steepness)
+
+    def of_values(self, field: IndexField) -> "MissedStructure":
+        """The structure that the same rays, in the same support, may miss in a field on the same nodes."""
+        other = copy(self)
+        other.field, other._errors = field, {}
+        other.ends = disturbed_ends(field, self.lines, self.limit) if len(self.lines.length) else b""
+        return other
 
     def _sampled(self, count: int) -> Sampling:
         # Where the stop is met at a right angle, a deflection still counts in second order.
@@ -172,9 +180,22 @@ class MissedStructure:
         more = multiple_of_three(count * (1.02 * by_rule / allowed) ** 0.25)  # it falls with the fourth power
         return more if more <= most else self.enough(count, most)
 
-    def _by_rule(self, count: int) -> float:
-        """The same by the rule's own bound, which is greater but faster to compute."""
-        return greatest_error(self.field, self._sampled(count), self.lines, by_rule=True, show_ends=self.show_ends)
+    def is_enough(self, count: int) -> bool:
+        """Whether this number of samples misses no structure.
+
+        The sharper bound is computed for two axes only: for a volume that takes longer than to plan with more samples.
+        """
+        if not len(self.lines.length):
+            return True
+        allowed = NEGLIGIBLE * self.limit
+        if self._by_rule(count, allowed) <= allowed:
+            return True
+        return self.field.geometry != "volume" and self._greatest(count) <= allowed
+
+    def _by_rule(self, count: int, enough: float = -math.inf) -> float:
+        """The same by the rule's own bound, which is greater but faster to compute; not improved below `enough`."""
+        given = self.field, self._sampled(count), self.lines
+        return greatest_error(*given, by_rule=True, show_ends=self.show_ends, enough=enough)
 
     def sampling(self, count: int) -> Sampling | None:
         """How this many samples are distributed along the rays; None where they miss no structure."""

@@ -78,6 +78,7 @@ def greatest_error(
     by_rule: bool = False,
     allowed: float = np.inf,
     show_ends: bool = True,
+    enough: float = -np.inf,
 ) -> float:
     """Bound the path error of any ray by structure between its samples [m].
 
@@ -88,13 +89,14 @@ def greatest_error(
         by_rule: See `missed_in_blocks`.
         allowed: A bound above this is refined: the change of the missed structure across the rays is computed.
         show_ends: Whether rays begin and end where the lines do; otherwise anywhere between the outermost of these.
+        enough: A bound of this or less is not improved further.
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     block, missed = missed_in_blocks(field, sampling, by_rule)
     changes = MISSED_SLOPE / float(np.min(field.spacing)) * missed if lines.lever_arm.any() else None
-    found = _greatest_on_lines(grid, block, missed, changes, lines, field.geometry)
     ends = _greatest_at_ends(field, sampling, lines, by_rule, show_ends)
+    found = _greatest_on_lines(grid, block, missed, changes, lines, field.geometry, enough - ends)
     if found + ends > allowed and changes is not None and not by_rule:
         changes = np.minimum(changes_missed(field, sampling), changes)
         found = min(found, _greatest_on_lines(grid, block, missed, changes, lines, field.geometry))
@@ -135,11 +137,17 @@ def _known_ends(field: IndexField, lines: Lines, shape: tuple[int, ...]) -> list
 
 
 def _greatest_on_lines(
-    grid: UniformGrid, block: int, missed: np.ndarray, changes: np.ndarray | None, lines: Lines, geometry: str
+    grid: UniformGrid,
+    block: int,
+    missed: np.ndarray,
+    changes: np.ndarray | None,
+    lines: Lines,
+    geometry: str,
+    enough: float = -np.inf,
 ) -> float:
     """Greatest sum along any line of the error `missed` in blocks, and of its `changes` times the lever arms.
 
-    None for `changes` means that no line has a lever arm.
+    None for `changes` means that no line has a lever arm. The bound is not improved below `enough`.
     """
     key = "path", geometry, block, missed.shape, _nodes_key(grid)
     path = lines.derive(key, lambda: path_of(grid, block, missed.shape, lines, geometry))
@@ -149,6 +157,8 @@ def _greatest_on_lines(
         found += float(changing.max()) * path.lever_arm * path.longest
     # Along an axis that all rays run along: layer by layer, as far to the side as a ray may get.
     for layers in path.layers:
+        if found <= enough:
+            break
         amount = met if changing is None else met + changing * layers.lever_arms
         for other, count in layers.beside:
             amount = greatest_of_neighbors(amount, count, other)

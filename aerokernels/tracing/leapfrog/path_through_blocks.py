@@ -38,7 +38,7 @@ class BlockPath:
         part: The blocks that the lines pass, with one more to each side.
         longest: Length of the longest line [m].
         lever_arm: The greatest lever arm [m].
-        layers: Layers of blocks for each axis that all lines run along.
+        layers: Layers of blocks for each axis that all lines run along, the one that they run along most first.
     """
 
     part: tuple[slice, ...]
@@ -68,6 +68,7 @@ def path_of(grid: UniformGrid, block: int, shape: tuple[int, ...], lines: Lines,
             beside = tuple((other, 1 + int(np.ceil(drift[other] + DEFLECTED))) for other in others)
             levers = levers.reshape([-1 if other == axis else 1 for other in range(len(shape))])
             layers.append(Layers(axis, levers, beside, float(size[axis]), least))
+    layers.sort(key=lambda each: -each.least)  # the axis along which lines run most gives the least bound
     return BlockPath(part, longest, float(lines.lever_arm.max(initial=0.0)), tuple(layers))
 
 

@@ -22,7 +22,7 @@ from ...rays import RayBundle
 from ..engines import engine_of
 from ..error_limit import error_limit
 from ..launch import Trials
-from ..lever_arms import lever_arms_of
+from ..lever_arms import LeverArms, lever_arms_of
 from ..plan import TracePlan
 from ..stop import ArcLength, stop_key
 from ..straight_lines import outermost, outermost_rays
@@ -51,6 +51,9 @@ CUBES_LINES = 64
 CUBES_MEMORY = 0.25
 # The greatest change of a pilot ray's direction caused by them [rad].
 CUBES_ANGLE = 5e-7
+
+# What is compared between traces of the pilot.
+PILOT_OUTPUTS = frozenset(("opd", "step_error", "direction"))
 
 # Number of pilots whose results are cached with a grid's node positions.
 CACHED = 4  # speed only
@@ -149,11 +152,7 @@ def fit_leapfrog(
         by_spline = fit
         cubes = field.derive(("cubes", *key, fit.count, fit.searched), lambda: fitting.with_cubes(by_spline))
     fit = cubes or fit
-    reason = (
-        f"method leapfrog: {fit.count} leapfrog samples a ray, bending included; a pilot of {pilot.ray_count} rays has "
-        f"an error of {fit.worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are "
-        "traced again"
-    )
+    reason = leapfrog_reason(fit.count, pilot.ray_count, fit.worst / wavelength)
     if cubes is not None:
         reason += "; each evaluates a cubic polynomial of 2 x 2 x 2 cells, which is accurate enough for the tolerance"
     if fit.sampling is not None:
@@ -170,6 +169,14 @@ def fit_leapfrog(
         reasons=(reason, *plan.reasons),
         predicted_evaluations=float(fit.count),
         predicted_error=fit.worst / wavelength,
+    )
+
+
+def leapfrog_reason(count: int, pilot_count: int, worst: float) -> str:
+    """Describe the choice of so many samples, given the greatest error of so many pilot rays [waves]."""
+    return (
+        f"method leapfrog: {count} leapfrog samples a ray, bending included; a pilot of {pilot_count} rays has an "
+        f"error of {worst:.1g} waves; rays whose own error estimate is above the tolerance are traced again"
     )
 
 
@@ -288,8 +295,7 @@ class _Fitting:
         return share == 0.0 or share * self.cost.of_retraced() <= CUBES_GAIN * count
 
     def _trials(self, plan: TracePlan) -> Trials:
-        outputs = frozenset(("opd", "step_error", "direction"))
-        return Trials(self.field, self.pilot, plan, self.until, self.wavelength, outputs)
+        return Trials(self.field, self.pilot, plan, self.until, self.wavelength, PILOT_OUTPUTS)
 
     @cached_property
     def structure(self) -> MissedStructure:
@@ -305,11 +311,15 @@ class _Fitting:
         return SampleCost(self.field, self.pilot, self.plan, self.limit, self.structure.length)
 
     def _least_samples(self) -> int:
-        """The number of samples that are WIDEST cells apart on the longest path through the field's support."""
-        low, high = support_box(self.field, self.limit, self.plan.lever_arms)
-        place = "cells of a pilot", self.field.geometry, self.pilot, low.tobytes(), high.tobytes()
-        cells: float = known(self.grid, place, lambda: _greatest_cells(self.field, self.pilot, low, high), CACHED)
-        return multiple_of_three(max(LEAST_SAMPLES, cells / WIDEST))
+        return least_samples(self.field, self.pilot, self.limit, self.plan.lever_arms)
+
+
+def least_samples(field: IndexField, pilot: RayBundle, limit: float, lever_arms: LeverArms | None) -> int:
+    """The number of samples that are WIDEST cells apart on the longest path of the rays through the field's support."""
+    low, high = support_box(field, limit, lever_arms)
+    place = "cells of a pilot", field.geometry, pilot, low.tobytes(), high.tobytes()
+    cells: float = known(field.samples, place, lambda: _greatest_cells(field, pilot, low, high), CACHED)
+    return multiple_of_three(max(LEAST_SAMPLES, cells / WIDEST))
 
 
 def _greatest_cells(field: IndexField, pilot: RayBundle, low: np.ndarray, high: np.ndarray) -> float:

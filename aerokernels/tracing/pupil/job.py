@@ -1,8 +1,10 @@
 """Pupil jobs: plan a pupil's rays and prepare them on the backend of the plan."""
 
+import threading
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +34,8 @@ CACHED = 4  # speed only
 FEW_RAYS = 1 << 14  # speed only
 # The greatest reach of a pupil, over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
+# In place of what is not examined yet.
+UNKNOWN = object()
 # A known number of samples is confirmed by one in this many of the rays that were used to find it.
 CONFIRMING = 2
 # The sample rays of a symmetric pupil lie along a radius, so that this share of them is enough.
@@ -53,6 +57,9 @@ class PupilJob:
         sizes: Points of the lattices that may replace the points of `task`, see lattice_quadrature.py.
         is_known: Whether the first of them is taken without a trial.
         is_alike: Whether the job was made from a job for another field.
+        given_run: A run, like PupilRun, that is prepared already; None prepares one when it is needed.
+        new_values: The NewValues of new_values.py that jobs made from this one share; None where their fields are each
+            planned; UNKNOWN until a job is made from this one, while `lock` is held.
     """
 
     plan: TracePlan
@@ -65,6 +72,9 @@ class PupilJob:
     sizes: tuple[int, ...] = ()
     is_known: bool = False
     is_alike: bool = False
+    given_run: Any = None
+    new_values: Any = UNKNOWN
+    lock: Any = field(default_factory=threading.Lock)
 
     @property
     def predicted_ray_count(self) -> int:
@@ -105,17 +115,28 @@ class PupilJob:
         The smallest lattice is taken that is accurate enough for the points of PILOT_SEED, so that no answer depends on
         other calls.
         """
+        if self.given_run is not None:
+            return self.given_run
         errors: dict[int, float] = {}
         for size in self.sizes:
             if may_still_settle(errors, size):
-                plan = self.plan_of(size * REPLICATES)
-                tried = _runner(replace(self.task, plan=plan, per_replicate=size, generator=LATTICES[size]))
+                tried = _runner(self._of_lattice(size))
                 if self.is_known:
                     return tried
                 errors[size] = tried(PILOT_SEED).standard_error
                 if errors[size] <= ENOUGH:
                     return tried
         return _runner(replace(self.task, plan=self.plan_of(self.task.per_replicate * REPLICATES)))
+
+    def _of_lattice(self, size: int) -> PupilTask:
+        """The task with the points of a lattice."""
+        plan = self.plan_of(size * REPLICATES)
+        return replace(self.task, plan=plan, per_replicate=size, generator=LATTICES[size])
+
+    @property
+    def known_task(self) -> PupilTask:
+        """The task of the first run, if that is known without a trial."""
+        return self._of_lattice(self.sizes[0]) if self.sizes else self.task
 
     @cached_property
     def finer_runs(self) -> list[Callable[[], PupilRun]]:
@@ -155,11 +176,13 @@ def make_job(
     symmetry,
     bundle: str = "auto",
     like: PupilJob | None = None,
+    plan: TracePlan | None = None,
     **choices,
 ) -> PupilJob:
     """Plan a pupil; `choices` are those of `make_plan`.
 
     `like` is a job with the same choices through a field like this one: its results are confirmed, not searched again.
+    With `plan` nothing is planned: it is the job's plan.
 
     Raises:
         ValueError: A name or number that makes no sense; symmetry=True without symmetry; no ray that meets the field.
@@ -169,13 +192,9 @@ def make_job(
     check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
     pilot, air_rays = (None, None) if like is None else like.samples
     begun = _begun(field, like)  # the device computes tables while the host examines the air at the faces
-    seen = (pupil.key, tuple(look.tolist()), like is None)  # cache key for equal pupils with other seeds
+    seen = _pupil_key(pupil, look, like is None)
     try:
-        air = field.derive(
-            ("air of a pupil", *seen, tolerance * wavelength),
-            lambda: pupil_air(field, pupil, look, tolerance * wavelength, air_rays),
-            CACHED,
-        )
+        air = air_of(field, pupil, look, tolerance * wavelength, air_rays)
     finally:
         begun()
     pilot = field.derive(
@@ -193,8 +212,10 @@ def make_job(
     is_sparse = 0 < radial_rays < RADIAL_RAYS and like is not None
     known_plan = None if like is None else like.plan  # so that `like` itself need not stay alive
 
+    given_plan = plan
+
     def make_plan(rays: int) -> TracePlan:
-        plan = plan_rays(
+        plan = given_plan or plan_rays(
             field,
             lambda: pilot,
             REPLICATES * count,
@@ -212,6 +233,8 @@ def make_job(
     def plan_of(rays: int) -> TracePlan:
         # `seen` separates plans confirmed from another job from plans searched for this one, so that no answer depends
         # on other calls.
+        if given_plan is not None:
+            return make_plan(rays)
         key = "plan of a pupil", *seen, count, rays, wavelength, tuple(choices.values()), why, is_sparse
         plan: TracePlan = field.derive(key, lambda: make_plan(rays), CACHED)
         return plan
@@ -239,6 +262,23 @@ def make_job(
         is_radial=radial_rays > 0,
     )
     return PupilJob(plan, plan_of, until, per_replicate, task, air, pilot, sizes, is_known, like is not None)
+
+
+def air_of(
+    field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: float, rays: RayBundle | None = None
+) -> PupilAir:
+    """`pupil_air`, cached on the field; `rays` are those of a job for another field."""
+    place = "air of a pupil", *_pupil_key(pupil, look, rays is None), tolerance
+    air: PupilAir = field.derive(place, lambda: pupil_air(field, pupil, look, tolerance, rays), CACHED)
+    return air
+
+
+def _pupil_key(pupil: Pupil, look: np.ndarray, is_first: bool) -> tuple:
+    """What of a pupil, equal for equal pupils, decides what is cached on a field, besides other choices.
+
+    What is confirmed for another job's field is kept apart from what is found anew.
+    """
+    return pupil.key, tuple(look.tolist()), is_first
 
 
 def _begun(field: IndexField, like: PupilJob | None) -> Callable[[], None]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...medium import IndexField
 from ...medium.grid_places import known
 from ...process.clock import stage
 from ...rays import RayBundle
@@ -137,12 +138,15 @@ class PupilRun:
             CACHED,
         )
 
-    def __call__(self, seed: int | None) -> PupilSums:
-        """Trace and sum the points of a seed."""
-        with stage("kernel"), memory_of(self.task.plan.device):
-            return self._run(seed)
+    def __call__(self, seed: int | None, field: IndexField | None = None) -> PupilSums:
+        """Trace and sum the points of a seed.
 
-    def _run(self, seed: int | None) -> PupilSums:
+        `field` is the one whose values are in the memory that was prepared, if that is not the task's any more.
+        """
+        with stage("kernel"), memory_of(self.task.plan.device):
+            return self._run(seed, field or self.task.field)
+
+    def _run(self, seed: int | None, field: IndexField) -> PupilSums:
         task = self.task
         kept, parts, rejected = [], [], 0
         # Of rays along a radius the points are needed only where the rays are not on the device already.
@@ -156,7 +160,7 @@ class PupilRun:
             self.reading.wait()
             found = self.found[: rows.stop - rows.start]
             if self._has_rejected() or not holds_tolerance(found, task):
-                rejected += self._retrace(batch)
+                rejected += self._retrace(batch, field)
                 found = self._sums(batch, self.no_surface)
             parts.append(found if len(self.batches) == 1 else found.copy())  # the next batch overwrites it
             kept.append(batch)
@@ -257,7 +261,7 @@ class PupilRun:
         for (rows, joined), sums in zip(pairwise(joined_counts(per_replicate)), pairwise(self.sums), strict=True):
             engine.launch(self.kernels["reduce_sums"], [rows, joined], [*sums], replicates * joined * SUM_COUNT)
 
-    def _retrace(self, batch: Batch) -> int:
+    def _retrace(self, batch: Batch, field: IndexField) -> int:
         """Trace again the rays of a batch that are above the tolerance; return the number that still are."""
         task, engine = self.task, self.engine
         arrays: dict[str, np.ndarray] = {}
@@ -268,7 +272,7 @@ class PupilRun:
         engine.get(batch.position, position)
         engine.get(batch.direction, direction)
         rays = RayBundle(position, direction)
-        retrace_rejected(task.field, rays, task.plan, task.until, task.wavelength, arrays)
+        retrace_rejected(field, rays, task.plan, task.until, task.wavelength, arrays)
         for name, array in arrays.items():
             engine.put_into(batch.results[name], array)
         return int(np.count_nonzero(arrays["status"] == RayStatus.TOLERANCE_NOT_MET))

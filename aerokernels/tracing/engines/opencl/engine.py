@@ -1,6 +1,5 @@
 """The OpenCL engine: uploads a field once, builds kernels specialised for a plan, and launches them in order."""
 
-import math
 import weakref
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -323,21 +322,10 @@ class Engine(Uploads):
             ("opencl packed", self.session, precision), lambda: self.put(cell_polynomials(coefficients, kind))
         )
 
-    def computed_coefficients(self, field: IndexField, precision: str) -> Any:
-        """Return a grid's coefficients if this device has computed them, else None.
-
-        A CPU leaves it to NumPy to round them: for the kernel one more program would have to be loaded.
-        """
-        found = field.samples.held(self.grid_key)
-        if found is None or precision == "float64":
-            return found
-        if not self.is_gpu:
-            return None
-        count = math.prod(field.samples.coefficient_shape)
-        made = self.empty(count, kind=REAL_TYPES[precision])
+    def round_into(self, coefficients: Any, made: Any, count: int, precision: str) -> None:
+        """See interface.py."""
         program = build(self.session, "round_coefficients.cl", self._options(precision=precision))
-        self.launch(self._kernel(program, "round_coefficients"), [found], [made], count)
-        return made
+        self.launch(self._kernel(program, "round_coefficients"), [coefficients], [made], count)
 
 
 def _packed_field(data: FieldData, precision: str) -> np.ndarray:

@@ -283,16 +283,11 @@ class Engine(Uploads):
             pass
         return made
 
-    def computed_coefficients(self, field: IndexField, precision: str) -> wp.array | None:
-        """Return a grid's coefficients if this device has computed them, else None."""
-        found = field.samples.held(self.grid_key)
-        if found is None or precision == "float64":
-            return found
+    def round_into(self, coefficients: wp.array, made: wp.array, count: int, precision: str) -> None:
+        """See interface.py."""
         kernel = grid_tables.build_rounding_kernel(library_of(precision))
         self._load(kernel.module)
-        made = wp.empty(len(found), dtype=types(precision).real, device=self.device)
-        self.launch(kernel, [found], [made], len(found))
-        return made
+        self.launch(kernel, [coefficients], [made], count)
 
 
 def _kind_of(array: np.ndarray) -> tuple[type, int]:

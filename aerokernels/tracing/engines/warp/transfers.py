@@ -3,7 +3,6 @@
 For a GPU the host memory of a copy is pinned, so that the copy can be part of a graph.
 """
 
-import threading
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ import warp as wp
 
 from ....device_arrays.pinned import as_kind, pinned_memory
 from ....device_arrays.pinned_memory import LEAST
+from ....process.threads import thread_count
 
 # A part of a piece of a GPU's memory begins at a multiple of this number of bytes.
 PART = 256
@@ -108,7 +108,7 @@ class Recorded:
 
     def __call__(self, work: Callable[[], None]) -> None:
         """Start the work."""
-        if not self._was_done or (self._graph is None and threading.active_count() > 1):
+        if not self._was_done or (self._graph is None and thread_count() > 1):
             work()
             self._was_done = True
             return

@@ -1,0 +1,309 @@
+"""Follow a known pupil's plan through new values on the nodes of its grid, where the plan holds for them.
+
+A job for another field on the same nodes differs in little, so that what is launched for it is prepared once
+(values_in_turn.py). What the plan rests on is then examined for the field's own values:
+
+- the OPD error allowed to a ray is the same (error_limit.py);
+- the air outside the plan's support is as undisturbed as may be left out (support.py); the support is that of a
+  stricter limit than the plan's, so that it also holds for slightly stronger fields;
+- structure between samples is bounded (leapfrog/between_samples.py); a few more samples are taken than the known field
+  needs;
+- the pilot's error, and the scales that let each ray's own estimate cover it, suffice (leapfrog/pilot_levels.py);
+- the air at the ends of the box is examined as for any field (air.py).
+
+Where one of these does not hold, the field is planned as before, with the known number of samples as a guess. All
+fields asked of one job are compared with that job's field alone, so that no answer depends on the order of the calls.
+"""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ..engines import engine_of
+from ..engines.device_memory import DeviceMemoryError, memory_of
+from ..error_limit import error_limit, keep_error_limit
+from ..grid_tables import is_faster, keep_tables, prepare_grid
+from ..leapfrog.between_samples import MARGIN, MissedStructure, multiple_of_three
+from ..leapfrog.pilot_levels import error_scales, pair_of
+from ..leapfrog.sample_count import leapfrog_reason, least_samples
+from ..leapfrog.unresolved import potential_by_blocks
+from ..lever_arms import LeverArms
+from ..plan import TracePlan
+from ..step_bound import roughness_of_blocks
+from ..support import find_support_box, keep_support_box, left_out, support_box
+from .job import UNKNOWN, PupilJob, air_of
+from .run import PupilRun
+from .sums import PupilSums, PupilTask
+from .values_in_turn import ValuesInTurn
+
+# How many more samples are taken than the known field needs.
+MORE_SAMPLES = 1.06
+# Power of the number of samples with which errors fall: the field may be greater by so much.
+ORDER = 4
+# The support is that of a limit this many times stricter.
+STRICTER = 4.0
+# In a field so weak that the limit is a share of its own OPD, the plan is made for fields weaker by this factor.
+WEAKER = 1.25
+# The scales of a ray's own error estimate hold for a field that needs scales up to this factor greater: they cover the
+# pilot's error SAFETY times (pilot_levels.py). They do not matter where the pilot's error is below this share of the
+# limit.
+GREATER, NEGLIGIBLE = 1.5, 0.01
+# Fields that may be in memory at a time, each used by one thread.
+MOST_PLACES = 2  # speed only
+
+# Makes the job of a field by planning it: `make_job` with all that the jobs have in common.
+MakeJob = Callable[..., PupilJob]
+
+
+def next_job(make: MakeJob, like: PupilJob, field: IndexField, wavelength: float) -> PupilJob:
+    """Return the job of a field by the plan of another job, where that holds for it, or by one of its own.
+
+    Raises:
+        ValueError: As for `make_job`.
+    """
+    with like.lock:
+        if like.new_values is UNKNOWN:
+            like.new_values = NewValues.of(make, like)
+    known: NewValues | None = like.new_values
+    job = None if known is None else known.job_of(field, wavelength)
+    if job is None:
+        job = make(field, wavelength=wavelength, like=like)
+        job.new_values = known
+    return job
+
+
+@dataclass(eq=False)
+class NewValues:
+    """A plan that fields on the same nodes may follow, what it rests on, and the memory in which they do.
+
+    Attributes:
+        make: Makes a job by planning.
+        job: The job of a field that is the known one but for its identity, which may go out of use.
+        task: Its task, with the plan that others follow.
+        structure: The structure that rays may miss between samples.
+        limit: The OPD error allowed to a ray [m].
+        box: The support.
+    """
+
+    make: MakeJob
+    job: PupilJob
+    task: PupilTask
+    structure: MissedStructure
+    limit: float
+    box: tuple[np.ndarray, np.ndarray]
+    places: list[ValuesInTurn]
+    lock: Any = field(default_factory=threading.Lock)
+
+    @classmethod
+    def of(cls, make: MakeJob, like: PupilJob) -> "NewValues | None":
+        """Find the plan that other fields may follow, from a job whose plan is to hold for them; None without one.
+
+        Only leapfrog samples of the spline itself can be followed, on devices that compute a grid's tables.
+        """
+        known, plan = like.task.field, like.run.task.plan
+        grid = known.samples
+        if not (plan.searched_count and isinstance(grid, UniformGrid)) or plan.cubes:
+            return None
+        if not is_faster(engine_of(plan.backend, plan.device), grid):
+            return None
+        tolerance, arms = plan.tolerance * like.task.wavelength, plan.lever_arms
+        limit = error_limit(known, tolerance)
+        if limit < tolerance:
+            limit /= WEAKER
+        if np.isfinite(left_out(known, limit, arms)[1]):
+            return None  # the slopes that may be left out depend on the field
+        plan = replace(plan, sampling=None, reasons=plan.reasons[:-1])  # the last is that of the rays
+        job = make(known, wavelength=like.task.wavelength, like=like, plan=plan)
+        if job.sizes and not job.is_known:
+            return None
+        if not (known.geometry == "volume" or job.known_task.plan.few_rays):
+            return None  # OpenCL gives many rays a table of polynomials of cells
+        box = support_box(known, limit / STRICTER, arms)
+        field = _twin(known, tolerance, limit, arms, box)
+        structure = MissedStructure(field, lambda low, high: job.pilot, job.until, limit, arms, job.pilot)
+        count = structure.sufficient(max(plan.searched_count, least_samples(field, job.pilot, limit, arms)))
+        if not count:
+            return None
+        task = replace(job.known_task, field=field)
+        count = multiple_of_three(MORE_SAMPLES * count)
+        plan = replace(task.plan, sample_count=count, steepest=structure.steepness, predicted_evaluations=float(count))
+        task = replace(task, plan=plan)
+        try:
+            with memory_of(plan.device):
+                place = ValuesInTurn(task, job.pilot)
+        except DeviceMemoryError:
+            return None  # each field by itself may fit
+        # Without the known job's own function, which would keep its field.
+        job = replace(job, task=task, plan_of=_nothing_more, given_run=place.run, lock=threading.Lock())
+        return cls(make, job, task, structure, limit, box, [place])
+
+    def job_of(self, field: IndexField, wavelength: float) -> PupilJob | None:
+        """Return the job of a field that follows the plan; None where it does not hold.
+
+        Raises:
+            ValueError: No ray of the pupil meets the field's air.
+        """
+        task, job = self.task, self.job
+        if not self._is_alike(field, wavelength):
+            return None
+        tolerance = task.plan.tolerance * task.wavelength
+        with memory_of(task.plan.device), self._place() as place:
+            place.load(field)
+            try:  # while a GPU works
+                air = air_of(field, task.pupil, task.look, tolerance, job.air.rays)
+                is_allowed = error_limit(field, tolerance) >= self.limit
+            finally:
+                made = place.read(field)
+            found = _fit(made, task.plan.sample_count, self.limit)  # before another field's rays replace these
+        if found is None or not (is_allowed and self._has_same_support(field) and self._is_bounded(field)):
+            return None
+        scales, worst = found
+        held = task.plan.quadrature_error_scale, task.plan.trajectory_error_scale
+        too_small = any(needed > GREATER * scale for needed, scale in zip(scales, held, strict=True))
+        if too_small and worst > NEGLIGIBLE * self.limit:
+            return None
+        worst /= task.wavelength
+        reason = leapfrog_reason(task.plan.sample_count, job.pilot.ray_count, worst)
+        plan = replace(task.plan, predicted_error=worst, reasons=(reason, *task.plan.reasons[1:]))
+        task = replace(task, field=field, plan=plan)
+        return replace(
+            job,
+            plan=plan,
+            plan_of=lambda rays: self.make(field, wavelength=wavelength, like=job).plan_of(rays),  # for more rays
+            task=task,
+            air=air,
+            given_run=FollowedRun(self, task),
+            new_values=self,
+            lock=threading.Lock(),
+        )
+
+    def _is_alike(self, field: IndexField, wavelength: float) -> bool:
+        """Whether a field has all of the known field but the values, and these are hardly greater."""
+        known, samples, known_samples = self.task.field, field.samples, self.task.field.samples
+        if not (isinstance(samples, UniformGrid) and isinstance(known_samples, UniformGrid)):
+            return False
+        is_alike = (
+            samples.places is known_samples.places
+            and samples.interpolation == known_samples.interpolation
+            and (field.geometry, field.ambient_index) == (known.geometry, known.ambient_index)
+            and field.body is known.body
+            and wavelength == self.task.wavelength
+        )
+        # Errors grow with the contrast: a field that is stronger by more need not be examined.
+        return is_alike and _strength(samples) <= MORE_SAMPLES**ORDER * _strength(known_samples)
+
+    def _has_same_support(self, field: IndexField) -> bool:
+        """Whether the plan's support contains the field's, which is then replaced by it."""
+        arms = self.task.plan.lever_arms
+        low, high = find_support_box(field, self.limit, arms)
+        if (low < self.box[0]).any() or (high > self.box[1]).any():
+            return False
+        keep_support_box(field, self.limit, arms, self.box)
+        return True
+
+    def _is_bounded(self, field: IndexField) -> bool:
+        """Whether the plan's samples miss no structure."""
+        return self.structure.of_values(field).is_enough(self.task.plan.sample_count)
+
+    @contextmanager
+    def _place(self) -> Iterator[ValuesInTurn]:
+        """Memory that no other thread uses meanwhile."""
+        place = self._taken()
+        try:
+            yield place
+        finally:
+            place.lock.release()
+
+    def _taken(self) -> ValuesInTurn:
+        with self.lock:
+            for place in self.places:
+                if place.lock.acquire(blocking=False):
+                    return place
+            if len(self.places) < MOST_PLACES and not self.places[0].engine.is_gpu:
+                place = self._another()
+                place.lock.acquire()
+                self.places.append(place)
+                return place
+        place = self.places[0]
+        place.lock.acquire()
+        return place
+
+    def _another(self) -> ValuesInTurn:
+        """Prepare memory for one more thread."""
+        task, plan = self.task, self.task.plan
+        twin = _twin(task.field, plan.tolerance * task.wavelength, self.limit, plan.lever_arms, self.box)
+        return ValuesInTurn(replace(task, field=twin), self.job.pilot)
+
+    def sums(self, seed: int | None, field: IndexField) -> PupilSums | None:
+        """Trace and sum the rays of a seed, if the field's values are still in memory."""
+        for place in self.places:
+            with place.lock:
+                if place.holds(field):
+                    return place.run(seed, field)
+        return None
+
+
+@dataclass(eq=False)
+class FollowedRun:
+    """The pupil's rays through a field that follows a plan: in memory that fields use in turn, or later in its own.
+
+    Attributes:
+        known: The plan.
+        task: The task of the field.
+    """
+
+    known: NewValues
+    task: PupilTask
+    own: PupilRun | None = None
+
+    def __call__(self, seed: int | None) -> PupilSums:
+        """Trace and sum the points of a seed."""
+        if self.own is None:
+            found = self.known.sums(seed, self.task.field)
+            if found is not None:
+                return found
+            plan, samples = self.task.plan, self.task.field.samples
+            assert isinstance(samples, UniformGrid)
+            with memory_of(plan.device):  # another field has taken the memory
+                prepare_grid(engine_of(plan.backend, plan.device), samples)
+                self.own = PupilRun(self.task)
+        return self.own(seed)
+
+
+def _nothing_more(rays: int) -> TracePlan:
+    raise AssertionError(f"the plan that others follow is not asked for one of {rays} rays")
+
+
+def _strength(grid: UniformGrid) -> float:
+    """The greatest absolute contrast."""
+    low, high = grid.extremes
+    return max(-low, high)
+
+
+def _twin(
+    field: IndexField, tolerance: float, limit: float, arms: LeverArms | None, box: tuple[np.ndarray, np.ndarray]
+) -> IndexField:
+    """A field of the same values, for memory whose values will be those of others, with this limit and this support."""
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    other = replace(grid)
+    keep_tables(other, {"roughness": roughness_of_blocks(grid), "potential by blocks": potential_by_blocks(grid)})
+    twin = replace(field, samples=other)
+    keep_error_limit(twin, tolerance, limit)
+    keep_support_box(twin, limit, arms, box)
+    return twin
+
+
+def _fit(made: list[dict[str, np.ndarray]], count: int, limit: float) -> tuple[tuple[float, float], float] | None:
+    """Scales of a ray's error estimate and the pilot's greatest error [m]; None where the pilot is not accurate."""
+    level, finest, bends = pair_of(made, count)
+    worst = level.error(finest)
+    if not (level.is_fit and finest.is_fit and worst <= limit / MARGIN):
+        return None
+    return error_scales(level, worst, bends), worst
