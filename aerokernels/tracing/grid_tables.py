@@ -60,20 +60,18 @@ def begun_grid(engine: Engine, grid: UniformGrid) -> Callable[[], None]:
     Raises:
         ValueError: The grid does not fit the device.
     """
+    is_flat = len(grid.shape) == 2
+    is_slower = grid.samples.size < (LEAST_FLAT if is_flat else LEAST_NODES) or (is_flat and engine.is_gpu)
     is_known = "coefficients" in grid.__dict__ or grid.held(FETCH) is not None
-    return _nothing if is_known or not is_faster(engine, grid) else GridTables(engine, grid).begun(grid)
+    return _nothing if is_slower or is_known or not has_tables(engine, grid) else GridTables(engine, grid).begun(grid)
 
 
-def is_faster(engine: Engine, grid: UniformGrid) -> bool:
-    """Whether the engine's device computes the tables of a grid, and faster than the host."""
+def has_tables(engine: Engine, grid: UniformGrid) -> bool:
+    """Whether the engine's device computes the tables of such a grid."""
     shape = grid.shape
-    is_flat = len(shape) == 2
     if grid.interpolation != "cubic" or len(shape) < 2 or min(shape) < LEAST_COUNT or shape[-1] < LEAST_LAST:
         return False
-    if grid.samples.size < (LEAST_FLAT if is_flat else LEAST_NODES) or (is_flat and engine.is_gpu):
-        return False
-    size = 8 * math.prod(count + 2 for count in shape)
-    return bool(engine.grid_tables) and size <= engine.memory[1]
+    return bool(engine.grid_tables) and 8 * math.prod(count + 2 for count in shape) <= engine.memory[1]
 
 
 def keep_tables(grid: UniformGrid, tables: dict[str, Any]) -> None:

@@ -28,7 +28,7 @@ from ...medium.grid import UniformGrid
 from ..engines import engine_of
 from ..engines.device_memory import DeviceMemoryError, memory_of
 from ..error_limit import error_limit, keep_error_limit
-from ..grid_tables import is_faster, keep_tables, prepare_grid
+from ..grid_tables import has_tables, keep_tables, prepare_grid
 from ..leapfrog.between_samples import MARGIN, MissedStructure, multiple_of_three
 from ..leapfrog.pilot_levels import error_scales, pair_of
 from ..leapfrog.sample_count import leapfrog_reason, least_samples
@@ -110,7 +110,7 @@ class NewValues:
         grid = known.samples
         if not (plan.searched_count and isinstance(grid, UniformGrid)) or plan.cubes:
             return None
-        if not is_faster(engine_of(plan.backend, plan.device), grid):
+        if not has_tables(engine_of(plan.backend, plan.device), grid):
             return None
         tolerance, arms = plan.tolerance * like.task.wavelength, plan.lever_arms
         limit = error_limit(known, tolerance)

@@ -10,8 +10,10 @@ import pytest
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, prepare_strehl, trace
 from aerokernels.tracing.leapfrog.pilot_levels import Level
+from aerokernels.tracing.leapfrog.unresolved import potential_by_blocks
 from aerokernels.tracing.pupil import new_values
 from aerokernels.tracing.pupil.run import PupilRun
+from aerokernels.tracing.step_bound import roughness_of_blocks
 
 from ..backends import OPENCL, on
 
@@ -97,10 +99,10 @@ def test_fields_for_which_the_plan_does_not_hold_are_planned(engine: str, monkey
     assert follows(prepared(engine, air(fall=40.0)).with_field(air(tilt=0.1, fall=40.0)))
     x, y, z = np.meshgrid(AXIS, AXIS, AXIS, indexing="ij")
     narrow = prepared(engine, air(fall=40.0))
-    beside = 5e-7 * np.exp(-40.0 * ((x - 0.1) ** 2 + (y + 0.1) ** 2 + (z - 0.8) ** 2))
+    beside = 3e-9 * np.exp(-20.0 * ((x - 0.1) ** 2 + (y + 0.1) ** 2 + (z - 0.8) ** 2))
     rng = np.random.default_rng(74)
     rough = 1e-7 * rng.normal(size=x.shape) * (np.abs(x) < 0.4) * (np.abs(y) < 0.4) * (np.abs(z) < 0.4)
-    moved = replace(air().samples, origin=np.array([-1.0, -1.0, -0.99]))
+    moved = replace(air().samples, origin=np.full(3, -0.98), spacing=0.98 * air().spacing)
     others = {
         "strength": air(1.3e-6),
         "nodes": replace(air(), samples=moved),
@@ -146,6 +148,25 @@ def test_what_is_refused_leaves_the_memory_in_order(engine: str):
     assert known.with_field(air(tilt=0.1))(2).value == expected
     with pytest.raises(ValueError, match=r"wavelength|no ray"):
         known.with_field(replace(air(), wavelength=1.064e-6))
+
+
+@pytest.mark.parametrize("engine", FOLLOWED)
+def test_tables_and_wavelengths_are_those_of_each_field(engine: str):
+    """What is cached on a field stays when the next one has the memory; another wavelength is another plan."""
+    known = prepare_strehl(
+        replace(air(), wavelength=WAVE), DISC, ray_count=1 << 17, allow_truncation=True, **on(engine)
+    )
+    fields = [replace(air(tilt=tilt), wavelength=WAVE) for tilt in (0.1, 0.2)]
+    assert all(follows(known.with_field(field)) for field in fields)
+    fresh = air(tilt=0.1).samples
+    for found, expected in zip(roughness_of_blocks(fields[0].samples)[1], roughness_of_blocks(fresh)[1], strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-12 * float(np.max(expected)))
+    np.testing.assert_allclose(potential_by_blocks(fields[0].samples), potential_by_blocks(fresh), atol=1e-18)
+    red = replace(air(tilt=0.1), wavelength=1.5 * WAVE)
+    other = known.with_field(red)
+    alone = prepare_strehl(red, DISC, ray_count=1 << 17, allow_truncation=True, **on(engine))
+    assert not follows(other) and other(1).value == pytest.approx(alone(1).value, abs=2e-5)
+    assert other(1).value > known.with_field(fields[0])(1).value + 0.05
 
 
 @pytest.mark.parametrize("engine", FOLLOWED)
