@@ -30,7 +30,7 @@ from ..engines.device_memory import DeviceMemoryError, memory_of
 from ..error_limit import error_limit, keep_error_limit
 from ..grid_tables import has_tables, keep_tables, prepare_grid
 from ..leapfrog.between_samples import MARGIN, MissedStructure, multiple_of_three
-from ..leapfrog.pilot_levels import error_scales, pair_of
+from ..leapfrog.pilot_levels import GREATEST_BEND, GREATEST_SHARE, SAFETY, error_scales, pair_of
 from ..leapfrog.sample_count import leapfrog_reason, least_samples
 from ..leapfrog.unresolved import potential_by_blocks
 from ..lever_arms import LeverArms
@@ -43,17 +43,18 @@ from .sums import PupilSums, PupilTask
 from .values_in_turn import ValuesInTurn
 
 # How many more samples are taken than the known field needs.
-MORE_SAMPLES = 1.06
+MORE_SAMPLES = 1.1
 # Power of the number of samples with which errors fall: the field may be greater by so much.
 ORDER = 4
 # The support is that of a limit this many times stricter.
-STRICTER = 4.0
+STRICTER = 16.0
 # In a field so weak that the limit is a share of its own OPD, the plan is made for fields weaker by this factor.
-WEAKER = 1.25
-# The scales of a ray's own error estimate hold for a field that needs scales up to this factor greater: they cover the
-# pilot's error SAFETY times (pilot_levels.py). They do not matter where the pilot's error is below this share of the
-# limit.
-GREATER, NEGLIGIBLE = 1.5, 0.01
+WEAKER = 2.0
+# The scales of a ray's own error estimate are up to WIDER times those of the known field: small errors are mostly
+# rounding, and their scales differ from field to field. They hold for a field that needs scales up to GREATER times
+# greater, because they cover the pilot's error SAFETY times (pilot_levels.py). They do not matter where the pilot's
+# error is below the share NEGLIGIBLE of the limit.
+WIDER, GREATER, NEGLIGIBLE = 4.0, 1.5, 0.01
 # Fields that may be in memory at a time, each used by one thread.
 MOST_PLACES = 2  # speed only
 
@@ -133,14 +134,15 @@ class NewValues:
         task = replace(job.known_task, field=field)
         count = multiple_of_three(MORE_SAMPLES * count)
         plan = replace(task.plan, sample_count=count, steepest=structure.steepness, predicted_evaluations=float(count))
-        task = replace(task, plan=plan)
+        task = replace(task, plan=_with_wider_scales(plan, limit / task.wavelength))
         try:
             with memory_of(plan.device):
                 place = ValuesInTurn(task, job.pilot)
         except DeviceMemoryError:
             return None  # each field by itself may fit
         # Without the known job's own function, which would keep its field.
-        job = replace(job, task=task, plan_of=_nothing_more, given_run=place.run, lock=threading.Lock())
+        asked = replace(job.task, field=field, plan=plan)
+        job = replace(job, task=asked, plan_of=_nothing_more, given_run=place.run, lock=threading.Lock())
         return cls(make, job, task, structure, limit, box, [place])
 
     def job_of(self, field: IndexField, wavelength: float) -> PupilJob | None:
@@ -157,31 +159,42 @@ class NewValues:
             place.load(field)
             try:  # while a GPU works
                 air = air_of(field, task.pupil, task.look, tolerance, job.air.rays)
-                is_allowed = error_limit(field, tolerance) >= self.limit
+                limit = error_limit(field, tolerance)
             finally:
                 made = place.read(field)
-            found = _fit(made, task.plan.sample_count, self.limit)  # before another field's rays replace these
-        if found is None or not (is_allowed and self._has_same_support(field) and self._is_bounded(field)):
-            return None
-        scales, worst = found
-        held = task.plan.quadrature_error_scale, task.plan.trajectory_error_scale
-        too_small = any(needed > GREATER * scale for needed, scale in zip(scales, held, strict=True))
-        if too_small and worst > NEGLIGIBLE * self.limit:
-            return None
+            worst = self._worst(field, limit, made)
+            if worst is None:
+                place.leave(field)
+                return None
         worst /= task.wavelength
         reason = leapfrog_reason(task.plan.sample_count, job.pilot.ray_count, worst)
         plan = replace(task.plan, predicted_error=worst, reasons=(reason, *task.plan.reasons[1:]))
-        task = replace(task, field=field, plan=plan)
         return replace(
             job,
             plan=plan,
             plan_of=lambda rays: self.make(field, wavelength=wavelength, like=job).plan_of(rays),  # for more rays
-            task=task,
+            task=replace(job.task, field=field, plan=plan),
             air=air,
-            given_run=FollowedRun(self, task),
+            given_run=FollowedRun(self, replace(task, field=field, plan=plan)),
             new_values=self,
             lock=threading.Lock(),
         )
+
+    def _worst(self, field: IndexField, limit: float, made: list[dict[str, np.ndarray]]) -> float | None:
+        """The pilot's greatest error [m] in a field; None where the plan does not hold.
+
+        `limit` is the OPD error allowed there [m], and `made` are the outputs of the pilot's trials.
+        """
+        plan = self.task.plan
+        level, finest, bends = pair_of(made, plan.sample_count)
+        worst = level.error(finest)
+        if limit < self.limit or not (level.is_fit and finest.is_fit and worst <= self.limit / MARGIN):
+            return None
+        held, scales = (plan.quadrature_error_scale, plan.trajectory_error_scale), error_scales(level, worst, bends)
+        covers = all(needed <= GREATER * scale for needed, scale in zip(scales, held, strict=True))
+        if not (covers or worst <= NEGLIGIBLE * self.limit):
+            return None
+        return worst if self._has_same_support(field) and self._is_bounded(field) else None
 
     def _is_alike(self, field: IndexField, wavelength: float) -> bool:
         """Whether a field has all of the known field but the values, and these are hardly greater."""
@@ -286,6 +299,15 @@ def _strength(grid: UniformGrid) -> float:
     return max(-low, high)
 
 
+def _with_wider_scales(plan: TracePlan, limit: float) -> TracePlan:
+    """The plan with scales of a ray's error up to WIDER times greater, if that rejects no ray; limit in waves."""
+    worst = plan.predicted_error or 0.0
+    wider = min(max(0.5 * limit / (SAFETY * worst), 1.0), WIDER) if worst > 0.0 else WIDER
+    quadrature = min(wider * plan.quadrature_error_scale, GREATEST_SHARE)
+    trajectory = min(wider * plan.trajectory_error_scale, GREATEST_BEND)
+    return replace(plan, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
+
+
 def _twin(
     field: IndexField, tolerance: float, limit: float, arms: LeverArms | None, box: tuple[np.ndarray, np.ndarray]
 ) -> IndexField:
@@ -298,12 +320,3 @@ def _twin(
     keep_error_limit(twin, tolerance, limit)
     keep_support_box(twin, limit, arms, box)
     return twin
-
-
-def _fit(made: list[dict[str, np.ndarray]], count: int, limit: float) -> tuple[tuple[float, float], float] | None:
-    """Scales of a ray's error estimate and the pilot's greatest error [m]; None where the pilot is not accurate."""
-    level, finest, bends = pair_of(made, count)
-    worst = level.error(finest)
-    if not (level.is_fit and finest.is_fit and worst <= limit / MARGIN):
-        return None
-    return error_scales(level, worst, bends), worst

@@ -88,6 +88,13 @@ class ValuesInTurn:
             keep_potential_peaks(grid, self.tables.on_host.reshape(grid.coefficient_shape))
         return self.trials.read()
 
+    def leave(self, field: IndexField) -> None:
+        """Leave a copy of the coefficients with the loaded field, for which they are needed again, on a CPU."""
+        if self.tables.on_host is not None:
+            coefficients = self.tables.on_host.reshape(field.samples.coefficient_shape).copy()
+            coefficients.setflags(write=False)
+            field.samples.derive(FETCH, lambda: lambda: coefficients)
+
     def _send(self) -> None:
         self.samples.send()
         self._start(self.samples.buffer)
