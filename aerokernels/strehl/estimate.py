@@ -213,7 +213,9 @@ class PreparedStrehl:
 
         Kernels are reused. The numbers of samples and of rays chosen for this field are checked for the other one, and
         searched for again only if they do not suffice there. The rays may therefore differ from those of
-        `prepare_strehl`, within the same errors.
+        `prepare_strehl`, within the same errors. Fields on the same nodes use the same memory on the device in turn:
+        the result for the latest one is the fastest to repeat, an earlier one is given memory of its own at its next
+        call.
 
         Raises:
             TypeError: `field` is no IndexField.

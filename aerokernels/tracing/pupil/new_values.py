@@ -55,6 +55,8 @@ WEAKER = 2.0
 # greater, because they cover the pilot's error SAFETY times (pilot_levels.py). They do not matter where the pilot's
 # error is below the share NEGLIGIBLE of the limit.
 WIDER, GREATER, NEGLIGIBLE = 4.0, 1.5, 0.01
+# Bytes of memory for each node, and the share of a device's memory that it may take.
+BYTES, MEMORY_SHARE = 32, 0.05
 # Fields that may be in memory at a time, each used by one thread.
 MOST_PLACES = 2  # speed only
 
@@ -111,7 +113,8 @@ class NewValues:
         grid = known.samples
         if not (plan.searched_count and isinstance(grid, UniformGrid)) or plan.cubes:
             return None
-        if not has_tables(engine_of(plan.backend, plan.device), grid):
+        engine = engine_of(plan.backend, plan.device)
+        if not has_tables(engine, grid) or BYTES * grid.samples.size > MEMORY_SHARE * engine.memory[0]:
             return None
         tolerance, arms = plan.tolerance * like.task.wavelength, plan.lever_arms
         limit = error_limit(known, tolerance)

@@ -100,7 +100,7 @@ def test_fields_for_which_the_plan_does_not_hold_are_planned(engine: str):
     narrow = prepared(engine, air(fall=25.0))
     beside = 3e-9 * np.exp(-20.0 * ((x - 0.1) ** 2 + (y + 0.1) ** 2 + (z - 0.85) ** 2))
     rng = np.random.default_rng(74)
-    rough = 1e-7 * rng.normal(size=x.shape) * (np.abs(x) < 0.4) * (np.abs(y) < 0.4) * (np.abs(z) < 0.4)
+    rough = 5e-9 * rng.normal(size=x.shape) * (np.abs(x) < 0.4) * (np.abs(y) < 0.4) * (np.abs(z) < 0.4)
     moved = replace(air().samples, origin=np.full(3, -0.98), spacing=0.98 * air().spacing)
     others = {
         "strength": air(1.6e-6),
