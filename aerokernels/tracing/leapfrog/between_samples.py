@@ -84,11 +84,11 @@ class MissedStructure:
         if leaves_steepest and rays.ray_count > SPREAD_RAYS:
             self.steepness = _of_nearly_all(rays.direction, self.steepness)
 
-    def of_values(self, field: IndexField) -> "MissedStructure":
-        """The structure that the same rays, in the same support, may miss in a field on the same nodes."""
+    def of_values(self, field: IndexField, limit: float) -> "MissedStructure":
+        """The structure that the same rays, in the same support, may miss in a field on the same nodes, for a limit."""
         other = copy(self)
-        other.field, other._errors = field, {}
-        other.ends = disturbed_ends(field, self.lines, self.limit) if len(self.lines.length) else b""
+        other.field, other.limit, other._errors = field, limit, {}
+        other.ends = disturbed_ends(field, self.lines, limit) if len(self.lines.length) else b""
         return other
 
     def _sampled(self, count: int) -> Sampling:

@@ -6,8 +6,8 @@ A job for another field on the same nodes differs in little, so that what is lau
 - the OPD error allowed to a ray is the same (error_limit.py);
 - the air outside the plan's support is as undisturbed as may be left out (support.py); the support is that of a
   stricter limit than the plan's, so that it also holds for slightly stronger fields;
-- structure between samples is bounded (leapfrog/between_samples.py); a few more samples are taken than the known field
-  needs;
+- structure between samples is bounded (leapfrog/between_samples.py); the number of samples suffices for somewhat
+  stronger fields than the known one;
 - the pilot's error, and the scales that let each ray's own estimate cover it, suffice (leapfrog/pilot_levels.py);
 - the air at the ends of the box is examined as for any field (air.py).
 
@@ -29,7 +29,7 @@ from ..engines import engine_of
 from ..engines.device_memory import DeviceMemoryError, memory_of
 from ..error_limit import error_limit, keep_error_limit
 from ..grid_tables import has_tables, keep_tables, prepare_grid
-from ..leapfrog.between_samples import MARGIN, MissedStructure, multiple_of_three
+from ..leapfrog.between_samples import MARGIN, MissedStructure
 from ..leapfrog.pilot_levels import GREATEST_BEND, GREATEST_SHARE, SAFETY, error_scales, pair_of
 from ..leapfrog.sample_count import leapfrog_reason, least_samples
 from ..leapfrog.unresolved import potential_by_blocks
@@ -42,13 +42,11 @@ from .run import PupilRun
 from .sums import PupilSums, PupilTask
 from .values_in_turn import ValuesInTurn
 
-# How many more samples are taken than the known field needs.
-MORE_SAMPLES = 1.1
-# Power of the number of samples with which errors fall: the field may be greater by so much.
-ORDER = 4
+# The plan is made for fields that are stronger by this factor.
+STRONGER = 1.5
 # The support is that of a limit this many times stricter.
 STRICTER = 16.0
-# In a field so weak that the limit is a share of its own OPD, the plan is made for fields weaker by this factor.
+# In a field so weak that the limit is a share of its own OPD, rays are kept within that of fields so many times weaker.
 WEAKER = 2.0
 # The scales of a ray's own error estimate are up to WIDER times those of the known field: small errors are mostly
 # rounding, and their scales differ from field to field. They hold for a field that needs scales up to GREATER times
@@ -105,19 +103,12 @@ class NewValues:
 
     @classmethod
     def of(cls, make: MakeJob, like: PupilJob) -> "NewValues | None":
-        """Find the plan that other fields may follow, from a job whose plan is to hold for them; None without one.
-
-        Only leapfrog samples of the spline itself can be followed, on devices that compute a grid's tables.
-        """
+        """Find the plan that other fields may follow, from a job whose plan is to hold for them; None without one."""
         known, plan = like.task.field, like.run.task.plan
-        grid = known.samples
-        if not (plan.searched_count and isinstance(grid, UniformGrid)) or plan.cubes:
-            return None
-        engine = engine_of(plan.backend, plan.device)
-        if not has_tables(engine, grid) or BYTES * grid.samples.size > MEMORY_SHARE * engine.memory[0]:
+        if not _may_be_followed(known, plan):
             return None
         tolerance, arms = plan.tolerance * like.task.wavelength, plan.lever_arms
-        limit = error_limit(known, tolerance)
+        limit = known_limit = error_limit(known, tolerance)
         if limit < tolerance:
             limit /= WEAKER
         if np.isfinite(left_out(known, limit, arms)[1]):
@@ -130,17 +121,25 @@ class NewValues:
             return None  # OpenCL gives many rays a table of polynomials of cells
         box = support_box(known, limit / STRICTER, arms)
         field = _twin(known, tolerance, limit, arms, box)
+        # With samples for STRONGER fields; their number is hardly greater, since errors fall with its fourth power.
         structure = MissedStructure(field, lambda low, high: job.pilot, job.until, limit, arms, job.pilot)
-        count = structure.sufficient(max(plan.searched_count, least_samples(field, job.pilot, limit, arms)))
+        strict = structure.of_values(field, known_limit / STRONGER)
+        count = strict.sufficient(max(plan.searched_count, least_samples(field, job.pilot, limit, arms)))
         if not count:
             return None
-        task = replace(job.known_task, field=field)
-        count = multiple_of_three(MORE_SAMPLES * count)
-        plan = replace(task.plan, sample_count=count, steepest=structure.steepness, predicted_evaluations=float(count))
-        task = replace(task, plan=_with_wider_scales(plan, limit / task.wavelength))
+        plan = job.known_task.plan
+        plan = replace(plan, sample_count=count, steepest=structure.steepness, predicted_evaluations=float(count))
+        task = replace(job.known_task, field=field, plan=plan)
         try:
             with memory_of(plan.device):
                 place = ValuesInTurn(task, job.pilot)
+                place.load(known)
+                wider = _wider_scales(place.read(known), count, limit)
+                if wider is None:
+                    return None
+                plan = replace(plan, quadrature_error_scale=wider[0], trajectory_error_scale=wider[1])
+                task = replace(task, plan=plan)
+                place.prepare(task)
         except DeviceMemoryError:
             return None  # each field by itself may fit
         # Without the known job's own function, which would keep its field.
@@ -191,13 +190,13 @@ class NewValues:
         plan = self.task.plan
         level, finest, bends = pair_of(made, plan.sample_count)
         worst = level.error(finest)
-        if limit < self.limit or not (level.is_fit and finest.is_fit and worst <= self.limit / MARGIN):
+        if limit < self.limit or not (level.is_fit and finest.is_fit and worst <= limit / MARGIN):
             return None
         held, scales = (plan.quadrature_error_scale, plan.trajectory_error_scale), error_scales(level, worst, bends)
         covers = all(needed <= GREATER * scale for needed, scale in zip(scales, held, strict=True))
-        if not (covers or worst <= NEGLIGIBLE * self.limit):
+        if not (covers or worst <= NEGLIGIBLE * limit) or not self._has_same_support(field):
             return None
-        return worst if self._has_same_support(field) and self._is_bounded(field) else None
+        return worst if self.structure.of_values(field, limit).is_enough(plan.sample_count) else None
 
     def _is_alike(self, field: IndexField, wavelength: float) -> bool:
         """Whether a field has all of the known field but the values, and these are hardly greater."""
@@ -212,7 +211,7 @@ class NewValues:
             and wavelength == self.task.wavelength
         )
         # Errors grow with the contrast: a field that is stronger by more need not be examined.
-        return is_alike and _strength(samples) <= MORE_SAMPLES**ORDER * _strength(known_samples)
+        return is_alike and _strength(samples) <= STRONGER * _strength(known_samples)
 
     def _has_same_support(self, field: IndexField) -> bool:
         """Whether the plan's support contains the field's, which is then replaced by it."""
@@ -222,10 +221,6 @@ class NewValues:
             return False
         keep_support_box(field, self.limit, arms, self.box)
         return True
-
-    def _is_bounded(self, field: IndexField) -> bool:
-        """Whether the plan's samples miss no structure."""
-        return self.structure.of_values(field).is_enough(self.task.plan.sample_count)
 
     @contextmanager
     def _place(self) -> Iterator[ValuesInTurn]:
@@ -254,7 +249,8 @@ class NewValues:
         """Prepare memory for one more thread."""
         task, plan = self.task, self.task.plan
         twin = _twin(task.field, plan.tolerance * task.wavelength, self.limit, plan.lever_arms, self.box)
-        return ValuesInTurn(replace(task, field=twin), self.job.pilot)
+        task = replace(task, field=twin)
+        return ValuesInTurn(task, self.job.pilot).prepare(task)
 
     def sums(self, seed: int | None, field: IndexField) -> PupilSums | None:
         """Trace and sum the rays of a seed, if the field's values are still in memory."""
@@ -292,6 +288,15 @@ class FollowedRun:
         return self.own(seed)
 
 
+def _may_be_followed(field: IndexField, plan: TracePlan) -> bool:
+    """Whether a plan has leapfrog samples of the spline itself, on a device that computes a grid's tables."""
+    grid = field.samples
+    if not (plan.searched_count and isinstance(grid, UniformGrid)) or plan.cubes:
+        return False
+    engine = engine_of(plan.backend, plan.device)
+    return has_tables(engine, grid) and BYTES * grid.samples.size <= MEMORY_SHARE * engine.memory[0]
+
+
 def _nothing_more(rays: int) -> TracePlan:
     raise AssertionError(f"the plan that others follow is not asked for one of {rays} rays")
 
@@ -302,13 +307,18 @@ def _strength(grid: UniformGrid) -> float:
     return max(-low, high)
 
 
-def _with_wider_scales(plan: TracePlan, limit: float) -> TracePlan:
-    """The plan with scales of a ray's error up to WIDER times greater, if that rejects no ray; limit in waves."""
-    worst = plan.predicted_error or 0.0
-    wider = min(max(0.5 * limit / (SAFETY * worst), 1.0), WIDER) if worst > 0.0 else WIDER
-    quadrature = min(wider * plan.quadrature_error_scale, GREATEST_SHARE)
-    trajectory = min(wider * plan.trajectory_error_scale, GREATEST_BEND)
-    return replace(plan, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
+def _wider_scales(made: list[dict[str, np.ndarray]], count: int, limit: float) -> tuple[float, float] | None:
+    """Scales of a ray's error up to WIDER times those that the pilot needs, if they reject no ray of it.
+
+    None for a pilot that is not accurate. `made` are the outputs of its trials, and `limit` is a ray's [m].
+    """
+    level, finest, bends = pair_of(made, count)
+    worst = level.error(finest)
+    if not (level.is_fit and finest.is_fit and worst <= limit / MARGIN):
+        return None
+    wider = WIDER if worst <= 0.0 else min(max(0.5 * limit / (SAFETY * worst), 1.0), WIDER)
+    share, bend = error_scales(level, worst, bends)
+    return min(wider * share, GREATEST_SHARE), min(wider * bend, GREATEST_BEND)
 
 
 def _twin(

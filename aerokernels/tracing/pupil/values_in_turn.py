@@ -36,8 +36,10 @@ class ValuesInTurn:
         run: The pupil's rays.
     """
 
+    run: PupilRun
+
     def __init__(self, task: PupilTask, pilot: RayBundle):
-        """Prepare a task whose field nothing else uses: its values are never in this memory, only those of others."""
+        """Prepare the pilot of a task whose field nothing else uses: only those of others are loaded."""
         field, plan = task.field, task.plan
         grid = field.samples
         assert isinstance(grid, UniformGrid)
@@ -56,9 +58,13 @@ class ValuesInTurn:
         few = replace(plan, few_rays=True)
         trials = Trials(field, pilot, few, task.until, task.wavelength, PILOT_OUTPUTS)
         self.trials = trials.repeated(*pair_numbers(plan.sample_count))
-        self.run = PupilRun(task)
         self.repeat = engine.recorded()
         self._holds: Any = None  # refers weakly to the samples whose values are in memory
+
+    def prepare(self, task: PupilTask) -> "ValuesInTurn":
+        """Prepare the pupil's rays too, by a plan whose scales of a ray's error are known."""
+        self.run = PupilRun(task)
+        return self
 
     def holds(self, field: IndexField) -> bool:
         """Whether the values in memory are those of a field."""
