@@ -16,10 +16,8 @@ fields asked of one job are compared with that job's field alone, so that no ans
 """
 
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,7 +38,7 @@ from ..support import find_support_box, keep_support_box, left_out, support_box
 from .job import UNKNOWN, PupilJob, air_of
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
-from .values_in_turn import ValuesInTurn
+from .values_in_turn import MemoryInTurn, ValuesInTurn
 
 # The plan is made for fields that are stronger by this factor.
 STRONGER = 1.5
@@ -55,8 +53,6 @@ WEAKER = 2.0
 WIDER, GREATER, NEGLIGIBLE = 4.0, 1.5, 0.01
 # Bytes of memory for each node, and the share of a device's memory that it may take.
 BYTES, MEMORY_SHARE = 32, 0.05
-# Fields that may be in memory at a time, each used by one thread.
-MOST_PLACES = 2  # speed only
 
 # Makes the job of a field by planning it: `make_job` with all that the jobs have in common.
 MakeJob = Callable[..., PupilJob]
@@ -90,6 +86,7 @@ class NewValues:
         structure: The structure that rays may miss between samples.
         limit: The OPD error allowed to a ray [m].
         box: The support.
+        memory: The memory.
     """
 
     make: MakeJob
@@ -98,8 +95,7 @@ class NewValues:
     structure: MissedStructure
     limit: float
     box: tuple[np.ndarray, np.ndarray]
-    places: list[ValuesInTurn]
-    lock: Any = field(default_factory=threading.Lock)
+    memory: MemoryInTurn
 
     @classmethod
     def of(cls, make: MakeJob, like: PupilJob) -> "NewValues | None":
@@ -145,7 +141,12 @@ class NewValues:
         # Without the known job's own function, which would keep its field.
         asked = replace(job.task, field=field, plan=plan)
         job = replace(job, task=asked, plan_of=_nothing_more, given_run=place.run, lock=threading.Lock())
-        return cls(make, job, task, structure, limit, box, [place])
+
+        def another() -> ValuesInTurn:
+            alike = replace(task, field=_twin(field, tolerance, limit, arms, box))
+            return ValuesInTurn(alike, job.pilot).prepare(alike)
+
+        return cls(make, job, task, structure, limit, box, MemoryInTurn(place, another))
 
     def job_of(self, field: IndexField, wavelength: float) -> PupilJob | None:
         """Return the job of a field that follows the plan; None where it does not hold.
@@ -157,7 +158,7 @@ class NewValues:
         if not self._is_alike(field, wavelength):
             return None
         tolerance = task.plan.tolerance * task.wavelength
-        with memory_of(task.plan.device), self._place() as place:
+        with memory_of(task.plan.device), self.memory.taken() as place:
             place.load(field)
             try:  # while a GPU works
                 air = air_of(field, task.pupil, task.look, tolerance, job.air.rays)
@@ -222,44 +223,6 @@ class NewValues:
         keep_support_box(field, self.limit, arms, self.box)
         return True
 
-    @contextmanager
-    def _place(self) -> Iterator[ValuesInTurn]:
-        """Memory that no other thread uses meanwhile."""
-        place = self._taken()
-        try:
-            yield place
-        finally:
-            place.lock.release()
-
-    def _taken(self) -> ValuesInTurn:
-        with self.lock:
-            for place in self.places:
-                if place.lock.acquire(blocking=False):
-                    return place
-            if len(self.places) < MOST_PLACES and not self.places[0].engine.is_gpu:
-                place = self._another()
-                place.lock.acquire()
-                self.places.append(place)
-                return place
-        place = self.places[0]
-        place.lock.acquire()
-        return place
-
-    def _another(self) -> ValuesInTurn:
-        """Prepare memory for one more thread."""
-        task, plan = self.task, self.task.plan
-        twin = _twin(task.field, plan.tolerance * task.wavelength, self.limit, plan.lever_arms, self.box)
-        task = replace(task, field=twin)
-        return ValuesInTurn(task, self.job.pilot).prepare(task)
-
-    def sums(self, seed: int | None, field: IndexField) -> PupilSums | None:
-        """Trace and sum the rays of a seed, if the field's values are still in memory."""
-        for place in self.places:
-            with place.lock:
-                if place.holds(field):
-                    return place.run(seed, field)
-        return None
-
 
 @dataclass(eq=False)
 class FollowedRun:
@@ -277,7 +240,7 @@ class FollowedRun:
     def __call__(self, seed: int | None) -> PupilSums:
         """Trace and sum the points of a seed."""
         if self.own is None:
-            found = self.known.sums(seed, self.task.field)
+            found = self.known.memory.sums(seed, self.task.field)
             if found is not None:
                 return found
             plan, samples = self.task.plan, self.task.field.samples

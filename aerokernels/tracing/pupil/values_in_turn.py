@@ -7,6 +7,8 @@ GPU as one graph or without setting an argument, which takes a tenth of the time
 import math
 import threading
 import weakref
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -24,7 +26,10 @@ from ..leapfrog.pilot_levels import pair_numbers
 from ..leapfrog.sample_count import PILOT_OUTPUTS
 from ..support import keep_potential_peaks
 from .run import PupilRun
-from .sums import PupilTask
+from .sums import PupilSums, PupilTask
+
+# Fields that may be in memory at a time, each used by one thread of a CPU.
+MOST = 2  # speed only
 
 
 class ValuesInTurn:
@@ -117,3 +122,40 @@ class ValuesInTurn:
                 engine.wait()
                 engine.put_into(self.coefficients, tables.on_host.astype(REAL_TYPES[self.precision]))
         self.trials.start()
+
+
+class MemoryInTurn:
+    """Memory for as many fields at a time as threads use it."""
+
+    def __init__(self, first: ValuesInTurn, another: Callable[[], ValuesInTurn]):
+        """Take the first memory, and a function that prepares more of it."""
+        self._another, self._places, self._lock = another, [first], threading.Lock()
+        self._most = 1 if first.engine.is_gpu else MOST  # threads share the stream of a GPU
+
+    @contextmanager
+    def taken(self) -> Iterator[ValuesInTurn]:
+        """Memory that no other thread uses meanwhile."""
+        place = self._take()
+        try:
+            yield place
+        finally:
+            place.lock.release()
+
+    def _take(self) -> ValuesInTurn:
+        with self._lock:
+            for place in self._places:
+                if place.lock.acquire(blocking=False):
+                    return place
+            if len(self._places) < self._most:
+                self._places.append(self._another())
+            place = self._places[-1]
+        place.lock.acquire()
+        return place
+
+    def sums(self, seed: int | None, field: IndexField) -> PupilSums | None:
+        """Trace and sum the rays of a seed, if the field's values are still in memory."""
+        for place in self._places:
+            with place.lock:
+                if place.holds(field):
+                    return place.run(seed, field)
+        return None
