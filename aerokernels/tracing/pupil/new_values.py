@@ -143,10 +143,11 @@ class NewValues:
         job = replace(job, task=asked, plan_of=_nothing_more, given_run=place.run, lock=threading.Lock())
 
         def another() -> ValuesInTurn:
-            alike = replace(task, field=_twin(field, tolerance, limit, arms, box))
+            alike = replace(task, field=found.twin(field))
             return ValuesInTurn(alike, job.pilot).prepare(alike)
 
-        return cls(make, job, task, structure, limit, box, MemoryInTurn(place, another))
+        found = cls(make, job, task, structure, limit, box, MemoryInTurn(place, another))
+        return found
 
     def job_of(self, field: IndexField, wavelength: float) -> PupilJob | None:
         """Return the job of a field that follows the plan; None where it does not hold.
@@ -195,7 +196,7 @@ class NewValues:
             return None
         held, scales = (plan.quadrature_error_scale, plan.trajectory_error_scale), error_scales(level, worst, bends)
         covers = all(needed <= GREATER * scale for needed, scale in zip(scales, held, strict=True))
-        if not (covers or worst <= NEGLIGIBLE * limit) or not self._has_same_support(field):
+        if not (covers or worst <= NEGLIGIBLE * limit) or not self._contains_support(field):
             return None
         return worst if self.structure.of_values(field, limit).is_enough(plan.sample_count) else None
 
@@ -214,14 +215,15 @@ class NewValues:
         # Errors grow with the contrast: a field that is stronger by more need not be examined.
         return is_alike and _strength(samples) <= STRONGER * _strength(known_samples)
 
-    def _has_same_support(self, field: IndexField) -> bool:
-        """Whether the plan's support contains the field's, which is then replaced by it."""
-        arms = self.task.plan.lever_arms
-        low, high = find_support_box(field, self.limit, arms)
-        if (low < self.box[0]).any() or (high > self.box[1]).any():
-            return False
-        keep_support_box(field, self.limit, arms, self.box)
-        return True
+    def _contains_support(self, field: IndexField) -> bool:
+        """Whether the plan's support contains the field's."""
+        low, high = find_support_box(field, self.limit, self.task.plan.lever_arms)
+        return bool((low >= self.box[0]).all() and (high <= self.box[1]).all())
+
+    def twin(self, field: IndexField) -> IndexField:
+        """A field of the same values on which nothing is cached but what the plan says: tables, limit and support."""
+        task, arms = self.task, self.task.plan.lever_arms
+        return _twin(field, task.plan.tolerance * task.wavelength, self.limit, arms, self.box)
 
 
 @dataclass(eq=False)
@@ -243,12 +245,12 @@ class FollowedRun:
             found = self.known.memory.sums(seed, self.task.field)
             if found is not None:
                 return found
-            plan, samples = self.task.plan, self.task.field.samples
-            assert isinstance(samples, UniformGrid)
+            plan, twin = self.task.plan, self.known.twin(self.task.field)
+            assert isinstance(twin.samples, UniformGrid)
             with memory_of(plan.device):  # another field has taken the memory
-                prepare_grid(engine_of(plan.backend, plan.device), samples)
-                self.own = PupilRun(self.task)
-        return self.own(seed)
+                prepare_grid(engine_of(plan.backend, plan.device), twin.samples)
+                self.own = PupilRun(replace(self.task, field=twin))
+        return self.own(seed, self.task.field)
 
 
 def _may_be_followed(field: IndexField, plan: TracePlan) -> bool:
@@ -287,7 +289,7 @@ def _wider_scales(made: list[dict[str, np.ndarray]], count: int, limit: float) -
 def _twin(
     field: IndexField, tolerance: float, limit: float, arms: LeverArms | None, box: tuple[np.ndarray, np.ndarray]
 ) -> IndexField:
-    """A field of the same values, for memory whose values will be those of others, with this limit and this support."""
+    """A field of the same values on which nothing is cached but its tables, this limit [m] and this support."""
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     other = replace(grid)

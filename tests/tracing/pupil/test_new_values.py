@@ -74,19 +74,21 @@ def test_a_field_that_follows_has_the_ratio_that_it_has_by_its_own_plan(engine: 
 def test_answers_do_not_depend_on_the_order_of_the_fields(engine: str):
     """The same bits alone, after other fields, again when another field has the memory, by threads, and in a chain."""
     changes = [{"tilt": 0.1}, {"peak": 0.8e-6}, {"tilt": 0.25, "peak": 1.1e-6}]
-    alone = [prepared(engine, air()).with_field(air(**change))(5).value for change in changes]
-    known = prepared(engine, air())
-    all_seen = [known.with_field(air(**change)) for change in changes]
+    alone = [prepared(engine, air(fall=25.0)).with_field(air(fall=25.0, **change))(5).value for change in changes]
+    known = prepared(engine, air(fall=25.0))
+    all_seen = [known.with_field(air(fall=25.0, **change)) for change in changes]
     assert all(map(follows, all_seen))
     for seen, value in zip(all_seen, alone, strict=True):
         assert seen(5).value == value and seen(6).value != value and seen(5).value == value
     assert isinstance(all_seen[0].job.given_run.own, PupilRun) and all_seen[2].job.given_run.own is None
     with ThreadPoolExecutor(4) as threads:
-        found = list(threads.map(lambda number: known.with_field(air(**changes[number % 3]))(5).value, range(12)))
+        found = list(
+            threads.map(lambda number: known.with_field(air(fall=25.0, **changes[number % 3]))(5).value, range(12))
+        )
     assert found == [alone[number % 3] for number in range(12)]
     chained = known
     for change, value in zip(changes, alone, strict=True):
-        chained = chained.with_field(air(**change))
+        chained = chained.with_field(air(fall=25.0, **change))
         assert chained(5).value == value
 
 
