@@ -31,6 +31,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
     real3 momentum = q, momentum_carry = q;  // P, the deviation of T
     real4 sums = (real4)R(0.0), sums_carry = sums;  // sigma, S, M, B
     real used = R(0.0);
+    Bends bends = {R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)};  // errors by kinks
     real max_deflection = R(0.0);  // greatest angle with d so far
     int steps = 0, evaluations = 0, ends_on = -1;
     real obliquity_first = R(0.0), opd_rate = R(0.0);
@@ -75,7 +76,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             const real h_least = LEAST_STEP / (greatest(cell_rate) * size3(total));
             const Stride ahead = stride(
                 &field, &arrays, &control, current_cell, cone, cell, frac, total, force, index, derating, h_cell,
-                h_next, h_cap);
+                h_next, h_cap, &to_stop, max_deflection, used + bend_error(&bends));
             const real3 ray_frac = IS_STRAIGHT ? frac + q * rate : frac;
             int event, runs;
             real h = event_location(
@@ -97,20 +98,25 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             const real3 kick = kick_of(h, force, s2, s3);
 
             real angle_now, direction_weight, step_displacement;
+            real3 bend;
             const real error = step_error(
                 ambient, d, total, momentum, h, h <= ahead.safe, max_deflection, &to_stop, pot, force, s2, s3, s4,
-                &angle_now, &direction_weight, &step_displacement);
+                ahead.kinks, &angle_now, &direction_weight, &step_displacement, &bend);
+            const real bend_size = size3(MAGNIFIED * bend) / MAGNIFIED;
 
+            // Whether the step ends at the edge of a cell of a mesh, before which it stops.
+            const int at_edge = ON_MESH && CONTROLLED && event < 0 && ahead.edge >= 0 && h == ahead.h;
             int accept = 1;
             if (CONTROLLED) {
                 const real rounding = step_rounding(&control, h, direction_weight, rate, frac, pot, force, s3);
                 real ratio;
                 const real limit = attainable_error(&control, ambient, &to_stop, angle_now);
                 accept = step_acceptance(
-                    limit, error, rounding, used, h, h_cell, h_least, index, to_stop.reach, &ratio);
+                    limit, error, bend_size, rounding, used + bend_error(&bends), h, h_cell, h_least, index,
+                    to_stop.reach, &ratio);
                 if (accept) {
                     // A step cut short by a surface is no reason to shorten the next one.
-                    h_next = greater(h * ratio, h_least);
+                    h_next = greater(h * ratio, at_edge ? h_next : h_least);
                     if (event >= 0) {
                         h_next = greater(h_next, ahead.h);
                     }
@@ -162,6 +168,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 h_cap = control.extent / ambient;
                 steps++;
                 used += error;
+                bends = with_bend(&bends, bend, bend_size);
                 real late = R(0.0), gain_rate = R(0.0);  // what may be behind a face, and its gain per length
                 if (CONTROLLED && (runs || undecided)) {
                     late = undecided
@@ -181,23 +188,44 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 advance3(&momentum, &momentum_carry, impulse_of(h, force, s2, s3, s4));
                 advance3(&frac, &frac_carry, (IS_STRAIGHT ? h * total : h * total + kick) * rate);
                 carry_over(&cell, &frac);
-                current_cell = find_current_cell(&field, &arrays, frac, current_cell);
                 pot = s4.x;
                 force = FORCE(s4);
+                const real3 bearing = IS_STRAIGHT ? ambient * d : ambient * d + momentum;
+                const real3 curve = IS_STRAIGHT ? (real3)R(0.0) : force;
+#if ON_MESH
+                const real rest = at_edge ? rest_to_edge(&field, &arrays, ahead.edge, frac, bearing, h) : R(-1.0);
+                const int behind_face = CONTROLLED && rest >= R(0.0);
+                current_cell = behind_face ? arrays.neighbors[ahead.edge]
+                                           : find_current_cell(&field, &arrays, frac, current_cell);
+#else
+                const int behind_face = AT_FACES;
+                const real rest = AT_FACES && event < 0
+                                      ? rest_to_face(frac, bearing * rate, curve * rate, ahead.stand_off, h)
+                                      : R(0.0);
+#endif
                 real3 probe = frac;  // where the slope is `force`: at a face, behind it
                 real probe_pot = pot;
-                if (AT_FACES) {
+                if (behind_face) {
                     // The slope jumps at the face before which the step stopped: the ray flies the rest along the
                     // tangent, and the next step starts with the slope behind the face.
-                    const real3 bearing = IS_STRAIGHT ? ambient * d : ambient * d + momentum;
-                    const real3 curve = IS_STRAIGHT ? (real3)R(0.0) : force;
-                    const real rest =
-                        event >= 0 ? R(0.0) : rest_to_face(frac, bearing * rate, curve * rate, ahead.stand_off, h);
                     advance4(&sums, &sums_carry, tangent_sums(ambient, d, momentum, rest, pot, force));
                     advance3(&q, &q_carry, rest * momentum + (R(0.5) * rest * rest) * force);
                     advance3(&momentum, &momentum_carry, rest * force);
                     advance3(&frac, &frac_carry, (rest * bearing + (R(0.5) * rest * rest) * curve) * rate);
                     carry_over(&cell, &frac);
+#if ON_MESH
+                    const real doubt =
+                        bend_arm(&to_stop, angle_now) * edge_rounding(&field, &arrays, ahead.edge, frac, bearing, h);
+                    bends = with_bend(&bends, (real3)R(0.0), doubt);
+                    const real4 beyond = sample_in(&field, &arrays, current_cell, frac);
+                    pot = beyond.x;
+                    force = FORCE(beyond);
+                    if (IS_STRAIGHT) {
+                        pot += dot(force, q);
+                        probe = frac;
+                        probe_pot = pot;
+                    }
+#else
                     const real over = AT_FACE / size3(bearing * rate);
                     const real3 push = push_off_faces(frac, bearing * rate);
                     const real4 beyond = sample(
@@ -213,6 +241,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                         probe = frac + over * (bearing * rate) + push;
                         probe_pot = beyond.x + dot(force, q);
                     }
+#endif
                     evaluations++;
                 }
                 if (CONSISTENT_GRADIENT) {
@@ -276,6 +305,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             }
         }
         if (CONTROLLED) {
+            used += bend_error(&bends);
             used += turned * (obliquity + STRAIGHT_LEVER * max_deflection) * lever_arm;
             // A stop met at a slant magnifies errors of place and direction; without a stop, the gain is a length.
             if (STOP != NONE) {

@@ -23,6 +23,7 @@ from .averages.kept_averages import cell_deficits
 from .averages.rows_of_cells import AveragesLacking, averages_lacking
 from .averages.vertex_values import of_parents, values_and_smooth, vertex_gradients
 from .grid import eq5_step
+from .kinks import gradient_jumps
 from .mesh import Places, QuadMesh
 
 MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw", "cells")
@@ -106,6 +107,11 @@ class MeshSamples(Derived):
         return averages_lacking(self.mesh, self.averages, self.values)
 
     @cached_property
+    def kinks(self) -> np.ndarray:
+        """Greatest jump of the gradient at each edge of each cell [1/m], shape (cell_count, 4): see kinks.py."""
+        return gradient_jumps(self.mesh, self.gradients_in)
+
+    @cached_property
     def paper_step(self) -> np.ndarray:
         """Step length [m] of the paper's eq 5 for every cell, shape (cell_count,)."""
         corner = self.values[self.mesh.cells]
@@ -131,22 +137,24 @@ class MeshSamples(Derived):
             assert self.averages is not None
             result[rows] = self.averages[cell]
             return result, gradient
-        vertex = self.mesh.cells[cell]
-        value = self.values[vertex]
-        if self.interpolation == "idw":
-            corners = self.mesh.corners[cell]
-            weight = inverse_distance_weights(corners, points[rows])
-            result[rows] = np.sum(weight * value, axis=1)
-            gradient[rows] = np.einsum("nk,nkd->nd", weight, self.gradients[vertex])
-            return result, gradient
-        xi, eta = places.local
-        weight = np.stack([(1 - xi) * (1 - eta), xi * (1 - eta), xi * eta, (1 - xi) * eta], axis=1)
-        result[rows] = np.sum(weight * value, axis=1)
-        if self.interpolation == "bilinear-barron":
-            gradient[rows] = np.einsum("nk,nkd->nd", weight, self.gradients[vertex])
-        elif with_gradient:
-            gradient[rows] = _bilinear_gradient(self.mesh.corners[cell], value, xi, eta)
+        at = (0.0, 0.0) if self.interpolation == "idw" else places.local
+        result[rows] = np.sum(self._weights(cell, points[rows], *at) * self.values[self.mesh.cells[cell]], axis=1)
+        if with_gradient or self.interpolation != "bilinear":
+            gradient[rows] = self.gradients_in(cell, points[rows], *at)
         return result, gradient
+
+    def _weights(self, cell: np.ndarray, points: np.ndarray, xi, eta) -> np.ndarray:
+        """Return the weights of the corners of cells at points in them, shape (n, 4)."""
+        if self.interpolation == "idw":
+            return inverse_distance_weights(self.mesh.corners[cell], points)
+        return np.stack([(1 - xi) * (1 - eta), xi * (1 - eta), xi * eta, (1 - xi) * eta], axis=1)
+
+    def gradients_in(self, cell: np.ndarray, points: np.ndarray, xi, eta) -> np.ndarray:
+        """Return the gradients [1/m] in cells at points (n, 2) [m] with bilinear coordinates xi, eta, shape (n, 2)."""
+        vertex = self.mesh.cells[cell]
+        if self.interpolation == "bilinear":
+            return _bilinear_gradient(self.mesh.corners[cell], self.values[vertex], xi, eta)
+        return np.einsum("nk,nkd->nd", self._weights(cell, points, xi, eta), self.gradients[vertex])
 
 
 def inverse_distance_weights(corners: np.ndarray, points: np.ndarray) -> np.ndarray:

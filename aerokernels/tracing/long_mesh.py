@@ -1,8 +1,7 @@
 """Warn of many rays through a mesh before they are traced: a resampled field takes a small part of the time.
 
-A step through a mesh ends in error where the gradient jumps between two cells, so that error control needs many steps
-for each cell; if the stop is at an angle to the rays, their deflections count, and it needs some fifty times as many.
-How many is not predicted but seen: a few of the rays are traced.
+Error control ends steps at the edges between the cells of a mesh where the gradient jumps too much for the tolerance,
+so that a ray needs up to a few evaluations for each cell that it crosses. How many is not predicted but seen: a few of the rays are traced.
 """
 
 from collections.abc import Callable

@@ -7,8 +7,8 @@ Numbers that depend on the precision are mappings from its name.
 
 # The length of a step.
 # Steps of up to this many cells are taken whatever the table of step bounds says (step_bound.py): four samples a step
-# are then closer together than the support of a sample. On a mesh, which has no table, no step is longer than the
-# second number.
+# are then closer together than the support of a sample. Beyond the cells of a mesh, which has no table, no step is
+# longer than the second number.
 STEP_LIMIT = 2.0
 MESH_STEP_LIMIT = 4.0
 # Greatest tolerance [waves] for which the field's structure may be stepped over.
@@ -55,6 +55,21 @@ RATIO_GROWTH = 30.0
 MAGNIFIED = 2.0**40
 # Replaces a divisor that may be 0.
 TINY = {"float32": 1e-30, "float64": 1e-290}
+
+# Steps through a mesh, where slopes jump at the edges of cells (kernels/edges.py).
+# Greatest number of cells that a step crosses.
+EDGES_PASSED = 64
+# The momentum's error if the slope jumps somewhere in a step, as a share of the jump times the step: at most 0.23, 0.11
+# in the mean square over all places. The optical path's, as a share of the jump times the step squared: at most 0.034.
+KINK_SHARE, KINK_PATH = 0.3, 0.035
+# The errors of steps over such jumps add up by chance. A ray has the greatest sum of its first steps as its error, and
+# so many times the root of the sum of their squares.
+BEND_SPREAD = 1.0
+# How far before an edge a step stops, as a share of the force times the step squared: the parabola leaves out that the
+# force changes over the step.
+EDGE_STAND_OFF = 0.15
+# Rounding of the place where a ray crosses an edge, as a share of the tolerance by which a cell is found.
+EDGE_ROUNDING = 0.25
 
 # Leapfrog samples.
 # Greatest angle with the first direction for which leapfrog samples are valid [rad].

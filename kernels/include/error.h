@@ -4,8 +4,8 @@
 
 #include "motion.h"
 
-// The error [m], the greatest angle with d so far, the weight of an error of direction, the displacement. The weight is
-// the length by which an error of the direction is multiplied. The displacement is how far sideways the step may put
+// The error [m], the greatest angle with d so far, the weight of an error of direction, the displacement, and the error
+// by `kinks` that a step crosses on a mesh, as a vector (see Bends). The weight is the length by which an error of the direction is multiplied. The displacement is how far sideways the step may put
 // the ray where it leaves the field. The ray meets its stop at an `obliquity` (ends.h), `lever_arm` further on.
 static inline real step_error(
     real ambient,
@@ -21,9 +21,11 @@ static inline real step_error(
     real4 s2,
     real4 s3,
     real4 s4,
+    real kinks,
     real *angle,
     real *direction_weight,
-    real *step_displacement)
+    real *step_displacement,
+    real3 *bend)
 {
     const real reach = to_stop->reach, lever_arm = to_stop->lever_arm;
     // After the ray has turned, the initial obliquity does not apply; the angle of the turn counts instead.
@@ -69,7 +71,52 @@ static inline real step_error(
     const real error_p_size = size3(MAGNIFIED * error_p) / MAGNIFIED;
     const real error_q_size = size3(MAGNIFIED * error_q) / MAGNIFIED;
     *step_displacement = greater(error_ratio, LEAST_RATIO) * (error_q_size + reach * error_p_size / ambient);
-    return error + error_p_size * (weight * reach + tilt * lever_arm) + ambient * error_q_size * (weight + tilt);
+    const real arm = weight * reach + tilt * lever_arm;
+    *bend = (real3)R(0.0);
+    if (ON_MESH && kinks > R(0.0)) {
+        *bend = arm * error_p + (ambient * (weight + tilt)) * error_q + (R(4.0) * error_s) * d;
+        const real size = size3(MAGNIFIED * *bend) / MAGNIFIED;
+        const real least = h * kinks * (KINK_SHARE * arm + KINK_PATH * h * ambient);
+        if (size < least) {
+            *bend = size > R(0.0) ? (least / size) * *bend : least * d;
+        }
+        return error - R(4.0) * fabs(error_s);
+    }
+    return error + error_p_size * arm + ambient * error_q_size * (weight + tilt);
+}
+
+// Weight of an error of the direction of a ray on a mesh [m], as in step_error.
+static inline real bend_arm(const StopGeometry *to_stop, real max_deflection)
+{
+    const real obliquity = to_stop->obliquity * greater(R(1.0) - max_deflection / OBLIQUITY_KEPT, R(0.0));
+    const int is_far = to_stop->lever_arm > R(2.0) * to_stop->reach;
+    const real own = is_far && max_deflection < LEAPFROG_ANGLE ? max_deflection : R(0.0);
+    return (max_deflection + DIRECTION_SHARE) * to_stop->reach + (obliquity + own) * to_stop->lever_arm;
+}
+
+// Share of a ray's tolerance that the error of a step by kinks may have, if smooth errors may have the share `part`.
+static inline real bend_share(real part)
+{
+    return sqrt(part) / (BEND_SPREAD + R(2.0));
+}
+
+// The errors by kinks with that of another step, of a size [m].
+static inline Bends with_bend(const Bends *bends, real3 bend, real size)
+{
+    Bends out;
+    out.x = bends->x + bend.x;
+    out.y = bends->y + bend.y;
+    out.z = bends->z + bend.z;
+    out.greatest = greater(bends->greatest, size3(MAGNIFIED * (real3)(out.x, out.y, out.z)) / MAGNIFIED);
+    out.root = size2(MAGNIFIED * (real2)(bends->root, size)) / MAGNIFIED;
+    out.sizes = bends->sizes + size;
+    return out;
+}
+
+// Error of a ray by the kinks that its steps crossed [m].
+static inline real bend_error(const Bends *bends)
+{
+    return lesser(bends->sizes, bends->greatest + BEND_SPREAD * bends->root);
 }
 
 // Rounding error of a step [m].

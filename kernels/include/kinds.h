@@ -11,6 +11,8 @@
 // The interpolant is smooth only within each cell: steps end at the faces of cells.
 #define PIECEWISE_SMOOTH (!ON_MESH && CONTROLLED && (INTERPOLATION == LINEAR || INTERPOLATION == MONOTONE))
 #define AT_FACES (!ON_MESH && CONTROLLED && INTERPOLATION == LINEAR)
+// The jumps at the edges of a mesh's cells are known, so that a step may cross some.
+#define KINKS_PASSED (INTERPOLATION == BILINEAR)
 #define FACE_COUNT (GEOMETRY == VOLUME ? 6 : GEOMETRY == PLANAR ? 4 : 3)
 // How many axes, counted from z, have flat faces: these are the first surfaces, two per axis.
 #define FLAT_AXES (GEOMETRY == VOLUME ? 3 : GEOMETRY == PLANAR ? 2 : 1)

@@ -150,16 +150,12 @@ static inline real3 in_cell(const Arrays *arrays, int cell, real2 p)
 #endif
 }
 
-// Potential s and its gradient [1/m]; zero outside the mesh. The contrast m is interpolated, and s = m (a + m / 2),
-// grad s = (a + m) grad m.
-static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
+// Potential s and its gradient [1/m] by the interpolant of one cell. The contrast m is interpolated, and
+// s = m (a + m / 2), grad s = (a + m) grad m.
+static real4 sample_in(const Field *field, const Arrays *arrays, int inside, real3 frac)
 {
     const real2 p = plane_point(frac);
     const real2 edge = within_box(field, p);
-    const int inside = locate(field, arrays, edge, current_cell);
-    if (inside < 0) {
-        return (real4)R(0.0);
-    }
     real3 s = in_cell(arrays, inside, edge);
     s.x += dot(s.yz, p - edge);
     const real index = field->ambient + s.x;
@@ -170,6 +166,13 @@ static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 f
     const real outward = p.x > R(0.0) ? s.y / p.x : R(0.0);
     return (real4)(s.x, outward * frac.x, outward * frac.y, s.z);
 #endif
+}
+
+// The same in the cell that contains a point; zero outside the mesh.
+static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
+{
+    const int inside = locate(field, arrays, within_box(field, plane_point(frac)), current_cell);
+    return inside < 0 ? (real4)R(0.0) : sample_in(field, arrays, inside, frac);
 }
 
 // Step length of eq 5 in the cell of the point [m]. Outside the mesh it is the median over all cells, which is stored

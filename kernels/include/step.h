@@ -2,11 +2,12 @@
 #ifndef STEP_H
 #define STEP_H
 
+#include "error.h"
 #include "motion.h"
 #include "step_bound.h"
 #include "wall.h"
 #if ON_MESH
-#include "mesh.h"
+#include "edges.h"
 #else
 #include "grid.h"
 #endif
@@ -26,9 +27,14 @@ static inline Stride stride(
     real derating,
     real h_cell,
     real h_next,
-    real h_cap)
+    real h_cap,
+    const StopGeometry *to_stop,
+    real max_deflection,
+    real used)
 {
     Stride out;
+    out.kinks = R(0.0);
+    out.edge = -1;
     out.h = h_next;
     out.safe = R(0.0);
     out.stand_off = R(0.1) * FACE_TOLERANCE;
@@ -53,6 +59,14 @@ static inline Stride stride(
         const real face = to_face(frac, velocity, acceleration, close);
         limit = greater(face - out.stand_off / size3(velocity), R(0.5) * face);
     }
+#if ON_MESH
+    if (current_cell >= 0) {
+        const real3 curve = IS_STRAIGHT ? (real3)R(0.0) : force;
+        return step_to_edge(
+            field, arrays, control, current_cell, frac, total, curve, index, lesser(h_next, h_cap), limit, to_stop,
+            max_deflection, used);
+    }
+#endif
     // End before the face at which the first block that is not smooth may begin.
     out.safe = derating * step_bound_of(control, arrays, cone, cell, frac, total) - R(10.0) * FACE_TOLERANCE * h_cell;
     out.h = lesser(out.h, greater(limit, out.safe));
@@ -144,10 +158,11 @@ static inline real3 impulse_of(real h, real3 force, real4 s2, real4 s3, real4 s4
     return h * (RKN_V1 * force + RKN_V2 * FORCE(s2) + RKN_V3 * FORCE(s3) + RKN_V4 * FORCE(s4));
 }
 
-// Whether a step with this error is accepted; `ratio` is the ratio of the next step's length to this.
+// Whether a step with this error, and that by kinks on a mesh, is accepted; `ratio` is the ratio of the next step's length to this.
 static inline int step_acceptance(
     real limit,
     real error,
+    real bend,
     real rounding,
     real used,
     real h,
@@ -161,6 +176,9 @@ static inline int step_acceptance(
     real allowed = greater(STEP_SHARE * left, limit * h * index / reach);
     if (h <= NOISE_STEP * h_cell) {
         allowed = greater(allowed, rounding);
+    }
+    if (ON_MESH) {
+        error += bend * lesser(allowed / (limit * bend_share(allowed / limit)), R(1.0));
     }
     *ratio = R(4.0);
     if (error > R(0.0)) {

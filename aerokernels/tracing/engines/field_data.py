@@ -84,7 +84,7 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
     low, high = field.box
     finite = np.nan_to_num(np.stack([low, high]), posinf=0.0, neginf=0.0)
     arrays: dict[str, np.ndarray] = {name: np.zeros((1, 2)) for name in ("corners", "gradients")}
-    arrays |= {name: np.zeros(1) for name in ("coefficients", "values", "paper_step")}
+    arrays |= {name: np.zeros(1) for name in ("coefficients", "values", "paper_step", "kinks")}
     arrays |= {name: np.zeros(1, dtype=np.int32) for name in ("neighbors", "bin_start", "bin_cell")}
     members: dict[str, object] = {
         "row": np.zeros(3, dtype=int),
@@ -115,6 +115,7 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
             "values": samples.values[mesh.cells].ravel(),
             "gradients": gradients[mesh.cells].reshape(-1, 2),
             "neighbors": mesh.neighbors.ravel(),
+            "kinks": field.ambient_index * samples.kinks.ravel(),
             "bin_start": mesh.bins.start,
             "bin_cell": mesh.bins.cell,
         }

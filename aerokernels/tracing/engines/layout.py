@@ -55,6 +55,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("values", "real*", "mesh: contrast at those corners"),
         Value("gradients", "real2*", "mesh: node gradients at those corners"),
         Value("neighbors", "int*", "mesh: cell behind each edge of each cell, or -1"),
+        Value("kinks", "real*", "mesh: jump of the potential's slope at each edge of each cell [1/m]"),
         Value("mesh_low", "real2", "bounding box of the mesh"),
         Value("mesh_high", "real2"),
         Value("bin_start", "int*"),
@@ -137,11 +138,23 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("derating", "real", "share of the step bounds, which do not allow for a far stop"),
         Value("resolution", "real", "rounding of a deflection at the stop, as a share of it"),
     ),
+    # Errors of the steps of a ray by kinks at the edges of a mesh, as optical path [m]. Each is a vector: across the
+    # ray by a wrong direction at the stop, along it by a wrong path. They have either sign: their sizes do not add.
+    "Bends": (
+        Value("x", "real", "components of the sum of the vectors"),
+        Value("y", "real"),
+        Value("z", "real"),
+        Value("greatest", "real", "greatest sum of the first steps"),
+        Value("root", "real", "root of the sum of their squares"),
+        Value("sizes", "real", "sum of their sizes"),
+    ),
     # The next step.
     "Stride": (
         Value("h", "real", "length to try [sigma]"),
         Value("safe", "real", "length up to which the air is smooth [sigma]"),
         Value("stand_off", "real", "distance to keep from faces, in cells"),
+        Value("kinks", "real", "mesh: kinks at the edges that it crosses, the root of the sum of squares [1/m]"),
+        Value("edge", "int", "mesh: number of the edge at which it ends, four to a cell; -1 if it ends at none"),
     ),
     # A line p + t d, prepared for intersections with the body's surface; d need not be a unit vector.
     "WallLine": (

@@ -38,12 +38,15 @@ SCENES = {
     "mesh": ("planar", "bilinear-barron", "paper", "none"),
     "monotone": ("axisymmetric", "monotone", "adaptive", "plane"),
     "idw": ("axisymmetric", "idw", "fixed", "plane"),
+    "edges": ("planar", "bilinear", "adaptive", "plane"),
+    "conical edges": ("axisymmetric", "bilinear", "straight", "plane"),
 }
 SUM = "OpenCL sums rows of the support as vectors, and takes their scalar product at the end"
 ORDER = "sums of three or four terms are associated otherwise"
 # Units in the last place by which functions may differ, and why.
 BOUNDS = {
     "sample": (64, SUM),
+    "sample_in": (64, SUM),
     "plane_sample": (64, SUM),
     "sample_at_stage": (128, SUM),
     "sample_neglected": (128, SUM),
@@ -153,6 +156,8 @@ class Numbers:
             "base": 26,
             "count": 40,
             "current_cell": self.cell_count,
+            "inside": self.cell_count,
+            "edge": 4 * self.cell_count,
             "first": 4 * (self.cell_count - 1) + 1,
             "node": self.wall_nodes,
             "piece": self.wall_pieces,

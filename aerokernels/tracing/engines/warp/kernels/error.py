@@ -7,10 +7,14 @@ the ray gives a sharper error of S.
 
 import warp as wp
 
+from .....medium.mesh_samples import MESH_INTERPOLATIONS
 from ....scheme import (
+    BEND_SPREAD,
     DIRECTION_NOISE,
     DIRECTION_SHARE,
     EVENT_LOCATION_NOISE,
+    KINK_PATH,
+    KINK_SHARE,
     LEAPFROG_ANGLE,
     LEAST_COSINE,
     LEAST_RATIO,
@@ -38,6 +42,46 @@ from .motion import build_contrast
 
 
 @built_once
+def build_bends(library: KernelLibrary):
+    """Build functions of errors by kinks of a mesh: weight of a direction, share of a step, sum, error of a ray."""
+    t = library.types
+    real, vec2, vec3, Bends, StopGeometry = t.real, t.vec2, t.vec3, t.Bends, t.StopGeometry
+
+    @wp.func
+    def bend_arm(to_stop: StopGeometry, max_deflection: real):
+        """Weight of an error of the direction of a ray on a mesh [m], as in step_error."""
+        obliquity = to_stop.obliquity * wp.max(real(1.0) - max_deflection / real(OBLIQUITY_KEPT), real(0.0))
+        if to_stop.lever_arm > real(2.0) * to_stop.reach and max_deflection < real(LEAPFROG_ANGLE):
+            obliquity += max_deflection
+        return (max_deflection + real(DIRECTION_SHARE)) * to_stop.reach + obliquity * to_stop.lever_arm
+
+    @wp.func
+    def bend_share(part: real):
+        """Share of the tolerance for the error of a step by kinks, if smooth errors may have the share `part`."""
+        return wp.sqrt(part) / real(BEND_SPREAD + 2.0)
+
+    @wp.func
+    def with_bend(bends: Bends, bend: vec3, size: real):
+        """The errors by kinks with that of another step, of a size [m]."""
+        out = Bends()
+        out.x = bends.x + bend[0]
+        out.y = bends.y + bend[1]
+        out.z = bends.z + bend[2]
+        whole = vec3(out.x, out.y, out.z)
+        out.greatest = wp.max(bends.greatest, wp.length(real(MAGNIFIED) * whole) / real(MAGNIFIED))
+        out.root = wp.length(real(MAGNIFIED) * vec2(bends.root, size)) / real(MAGNIFIED)
+        out.sizes = bends.sizes + size
+        return out
+
+    @wp.func
+    def bend_error(bends: Bends):
+        """Error of a ray by the kinks that its steps crossed [m]."""
+        return wp.min(bends.sizes, bends.greatest + real(BEND_SPREAD) * bends.root)
+
+    return bend_arm, bend_share, with_bend, bend_error
+
+
+@built_once
 def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, stop: str):
     """Build functions: error of a step, its rounding and limit, gain behind a face, errors at the stop."""
     t = library.types
@@ -46,6 +90,7 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
     tiny = TINY[library.precision]
     consistent_gradient = has_consistent_gradient(interpolation)
     sharpened = interpolation in ("cubic", "linear")
+    on_mesh = interpolation in MESH_INTERPOLATIONS
     noise = NOISE[library.precision]
     direction_noise = DIRECTION_NOISE[library.precision]
     event_location_noise = EVENT_LOCATION_NOISE[library.precision]
@@ -71,10 +116,12 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         s2: vec4,
         s3: vec4,
         s4: vec4,
+        kinks: real,
     ):
-        """The error [m], the greatest angle with d so far, the weight of an error of direction, the displacement.
+        """The error [m], the greatest angle with d so far, the weight of a direction, the displacement, and the bend.
 
-        The weight is the length by which an error of the direction is multiplied. The displacement is how far sideways
+        The bend is the error by `kinks` that the step crosses on a mesh, as a vector (see Bends). The weight is
+        the length by which an error of the direction is multiplied. The displacement is how far sideways
         the step may put the ray where it leaves the field. The ray meets its stop at an `obliquity` (ends.py),
         `lever_arm` further on.
         """
@@ -124,10 +171,26 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
             )
         error_p_size = wp.length(real(MAGNIFIED) * error_p) / real(MAGNIFIED)
         error_q_size = wp.length(real(MAGNIFIED) * error_q) / real(MAGNIFIED)
-        error += error_p_size * (weight * reach + tilt * lever_arm) + ambient * error_q_size * (weight + tilt)
+        arm = weight * reach + tilt * lever_arm
+        bend = vec3(real(0.0), real(0.0), real(0.0))
+        by_kinks = bool(False)
+        if wp.static(on_mesh):
+            by_kinks = kinks > real(0.0)
+        if by_kinks:
+            bend = arm * error_p + (ambient * (weight + tilt)) * error_q + (real(4.0) * error_s) * d
+            size = wp.length(real(MAGNIFIED) * bend) / real(MAGNIFIED)
+            least = h * kinks * (real(KINK_SHARE) * arm + real(KINK_PATH) * h * ambient)
+            if size < least:
+                if size > real(0.0):
+                    bend = (least / size) * bend
+                else:
+                    bend = least * d
+            error -= real(4.0) * wp.abs(error_s)
+        else:
+            error += error_p_size * arm + ambient * error_q_size * (weight + tilt)
         direction_weight = weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h)
         step_displacement = wp.max(error_ratio, real(LEAST_RATIO)) * (error_q_size + reach * error_p_size / ambient)
-        return vec4(error, angle, direction_weight, step_displacement)
+        return error, angle, direction_weight, step_displacement, bend
 
     @wp.func
     def step_rounding(

@@ -120,14 +120,13 @@ def build_find_current_cell(library: KernelLibrary, geometry: str):
 
 
 @built_once
-def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
-    """Build a function (field, cell, frac, current_cell) -> potential s and its gradient [1/m]; zero outside the mesh.
+def build_sample_in(library: KernelLibrary, geometry: str, interpolation: str):
+    """Build a function (field, inside, frac) -> potential s and its gradient [1/m] by the interpolant of one cell.
 
     The contrast m is interpolated, and s = m (a + m / 2), grad s = (a + m) grad m.
     """
     t = library.types
     real, vec2, vec3, vec4, Field = t.real, t.vec2, t.vec3, t.vec4, t.Field
-    locate = build_locate(library)
     plane_point = build_plane_point(library, geometry)
     within_box = build_within_box(library)
 
@@ -196,12 +195,9 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
                 return vec3(m, (rise * across[1] - lift * along[1]) / det, (lift * along[0] - rise * across[0]) / det)
 
     @wp.func
-    def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
+    def sample_in(field: Field, inside: int, frac: vec3):
         p = plane_point(frac)
         edge = within_box(field, p)
-        inside = locate(field, edge, current_cell)
-        if inside < 0:
-            return vec4(real(0.0), real(0.0), real(0.0), real(0.0))
         s = in_cell(field, inside, edge)
         s[0] += s[1] * (p[0] - edge[0]) + s[2] * (p[1] - edge[1])
         index = field.ambient + s[0]
@@ -213,6 +209,26 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
             if p[0] > real(0.0):
                 outward = s[1] / p[0]
             return vec4(s[0], outward * frac[0], outward * frac[1], s[2])
+
+    return sample_in
+
+
+@built_once
+def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
+    """Build a function (field, cell, frac, current_cell) -> potential and its gradient [1/m]; zero outside the mesh."""
+    t = library.types
+    real, vec3, vec4, Field = t.real, t.vec3, t.vec4, t.Field
+    locate = build_locate(library)
+    plane_point = build_plane_point(library, geometry)
+    within_box = build_within_box(library)
+    sample_in = build_sample_in(library, geometry, interpolation)
+
+    @wp.func
+    def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
+        inside = locate(field, within_box(field, plane_point(frac)), current_cell)
+        if inside < 0:
+            return vec4(real(0.0), real(0.0), real(0.0), real(0.0))
+        return sample_in(field, inside, frac)
 
     return sample
 

@@ -6,6 +6,8 @@ from ....scheme import AT_FACE, FACE_TOLERANCE, GREATEST_STAND_OFF, NOISE_STEP, 
 from ....tableau import BT, B
 from ..library import KernelLibrary, built_once
 from . import grid, mesh
+from .edges import build_edges
+from .error import build_bends
 from .step_bound import build_step_bound, build_to_face
 
 
@@ -14,9 +16,11 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
     """Build functions: the length of the next step, the rest to a face before which a step stopped, the push off it."""
     t = library.types
     real, vec3, Field, Control, Stride = t.real, t.vec3, t.Field, t.Control, t.Stride
+    StopGeometry = t.StopGeometry
     paper_step = (mesh if on_mesh else grid).build_paper_step(library, geometry)
     step_bound_of = build_step_bound(library, "mesh" if on_mesh else geometry)
     to_face, push_off_faces = build_to_face(library, geometry)
+    step_to_edge = build_edges(library, geometry, interpolation)[0] if on_mesh else None
     linear, piecewise_smooth = interpolation == "linear", interpolation in ("linear", "monotone")
     at_face = AT_FACE[library.precision]
     # Products of literals would be computed in float32 inside a kernel.
@@ -37,8 +41,12 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
         h_cell: real,
         h_next: real,
         h_cap: real,
+        to_stop: StopGeometry,
+        max_deflection: real,
+        used: real,
     ):
         out = Stride()
+        out.edge = int(-1)
         out.h = h_next
         out.stand_off = real(least_stand_off)
         if wp.static(method == "fixed"):
@@ -62,6 +70,25 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
                     close = real(at_face)
                 face = to_face(frac, velocity, acceleration, close)
                 limit = wp.max(face - out.stand_off / wp.length(velocity), real(0.5) * face)
+            if wp.static(on_mesh):
+                if current_cell >= 0:
+                    curve = force
+                    if wp.static(method == "straight"):
+                        curve = vec3(real(0.0), real(0.0), real(0.0))
+                    return step_to_edge(
+                        field,
+                        control,
+                        current_cell,
+                        frac,
+                        total,
+                        curve,
+                        index,
+                        wp.min(h_next, h_cap),
+                        limit,
+                        to_stop,
+                        max_deflection,
+                        used,
+                    )
             # End before the face at which the first block that is not smooth may begin.
             bound = derating * step_bound_of(control, cone, cell, frac, total)
             out.safe = bound - real(clearance) * h_cell
@@ -190,14 +217,19 @@ def build_kick(library: KernelLibrary):
 
 
 @built_once
-def build_step_acceptance(library: KernelLibrary):
-    """Build a function -> (whether a step with this error is accepted, ratio of the next step's length to this)."""
+def build_step_acceptance(library: KernelLibrary, on_mesh: bool):
+    """Build a function -> (whether a step with this error is accepted, ratio of the next step's length to this).
+
+    `bend` is the error by kinks on a mesh.
+    """
     real = library.types.real
+    bend_share = build_bends(library)[1]
 
     @wp.func
     def step_acceptance(
         limit: real,
         error: real,
+        bend: real,
         rounding: real,
         used: real,
         h: real,
@@ -210,9 +242,12 @@ def build_step_acceptance(library: KernelLibrary):
         allowed = wp.max(real(STEP_SHARE) * left, limit * h * index / reach)
         if h <= real(NOISE_STEP) * h_cell:
             allowed = wp.max(allowed, rounding)
+        whole = error
+        if wp.static(on_mesh):
+            whole += bend * wp.min(allowed / (limit * bend_share(allowed / limit)), real(1.0))
         ratio = real(4.0)
-        if error > real(0.0):
-            ratio = wp.clamp(real(0.9) * wp.pow(allowed / error, real(0.25)), real(0.2), real(4.0))
-        return bool((error <= allowed and wp.isfinite(error)) or h <= h_least), ratio
+        if whole > real(0.0):
+            ratio = wp.clamp(real(0.9) * wp.pow(allowed / whole, real(0.25)), real(0.2), real(4.0))
+        return bool((whole <= allowed and wp.isfinite(whole)) or h <= h_least), ratio
 
     return step_acceptance

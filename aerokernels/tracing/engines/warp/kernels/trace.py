@@ -24,15 +24,26 @@ bounds its length, and event_location.py ends it on a surface.
 
 import warp as wp
 
-from ....scheme import ARC_SURFACE, AT_FACE, LEAST_STEP, STRAIGHT_LEVER, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
+from ....scheme import (
+    ARC_SURFACE,
+    AT_FACE,
+    LEAST_STEP,
+    MAGNIFIED,
+    STRAIGHT_LEVER,
+    TINY,
+    WALL_ASIDE,
+    WALL_BACK,
+    WALL_CLOSE,
+)
 from ....status import RayStatus
 from ....tableau import A, C, has_consistent_gradient
 from ..library import KernelLibrary, built_once
 from ..types import takes
 from . import grid, mesh
 from .crossings import NEVER
+from .edges import build_edges
 from .ends import build_end, build_start, build_stop_geometry
-from .error import build_step_error
+from .error import build_bends, build_step_error
 from .event_location import build_arc_event_location, build_event_location
 from .motion import advance, build_cells, build_contrast, build_project_momentum, build_sums
 from .outputs import build_write_outputs
@@ -72,7 +83,8 @@ def build_kernel(
     sample_at_stage, sample_neglected = build_sample_at_stage(library, sample, straight, geometry, interpolation)
     errors = build_step_error(library, geometry, interpolation, stop)
     step_error, step_rounding, attainable_error, possible_gain, stop_error, event_location_error = errors
-    step_acceptance = build_step_acceptance(library)
+    step_acceptance = build_step_acceptance(library, on_mesh)
+    bend_arm, _, with_bend, bend_error = build_bends(library)
     contrast, project_momentum = build_contrast(library), build_project_momentum(library)
     step_sums, tangent_sums = build_sums(library)
     surfaces = build_event_location(library, geometry, stop)
@@ -83,7 +95,9 @@ def build_kernel(
     behind_wall, has_clearance = build_behind_wall(library, geometry), build_has_clearance(library, geometry)
     write_outputs = build_write_outputs(library)
     arc_surface = wp.constant(ARC_SURFACE)
-    at_faces = interpolation == "linear" and controlled
+    at_faces, at_edges = interpolation == "linear" and controlled, on_mesh and controlled
+    _, rest_to_edge, edge_rounding = build_edges(library, geometry, interpolation) if at_edges else (None,) * 3
+    sample_in = mesh.build_sample_in(library, geometry, interpolation) if at_edges else None
     tiny, at_face = TINY[library.precision], AT_FACE[library.precision]
     c2, c3, a21, a31, a32 = (float(v) for v in (*C[1:3], A[1, 0], A[2, 0], A[2, 1]))
     ok, hit_body, rejected = int(RayStatus.OK), int(RayStatus.HIT_BODY), int(RayStatus.TOLERANCE_NOT_MET)
@@ -107,6 +121,7 @@ def build_kernel(
         sums = t.vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # sigma, S, M, B
         sums_carry = sums
         used, max_deflection = real(0.0), real(0.0)  # error; greatest angle with d so far
+        bends = t.Bends()  # errors by kinks
         steps, evaluations, ends_on = int(0), int(0), int(-1)
         obliquity_first, opd_rate = real(0.0), real(0.0)
         displacement = real(0.0)  # how far sideways the ray may be displaced
@@ -147,8 +162,24 @@ def build_kernel(
                     total = ambient * d
                 h_cell = real(1.0) / wp.max(wp.length(wp.cw_mul(total, control.cell_rate)), real(tiny))
                 h_least = real(LEAST_STEP) / (wp.max(control.cell_rate) * wp.length(total))
+                spent = used + bend_error(bends)
                 ahead = stride(
-                    field, control, current_cell, cone, cell, frac, total, force, index, derating, h_cell, h_next, h_cap
+                    field,
+                    control,
+                    current_cell,
+                    cone,
+                    cell,
+                    frac,
+                    total,
+                    force,
+                    index,
+                    derating,
+                    h_cell,
+                    h_next,
+                    h_cap,
+                    to_stop,
+                    max_deflection,
+                    spent,
                 )
                 ray_frac = frac
                 if wp.static(straight):
@@ -168,19 +199,36 @@ def build_kernel(
                 s4 = sample_at_stage(field, current_cell, cell, frac, rate, h, total, momentum, q, kick)
                 force4 = vec3(s4[1], s4[2], s4[3])
                 evaluations += 3
-                judged = step_error(
-                    ambient, d, total, momentum, h, h <= ahead.safe, max_deflection, to_stop, pot, force, s2, s3, s4
+                error, angle_now, direction_weight, step_displacement, bend = step_error(
+                    ambient,
+                    d,
+                    total,
+                    momentum,
+                    h,
+                    h <= ahead.safe,
+                    max_deflection,
+                    to_stop,
+                    pot,
+                    force,
+                    s2,
+                    s3,
+                    s4,
+                    ahead.kinks,
                 )
-                error, angle_now = judged[0], judged[1]
+                bend_size = wp.length(real(MAGNIFIED) * bend) / real(MAGNIFIED)
+                # Whether the step ends at the edge of a cell of a mesh, before which it stops.
+                at_edge = bool(event < 0 and ahead.edge >= 0 and h == ahead.h)
 
                 accept = bool(True)
                 if wp.static(controlled):
-                    rounding = step_rounding(control, h, judged[2], rate, frac, pot, force, s3)
+                    rounding = step_rounding(control, h, direction_weight, rate, frac, pot, force, s3)
                     limit = attainable_error(control, ambient, to_stop, angle_now)
-                    accept, ratio = step_acceptance(limit, error, rounding, used, h, h_cell, h_least, index, reach)
+                    accept, ratio = step_acceptance(
+                        limit, error, bend_size, rounding, spent, h, h_cell, h_least, index, reach
+                    )
                     if accept:
                         # A step cut short by a surface is no reason to shorten the next one.
-                        h_next = wp.max(h * ratio, h_least)
+                        h_next = wp.max(h * ratio, wp.where(at_edge, h_next, h_least))
                         if event >= 0:
                             h_next = wp.max(h_next, ahead.h)
                     else:
@@ -230,7 +278,8 @@ def build_kernel(
                             if leaves_by_rounding(control, event, rate, interval.side, cell, ray_frac, tangent):
                                 gain = real(1.0e30)
                         undecided = undecided or runs_on or late > real(0.0)
-                    displacement += judged[3]
+                    bends = with_bend(bends, bend, bend_size)
+                    displacement += step_displacement
                     max_deflection = angle_now
                     added = step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4)
                     sums, sums_carry = advance(sums, sums_carry, added)
@@ -241,19 +290,28 @@ def build_kernel(
                         flown += kick
                     frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                     cell, frac = carry_over(cell, frac)
-                    current_cell = find_current_cell(field, frac, current_cell)
                     pot, force = s4[0], force4
-                    probe, probe_pot = frac, pot  # where the slope is `force`: at a face, behind it
-                    if wp.static(at_faces):
-                        # The slope jumps at the face before which the step stopped: the ray flies the rest along the
-                        # tangent, and the next step starts with the slope behind the face.
-                        bearing, curve = ambient * d + momentum, force
-                        if wp.static(straight):
-                            bearing, curve = ambient * d, vec3(real(0.0), real(0.0), real(0.0))
-                        pace = wp.cw_mul(bearing, rate)
-                        rest = real(0.0)
+                    bearing, curve = ambient * d + momentum, force
+                    if wp.static(straight):
+                        bearing, curve = ambient * d, vec3(real(0.0), real(0.0), real(0.0))
+                    pace = wp.cw_mul(bearing, rate)
+                    rest = real(0.0)
+                    behind_face = bool(wp.static(at_faces))
+                    if wp.static(at_edges):
+                        if at_edge:
+                            rest = rest_to_edge(field, ahead.edge, frac, bearing, h)
+                            behind_face = bool(rest >= real(0.0))
+                    elif wp.static(at_faces):
                         if event < 0:
                             rest = rest_to_face(frac, pace, wp.cw_mul(curve, rate), ahead.stand_off, h)
+                    if wp.static(at_edges) and behind_face:
+                        current_cell = field.neighbors[ahead.edge]
+                    else:
+                        current_cell = find_current_cell(field, frac, current_cell)
+                    probe, probe_pot = frac, pot  # where the slope is `force`: at a face, behind it
+                    if behind_face:
+                        # The slope jumps at the face before which the step stopped: the ray flies the rest along the
+                        # tangent, and the next step starts with the slope behind the face.
                         added = tangent_sums(ambient, d, momentum, rest, pot, force)
                         sums, sums_carry = advance(sums, sums_carry, added)
                         q, q_carry = advance(q, q_carry, rest * momentum + (real(0.5) * rest * rest) * force)
@@ -261,17 +319,26 @@ def build_kernel(
                         flown = rest * bearing + (real(0.5) * rest * rest) * curve
                         frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                         cell, frac = carry_over(cell, frac)
-                        over = real(at_face) / wp.length(pace)
-                        push = push_off_faces(frac, pace)
-                        probe = frac + over * pace + push
-                        beyond = sample(field, cell, probe, current_cell)
-                        force = vec3(beyond[1], beyond[2], beyond[3])
-                        pot = beyond[0] - over * wp.dot(force, bearing)
-                        pot -= push[1] * force[1] / rate[1] + push[2] * force[2] / rate[2]
-                        if wp.static(geometry != "planar"):
-                            pot -= push[0] * force[0] / rate[0]
-                        if wp.static(straight):
-                            pot, probe_pot = pot + wp.dot(force, q), beyond[0] + wp.dot(force, q)
+                        if wp.static(at_edges):
+                            doubt = bend_arm(to_stop, angle_now) * edge_rounding(field, ahead.edge, frac, bearing, h)
+                            bends = with_bend(bends, real(0.0) * d, doubt)
+                            beyond = sample_in(field, current_cell, frac)
+                            pot, force = beyond[0], vec3(beyond[1], beyond[2], beyond[3])
+                            if wp.static(straight):
+                                pot += wp.dot(force, q)
+                                probe, probe_pot = frac, pot
+                        else:
+                            over = real(at_face) / wp.length(pace)
+                            push = push_off_faces(frac, pace)
+                            probe = frac + over * pace + push
+                            beyond = sample(field, cell, probe, current_cell)
+                            force = vec3(beyond[1], beyond[2], beyond[3])
+                            pot = beyond[0] - over * wp.dot(force, bearing)
+                            pot -= push[1] * force[1] / rate[1] + push[2] * force[2] / rate[2]
+                            if wp.static(geometry != "planar"):
+                                pot -= push[0] * force[0] / rate[0]
+                            if wp.static(straight):
+                                pot, probe_pot = pot + wp.dot(force, q), beyond[0] + wp.dot(force, q)
                         evaluations += 1
                     if wp.static(consistent_gradient):
                         # Project back onto |T| = n: this removes the error along the ray, which would add to the path.
@@ -323,6 +390,7 @@ def build_kernel(
                     running = bool(False)
                     status = int(not_finite)
             if wp.static(controlled):
+                used += bend_error(bends)
                 used += turned * (obliquity + real(STRAIGHT_LEVER) * max_deflection) * lever_arm
                 # A stop met at a slant magnifies errors of place and direction; without a stop, the gain is a length.
                 if wp.static(stop != "none"):
