@@ -163,9 +163,9 @@ def _of_files(
     times = times_of(time, step, start, len(paths))
     if time is None:
         warn_of_gaps(paths)
-    identity = {"files": [[path.name, path.stat().st_size] for path in paths]}
+    more = {"identity": {"files": [path.name for path in paths]}, "stamp": lambda number: _stamp(paths[number], reader)}
     described = f"{len(paths)} files from {paths[0].name} to {paths[-1].name}"
-    return _of_fields(lambda number: reader(paths[number]), times, reader(paths[0]), described, identity=identity)
+    return _of_fields(lambda number: reader(paths[number]), times, reader(paths[0]), described, **more)
 
 
 def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, described: str, **more: Any) -> Series:
@@ -199,4 +199,12 @@ def _at_times(path: Path, times: np.ndarray, reader: Callable[..., DensityField]
         reader(path, time=float(times[0])),
         f"{path}, {len(times)} times",
         identity={**identity, "times": times.tolist()},
+        stamp=lambda number: _stamp(path, reader, float(times[number])),
     )
+
+
+def _stamp(path: Path, reader: Callable[..., DensityField], time: float | None = None) -> str:
+    """Return a text that changes when one of the files is written again that are read for a path at a time."""
+    behind = import_module(f"{__package__}.reading.files_behind")
+    found: str = behind.stamp(behind.files_behind(path, getattr(reader, "options", None), time))
+    return found

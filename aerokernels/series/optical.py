@@ -11,6 +11,7 @@ import numpy as np
 from aerokernels import __version__
 
 from ..flow import GridMesh, Series
+from ..flow.series import mark_of
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice, check_positive
 from ..inputs.warned import warn_caller
@@ -19,9 +20,10 @@ from ..rays import as_unit_vector
 from ..tracing.plan import PRECISIONS
 from ..tracing.pupil.air import GREATEST_SHARE, PupilAir, TruncationWarning
 from ..wavefront import check_terms
+from .journal import FIRST, LAST
 from .pupil_grid import PupilGrid, Reading, pupil_grid
 from .snapshot import METHODS, SnapshotResult, Snapshots, SnapshotSettings
-from .store import FIRST, LAST, NUMBERS, MemoryStore, ZarrStore
+from .store import NUMBERS, MemoryStore, ZarrStore
 from .strehl_bound import strehl_error
 
 if TYPE_CHECKING:
@@ -127,7 +129,12 @@ def optical_series(
     if out is None:
         store = MemoryStore(template)
     else:
-        store = ZarrStore(Path(out), template, _definition(series, template, settings))
+        store = ZarrStore(Path(out), template, _definition(series, template, settings), series.is_unchanged)
+        if store.changed_count:
+            warn_caller(
+                f"out={out}: files of snapshot {store.done.count} have changed since its map was stored: it and those "
+                f"after it, {store.changed_count} in all, are computed again"
+            )
         if store.done.count and store.is_finished:
             maps = store.finish()
             if text := maps.attrs.get(TRUNCATION, ""):
@@ -140,7 +147,7 @@ def optical_series(
     # While a snapshot is computed the next one is read and the maps of the one before are written.
     with store.writing(), ThreadPoolExecutor(1) as writer:
         written = None
-        for number, read in _read_ahead(snapshots, first, len(series)):
+        for number, stamp, read in _read_ahead(snapshots, first, len(series)):
             found = snapshots(number, read)
             if number == first and method != "linear":
                 # The store is created from the template, with the first snapshot.
@@ -155,7 +162,8 @@ def optical_series(
                 reader = grid.reader(good, terms, wavelength)
             entry = _entry(grid, found, good, reader(found.opd[good]), wavelength)
             _finished(written, number, len(series), progress)
-            written = writer.submit(store.add, *entry)
+            source = () if stamp is None else (stamp, mark_of(read[0]))
+            written = writer.submit(store.add, *entry, source)
         _finished(written, len(series), len(series), progress)
     _warn_of_lost(store.done.column("known"))
     return store.finish()
@@ -191,15 +199,24 @@ def _finished(written: "Future[None] | None", count: int, total: int, progress: 
         progress(f"{count} of {total} snapshots", count / total)
 
 
-def _read_ahead(snapshots: Snapshots, first: int, stop: int) -> Iterator[tuple[int, Any]]:
-    """Yield snapshots in order; the next one is read, and sent to a GPU, while the current one is processed."""
+def _read_ahead(snapshots: Snapshots, first: int, stop: int) -> Iterator[tuple[int, str | None, Any]]:
+    """Yield snapshots in order, each with its number and the stamp of its files.
+
+    The next one is read, and sent to a GPU, while the current one is processed.
+    """
+    stamp = snapshots.series.stamp
+
+    def read(number: int) -> tuple[str | None, Any]:
+        # The stamp first: files that are written while they are read have another one afterwards.
+        return None if stamp is None else stamp(number), snapshots.read(number)
+
     with ThreadPoolExecutor(1) as reader:
-        following = reader.submit(snapshots.read, first) if first < stop else None
+        following = reader.submit(read, first) if first < stop else None
         for number in range(first, stop):
             assert following is not None
-            stored = following.result()
-            following = reader.submit(snapshots.read, number + 1) if number + 1 < stop else None
-            yield number, stored
+            found = following.result()
+            following = reader.submit(read, number + 1) if number + 1 < stop else None
+            yield number, *found
 
 
 def _entry(

@@ -2,7 +2,8 @@
 
 Each snapshot's map is a chunk of its own, written in one step. Then a line with the snapshot's numbers is added to a
 journal beside the store. After an interruption the maps that the journal lists are kept, and the rest is what an
-uninterrupted run would have computed, bit for bit.
+uninterrupted run would have computed, bit for bit. Maps of files that have changed since are not kept, nor are those
+after them, which were computed with numbers of theirs.
 """
 
 import errno
@@ -10,17 +11,18 @@ import json
 import os
 import shutil
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.display.plain_text import cut
 from aerokernels.files.drafts import FULL, OutputError
 from aerokernels.files.one_writer import only_writer
 from aerokernels.process.fault_text import fault_text
+
+from .journal import DamagedError, OtherSeriesError, line_of, read_journal
 
 if TYPE_CHECKING:
     import xarray
@@ -49,10 +51,6 @@ NUMBERS = {
     "probe_interpolation": ("m", "the interpolant's part where it was measured, rms"),
     "probe_tilt": ("m", "tilt of both where they were measured and it is removed from opd, rms over the pupil"),
 }
-
-
-# Keys of a store's definition: hashes of samples. Runs from one initial flow differ in their last snapshots.
-FIRST, LAST = "first snapshot", "last snapshot"
 
 
 class Done:
@@ -95,7 +93,7 @@ class MemoryStore:
         """Do nothing: there is nothing to open."""
         yield self
 
-    def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:
+    def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float], source: Sequence[str] = ()) -> None:
         """Store a snapshot."""
         for name, array in maps.items():
             self._maps[name][self.done.count] = array
@@ -116,10 +114,23 @@ class ZarrStore:
 
     Attributes:
         done: The numbers of the finished snapshots.
+        changed_count: Number of finished snapshots that are not kept because files have changed since.
     """
 
-    def __init__(self, path: Path, template: "xarray.Dataset", definition: Mapping[str, Any]):
+    def __init__(
+        self,
+        path: Path,
+        template: "xarray.Dataset",
+        definition: Mapping[str, Any],
+        is_unchanged: Callable[[int, str, str], bool] = lambda number, stamp, mark: True,
+    ):
         """Open a store, or prepare one that is created with the first snapshot.
+
+        Args:
+            path: The store.
+            template: Coordinates, weights and attributes.
+            definition: What distinguishes the run from others with the same store.
+            is_unchanged: Whether a snapshot is the one that was stored with this stamp and this mark.
 
         Raises:
             ValueError: The path is something else, or a store of another series.
@@ -133,34 +144,27 @@ class ZarrStore:
         self.definition = json.loads(json.dumps(definition, default=str))
         self.journal = path.with_name(f".{path.name}.journal")
         self.done = Done(template.sizes["time"])
-        self._whole = 0
+        self.changed_count = 0
+        self._kept_size = self._read_size = 0  # bytes of the journal that are kept, and of its whole lines
         self._arrays: dict[str, Any] = {}
         if self.journal.is_file() and path.is_dir():
-            self._read()
+            self._read(is_unchanged)
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise ValueError(f"out={path}: something else is there; take another name, or remove it")
 
-    def _read(self) -> None:
-        data = self.journal.read_bytes()
-        self._whole = data.rfind(b"\n") + 1
-        lines = data[: self._whole].splitlines()
+    def _read(self, is_unchanged: Callable[[int, str, str], bool]) -> None:
         try:
-            found, *rows = map(json.loads, lines or [b"null"])
-            numbers = [dict(zip(NUMBERS, map(float, row), strict=True)) for row in rows]
-        except (ArithmeticError, RecursionError, TypeError, ValueError):
+            kept = read_journal(self.journal.read_bytes(), self.definition, tuple(NUMBERS), is_unchanged)
+        except DamagedError:
             raise self._damaged() from None
-        if not isinstance(found, (dict, type(None))) or len(numbers) > self.template.sizes["time"]:
+        except OtherSeriesError as fault:
+            text = f"it contains another series, {fault}; take another name, or remove it"
+            raise ValueError(f"out={self.path}: {text}") from None
+        if len(kept.rows) + kept.changed_count > self.template.sizes["time"]:
             raise self._damaged()
-        if found != self.definition:
-            found = found or {}
-            keys = {**found, **self.definition}
-            key = next((key for key in keys if found.get(key) != self.definition.get(key)), "all")
-            was, now = (cut(json.dumps(one.get(key))) for one in (found, self.definition))
-            change = f"{key} was {was} and is {now}"
-            change = f"whose {key} has other densities" if key in (FIRST, LAST) else change
-            raise ValueError(f"out={self.path}: it contains another series, {change}; take another name, or remove it")
-        for row in numbers:
-            self.done.add(row)
+        self._kept_size, self._read_size, self.changed_count = kept.size, kept.whole, kept.changed_count
+        for numbers in kept.rows:
+            self.done.add(numbers)
 
     def _damaged(self, what: str = "") -> ValueError:
         what = what or f"its journal {self.journal.name} is damaged"
@@ -221,8 +225,10 @@ class ZarrStore:
         if not (self.journal.is_file() and self.path.is_dir()):
             self._create()
         self._file = self._open.enter_context(self.journal.open("ab", buffering=0))
-        self._file.truncate(self._whole)
+        self._file.truncate(self._kept_size)
         group = self._group()
+        if self.changed_count and group.attrs.pop("finished", 0):
+            _consolidate(self.path)
         self._arrays = {name: group[name] for name in MAPS}
 
     @contextmanager
@@ -234,7 +240,7 @@ class ZarrStore:
         """
         with only_writer(self.path, "out"):
             there = self.journal.is_file() and self.path.is_dir()
-            if there and self.journal.read_bytes().rfind(b"\n") + 1 != self._whole:
+            if there and self.journal.read_bytes().rfind(b"\n") + 1 != self._read_size:
                 raise self._busy()
             yield
 
@@ -278,14 +284,14 @@ class ZarrStore:
             )
         _consolidate(making)
         partial.write_text(json.dumps(self.definition) + "\n", encoding="utf-8")
-        self._whole = partial.stat().st_size
+        self._kept_size = self._read_size = partial.stat().st_size
         partial.replace(self.journal)
         if self.path.is_dir():
             self.path.rmdir()  # empty, or it would have been refused
         making.rename(self.path)
 
-    def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:
-        """Store a snapshot: first its maps, then its line in the journal.
+    def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float], source: Sequence[str] = ()) -> None:
+        """Store a snapshot: first its maps, then its line in the journal, with its stamp and its mark if it has them.
 
         Raises:
             OutputError: The disk is full; earlier snapshots remain, and a later run continues after them.
@@ -295,7 +301,7 @@ class ZarrStore:
                 self._begin()
             for name, array in maps.items():
                 self._arrays[name][self.done.count] = array
-            line = (json.dumps([float(numbers[name]) for name in NUMBERS]) + "\n").encode()
+            line = line_of([float(numbers[name]) for name in NUMBERS], source)
             if self._file.write(line) != len(line):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         self.done.add(numbers)

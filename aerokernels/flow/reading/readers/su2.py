@@ -5,6 +5,7 @@ by point, then metadata of the run. The first number tells the byte order.
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -44,11 +45,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     Raises:
         ReadError: A damaged file, a missing mesh or restart, or two that do not belong together.
     """
-    options = options or {}
-    if path.suffix.lower() == ".su2":
-        mesh_path, restart = path, Path(options["solution"]) if options.get("solution") else _restart_beside(path)
-    else:
-        mesh_path, restart = Path(options["mesh"]) if options.get("mesh") else _mesh_beside(path), path
+    mesh_path, restart = mesh_and_restart(path, options or {})
     zones = read_mesh(mesh_path)
     if restart is None:
         several = [f"zone {k + 1}" if len(zones) > 1 else mesh_path.name for k in range(len(zones))]
@@ -73,6 +70,13 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     arrays = {name: values for name, values in arrays.items() if name.lower() not in COORDINATES}
     block = Block(points, zone.cells, point_data=arrays)
     return Dataset([block], "SU2", patches=_walls(points, zone.markers), notes=notes)
+
+
+def mesh_and_restart(path: Path, options: Mapping[str, Any]) -> tuple[Path, Path | None]:
+    """Return the mesh and the restart, or None where a mesh has none beside it; arguments and errors as of `read`."""
+    if path.suffix.lower() == ".su2":
+        return path, Path(options["solution"]) if options.get("solution") else _restart_beside(path)
+    return Path(options["mesh"]) if options.get("mesh") else _mesh_beside(path), path
 
 
 def _configured(folder: Path) -> list[str]:
