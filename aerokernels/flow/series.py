@@ -13,6 +13,7 @@ import numpy as np
 
 from ..derived import Derived
 from ..device_arrays import device_array, host_array, own_copy
+from ..display.plain_text import cut
 from ..display.shown import shown
 from ..inputs.arguments import seconds
 from ..inputs.checks import check_choice, check_positive
@@ -301,7 +302,12 @@ def times_of(time: Sequence[float] | None, step: float | None, start: float, cou
     if time is not None and step is not None:
         raise ValueError("give either time, one for each snapshot, or time_step")
     if time is not None:
-        times = np.array(seconds(np.asarray(time))).reshape(-1)
+        try:
+            times = np.array(seconds(np.asarray(time))).reshape(-1)
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"time must be numbers of seconds, or dates, one for each snapshot, got {time!r}"
+            ) from None
         if count is not None and len(times) != count:
             raise ValueError(f"{len(times)} times for {count} snapshots: give one for each")
         return times

@@ -99,6 +99,7 @@ def series_of_dataset(
         averages,
     )
     times = _in_si(name, clock, array, "time")
+    described = name + _without_unit(array, clock)
     factor = _factor(name, stated_unit(attributes), "density", f"{array.name}")
     around = ambient
     if around is None:
@@ -120,9 +121,16 @@ def series_of_dataset(
         identity["species"] = mixture.identity
         return Series(
             lambda number: mixture.field(get(number), where, float(around), own, number),
-            times, where, float(around), **own, provenance=f"{name}; {mixture.said}", identity=identity,
+            times, where, float(around), **own, provenance=f"{described}; {mixture.said}", identity=identity,
         )  # fmt: skip
-    return Series(get, times, where, float(around), **own, provenance=name, identity=identity)
+    return Series(get, times, where, float(around), **own, provenance=described, identity=identity)
+
+
+def _without_unit(array: Any, clock: str) -> str:
+    """Say that times are taken in seconds although their unit is not stated."""
+    times = array.coords[clock]
+    stated = times.dtype.kind in "mM" or stated_unit({**times.encoding, **times.attrs})
+    return "" if stated else f"; no unit is stated, taken: {clock} in s"
 
 
 def _falls(name: str, coordinate: Any) -> bool:
