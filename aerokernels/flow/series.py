@@ -305,9 +305,8 @@ def times_of(time: Sequence[float] | None, step: float | None, start: float, cou
         try:
             times = np.array(seconds(np.asarray(time))).reshape(-1)
         except (TypeError, ValueError):
-            raise ValueError(
-                f"time must be numbers of seconds, or dates, one for each snapshot, got {time!r}"
-            ) from None
+            got = cut(repr(time))
+            raise ValueError(f"time must be numbers of seconds, or dates, one for each snapshot, got {got}") from None
         if count is not None and len(times) != count:
             raise ValueError(f"{len(times)} times for {count} snapshots: give one for each")
         return times
