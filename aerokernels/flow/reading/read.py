@@ -21,6 +21,7 @@ from .flow_direction import direction_note
 from .formats import load
 from .fractions import Fractions, choose_fractions
 from .frame import Frame, plane_normal
+from .gas_law import said_of_units
 from .planes.one_cell_thick import flattened
 from .planes.plane import Plane, plane_mesh
 from .planes.wall_values import wall_density
@@ -122,7 +123,7 @@ def read(
         length_unit: Unit of the file's coordinates: "mm", or metres as a number. None takes the unit stated in the file
             or in the names of its coordinates, else metres.
         reference: Reference values of a non-dimensional file: {"density": 1.225, "length": "50 mm", ...}, or the
-            reference density alone.
+            reference density alone; "operating_pressure" is added to gauge pressures.
         time: "latest" (None), "first" or a time of the file.
         gas_constant: [J/(kg K)], for pressure and temperature; None takes the file's, or air's.
         geometry: "axisymmetric" for a plane file whose x is the axis and whose y is the radius; "volume" to keep a mesh
@@ -202,6 +203,9 @@ def reading_of(
     if flat and dataset.geometry is None and geometry != "volume":
         dataset = flattened(dataset, frame.look) or dataset
     choice = choose_density(path, dataset, density, gas_constant)
+    if reference.operating_pressure and choice.pressure is None:
+        fault = f"an operating pressure is given, but the density is {choice.density!r}"
+        raise ReadError(path, fault, "leave it out, or name the arrays of pressure and temperature")
     densities = [block_density(path, block, choice, reference, dataset.units) for block in dataset.blocks]
     check_repeated_blocks(path, dataset.blocks, densities)
     normal = None
@@ -222,10 +226,11 @@ def reading_of(
     if kind == "volume" and geometry is None:
         _refuse_wedge(path, dataset)
     fractions = choose_fractions(path, dataset, densities, species)
-    said = choice.described() if fractions is None else f"{choice.described()}; {fractions.said}"
+    said = choice.described(reference) + (f"; {fractions.said}" if fractions is not None else "")
     if unit is None and scale != 1.0:
         said += f"; coordinates in units of {scale:g} m, which the file states"
     said += _without_units(dataset, choice, reference, unit)
+    said += said_of_units(path, dataset, choice, reference, densities)
     return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said, choice, reference, fractions)
 
 
