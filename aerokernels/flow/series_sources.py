@@ -48,7 +48,8 @@ def open_series(
             a pattern such as "run/flow_*.vtu", whose files are ordered by the numbers in their names, or a list of
             paths: read by `read`;
             a ParaView collection (.pvd) or file series (.vtu.series), an OpenFOAM case with time directories, or a
-            file of Tecplot, CGNS or NumPy (.npz) with several times, read by `read` at the times that they give;
+            file of Tecplot, CGNS, NumPy (.npz) or CSV with several times, read by `read` at the times that they
+            give;
             a list or an iterator of arrays (NumPy, or any with DLPack), or of density fields. The snapshots of an
             iterator can be read only once and in order.
         time: Time of each snapshot [s], for numbered files and arrays. A file with a time axis has its own.
