@@ -1,7 +1,8 @@
-"""Find numbers without a unit that no gas has in SI: those of a non-dimensional file.
+"""Find numbers that are hardly in SI: those of a non-dimensional file.
 
-Where a file has a density beside pressure and temperature, p / (rho R T) is far from 1 in a non-dimensional one: 1/400
-where pressures are scaled by rho a^2 and the gas is air. Where the density follows from them, temperatures are near 1.
+Some files state that they are, or their format does. Where a file has a density beside pressure and temperature,
+p / (rho R T) is far from 1 in a non-dimensional one: 1/400 where pressures are scaled by rho a^2 and the gas is air.
+Where the density follows from them, temperatures are near 1.
 """
 
 from typing import Any
@@ -35,7 +36,12 @@ def said_of_units(
     """
     first = choice.density or choice.temperature
     assert first is not None
-    if reference.given - {"operating_pressure"} or not is_no_unit(dataset.units.get(first, "")) or unit_in_name(first):
+    if reference.given - {"operating_pressure", "length"}:
+        return ""
+    if dataset.scaled:  # which is in the provenance already
+        warn_caller(f"{path}: {dataset.scaled}; where they are in SI, say so by a reference of 1")
+        return ""
+    if not is_no_unit(dataset.units.get(first, "")) or unit_in_name(first):
         return ""
     if not all(isinstance(block.cell_data, dict) for block in dataset.blocks):  # fields that would be read now
         return ""

@@ -8,6 +8,8 @@ import pytest
 from aerokernels import Scene, flow
 from aerokernels.flow.gas import GAS_CONSTANT_AIR
 
+from .fuzzing import plain
+
 AXES = {"x": np.linspace(0.0, 0.4, 9), "y": np.linspace(-0.1, 0.1, 7)}
 X, Y = np.meshgrid(*AXES.values(), indexing="ij")
 DENSITY, TEMPERATURE = 1.0 + 0.2 * np.sin(9.0 * X) * np.cos(7.0 * Y), 280.0 + 20.0 * Y
@@ -77,3 +79,13 @@ def test_numbers_that_may_be_in_si(arrays, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert is_exact(read(tmp_path, {"rho": DENSITY, "T": TEMPERATURE} | arrays))
+
+
+def test_formats_and_files_that_state_it(tmp_path):
+    """Plot3D's q files; a configuration of SU2 is in test_other_programs.py, CGNS in test_cgns_statements.py."""
+    path = plain(tmp_path, "plot3d-plain")
+    with pytest.warns(UserWarning, match=r"q files are mostly non-dimensional: .* say so by a reference of 1"):
+        field = flow.read(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert np.array_equal(flow.read(path, reference={"density": 1.0}).density, field.density)

@@ -1,6 +1,7 @@
 """Files as other programs write them: units beside arrays and in names, headings, orders of axes, blanked points."""
 
 import struct
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -273,8 +274,11 @@ def test_what_a_configuration_of_su2_states_of_the_flow_is_told(tmp_path, stated
     """Set-up: a configuration beside a restart, which alone says that y is a radius, or that there are no units."""
     path = writers.su2(tmp_path)
     (tmp_path / "a.cfg").write_text(f"SOLVER= EULER\n{stated}\nMACH_NUMBER= 2.0\n")
-    provenance = flow.read(path).provenance
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        provenance = flow.read(path).provenance
     assert said in provenance if said else "a.cfg" not in provenance
+    assert len(warned) == ("ref_dimensionalization = FREESTREAM" in stated)
 
 
 def test_a_mesh_of_su2_in_cgns_is_refused_with_what_to_do(tmp_path):

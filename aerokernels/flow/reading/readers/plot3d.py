@@ -92,8 +92,8 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         Block(block.points, None, block.shape, own, {}, block.blank, f"grid {k + 1}")
         for k, (block, own) in enumerate(zip(blocks, arrays, strict=True))
     ]
-    notes = [RELATIVE] if any("momentum_x" in own for own in arrays) else []
-    return Dataset(whole, f"Plot3D, {form}", notes=notes)
+    scaled = RELATIVE if any("momentum_x" in own for own in arrays) else ""
+    return Dataset(whole, f"Plot3D, {form}", notes=[scaled] if scaled else [], scaled=scaled)
 
 
 def grid_and_solution(path: Path, solution) -> tuple[Path, Path]:

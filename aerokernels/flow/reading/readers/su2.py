@@ -64,12 +64,13 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     (zone,) = fitting
     points = zone.points
     notes = [f"zone {zones.index(zone) + 1} of {len(zones)} in {mesh_path.name}"] if len(zones) > 1 else []
-    notes += _configured(restart.parent)
+    configured, scaled = _configured(restart.parent)
+    notes += configured
     dimension = 2 if not points[:, 2].any() else 3
     _check_places(restart, arrays, points, dimension)
     arrays = {name: values for name, values in arrays.items() if name.lower() not in COORDINATES}
     block = Block(points, zone.cells, point_data=arrays)
-    return Dataset([block], "SU2", patches=_walls(points, zone.markers), notes=notes)
+    return Dataset([block], "SU2", patches=_walls(points, zone.markers), notes=notes, scaled=scaled)
 
 
 def mesh_and_restart(path: Path, options: Mapping[str, Any]) -> tuple[Path, Path | None]:
@@ -79,9 +80,12 @@ def mesh_and_restart(path: Path, options: Mapping[str, Any]) -> tuple[Path, Path
     return Path(options["mesh"]) if options.get("mesh") else _mesh_beside(path), path
 
 
-def _configured(folder: Path) -> list[str]:
-    """Return notes on what the configurations in a folder state of the flow and neither mesh nor restart does."""
-    notes = []
+def _configured(folder: Path) -> tuple[list[str], str]:
+    """Return notes on what the configurations in a folder state of the flow and neither mesh nor restart does.
+
+    The second value is the note on numbers without a unit, or empty.
+    """
+    notes, scaled = [], ""
     for path in sorted(folder.glob("*.cfg"))[:MOST_CONFIGURATIONS]:
         try:
             with path.open("r", encoding="latin-1") as stream:
@@ -93,10 +97,9 @@ def _configured(folder: Path) -> list[str]:
             notes.append(f"{path.name} states AXISYMMETRIC= YES: geometry='axisymmetric' reads y as the radius")
         scale = stated.get("REF_DIMENSIONALIZATION", "DIMENSIONAL")
         if scale.startswith("FREESTREAM"):
-            notes.append(
-                f"{path.name} states {scale}: the density is one of numbers without a unit, give its reference"
-            )
-    return notes
+            scaled = f"{path.name} states {scale}: the density is one of numbers without a unit, give its reference"
+            notes.append(scaled)
+    return notes, scaled
 
 
 def _check_places(restart: Path, arrays, points: np.ndarray, dimension: int) -> None:
