@@ -1,4 +1,4 @@
-"""Read SU2: a mesh (.su2) and a restart, binary (.dat) or text (.csv, .dat), with values at the mesh's points.
+"""Read SU2: a mesh (.su2 or .cgns) and a restart, binary (.dat) or text (.csv, .dat), with values at the mesh's points.
 
 The binary restart: five int32 (535532, variable count, point count, 0, 0), names of 33 characters, float64 values point
 by point, then metadata of the run. The first number tells the byte order.
@@ -27,6 +27,7 @@ from ..dataset import (  # fmt: skip
     ReadError,
     whole_number,
 )
+from .su2_cgns import cgns_meshes
 from .text_tables import read_table
 
 MAGIC = 535532
@@ -46,31 +47,35 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         ReadError: A damaged file, a missing mesh or restart, or two that do not belong together.
     """
     mesh_path, restart = mesh_and_restart(path, options or {})
-    zones = read_mesh(mesh_path)
+    meshes = _meshes(mesh_path)
     if restart is None:
-        several = [f"zone {k + 1}" if len(zones) > 1 else mesh_path.name for k in range(len(zones))]
-        blocks = [Block(zone.points, zone.cells, name=name) for zone, name in zip(zones, several, strict=True)]
-        patches = [patch for zone in zones for patch in _walls(zone.points, zone.markers)]
-        return Dataset(blocks, "SU2 mesh without a restart", patches=patches)
+        several = [f"zone {k + 1}" if len(meshes) > 1 else mesh_path.name for k in range(len(meshes))]
+        blocks = [Block(points, cells, name=name) for (points, cells, _), name in zip(meshes, several, strict=True)]
+        return Dataset(blocks, "SU2 mesh without a restart", patches=[one for *_, own in meshes for one in own])
     arrays = read_restart(restart)
     counts = sorted({len(values) for values in arrays.values()})
-    fitting = [zone for zone in zones if counts == [len(zone.points)]]
+    fitting = [k for k, (points, _, _) in enumerate(meshes) if counts == [len(points)]]
     if len(fitting) != 1:
-        held = ", ".join(str(len(zone.points)) for zone in zones)
+        held = ", ".join(str(len(points)) for points, _, _ in meshes)
         fault = f"it holds {counts} points, the mesh {mesh_path.name} {held}"
         if fitting:
             fault += f": {len(fitting)} of its zones have as many"
         raise ReadError(restart, fault, "give the mesh it was made on, of one such zone")
-    (zone,) = fitting
-    points = zone.points
-    notes = [f"zone {zones.index(zone) + 1} of {len(zones)} in {mesh_path.name}"] if len(zones) > 1 else []
+    points, cells, patches = meshes[fitting[0]]
+    notes = [f"zone {fitting[0] + 1} of {len(meshes)} in {mesh_path.name}"] if len(meshes) > 1 else []
     configured, scaled = _configured(restart.parent)
     notes += configured
     dimension = 2 if not points[:, 2].any() else 3
     _check_places(restart, arrays, points, dimension)
     arrays = {name: values for name, values in arrays.items() if name.lower() not in COORDINATES}
-    block = Block(points, zone.cells, point_data=arrays)
-    return Dataset([block], "SU2", patches=_walls(points, zone.markers), notes=notes, scaled=scaled)
+    return Dataset([Block(points, cells, point_data=arrays)], "SU2", patches=patches, notes=notes, scaled=scaled)
+
+
+def _meshes(path: Path) -> list[tuple[np.ndarray, Cells, list[Patch]]]:
+    """Return points, cells and patches of each zone of a mesh."""
+    if path.suffix.lower() == ".cgns":
+        return cgns_meshes(path)
+    return [(zone.points, zone.cells, _walls(zone.points, zone.markers)) for zone in read_mesh(path)]
 
 
 def mesh_and_restart(path: Path, options: Mapping[str, Any]) -> tuple[Path, Path | None]:
@@ -175,9 +180,6 @@ def read_mesh(path: Path) -> list[Zone]:
     Raises:
         ReadError: A damaged mesh.
     """
-    if path.suffix.lower() == ".cgns":
-        remedy = "write it as .su2 by SU2_DEF, or the flow by SU2's output for ParaView (.vtu)"
-        raise ReadError(path, "meshes of SU2 in CGNS are not read", remedy)
     try:
         text = path.read_text("ascii").splitlines()
     except UnicodeDecodeError:
