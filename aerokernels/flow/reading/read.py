@@ -238,11 +238,11 @@ def _refuse_wedge(path, dataset: Dataset) -> None:
     """Raise ReadError for a wedge that stands for a flow of revolution: light would cross its sector alone."""
     every = [block.points for block in dataset.blocks]
     if (found := wedge(every[0] if len(every) == 1 else np.concatenate(every))) is not None:
-        axis, angle = found
+        axis, angle = "xyz"[found.axis], np.degrees(found.angle)
         raise ReadError(
             path,
-            f"all its points are on two planes that meet in the {axis} axis at {np.degrees(angle):.3g} degrees: a "
-            "wedge, one cell thick, of an axisymmetric flow",
+            f"all its points are on two planes that meet in the {axis} axis at {angle:.3g} degrees: a wedge, one cell "
+            "thick, of an axisymmetric flow, whose values differ from side to side",
             "give a plane through the axis with geometry = 'axisymmetric' (ParaView's Slice, midway between them), "
             "or geometry = 'volume' for the wedge alone",
         )
