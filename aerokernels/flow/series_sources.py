@@ -57,7 +57,8 @@ def open_series(
         start_time: Time of the first snapshot [s], with `time_step`.
         count: How many snapshots an iterator yields, with `time_step`.
         density: Name of the density in a file; None looks for density, rho and the like.
-        ambient_density: Density around the field [kg/m3]; None takes the file's attribute of that name.
+        ambient_density: Density around the field [kg/m3]; None takes the file's attribute of that name, or for files
+            that `flow.read` reads that of the first snapshot.
         geometry: "volume", "planar" or "axisymmetric", for arrays.
         origin: Coordinates of the first node of arrays [m].
         spacing: Node spacing of arrays [m]; for volumes read from files, the greatest spacing of their grid.
@@ -166,7 +167,7 @@ def _of_files(
         warn_of_gaps(paths)
     more = {"identity": {"files": [path.name for path in paths]}, "stamp": lambda number: _stamp(paths[number], reader)}
     described = f"{len(paths)} files from {paths[0].name} to {paths[-1].name}"
-    return _of_fields(lambda number: reader(paths[number]), times, reader(paths[0]), described, **more)
+    return _of_fields(lambda number: reader(paths[number]), times, _first(reader, paths[0]), described, **more)
 
 
 def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, described: str, **more: Any) -> Series:
@@ -185,6 +186,19 @@ def _reader(read: Callable[..., DensityField] | None, options: dict[str, Any], d
     return partial(read, **given)
 
 
+def _first(reader: Callable[..., DensityField], path: Path, **more: Any) -> DensityField:
+    """Return the first field of a series, whose ambient density is that of the others as well.
+
+    That of each file would be the median of its own turbulence: lines of unequal length through the grid would get a
+    tilt of its fluctuations.
+    """
+    first = reader(path, **more)
+    kept = getattr(reader, "options", None)  # of a `Reader`; other functions choose themselves
+    if kept is not None and isinstance(first, DensityField):
+        kept.setdefault("ambient_density", first.ambient_density)
+    return first
+
+
 def _of_case(path: Path, reader: Callable[..., DensityField]) -> Series:
     """Return the series of an OpenFOAM case, at the time directories from which `flow.read` chooses one."""
     case = import_module(f"{__package__}.reading.readers.foam_case")
@@ -197,7 +211,7 @@ def _at_times(path: Path, times: np.ndarray, reader: Callable[..., DensityField]
     return _of_fields(
         lambda number: reader(path, time=float(times[number])),
         times,
-        reader(path, time=float(times[0])),
+        _first(reader, path, time=float(times[0])),
         f"{path}, {len(times)} times",
         identity={**identity, "times": times.tolist()},
         stamp=lambda number: _stamp(path, reader, float(times[number])),

@@ -177,13 +177,14 @@ def test_collections_and_cases_have_their_times(tmp_path: Path, monkeypatch: pyt
     series = flow.open_series(tmp_path / "run.pvd", length_unit="mm")
     assert list(series.time) == [1e-5, 2e-5] and series.mesh.shape == (4, 5, 6)
     series.density(1)
-    assert asked == [("a.vtu", None, {"length_unit": "mm"}), ("b.vtu", None, {"length_unit": "mm"})]
+    around = {"ambient_density": 0.5}  # of the first one, for all
+    assert asked == [("a.vtu", None, {"length_unit": "mm"}), ("b.vtu", None, {"length_unit": "mm"} | around)]
     for folder in ("system", "constant/polyMesh", "0", "0.002", "0.0005"):
         (tmp_path / "case" / folder).mkdir(parents=True)
         (tmp_path / "case" / folder / "rho").write_text("")
     case = flow.open_series(tmp_path / "case", density="rho")
     assert list(case.time) == [0.0, 0.0005, 0.002] and isinstance(case[1], DensityField)
-    assert asked[-1] == ("case", 0.0005, {"density": "rho"})
+    assert asked[-1] == ("case", 0.0005, {"density": "rho"} | around)
     (tmp_path / "bad.pvd").write_text("<VTKFile>")
     with pytest.raises(ValueError, match="not a list of data sets"):
         flow.open_series(tmp_path / "bad.pvd")
