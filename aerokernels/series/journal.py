@@ -33,12 +33,14 @@ class Kept:
         size: Bytes of the journal up to the end of their lines.
         whole: Bytes of the journal up to the end of its last whole line.
         changed_count: Number of finished snapshots that are not among them: files of the first one have changed.
+        has_grown: Whether the series has more snapshots than it had.
     """
 
     rows: list[dict[str, float]]
     size: int
     whole: int
     changed_count: int
+    has_grown: bool
 
 
 def line_of(numbers: Sequence[float], source: Sequence[str]) -> bytes:
@@ -51,6 +53,7 @@ def read_journal(
     definition: Mapping[str, Any],
     names: Sequence[str],
     is_unchanged: Callable[[int, str, str], bool],
+    earlier: Callable[[Mapping[str, Any]], Mapping[str, Any] | None],
 ) -> Kept:
     """Read the journal of a run.
 
@@ -59,6 +62,8 @@ def read_journal(
         definition: What distinguishes this run from others.
         names: The names of the numbers of a snapshot.
         is_unchanged: Whether a snapshot is the one that was stored with this stamp and this mark.
+        earlier: Returns the definition of the same run with as many snapshots as in the definition found; None if it
+            has fewer.
 
     Raises:
         DamagedError: It is no journal.
@@ -72,12 +77,14 @@ def read_journal(
         raise DamagedError from None
     if not isinstance(found, (dict, type(None))):
         raise DamagedError
-    if change := _change(found or {}, definition):
+    found = found or {}
+    has_grown = found != definition and found == earlier(found)
+    if not has_grown and (change := _change(found, definition)):
         raise OtherSeriesError(change)
     read = [_row(line, names) for line in lines]
     count = next((k for k, (_, source) in enumerate(read) if source and not is_unchanged(k, *source)), len(read))
     size = len(first) + sum(map(len, lines[:count]))
-    return Kept([numbers for numbers, _ in read[:count]], size, whole, len(read) - count)
+    return Kept([numbers for numbers, _ in read[:count]], size, whole, len(read) - count, has_grown)
 
 
 def _row(line: bytes, names: Sequence[str]) -> tuple[dict[str, float], tuple[str, ...]]:

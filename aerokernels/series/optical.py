@@ -1,7 +1,8 @@
 """Optical path differences of a series over a pupil: OPD(x, y, t), Strehl ratio and boresight of each snapshot."""
 
 import hashlib
-from collections.abc import Callable, Iterator
+import json
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +24,8 @@ from ..wavefront import check_terms
 from .journal import FIRST, LAST
 from .pupil_grid import PupilGrid, Reading, pupil_grid
 from .snapshot import METHODS, SnapshotResult, Snapshots, SnapshotSettings
-from .store import NUMBERS, MemoryStore, ZarrStore
+from .store import MemoryStore, ZarrStore
+from .store_arrays import NUMBERS
 from .strehl_bound import strehl_error
 
 if TYPE_CHECKING:
@@ -129,7 +131,15 @@ def optical_series(
     if out is None:
         store = MemoryStore(template)
     else:
-        store = ZarrStore(Path(out), template, _definition(series, template, settings), series.is_unchanged)
+        definition = _plain(_definition(series, template, settings, len(series)))
+
+        def earlier(found: Mapping[str, Any]) -> Any:
+            times = found.get("time")
+            count = times[0] if isinstance(times, list) and times else 0
+            known = isinstance(count, int) and 0 < count < len(series)
+            return _plain(_definition(series, template, settings, count)) if known else None
+
+        store = ZarrStore(Path(out), template, definition, series.is_unchanged, earlier)
         if store.changed_count:
             warn_caller(
                 f"out={out}: files of snapshot {store.done.count} have changed since its map was stored: it and those "
@@ -300,16 +310,16 @@ def _template(
     )
 
 
-def _definition(series: Series, template: "xarray.Dataset", settings: SnapshotSettings) -> dict[str, Any]:
-    """Return what distinguishes this run from others with the same store."""
-    mesh = series.mesh
+def _definition(series: Series, template: "xarray.Dataset", settings: SnapshotSettings, count: int) -> dict[str, Any]:
+    """Return what distinguishes a run through the first `count` snapshots from others with the same store."""
+    mesh, times = series.mesh, series.time[:count]
     return {
         "version": __version__,
         "numbers": list(NUMBERS),
-        "series": dict(series.identity),
+        "series": {name: own[:count] if isinstance(own, list) else own for name, own in series.identity.items()},
         FIRST: series.mark(),
-        LAST: series.mark(-1),
-        "time": [len(series), float(series.time[0]), float(series.time[-1]), _digest(series.time)],
+        LAST: series.mark(count - 1),
+        "time": [count, float(times[0]), float(times[-1]), _digest(times)],
         "mesh": [mesh.geometry, mesh.origin.tolist(), mesh.spacing.tolist(), list(mesh.shape)]
         if isinstance(mesh, GridMesh)
         else [type(mesh).__name__, *([] if mesh is None else [mesh.geometry, _digest(mesh.vertices, mesh.cells)])],
@@ -323,6 +333,12 @@ def _definition(series: Series, template: "xarray.Dataset", settings: SnapshotSe
         "relation": [settings.relation, settings.constant, str(settings.composition), settings.interpolation],
         "method": [settings.method, settings.tolerance, *map(str, settings.trace_options.values())],
     }
+
+
+def _plain(definition: dict[str, Any]) -> dict[str, Any]:
+    """Return a definition as it is read from a journal."""
+    found: dict[str, Any] = json.loads(json.dumps(definition, default=str))
+    return found
 
 
 def _digest(*arrays: np.ndarray) -> str:

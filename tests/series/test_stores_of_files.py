@@ -16,7 +16,7 @@ from .fourier import Fourier
 pytest.importorskip("zarr")
 
 COUNT, SHAPE, SPACING, LOW = 5, (13, 13, 7), 5e-3, (-0.03, -0.03, 0.0)
-TIMES = 1e-5 * np.arange(COUNT)
+TIMES = 1e-5 * np.arange(COUNT + 1)
 AXES = [low + SPACING * np.arange(size) for low, size in zip(LOW, SHAPE, strict=True)]
 PUPIL = Disc(0.02)
 
@@ -102,8 +102,8 @@ def test_a_file_that_is_repaired_continues_the_store(files: Path, tmp_path: Path
 def test_a_file_with_a_time_axis_that_is_written_again(tmp_path: Path):
     """NetCDF: all snapshots have the stamp of one file; those whose samples are the same are kept."""
     path, out = tmp_path / "flow.nc", tmp_path / "s.zarr"
-    values = np.stack([samples(1, time) for time in TIMES])
-    where = {"time": TIMES, **dict(zip("xyz", AXES, strict=True))}
+    values = np.stack([samples(1, time) for time in TIMES[:COUNT]])
+    where = {"time": TIMES[:COUNT], **dict(zip("xyz", AXES, strict=True))}
 
     def run(**options) -> xarray.Dataset:
         xarray.Dataset({"rho": (tuple(where), values)}, where, {"ambient_density": 1.2}).to_netcdf(path)
@@ -119,20 +119,60 @@ def test_a_file_with_a_time_axis_that_is_written_again(tmp_path: Path):
     assert stamps(out)[:3] == before[:3] and np.array_equal(found.opd, run().opd, equal_nan=True)
 
 
+@pytest.mark.parametrize("first", [2, COUNT])
+def test_a_series_that_has_grown_continues(first: int, files: Path, tmp_path: Path):
+    """Set-up: a solver has written some files, and more after their maps were stored (finished or killed).
+
+    Expected: the maps of all, equal to those of one run; those that were there are not written again, and the store
+    has the times and the origin of all.
+    """
+    out, later = tmp_path / "s.zarr", tmp_path / "later"
+    later.mkdir()
+    for number in range(first, COUNT):
+        (files / f"f{number}.npz").rename(later / f"f{number}.npz")
+    write(files, first - 1, 1)
+    maps(files, out)
+    journal = tmp_path / ".s.zarr.journal"
+    kept = journal.read_bytes()
+    before = [(out / f"opd/c/{k}/0/0").stat().st_mtime_ns for k in range(first)]
+    for file in later.iterdir():
+        file.rename(files / file.name)
+    write(files, COUNT, 1) if first == COUNT else None
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = maps(files, out).load()
+        whole = maps(files, tmp_path / "whole.zarr").load()
+    assert found.identical(whole) and xarray.open_zarr(out).identical(whole)
+    assert [(out / f"opd/c/{k}/0/0").stat().st_mtime_ns for k in range(first)] == before
+    assert found.sizes["time"] == max(COUNT, first + (first == COUNT))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert maps(files, out).identical(whole)
+        journal.write_bytes(kept)  # as of a run that was killed after it had made the arrays longer
+        assert maps(files, out).identical(whole)
+
+
 def test_what_differs_from_the_series_of_a_store_is_named(files: Path, tmp_path: Path):
+    """Fewer files, files of other names, and a series that differs in what it has in common with the store."""
     maps(files, tmp_path / "s.zarr")
-    shutil.copy(files / "f4.npz", files / "f5.npz")
-    with pytest.raises(ValueError, match=r'series files has 6 instead of 5 entries, and was absent and is "f5\.npz"'):
+    (files / "f4.npz").rename(tmp_path / "f4.npz")
+    with pytest.raises(ValueError, match=r'series files has 4 instead of 5 entries, and was "f4\.npz" and is absent'):
+        maps(files, tmp_path / "s.zarr")
+    shutil.copy(tmp_path / "f4.npz", files / "f5.npz")
+    with pytest.raises(ValueError, match=r'series files was "f4\.npz" and is "f5\.npz" at number 4'):
+        maps(files, tmp_path / "s.zarr")
+    write(files, 4, 7)
+    with pytest.raises(ValueError, match="6 instead of 5 entries"):
         maps(files, tmp_path / "s.zarr")
 
 
 @pytest.mark.parametrize("method", ["auto", "linear"])
 def test_a_snapshot_that_was_never_written_is_refused(method: str):
     """Zeros, as a solver that was killed leaves them, have no slopes: their bending is never measured."""
-    arrays = [samples(1, time) for time in TIMES]
+    arrays = [samples(1, time) for time in TIMES[:COUNT]]
     arrays[2] = np.zeros(SHAPE)
     series = flow.open_series(
-        arrays, time=TIMES, geometry="volume", origin=LOW, spacing=[SPACING] * 3, ambient_density=1.2
+        arrays, time=TIMES[:COUNT], geometry="volume", origin=LOW, spacing=[SPACING] * 3, ambient_density=1.2
     )
     with pytest.raises(ValueError, match=r"snapshot 2: 1183 of 1183 densities on the grid are not positive"):
         optical_series(series, PUPIL, pixel_count=8, method=method)
