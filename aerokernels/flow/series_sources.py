@@ -140,7 +140,7 @@ def open_series(
             found = _at_times(path, np.array(times), _reader(read, for_files, density), {"file": path.name})
             return _with_times(found, time, time_step, start_time)
         if options:
-            raise TypeError(f"{path} is no file of `read`: it does not take {', '.join(options)}")
+            raise TypeError(f"{path} has a time axis and is not read by `read`: it takes no {', '.join(options)}")
         _check_use(WITH_TIME, given)
         found = series_of_file(path, density, ambient_density, cell_averages, species, own)
         return _with_times(found, time, time_step, start_time)
