@@ -58,11 +58,14 @@ def _files(path: Path, module: str, options: dict[str, Any], time: float | None)
     if module == "foam_case":
         from .readers.foam_case import case_folder, case_times
 
+        # Not all of the folder, in which results may be kept too.
         folder = case_folder(path)
-        if time is None:
-            return [folder]
-        parts = [(part, entry.name) for entry in case_times(folder) if entry.value == time for part in entry.parts]
-        return [one for part, name in parts for one in (part / "constant" / "polyMesh", part / name)]
+        times = [entry for entry in case_times(folder) if time is None or entry.value == time]
+        parts = dict.fromkeys([folder, *(part for entry in times for part in entry.parts)])
+        constant = [part / "constant" for part in parts if (part / "constant").is_dir()]
+        fixed = [file for one in constant for file in sorted(one.iterdir()) if file.is_file()]
+        meshes = [one / "polyMesh" for one in constant if (one / "polyMesh").is_dir()]
+        return [*fixed, *meshes, *(part / entry.name for entry in times for part in entry.parts)]
     if module == "su2":
         from .readers.su2 import mesh_and_restart
 

@@ -17,7 +17,7 @@ def touch(folder: Path, *names: str) -> list[Path]:
 
 
 def case(folder: Path) -> Path:
-    touch(folder, "constant/polyMesh/points", "constant/polyMesh/faces", "system/controlDict", "a.foam")
+    touch(folder, "constant/polyMesh/points", "constant/polyMesh/faces", "constant/gas", "system/controlDict", "a.foam")
     touch(folder, "0.1/rho", "0.1/U", "0.2/rho")
     return folder / "a.foam"
 
@@ -44,7 +44,7 @@ def su2(folder: Path) -> Path:
 @pytest.mark.parametrize(
     ("made", "names"),
     [
-        (case, "0.1/U 0.1/rho 0.2/rho a.foam constant/polyMesh/faces constant/polyMesh/points system/controlDict"),
+        (case, "0.1/U 0.1/rho 0.2/rho constant/gas constant/polyMesh/faces constant/polyMesh/points"),
         (pieces, "a.pvd a.vtm a/0.pvtu a/0/0.vtu a/0/1.vtu"),
         (plot3d, "a.q a.xyz"),
         (su2, "flow.csv mesh.su2"),
@@ -55,8 +55,8 @@ def test_a_kept_result_belongs_to_all_files_that_are_read(made, names: str, tmp_
     path = made(tmp_path)
     files = files_behind(path)
     assert sorted(file.relative_to(tmp_path).as_posix() for file in files) == names.split()
-    touch(tmp_path, "beside/another.txt" if made is not case else "../beside.txt")
     kept, stamped = content_hashes([path]), stamp(files)
+    touch(tmp_path, "sweep/cases.jsonl", "another.txt")  # such as results in the same folder
     assert content_hashes([path]) == kept and stamp(files_behind(path)) == stamped
     for file in files:
         text = file.read_text()
@@ -69,7 +69,7 @@ def test_a_kept_result_belongs_to_all_files_that_are_read(made, names: str, tmp_
 def test_of_one_time_only_its_own_files(tmp_path: Path):
     path = case(tmp_path)
     found = [file.relative_to(tmp_path).as_posix() for file in files_behind(path, time=0.2)]
-    assert found == ["constant/polyMesh/faces", "constant/polyMesh/points", "0.2/rho"]
+    assert found == ["constant/gas", "constant/polyMesh/faces", "constant/polyMesh/points", "0.2/rho"]
 
 
 def test_of_what_cannot_be_read_it_is_the_file_or_the_folder(tmp_path: Path):
