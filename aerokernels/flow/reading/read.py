@@ -23,7 +23,7 @@ from .fractions import Fractions, choose_fractions
 from .frame import Frame, plane_normal
 from .gas_law import said_of_units
 from .planes.one_cell_thick import flattened
-from .planes.plane import Plane, plane_mesh
+from .planes.plane import Plane, plane_in_words, plane_mesh
 from .planes.wall_values import wall_density
 from .planes.wedges import wedge
 
@@ -289,7 +289,7 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
         composition = fractions.composition(partial, partial[:, _front(at)].mean(axis=1))
     ambient = reading.ambient or dataset.ambient or float(np.median(density[_front(at)]))
     said = [dataset.format, *([f"t = {dataset.time:g}"] if dataset.time is not None else []), reading.said,
-            plane_in_words(plane, reading.frame), *direction_note(dataset, reading.frame, plane.axes),
+            plane_in_words(plane, reading.frame, mesh), *direction_note(dataset, reading.frame, plane.axes),
             f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []), *dataset.notes]  # fmt: skip
     wall = None
     if where == "cell" and fractions is None:
@@ -318,14 +318,6 @@ def _body(path, dataset: Dataset, plane: Plane, mesh, names) -> Body | None:
 def _front(at: np.ndarray) -> np.ndarray:
     """Return which points are in the most upstream twentieth of the field."""
     return np.asarray(at[:, -1] >= float(np.quantile(at[:, -1], 0.95)))
-
-
-def plane_in_words(plane: Plane, frame: Frame) -> str:
-    """Describe the frame of a two-dimensional file."""
-    words = frame.described(plane.axes)
-    return (
-        f"axisymmetric, {words.split(',')[0]} of the file" if plane.geometry == "axisymmetric" else f"planar, {words}"
-    )
 
 
 def unit_of_length(unit: str | float | None) -> float:

@@ -160,3 +160,14 @@ def test_a_wedge_is_read_as_a_flow_of_revolution(kind: str, order, real):
         if kind != "triangles":  # which are cut into parts
             middle = cells.mesh.corners.mean(axis=1)
             assert cells.density == pytest.approx(1.0 - 0.1 * middle[:, 1] + middle[:, 0], rel=3e-7)
+
+
+@pytest.mark.parametrize(("low", "doubtful"), [(0.0, True), (0.01, False), (-1.0, False)])
+def test_a_plane_that_begins_at_an_axis_is_doubtful(low: float, doubtful: bool, tmp_path):
+    """A file whose y is a radius does not say so: the provenance of a planar flow does, where y begins at 0."""
+    x, y = np.linspace(0.0, 1.0, 5), np.linspace(low, 1.0, 6)
+    np.savez(tmp_path / "a.npz", x=x, y=y, rho=np.ones((5, 6)))
+    said = "it begins at y = 0: if that is an axis of symmetry, give geometry = 'axisymmetric'"
+    assert (said in flow.read(tmp_path / "a.npz").provenance) == doubtful
+    if doubtful:
+        assert said not in flow.read(tmp_path / "a.npz", geometry="axisymmetric").provenance
