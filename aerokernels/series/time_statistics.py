@@ -17,7 +17,7 @@ from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..inputs.written_units import unit_of
 from ..wavefront import weighted_mean
 from .linking import NotLinkedError
-from .modes import orthogonal_modes
+from .modes import Modes, orthogonal_modes
 from .pupil_grid import MapReader
 from .statistic_parts import (
     Table,
@@ -108,7 +108,8 @@ def statistics(
     for text in warned:
         warn_caller(text)
     tilts, squares, ratios = _readings(dataset, opd, points, weight, wave)
-    _maps(table, opd, weight, lit)
+    modes = orthogonal_modes(opd, weight, int(mode_count)) if len(opd) > 1 else None
+    _maps(table, opd, weight, lit, modes)
     table.number("opd_rms", root_of(mean_of(squares[:, 1])), "m", "optical path difference, mean and tilt removed, rms")
     table.number(
         "opd_rms_with_tilt", root_of(mean_of(squares[:, 0])), "m", "optical path difference, mean removed, rms"
@@ -129,7 +130,7 @@ def statistics(
             raise
         skipped.append(str(fault))
     add_apertures(table, coordinates, opd, points, weight, wave, apertures, covers_of(x, y, lit))
-    add_modes(table, coordinates, opd, weight, lit, int(mode_count))
+    add_modes(table, coordinates, modes, lit)
     add_correlation(table, coordinates, opd, lit, x, y)
     if series is not None:
         try:
@@ -206,7 +207,7 @@ def _readings(dataset: Any, opd: np.ndarray, points: np.ndarray, weight: np.ndar
     return left + removed, squares, np.array([one.strehl for one in found])
 
 
-def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray) -> None:
+def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray, modes: Modes | None) -> None:
     """Add the steady map and the unsteady part."""
     count = len(opd)
     mean = opd.mean(axis=0)
@@ -214,7 +215,7 @@ def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray) ->
     spread = left.std(axis=0, ddof=1) if count > 1 else np.full(len(mean), np.nan)
     unsteady = left**2 @ weight
     # The effective number of independent maps is that of their mean square or of their first mode: the lesser.
-    first = orthogonal_modes(opd, weight, 1).coefficient[:, 0] if count > 1 else np.zeros(count)
+    first = np.zeros(count) if modes is None else modes.coefficient[:, 0]
     effective = min(mean_of(unsteady).effective_count, mean_of(first).effective_count)
     known = count >= 4
     table.array(
