@@ -188,7 +188,8 @@ def test_a_result_is_replaced_whole_by_one_process_at_a_time(tmp_path: Path):
 def test_two_processes_do_not_write_one_series(tmp_path: Path):
     """One that writes holds the other off; one that begins with what it read before the first went on is refused."""
     pytest.importorskip("zarr")
-    from aerokernels.series.store import MAPS, NUMBERS, ZarrStore
+    from aerokernels.series.store import ZarrStore
+    from aerokernels.series.store_arrays import MAPS, NUMBERS
 
     axis, path = np.linspace(-0.01, 0.01, 4), tmp_path / "maps.zarr"
     template = xarray.Dataset(coords={"time": np.arange(3.0), "y": axis, "x": axis})
@@ -228,7 +229,8 @@ def test_a_series_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
     code = (
         "import resource, sys; from pathlib import Path; import numpy as np; import xarray\n"
         "from aerokernels.files.drafts import OutputError\n"
-        "from aerokernels.series.store import MAPS, NUMBERS, ZarrStore\n"
+        "from aerokernels.series.store import ZarrStore\n"
+        "from aerokernels.series.store_arrays import MAPS, NUMBERS\n"
         "axis, path = np.linspace(-0.01, 0.01, 4), Path(sys.argv[1]) / 'maps.zarr'\n"
         "template = xarray.Dataset(coords={'time': np.arange(9.0), 'y': axis, 'x': axis})\n"
         "maps = {name: np.ones((4, 4), kind) for name, (kind, _, _) in MAPS.items()}\n"
@@ -312,7 +314,8 @@ def test_a_series_whose_store_has_lost_something_is_not_gone_on_with(tmp_path: P
     The numbers stand in the journal too, and are written again.
     """
     pytest.importorskip("zarr")
-    from aerokernels.series.store import MAPS, NUMBERS, ZarrStore
+    from aerokernels.series.store import ZarrStore
+    from aerokernels.series.store_arrays import MAPS, NUMBERS
 
     axis, path = np.linspace(-0.01, 0.01, 4), tmp_path / "maps.zarr"
     template = xarray.Dataset(coords={"time": np.arange(2.0), "y": axis, "x": axis})

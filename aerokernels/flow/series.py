@@ -13,6 +13,7 @@ import numpy as np
 
 from ..derived import Derived
 from ..device_arrays import device_array, host_array, own_copy
+from ..display.plain_text import cut
 from ..display.shown import shown
 from ..inputs.arguments import seconds
 from ..inputs.checks import check_choice, check_positive
@@ -80,6 +81,8 @@ class Series:
         provenance: Where the series comes from, in words.
         identity: Identifies the series, in plain JSON types: an interrupted run resumes only with the same series.
         once: Whether each snapshot can be read only once and in order, as from an iterator.
+        stamp: Returns a text that changes when the files of a snapshot are written again, by its number; None where
+            there are no files.
     """
 
     get: Callable[[int], Any]
@@ -91,6 +94,7 @@ class Series:
     provenance: str = ""
     identity: Mapping[str, Any] = field(default_factory=dict)
     once: bool = False
+    stamp: Callable[[int], str] | None = None
 
     def __post_init__(self) -> None:
         """Check.
@@ -173,12 +177,19 @@ class Series:
         number = self._number(index)
         if isinstance(self.get, InOrder) and number > 0:
             return ""
-        found = self.get.first() if isinstance(self.get, InOrder) else self.get(number)
-        density = getattr(found, "density", None) if isinstance(found, DensityField) else host_array(found)
-        if density is None:
-            return ""
-        flat = np.asarray(density).reshape(-1)
-        return hashlib.sha256(flat[:: max(1, flat.size // MARKED)].tobytes()).hexdigest()[:16]
+        return mark_of(self.get.first() if isinstance(self.get, InOrder) else self.get(number))
+
+    def is_unchanged(self, index: int, stamp: str, mark: str) -> bool:
+        """Return whether a snapshot is the one whose files had this stamp, and whose samples had this mark.
+
+        Files that have been copied, or written again as they were, have another stamp: only these are read.
+        """
+        if self.stamp is None or self.stamp(index) == stamp:
+            return True
+        try:
+            return self.mark(index) == mark
+        except ValueError:  # it cannot be read any more, which is said when it is computed
+            return False
 
     def lies_here(self, flow: DensityField) -> bool:
         """Return whether a field has its samples on the series' mesh, and a body exactly if the series has one."""
@@ -217,6 +228,22 @@ class Series:
         kind = VertexDensity if at_vertices else CellDensity
         assert not isinstance(self.body, SolidBody)  # only volumes have a SolidBody
         return kind(self.mesh, density, self.ambient_density, self.body, self.conditions, described)
+
+
+def mark_of(found: Any) -> str:
+    """Return a hash of the samples of a snapshot, and of where a density field has them; empty for a formula."""
+    arrays = [getattr(found, "density", None) if isinstance(found, DensityField) else host_array(found)]
+    if arrays[0] is None:
+        return ""
+    if isinstance(found, GridDensity):
+        arrays += [found.origin, found.spacing]
+    elif isinstance(found, (CellDensity, VertexDensity)):
+        arrays.append(found.mesh.vertices)
+    samples = hashlib.sha256()
+    for array in arrays:
+        flat = np.asarray(array).reshape(-1)
+        samples.update(flat[:: max(1, flat.size // MARKED)].tobytes())
+    return samples.hexdigest()[:16]
 
 
 def mesh_of(flow: DensityField) -> GridMesh | QuadMesh | None:
@@ -275,7 +302,11 @@ def times_of(time: Sequence[float] | None, step: float | None, start: float, cou
     if time is not None and step is not None:
         raise ValueError("give either time, one for each snapshot, or time_step")
     if time is not None:
-        times = np.array(seconds(np.asarray(time))).reshape(-1)
+        try:
+            times = np.array(seconds(np.asarray(time))).reshape(-1)
+        except (TypeError, ValueError):
+            got = cut(repr(time))
+            raise ValueError(f"time must be numbers of seconds, or dates, one for each snapshot, got {got}") from None
         if count is not None and len(times) != count:
             raise ValueError(f"{len(times)} times for {count} snapshots: give one for each")
         return times

@@ -16,6 +16,7 @@ from ..process.room import check_file, check_room
 from .reading.array_names import known_names
 from .reading.array_units import ambient_attribute, stated_unit
 from .reading.density import DENSITY_NAMES
+from .reading.files_behind import files_behind, stamp
 from .series import GridMesh, Series
 
 TIME_NAMES = ("time", "t", "Time")
@@ -38,10 +39,11 @@ def series_of_file(
         raise ValueError(
             f"{path}: a folder, but no Zarr store; numbered files are opened by a pattern, 'dir/flow_*.vtu'"
         )
+    written = stamp(files_behind(path))
     opened = _zarr if path.is_dir() else open_netcdf
     dataset = opened(path, f"{path}: its list of coordinates", most_axes=1)
-    identity = {"file": path.name, "size": path.stat().st_size if path.is_file() else None}
-    return series_of_dataset(dataset, density, ambient, averages, species, own, str(path), identity)
+    own = {**own, "stamp": lambda number: written}
+    return series_of_dataset(dataset, density, ambient, averages, species, own, str(path), {"file": path.name})
 
 
 def _zarr(path: Path, what: str, most_axes: float) -> Any:
@@ -97,6 +99,7 @@ def series_of_dataset(
         averages,
     )
     times = _in_si(name, clock, array, "time")
+    described = name + _without_unit(array, clock)
     factor = _factor(name, stated_unit(attributes), "density", f"{array.name}")
     around = ambient
     if around is None:
@@ -118,9 +121,16 @@ def series_of_dataset(
         identity["species"] = mixture.identity
         return Series(
             lambda number: mixture.field(get(number), where, float(around), own, number),
-            times, where, float(around), **own, provenance=f"{name}; {mixture.said}", identity=identity,
+            times, where, float(around), **own, provenance=f"{described}; {mixture.said}", identity=identity,
         )  # fmt: skip
-    return Series(get, times, where, float(around), **own, provenance=name, identity=identity)
+    return Series(get, times, where, float(around), **own, provenance=described, identity=identity)
+
+
+def _without_unit(array: Any, clock: str) -> str:
+    """Say that times are taken in seconds although their unit is not stated."""
+    times = array.coords[clock]
+    stated = times.dtype.kind in "mM" or stated_unit({**times.encoding, **times.attrs})
+    return "" if stated else f"; no unit is stated, taken: {clock} in s"
 
 
 def _falls(name: str, coordinate: Any) -> bool:

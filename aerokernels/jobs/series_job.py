@@ -51,14 +51,15 @@ def scene_series(scene: Scene) -> Series:
             f'{scene.name}: series.source is missing: add a table [series] with source = "flow.nc", a file with a time '
             "axis, or a pattern of numbered files"
         )
-    options: dict[str, Any] = {}
-    if scene.flow.file != FileTable():  # options for files that `flow.read` reads; each file has a single time
-        options = {name: value for name, value in scene.flow.file.read_options().items() if name != "time"}
+    # Options for files that `flow.read` reads; each of them has a single time.
+    usual = FileTable().read_options()
+    asked = scene.flow.file.read_options()
+    options = {name: value for name, value in asked.items() if name != "time" and value != usual.get(name)}
     given = {"ambient_density": table.ambient_density, "density": table.density, "species": scene.flow.species}
     options |= {name: value for name, value in given.items() if value is not None}
     try:
         return open_series(table.source, time_step=table.time_step, **options)
-    except ValueError as fault:
+    except (TypeError, ValueError) as fault:
         raise ValueError(f"series.source: {fault}") from fault
 
 
@@ -135,7 +136,7 @@ def summarise(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset") -> 
             "skipped": found.attrs["skipped"],
             "snapshot_count": int(maps.sizes["time"]),
             "traced_count": int(np.asarray(maps["traced"].values).sum()),
-            "warnings": [text] if (text := str(maps.attrs.get("truncation", ""))) else [],
+            "warnings": [text for text in (str(maps.attrs.get("truncation", "")), found.attrs["warnings"]) if text],
             "known_share": float(np.asarray(maps["known"].values).min()),
             "opd_error_m": float(np.nanmax(errors)) if np.isfinite(errors).any() else None,
             "wavelength_m": float(maps.attrs["wavelength"]),

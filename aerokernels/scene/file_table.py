@@ -65,6 +65,9 @@ class FileTable(Table):
     reference_pressure: Pressure | None = key(None, "Pressure of the value 1 in a non-dimensional file.")
     reference_temperature: Temperature | None = key(None, "Temperature of the value 1 in a non-dimensional file.")
     reference_length: Length | None = key(None, "Length of the value 1 in a non-dimensional file.")
+    operating_pressure: Pressure | None = key(
+        None, "The pressure to which the file's pressures are relative (gauge pressures); if absent, they are absolute."
+    )
     time: Annotated[str | float, BeforeValidator(_time)] = key("latest", '"latest", "first" or a time [s].')
     geometry: Literal["planar", "axisymmetric", "volume"] | None = key(
         None,
@@ -95,6 +98,7 @@ class FileTable(Table):
             density = {"pressure": self.pressure, "temperature": self.temperature}
         names = ("density", "pressure", "temperature", "length")
         reference = {name: getattr(self, f"reference_{name}") for name in names}
+        reference["operating_pressure"] = self.operating_pressure
         given = {name: value for name, value in reference.items() if value is not None}
         options = {
             "density": density,

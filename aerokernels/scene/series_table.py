@@ -20,7 +20,9 @@ class SeriesTable(Table):
     ambient_density: Density | None = key(
         None, "Density around the field; the file's attribute ambient_density if absent."
     )
-    time_step: Time | None = key(None, "Time from one numbered file to the next; not needed with a time axis.")
+    time_step: Time | None = key(
+        None, "Time from one snapshot to the next; in place of the times that a file has of its own."
+    )
     azimuth: Angle | None = key(
         None, "Angle toward +x at which the rays leave the pupil, without turning the pupil; pupil.azimuth if absent."
     )

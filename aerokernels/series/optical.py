@@ -1,7 +1,8 @@
 """Optical path differences of a series over a pupil: OPD(x, y, t), Strehl ratio and boresight of each snapshot."""
 
 import hashlib
-from collections.abc import Callable, Iterator
+import json
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ import numpy as np
 from aerokernels import __version__
 
 from ..flow import GridMesh, Series
+from ..flow.series import mark_of
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice, check_positive
 from ..inputs.warned import warn_caller
@@ -19,9 +21,11 @@ from ..rays import as_unit_vector
 from ..tracing.plan import PRECISIONS
 from ..tracing.pupil.air import GREATEST_SHARE, PupilAir, TruncationWarning
 from ..wavefront import check_terms
+from .journal import FIRST, LAST
 from .pupil_grid import PupilGrid, Reading, pupil_grid
 from .snapshot import METHODS, SnapshotResult, Snapshots, SnapshotSettings
-from .store import FIRST, LAST, NUMBERS, MemoryStore, ZarrStore
+from .store import MemoryStore, ZarrStore
+from .store_arrays import NUMBERS
 from .strehl_bound import strehl_error
 
 if TYPE_CHECKING:
@@ -127,7 +131,20 @@ def optical_series(
     if out is None:
         store = MemoryStore(template)
     else:
-        store = ZarrStore(Path(out), template, _definition(series, template, settings))
+        definition = _plain(_definition(series, template, settings, len(series)))
+
+        def earlier(found: Mapping[str, Any]) -> Any:
+            times = found.get("time")
+            count = times[0] if isinstance(times, list) and times else 0
+            known = isinstance(count, int) and 0 < count < len(series)
+            return _plain(_definition(series, template, settings, count)) if known else None
+
+        store = ZarrStore(Path(out), template, definition, series.is_unchanged, earlier)
+        if store.changed_count:
+            warn_caller(
+                f"out={out}: files of snapshot {store.done.count} have changed since its map was stored: it and those "
+                f"after it, {store.changed_count} in all, are computed again"
+            )
         if store.done.count and store.is_finished:
             maps = store.finish()
             if text := maps.attrs.get(TRUNCATION, ""):
@@ -140,7 +157,7 @@ def optical_series(
     # While a snapshot is computed the next one is read and the maps of the one before are written.
     with store.writing(), ThreadPoolExecutor(1) as writer:
         written = None
-        for number, read in _read_ahead(snapshots, first, len(series)):
+        for number, stamp, read in _read_ahead(snapshots, first, len(series)):
             found = snapshots(number, read)
             if number == first and method != "linear":
                 # The store is created from the template, with the first snapshot.
@@ -155,7 +172,8 @@ def optical_series(
                 reader = grid.reader(good, terms, wavelength)
             entry = _entry(grid, found, good, reader(found.opd[good]), wavelength)
             _finished(written, number, len(series), progress)
-            written = writer.submit(store.add, *entry)
+            source = () if stamp is None else (stamp, mark_of(read[0]))
+            written = writer.submit(store.add, *entry, source)
         _finished(written, len(series), len(series), progress)
     _warn_of_lost(store.done.column("known"))
     return store.finish()
@@ -191,15 +209,24 @@ def _finished(written: "Future[None] | None", count: int, total: int, progress: 
         progress(f"{count} of {total} snapshots", count / total)
 
 
-def _read_ahead(snapshots: Snapshots, first: int, stop: int) -> Iterator[tuple[int, Any]]:
-    """Yield snapshots in order; the next one is read, and sent to a GPU, while the current one is processed."""
+def _read_ahead(snapshots: Snapshots, first: int, stop: int) -> Iterator[tuple[int, str | None, Any]]:
+    """Yield snapshots in order, each with its number and the stamp of its files.
+
+    The next one is read, and sent to a GPU, while the current one is processed.
+    """
+    stamp = snapshots.series.stamp
+
+    def read(number: int) -> tuple[str | None, Any]:
+        # The stamp first: files that are written while they are read have another one afterwards.
+        return None if stamp is None else stamp(number), snapshots.read(number)
+
     with ThreadPoolExecutor(1) as reader:
-        following = reader.submit(snapshots.read, first) if first < stop else None
+        following = reader.submit(read, first) if first < stop else None
         for number in range(first, stop):
             assert following is not None
-            stored = following.result()
-            following = reader.submit(snapshots.read, number + 1) if number + 1 < stop else None
-            yield number, stored
+            found = following.result()
+            following = reader.submit(read, number + 1) if number + 1 < stop else None
+            yield number, *found
 
 
 def _entry(
@@ -283,16 +310,16 @@ def _template(
     )
 
 
-def _definition(series: Series, template: "xarray.Dataset", settings: SnapshotSettings) -> dict[str, Any]:
-    """Return what distinguishes this run from others with the same store."""
-    mesh = series.mesh
+def _definition(series: Series, template: "xarray.Dataset", settings: SnapshotSettings, count: int) -> dict[str, Any]:
+    """Return what distinguishes a run through the first `count` snapshots from others with the same store."""
+    mesh, times = series.mesh, series.time[:count]
     return {
         "version": __version__,
         "numbers": list(NUMBERS),
-        "series": dict(series.identity),
+        "series": {name: own[:count] if isinstance(own, list) else own for name, own in series.identity.items()},
         FIRST: series.mark(),
-        LAST: series.mark(-1),
-        "time": [len(series), float(series.time[0]), float(series.time[-1]), _digest(series.time)],
+        LAST: series.mark(count - 1),
+        "time": [count, float(times[0]), float(times[-1]), _digest(times)],
         "mesh": [mesh.geometry, mesh.origin.tolist(), mesh.spacing.tolist(), list(mesh.shape)]
         if isinstance(mesh, GridMesh)
         else [type(mesh).__name__, *([] if mesh is None else [mesh.geometry, _digest(mesh.vertices, mesh.cells)])],
@@ -306,6 +333,12 @@ def _definition(series: Series, template: "xarray.Dataset", settings: SnapshotSe
         "relation": [settings.relation, settings.constant, str(settings.composition), settings.interpolation],
         "method": [settings.method, settings.tolerance, *map(str, settings.trace_options.values())],
     }
+
+
+def _plain(definition: dict[str, Any]) -> dict[str, Any]:
+    """Return a definition as it is read from a journal."""
+    found: dict[str, Any] = json.loads(json.dumps(definition, default=str))
+    return found
 
 
 def _digest(*arrays: np.ndarray) -> str:

@@ -196,6 +196,8 @@ class Snapshots:
         refuse_half_precision(density, f"the density of snapshot {number}")
         ambient = self.series.ambient_density if flow is None else flow.ambient_density
         assert ambient is not None  # open_series requires it
+        if flow is None and isinstance(stored, np.ndarray):
+            self._check_range(stored, number)
         opd = self._straight(density if there is None else there, ambient)
         valid = self.lines.inside & np.isfinite(opd)
         if not np.isfinite(opd).all():
@@ -224,7 +226,7 @@ class Snapshots:
     def _check_range(self, samples: np.ndarray, number: int) -> None:
         """Reject densities that no gas has, for which straight lines would give a number as well.
 
-        Checking every sample costs as much as the integrals: it is done only when the bending is measured.
+        Fields have checked theirs. Samples on a GPU are checked when the bending is measured, which copies them anyway.
         """
         if samples.size and not (samples.min() > 0.0 and samples.max() <= GREATEST_DENSITY):
             try:

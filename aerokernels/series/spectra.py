@@ -6,6 +6,7 @@ import numpy as np
 
 EVEN = 1e-3  # greatest relative deviation of time steps from even ones
 LEAST_SEGMENT = 8
+COLUMNS = 256  # processed together
 SEGMENTS = 8  # default number of half-overlapping segments
 
 
@@ -64,3 +65,17 @@ def welch(values: np.ndarray, rate: float, segment: int | None = None) -> Spectr
     segments = max(1, (count - length // 2) // (length - length // 2))
     independent = max(1.0, 18.0 * segments**2 / (19.0 * segments - 1.0)) if segments > 1 else 1.0
     return Spectrum(frequency, density, density / np.sqrt(independent), independent)
+
+
+def mean_spectrum(values: np.ndarray, weight: np.ndarray, rate: float, segment: int | None = None) -> Spectrum:
+    """Return the weighted mean of the spectra of columns, shape (n, m), with weights of shape (m,).
+
+    Some columns are processed at a time: segments, windows and transforms of all take several times their memory.
+    """
+    parts = [
+        (welch(values[:, k : k + COLUMNS], rate, segment), weight[k : k + COLUMNS])
+        for k in range(0, values.shape[1], COLUMNS)
+    ]
+    density, error = (np.sum([getattr(one, name) @ own for one, own in parts], axis=0) for name in ("density", "error"))
+    first = parts[0][0]
+    return Spectrum(first.frequency, density, error, first.segment_count)

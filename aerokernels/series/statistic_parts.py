@@ -7,9 +7,9 @@ import numpy as np
 
 from ..pupils import Disc
 from .linking import linking_equation, snapshots_at
-from .modes import about_mean, first_zero_weights, integral_length, orthogonal_modes, two_point_correlation
+from .modes import Modes, about_mean, first_zero_weights, integral_length, two_point_correlation
 from .pupil_grid import MapReader
-from .spectra import Spectrum, sample_rate, welch
+from .spectra import Spectrum, mean_spectrum, sample_rate, welch
 from .uncertainty import Mean, mean_of, root_of
 
 BLOCKS = 10  # blocks of the series, whose differences give the error of numbers that are not plain means
@@ -70,9 +70,8 @@ def add_spectra(table, coordinates, time, opd, weight, tilts, segment, velocity,
     """Add power spectra of the maps, mean over the pupil, and of their tilts."""
     rate = sample_rate(time)
     ours: dict[str, tuple[Spectrum, str, str]] = {}
-    whole = welch(opd, rate, segment)
-    over = Spectrum(whole.frequency, whole.density @ weight, whole.error @ weight, whole.segment_count)
-    ours["spectrum_opd"] = (over, "m2 Hz-1", "power spectral density of opd, mean over the pupil")
+    whole = mean_spectrum(opd, weight, rate, segment)
+    ours["spectrum_opd"] = (whole, "m2 Hz-1", "power spectral density of opd, mean over the pupil")
     for k, axis in enumerate("xy"):
         one = welch(tilts[:, k], rate, segment)
         ours[f"spectrum_jitter_{axis}"] = (one, "rad2 Hz-1", f"power spectral density of the tilt along {axis}")
@@ -121,11 +120,10 @@ def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures
     coordinates["aperture"] = asked
 
 
-def add_modes(table, coordinates, opd, weight, lit, count) -> None:
-    """Add proper orthogonal modes."""
-    if len(opd) < 2:
+def add_modes(table, coordinates, modes: Modes | None, lit) -> None:
+    """Add proper orthogonal modes; None: there are none."""
+    if modes is None:
         return
-    modes = orthogonal_modes(opd, weight, count)
     squares = [mean_of(modes.coefficient[:, k] ** 2) for k in range(len(modes.energy))]
     errors = np.array([one.error for one in squares])
     table.array("pod_energy", ("mode",), modes.energy, errors, "m2", "mean square of a proper orthogonal mode")

@@ -2,57 +2,30 @@
 
 Each snapshot's map is a chunk of its own, written in one step. Then a line with the snapshot's numbers is added to a
 journal beside the store. After an interruption the maps that the journal lists are kept, and the rest is what an
-uninterrupted run would have computed, bit for bit.
+uninterrupted run would have computed, bit for bit. Maps of files that have changed since are not kept, nor are those
+after them, which were computed with numbers of theirs.
 """
 
 import errno
 import json
 import os
 import shutil
-import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.display.plain_text import cut
 from aerokernels.files.drafts import FULL, OutputError
 from aerokernels.files.one_writer import only_writer
 from aerokernels.process.fault_text import fault_text
 
+from .journal import DamagedError, OtherSeriesError, line_of, read_journal
+from .store_arrays import MAPS, NUMBERS, consolidate, lengthen_arrays, make_arrays
+
 if TYPE_CHECKING:
     import xarray
-
-MAPS = {
-    "opd": ("f8", "m", "optical path difference, terms removed"),
-    "valid": ("?", "1", "whether the ray came through"),
-}
-NUMBERS = {
-    "strehl": ("1", "Strehl ratio of opd"),
-    "strehl_error": ("1", "what strehl may be off by for the error of opd and for the pixels"),
-    "boresight_x": ("rad", "tilt of the wavefront along x"),
-    "boresight_x_error": ("rad", "what boresight_x may be off by for the error of opd and for the pixels"),
-    "boresight_y": ("rad", "tilt of the wavefront along y"),
-    "boresight_y_error": ("rad", "what boresight_y may be off by for the error of opd and for the pixels"),
-    "piston": ("m", "mean optical path difference"),
-    "opd_rms": ("m", "rms of the optical path difference, mean and tilt removed"),
-    "opd_rms_error": ("m", "what opd_rms may be off by for the error of opd and for the pixels"),
-    "opd_rms_with_tilt": ("m", "rms of the optical path difference, mean removed"),
-    "opd_rms_with_tilt_error": ("m", "what opd_rms_with_tilt may be off by for the error of opd and for the pixels"),
-    "error": ("m", "what opd may be off by, rms over the pupil"),
-    "known": ("1", "share of the pupil whose rays came through known air; the rest is in no number"),
-    "traced": ("1", "1 where the snapshot was traced in full, 0 on straight lines"),
-    "slope": ("1", "mean square of the wavefront's slopes"),
-    "probe": ("m", "bending's part of opd where it was measured, rms"),
-    "probe_interpolation": ("m", "the interpolant's part where it was measured, rms"),
-    "probe_tilt": ("m", "tilt of both where they were measured and it is removed from opd, rms over the pupil"),
-}
-
-
-# Keys of a store's definition: hashes of samples. Runs from one initial flow differ in their last snapshots.
-FIRST, LAST = "first snapshot", "last snapshot"
 
 
 class Done:
@@ -95,7 +68,7 @@ class MemoryStore:
         """Do nothing: there is nothing to open."""
         yield self
 
-    def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:
+    def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float], source: Sequence[str] = ()) -> None:
         """Store a snapshot."""
         for name, array in maps.items():
             self._maps[name][self.done.count] = array
@@ -116,10 +89,26 @@ class ZarrStore:
 
     Attributes:
         done: The numbers of the finished snapshots.
+        changed_count: Number of finished snapshots that are not kept because files have changed since.
     """
 
-    def __init__(self, path: Path, template: "xarray.Dataset", definition: Mapping[str, Any]):
+    def __init__(
+        self,
+        path: Path,
+        template: "xarray.Dataset",
+        definition: Mapping[str, Any],
+        is_unchanged: Callable[[int, str, str], bool] = lambda number, stamp, mark: True,
+        earlier: Callable[[Mapping[str, Any]], Mapping[str, Any] | None] = lambda found: None,
+    ):
         """Open a store, or prepare one that is created with the first snapshot.
+
+        Args:
+            path: The store.
+            template: Coordinates, weights and attributes.
+            definition: What distinguishes the run from others with the same store.
+            is_unchanged: Whether a snapshot is the one that was stored with this stamp and this mark.
+            earlier: Returns the definition of the same series when it had fewer snapshots, as many as in the definition
+                found; None if it never had.
 
         Raises:
             ValueError: The path is something else, or a store of another series.
@@ -133,34 +122,28 @@ class ZarrStore:
         self.definition = json.loads(json.dumps(definition, default=str))
         self.journal = path.with_name(f".{path.name}.journal")
         self.done = Done(template.sizes["time"])
-        self._whole = 0
+        self.changed_count, self._has_grown = 0, False
+        self._kept_size = self._read_size = 0  # bytes of the journal that are kept, and of its whole lines
         self._arrays: dict[str, Any] = {}
         if self.journal.is_file() and path.is_dir():
-            self._read()
+            self._read(is_unchanged, earlier)
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise ValueError(f"out={path}: something else is there; take another name, or remove it")
 
-    def _read(self) -> None:
-        data = self.journal.read_bytes()
-        self._whole = data.rfind(b"\n") + 1
-        lines = data[: self._whole].splitlines()
+    def _read(self, is_unchanged: Callable[[int, str, str], bool], earlier: Callable[..., Any]) -> None:
         try:
-            found, *rows = map(json.loads, lines or [b"null"])
-            numbers = [dict(zip(NUMBERS, map(float, row), strict=True)) for row in rows]
-        except (ArithmeticError, RecursionError, TypeError, ValueError):
+            kept = read_journal(self.journal.read_bytes(), self.definition, tuple(NUMBERS), is_unchanged, earlier)
+        except DamagedError:
             raise self._damaged() from None
-        if not isinstance(found, (dict, type(None))) or len(numbers) > self.template.sizes["time"]:
+        except OtherSeriesError as fault:
+            text = f"it contains another series, {fault}; take another name, or remove it"
+            raise ValueError(f"out={self.path}: {text}") from None
+        if len(kept.rows) + kept.changed_count > self.template.sizes["time"]:
             raise self._damaged()
-        if found != self.definition:
-            found = found or {}
-            keys = {**found, **self.definition}
-            key = next((key for key in keys if found.get(key) != self.definition.get(key)), "all")
-            was, now = (cut(json.dumps(one.get(key))) for one in (found, self.definition))
-            change = f"{key} was {was} and is {now}"
-            change = f"whose {key} has other densities" if key in (FIRST, LAST) else change
-            raise ValueError(f"out={self.path}: it contains another series, {change}; take another name, or remove it")
-        for row in numbers:
-            self.done.add(row)
+        self._kept_size, self._read_size, self.changed_count = kept.size, kept.whole, kept.changed_count
+        self._has_grown = kept.has_grown
+        for numbers in kept.rows:
+            self.done.add(numbers)
 
     def _damaged(self, what: str = "") -> ValueError:
         what = what or f"its journal {self.journal.name} is damaged"
@@ -220,9 +203,13 @@ class ZarrStore:
         self._open.enter_context(self._alone())
         if not (self.journal.is_file() and self.path.is_dir()):
             self._create()
+        elif self._has_grown:
+            self._grow()
         self._file = self._open.enter_context(self.journal.open("ab", buffering=0))
-        self._file.truncate(self._whole)
+        self._file.truncate(self._kept_size)
         group = self._group()
+        if (self.changed_count or self._has_grown) and group.attrs.pop("finished", 0):
+            consolidate(self.path)
         self._arrays = {name: group[name] for name in MAPS}
 
     @contextmanager
@@ -234,7 +221,7 @@ class ZarrStore:
         """
         with only_writer(self.path, "out"):
             there = self.journal.is_file() and self.path.is_dir()
-            if there and self.journal.read_bytes().rfind(b"\n") + 1 != self._whole:
+            if there and self.journal.read_bytes().rfind(b"\n") + 1 != self._read_size:
                 raise self._busy()
             yield
 
@@ -255,37 +242,27 @@ class ZarrStore:
             partial.unlink(missing_ok=True)
 
     def _make(self, making: Path, partial: Path) -> None:
-        import zarr
-
         shutil.rmtree(making, ignore_errors=True)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            self.template.to_zarr(making, mode="w", consolidated=False)
-        group = zarr.open_group(str(making), mode="r+")
-        dims = ("time", "y", "x")
-        times, *sides = (self.template.sizes[name] for name in dims)
-        numbers = {name: ("f8", *told) for name, told in NUMBERS.items()}
-        for name, (kind, units, words) in {**MAPS, **numbers}.items():
-            is_map = name in MAPS
-            group.create_array(
-                name,
-                shape=(times, *sides) if is_map else (times,),
-                chunks=(1, *sides) if is_map else (times,),
-                dtype=np.dtype(kind),
-                fill_value=np.nan if kind == "f8" else False,
-                dimension_names=dims if is_map else dims[:1],
-                attributes={"units": units, "long_name": words},
-            )
-        _consolidate(making)
+        make_arrays(making, self.template)
         partial.write_text(json.dumps(self.definition) + "\n", encoding="utf-8")
-        self._whole = partial.stat().st_size
+        self._kept_size = self._read_size = partial.stat().st_size
         partial.replace(self.journal)
         if self.path.is_dir():
             self.path.rmdir()  # empty, or it would have been refused
         making.rename(self.path)
 
-    def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:
-        """Store a snapshot: first its maps, then its line in the journal.
+    def _grow(self) -> None:
+        """Make the store longer, and then replace the definition in its journal; a kill between them does no harm."""
+        with self._in_words():
+            lengthen_arrays(self.path, self.template)
+        _, _, rows = self.journal.read_bytes()[: self._kept_size].partition(b"\n")
+        partial = self.journal.with_name(f"{self.journal.name}.partial")
+        partial.write_bytes(json.dumps(self.definition).encode() + b"\n" + rows)
+        self._kept_size = self._read_size = partial.stat().st_size
+        partial.replace(self.journal)
+
+    def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float], source: Sequence[str] = ()) -> None:
+        """Store a snapshot: first its maps, then its line in the journal, with its stamp and its mark if it has them.
 
         Raises:
             OutputError: The disk is full; earlier snapshots remain, and a later run continues after them.
@@ -295,7 +272,7 @@ class ZarrStore:
                 self._begin()
             for name, array in maps.items():
                 self._arrays[name][self.done.count] = array
-            line = (json.dumps([float(numbers[name]) for name in NUMBERS]) + "\n").encode()
+            line = line_of([float(numbers[name]) for name in NUMBERS], source)
             if self._file.write(line) != len(line):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         self.done.add(numbers)
@@ -326,19 +303,10 @@ class ZarrStore:
                     group[name][:] = column
             if not group.attrs.get("finished", False):
                 group.attrs["finished"] = 1  # NetCDF has no attributes that are true or false
-                _consolidate(self.path)
+                consolidate(self.path)
             found = xarray.open_zarr(self.path, consolidated=False, chunks=None)
         if lost := {*MAPS, *NUMBERS, *self.template.coords} - set(found.variables):
             raise self._damaged(f"{min(lost)} is lost from the store")
         from .lazy_maps import name_damaged_arrays
 
         return name_damaged_arrays(self.path, found, MAPS)
-
-
-def _consolidate(path: Path) -> None:
-    """Collect the metadata of all arrays of a store in one place, where xarray looks first."""
-    import zarr
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # consolidated metadata are not part of the Zarr 3 specification
-        zarr.consolidate_metadata(str(path))

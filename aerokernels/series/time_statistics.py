@@ -12,11 +12,12 @@ from ..flow import Series
 from ..flow.reading.array_units import stated_unit
 from ..inputs.arguments import checked, seconds
 from ..inputs.checks import check_count, check_positive
+from ..inputs.warned import warn_caller
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..inputs.written_units import unit_of
 from ..wavefront import weighted_mean
 from .linking import NotLinkedError
-from .modes import orthogonal_modes
+from .modes import Modes, orthogonal_modes
 from .pupil_grid import MapReader
 from .statistic_parts import (
     Table,
@@ -31,6 +32,7 @@ from .statistic_parts import (
     spread_map,
     terms_of,
 )
+from .statistic_warnings import lost_pixels, uneven_times
 from .uncertainty import Mean, mean_of, root_of
 
 if TYPE_CHECKING:
@@ -51,8 +53,9 @@ def statistics(
 ) -> "xarray.Dataset":
     """Return statistics of optical path differences in time.
 
-    Standard errors account for the correlation of neighbouring samples (see uncertainty.py); variables that drift are
-    listed in the attribute `drifting`. Below four snapshots errors are NaN.
+    Means are over the snapshots, each of which counts once. Standard errors account for the correlation of neighbouring
+    samples (see uncertainty.py); variables that drift are listed in the attribute `drifting`. Below four snapshots
+    errors are NaN.
 
     Args:
         dataset: Of `optical_series`, or any with `opd` over (time, y, x), NaN outside the pupil, in metres and
@@ -80,13 +83,18 @@ def statistics(
         `correlation` (lag_y, lag_x) and `correlation_length_x`, `correlation_length_y` [m];
         with `series`: `opd_rms_linking`, by the linking equation, `opd_rms_path`, by the double integral that the
         equation approximates, and `opd_rms_point`, the same rms from the maps, their mean and tilt added back [m].
+        Attributes: `skipped`, what could not be computed and why, and `warnings`, the texts of the warnings.
+
+    Warns:
+        UserWarning: Pixels that have no number in some snapshots, and are in no statistic; times so uneven that means
+            over snapshots are not means over time.
 
     Raises:
         TypeError: Not a dataset.
         ValueError: No `opd` over (time, y, x), a pupil without pixels, or an invalid number.
     """
     dataset = _in_order(dataset)
-    opd, weight, lit = _checked(dataset)
+    opd, weight, lit, lost = _checked(dataset)
     time, y, x = (seconds(np.asarray(dataset[name].values)) * _unit(dataset, name) for name in ("time", "y", "x"))
     wave = check_wavelength(dataset.attrs.get("wavelength", DEFAULT_WAVELENGTH) if wavelength is None else wavelength)
     for name, value in (("velocity", velocity), ("length", length)):
@@ -96,8 +104,12 @@ def statistics(
     grid_x, grid_y = np.meshgrid(x, y)
     points = np.stack([grid_x[lit], grid_y[lit]], axis=1)
     table, skipped = Table(), []
+    warned = [text for text in (lost, uneven_times(time)) if text]
+    for text in warned:
+        warn_caller(text)
     tilts, squares, ratios = _readings(dataset, opd, points, weight, wave)
-    _maps(table, opd, weight, lit)
+    modes = orthogonal_modes(opd, weight, int(mode_count)) if len(opd) > 1 else None
+    _maps(table, opd, weight, lit, modes)
     table.number("opd_rms", root_of(mean_of(squares[:, 1])), "m", "optical path difference, mean and tilt removed, rms")
     table.number(
         "opd_rms_with_tilt", root_of(mean_of(squares[:, 0])), "m", "optical path difference, mean removed, rms"
@@ -118,14 +130,14 @@ def statistics(
             raise
         skipped.append(str(fault))
     add_apertures(table, coordinates, opd, points, weight, wave, apertures, covers_of(x, y, lit))
-    add_modes(table, coordinates, opd, weight, lit, int(mode_count))
+    add_modes(table, coordinates, modes, lit)
     add_correlation(table, coordinates, opd, lit, x, y)
     if series is not None:
         try:
             add_linking(table, dataset, series, time, opd, points, weight, wave)
         except NotLinkedError as fault:
             skipped.append(str(fault))
-    return _dataset(table, coordinates, dataset, wave, skipped)
+    return _dataset(table, coordinates, dataset, wave, {"skipped": skipped, "warnings": warned})
 
 
 def _in_order(dataset: Any) -> Any:
@@ -155,21 +167,25 @@ def _unit(dataset: Any, name: str) -> float:
         raise ValueError(f"the unit of {name}: {fault}; give SI units") from None
 
 
-def _checked(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return maps [m] of the pixels that are valid at all times, shape (t, n), their weights, and which they are."""
+def _checked(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
+    """Return maps [m] of the pixels that are valid at all times, shape (t, n), their weights, and which they are.
+
+    The last value is a warning of the others, or empty.
+    """
     maps = np.asarray(dataset["opd"].values, dtype=np.float64) * _unit(dataset, "opd")
     share = dataset["weight"].values if "weight" in dataset else np.ones(maps.shape[1:])
     if len(maps) < 1:
         raise ValueError("the dataset has no snapshot")
-    lit = np.isfinite(maps).all(axis=0) & (share > 0.0)
+    finite = np.isfinite(maps)
+    lit = finite.all(axis=0) & (share > 0.0)
     if lit.sum() < 3:
-        dark = np.flatnonzero(~np.isfinite(maps[:, share > 0.0]).any(axis=1))
+        dark = np.flatnonzero(~finite[:, share > 0.0].any(axis=1))
         where = ": is opd NaN?"
         if 0 < len(dark) < len(maps):
             where = f"; snapshot {dark[0]} has none, one of {len(dark)}: leave those out, by dataset.isel(time=...)"
         raise ValueError(f"fewer than 3 pixels of the pupil have a number at all times{where}")
     weight = share[lit] / share[lit].sum()
-    return maps[:, lit], weight, lit
+    return maps[:, lit], weight, lit, lost_pixels(finite, share)
 
 
 def _readings(dataset: Any, opd: np.ndarray, points: np.ndarray, weight: np.ndarray, wavelength: float):
@@ -191,7 +207,7 @@ def _readings(dataset: Any, opd: np.ndarray, points: np.ndarray, weight: np.ndar
     return left + removed, squares, np.array([one.strehl for one in found])
 
 
-def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray) -> None:
+def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray, modes: Modes | None) -> None:
     """Add the steady map and the unsteady part."""
     count = len(opd)
     mean = opd.mean(axis=0)
@@ -199,7 +215,7 @@ def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray) ->
     spread = left.std(axis=0, ddof=1) if count > 1 else np.full(len(mean), np.nan)
     unsteady = left**2 @ weight
     # The effective number of independent maps is that of their mean square or of their first mode: the lesser.
-    first = orthogonal_modes(opd, weight, 1).coefficient[:, 0] if count > 1 else np.zeros(count)
+    first = np.zeros(count) if modes is None else modes.coefficient[:, 0]
     effective = min(mean_of(unsteady).effective_count, mean_of(first).effective_count)
     known = count >= 4
     table.array(
@@ -237,7 +253,7 @@ UNITS = {
 }
 
 
-def _dataset(table: Table, coordinates: dict[str, Any], source: Any, wavelength: float, skipped: list[str]):
+def _dataset(table: Table, coordinates: dict[str, Any], source: Any, wavelength: float, said: dict[str, list[str]]):
     import xarray
 
     about = {
@@ -247,7 +263,7 @@ def _dataset(table: Table, coordinates: dict[str, Any], source: Any, wavelength:
         "wavelength": wavelength,
         "snapshot_count": int(source.sizes["time"]),
         "drifting": ", ".join(table.drifting),
-        "skipped": "; ".join(skipped),
+        **{name: "; ".join(texts) for name, texts in said.items()},
     }
     found = xarray.Dataset(table.variables, coordinates, about)
     for name in coordinates:

@@ -24,7 +24,8 @@ from aerokernels.flow.reading.readers.vtk_collections import collection
 from aerokernels.inputs.units import DIMENSIONS, quantity
 from aerokernels.inputs.written_units import DIMENSIONS as WRITTEN
 from aerokernels.inputs.written_units import in_brackets
-from aerokernels.series.store import NUMBERS, ZarrStore
+from aerokernels.series.store import ZarrStore
+from aerokernels.series.store_arrays import NUMBERS
 
 from .input_draws import NUMBERS as WILD
 from .input_draws import Draw

@@ -177,13 +177,14 @@ def test_collections_and_cases_have_their_times(tmp_path: Path, monkeypatch: pyt
     series = flow.open_series(tmp_path / "run.pvd", length_unit="mm")
     assert list(series.time) == [1e-5, 2e-5] and series.mesh.shape == (4, 5, 6)
     series.density(1)
-    assert asked == [("a.vtu", None, {"length_unit": "mm"}), ("b.vtu", None, {"length_unit": "mm"})]
+    around = {"ambient_density": 0.5}  # of the first one, for all
+    assert asked == [("a.vtu", None, {"length_unit": "mm"}), ("b.vtu", None, {"length_unit": "mm"} | around)]
     for folder in ("system", "constant/polyMesh", "0", "0.002", "0.0005"):
         (tmp_path / "case" / folder).mkdir(parents=True)
         (tmp_path / "case" / folder / "rho").write_text("")
     case = flow.open_series(tmp_path / "case", density="rho")
     assert list(case.time) == [0.0, 0.0005, 0.002] and isinstance(case[1], DensityField)
-    assert asked[-1] == ("case", 0.0005, {"density": "rho"})
+    assert asked[-1] == ("case", 0.0005, {"density": "rho"} | around)
     (tmp_path / "bad.pvd").write_text("<VTKFile>")
     with pytest.raises(ValueError, match="not a list of data sets"):
         flow.open_series(tmp_path / "bad.pvd")
@@ -226,6 +227,18 @@ def test_cells_of_a_mesh():
         (arrays(), {"time": TIME, "ambient_density": None}, "ambient_density"),
         (arrays(), {"time": TIME, "spacing": [1e-3, 0.0, 1e-3]}, "spacing"),
         (iter(arrays()), {"time_step": 1e-5}, "count"),
+        (arrays(), {"time": TIME, "density": "rho"}, "a series of arrays takes no density, only count"),
+        (arrays(), {"start_time": 1.0}, "start_time=1.0 goes with time_step"),
+    ],
+)
+def test_what_makes_no_series_of_arrays_is_refused(source, options, words):
+    with pytest.raises(ValueError, match=words):
+        flow.open_series(source, **{**GRID, **options})
+
+
+@pytest.mark.parametrize(
+    ("source", "options", "words"),
+    [
         ("nothing_*.vtu", {"time": TIME}, "no file matches"),
         ("nothing.nc", {}, "no such file"),
         ("tests", {}, "no Zarr store"),
@@ -234,11 +247,22 @@ def test_cells_of_a_mesh():
         (dataset().rename(time="instant"), {}, "no time"),
         (dataset().rename(x="u"), {}, "rename"),
         (dataset("kg"), {}, "length"),
+        (dataset(), {"origin": [0, 0, 0]}, "a file or object with a time axis takes no origin, only density"),
+        ("nothing_*.vtu", {"cell_averages": True}, "files that are read one by one takes no cell_averages"),
+        (["nothing.vtu"], {"body": object()}, "files that are read one by one takes no body"),
     ],
 )
-def test_what_makes_no_series_is_refused(source, options, words):
+def test_what_makes_no_series_of_files_is_refused(source, options, words):
     with pytest.raises(ValueError, match=words):
-        flow.open_series(source, **{**GRID, **options})
+        flow.open_series(source, **options)
+
+
+def test_times_that_a_caller_gives_replace_those_of_a_file():
+    """Such as numbers of steps, which a file calls its time; they were ignored."""
+    assert np.allclose(flow.open_series(dataset(), time_step=1e-3, start_time=0.5).time, [0.5, 0.501, 0.502])
+    assert flow.open_series(dataset(), time=[1.0, 2.0, 4.0]).time.tolist() == [1.0, 2.0, 4.0]
+    with pytest.raises(ValueError, match="2 times for 3 snapshots"):
+        flow.open_series(dataset(), time=[1.0, 2.0])
 
 
 def test_a_snapshot_of_another_shape_is_refused():

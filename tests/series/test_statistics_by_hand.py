@@ -18,7 +18,7 @@ from aerokernels.series.modes import (
     two_point_correlation,
 )
 from aerokernels.series.pupil_grid import MapReader, pupil_grid
-from aerokernels.series.spectra import sample_rate, welch
+from aerokernels.series.spectra import COLUMNS, mean_spectrum, sample_rate, welch
 from aerokernels.series.statistic_parts import (
     Table,
     _shape_errors,
@@ -143,7 +143,7 @@ def test_modes_are_singular_vectors(times: int, pixels: int):
     assert len(orthogonal_modes(maps[:1], weight, 5).energy) == 1
     table, coordinates, lit = Table(), {}, np.ones(pixels + 2, dtype=bool)
     lit[[1, 4]] = False
-    add_modes(table, coordinates, maps, weight, lit[None], 3)
+    add_modes(table, coordinates, modes, lit[None])
     squares = [mean_of(modes.coefficient[:, k] ** 2).error for k in range(3)]
     np.testing.assert_allclose(table.variables["pod_energy"][1], size[:3] ** 2 / times, rtol=1e-9)
     np.testing.assert_allclose(table.variables["pod_energy_error"][1], squares, rtol=1e-9)
@@ -153,7 +153,7 @@ def test_modes_are_singular_vectors(times: int, pixels: int):
     assert np.isnan(table.variables["pod_mode"][1][:, ~lit[None]]).all()
     np.testing.assert_array_equal(coordinates["mode"], [0, 1, 2])
     still = Table()
-    add_modes(still, {}, np.ones((times, pixels)), weight, lit[None], 2)
+    add_modes(still, {}, orthogonal_modes(np.ones((times, pixels)), weight, 2), lit[None])
     assert np.isnan(still.variables["pod_share"][1]).all() and (still.variables["pod_energy"][1] == 0.0).all()
 
 
@@ -243,6 +243,17 @@ def test_lengths_up_to_the_first_zero_are_integrals_of_the_line_through_the_entr
         assert found == pytest.approx(0.1 * expected / 2.0, abs=1e-15)
     assert math.isnan(integral_length(np.array([0.0, 1.0]), 0.1))
     np.testing.assert_array_equal(first_zero_weights(np.array([-1.0, 1.0]), 0.1), [0.0, 0.0])
+
+
+def test_mean_spectra_are_means_of_spectra_however_many_there_are():
+    """More columns than are processed together, and as many."""
+    rng = np.random.default_rng(5)
+    for count in (COLUMNS, 2 * COLUMNS + 7):
+        values, weight = rng.normal(size=(40, count)), rng.uniform(size=count)
+        found, each = mean_spectrum(values, weight, 3.0, 16), welch(values, 3.0, 16)
+        np.testing.assert_allclose(found.density, each.density @ weight, rtol=1e-12)
+        np.testing.assert_allclose(found.error, each.error @ weight, rtol=1e-12)
+        assert np.array_equal(found.frequency, each.frequency) and found.segment_count == each.segment_count
 
 
 def test_spectra_of_maps_and_tilts():

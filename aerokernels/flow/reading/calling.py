@@ -5,6 +5,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from ...process.fragile import LibraryEndedError
+from ...process.fragile import in_child as call_in_child
 from ...process.room import NoRoomError
 from .dataset import DAMAGED, Dataset, ReadError
 
@@ -25,3 +27,13 @@ def read_here(module: str, path: Path, time, options: dict[str, Any]) -> Dataset
     except Exception as fault:  # libraries raise any error for a damaged file, such as TokenError for a NumPy header
         what = f"it cannot be read ({type(fault).__name__}: {fault})"
         raise ReadError(path, what, DAMAGED) from fault
+
+
+def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
+    """Call `read_here` in a child process; raise ReadError if the child process ends early."""
+    try:
+        found = call_in_child(path, f"{read_here.__module__}:{read_here.__name__}", module, path, time, options)
+    except LibraryEndedError as fault:
+        raise ReadError.said(str(fault)) from fault
+    assert isinstance(found, Dataset)
+    return found

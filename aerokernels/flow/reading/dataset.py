@@ -246,6 +246,7 @@ class Dataset:
         units: Unit of each array by name, where the file states it.
         length: Unit of the coordinates [m], where the file states it.
         notes: Further remarks for the user, in whole sentences.
+        scaled: The one of the notes by which the file's numbers are hardly in SI; empty where nothing says so.
         grouped: Whether slashes in the names of arrays separate groups, as in HDF5.
     """
 
@@ -261,6 +262,7 @@ class Dataset:
     units: Mapping[str, str] = field(default_factory=dict)
     length: float | None = None
     notes: Sequence[str] = ()
+    scaled: str = ""
     grouped: bool = False
 
     def array_names(self) -> list[str]:

@@ -23,14 +23,22 @@ PRESSURE_NAMES = ("absolutepressure", "p", "pressure", "staticpressure", "pres",
 TEMPERATURE_NAMES = ("temperature", "statictemperature", "t", "temp")
 # Masked places are NaN, and solids often have the density 0.
 NOT_FLOW = "where there is no flow, say so by an array iblank that is 0 there; elsewhere repair the file"
+GAUGE = "if the pressure is relative to an operating pressure, give it: reference = {operating_pressure = ...}; "
 REMEDIES = {"not finite": NOT_FLOW, "not positive": NOT_FLOW}
-REFERENCES = {"density": "density", "pressure": "pressure", "temperature": "temperature", "length": "length"}
+REFERENCES = {
+    "density": "density",
+    "pressure": "pressure",
+    "temperature": "temperature",
+    "length": "length",
+    "operating_pressure": "pressure",
+}
 
 
 @dataclass(frozen=True)
 class Reference:
     """Values in SI of 1 in a non-dimensional file: density [kg/m3], pressure [Pa], temperature [K], length [m].
 
+    `operating_pressure` [Pa] is that to which the pressures of a file are relative (gauge pressures): it is added.
     `given` names those that a caller states. The others are 1, and the units in the file apply to them.
     """
 
@@ -38,6 +46,7 @@ class Reference:
     pressure: float = 1.0
     temperature: float = 1.0
     length: float = 1.0
+    operating_pressure: float = 0.0
     given: frozenset[str] = frozenset()
 
     @classmethod
@@ -79,11 +88,13 @@ class DensityChoice:
         """The arrays that are needed."""
         return tuple(name for name in (self.density, self.pressure, self.temperature) if name is not None)
 
-    def described(self) -> str:
+    def described(self, reference: Reference) -> str:
         """Describe the choice, for the provenance."""
         if self.density is not None:
             return f"density from {self.density!r}"
-        return f"density from {self.pressure!r} and {self.temperature!r} with R = {self.gas_constant:.6g} J/(kg K)"
+        more = f" + {reference.operating_pressure:.6g} Pa" if reference.operating_pressure else ""
+        constant = f"R = {self.gas_constant:.6g} J/(kg K)"
+        return f"density from {self.pressure!r}{more} and {self.temperature!r} with {constant}"
 
 
 def choose_density(path, dataset: Dataset, given, gas_constant: float | None) -> DensityChoice:
@@ -189,7 +200,7 @@ def block_density(
         found = {choice.pressure: pressure, choice.temperature: temperature}
     found = {name: in_si(path, name, values, choice, reference, units) for name, values in found.items()}
     values = density_of(found, choice)
-    _refuse_no_gas(path, block, " and ".join(choice.names), values, where)
+    _refuse_no_gas(path, block, choice, values, where)
     return values, where
 
 
@@ -200,8 +211,10 @@ def in_si(
     dimension = {choice.density: "density", choice.pressure: "pressure", choice.temperature: "temperature"}[name]
     with np.errstate(all="ignore"):
         if dimension in reference.given:
-            return np.asarray(values * getattr(reference, dimension))
-        return in_si_units(path, values, name, units.get(name, ""), dimension)
+            found = np.asarray(values * getattr(reference, dimension))
+        else:
+            found = in_si_units(path, values, name, units.get(name, ""), dimension)
+        return found + reference.operating_pressure if dimension == "pressure" else found
 
 
 def density_of(found: Mapping[str, np.ndarray], choice: DensityChoice) -> np.ndarray:
@@ -237,7 +250,7 @@ def scalar_array(path, block: Block, name: str, where: str | None = None) -> tup
     raise ReadError(path, f"block {block.name!r} has no array {name!r}", "name an array that all blocks have")
 
 
-def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str) -> None:
+def _refuse_no_gas(path, block: Block, choice: DensityChoice, values: np.ndarray, where: str) -> None:
     blank = block.blank if block.blank is not None and len(block.blank) == len(values) else None
     beside = beside_the_flow(block) if where == "cell" else None
     if beside is not None:
@@ -245,11 +258,12 @@ def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str
     if wrong := no_gas(values, blank):
         fault, count, first = wrong
         place = f"{where} {first}" + (f" of block {block.name!r}" if block.name else "")
+        gauge = GAUGE if fault == "not positive" and choice.pressure is not None else ""
         raise ReadError(
             path,
-            f"{count} of {len(values)} densities from {name} are {fault}, the first is {float(values[first])!r} kg/m3 "
-            f"in {place}",
-            REMEDIES.get(fault, "repair the file, or give the reference of non-dimensional data"),
+            f"{count} of {len(values)} densities from {' and '.join(choice.names)} are {fault}, the first is "
+            f"{float(values[first])!r} kg/m3 in {place}",
+            gauge + REMEDIES.get(fault, "repair the file, or give the reference of non-dimensional data"),
         )
 
 

@@ -13,9 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...process.fragile import LibraryEndedError
-from ...process.fragile import in_child as call_in_child
-from .calling import read_here
+from .calling import in_child, read_here
 from .dataset import HDF5_MAGIC, Dataset, ReadError, chosen_time
 from .readers.vtk_collections import LISTED, SUFFIXES
 
@@ -200,16 +198,6 @@ def checked_time(time) -> float | str | None:
     if not math.isfinite(value):
         raise ValueError(f"time must be 'latest', 'first' or a time in seconds, got {time!r}")
     return value
-
-
-def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
-    """Call `read_here` in a child process; raise ReadError if the child process ends early."""
-    try:
-        found = call_in_child(path, f"{read_here.__module__}:{read_here.__name__}", module, path, time, options)
-    except LibraryEndedError as fault:
-        raise ReadError.said(str(fault)) from fault
-    assert isinstance(found, Dataset)
-    return found
 
 
 def _need(path: Path, entry: Format) -> None:

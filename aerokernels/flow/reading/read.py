@@ -21,8 +21,9 @@ from .flow_direction import direction_note
 from .formats import load
 from .fractions import Fractions, choose_fractions
 from .frame import Frame, plane_normal
+from .gas_law import said_of_units
 from .planes.one_cell_thick import flattened
-from .planes.plane import Plane, plane_mesh
+from .planes.plane import Plane, plane_in_words, plane_mesh
 from .planes.wall_values import wall_density
 from .planes.wedges import wedge
 
@@ -122,7 +123,7 @@ def read(
         length_unit: Unit of the file's coordinates: "mm", or metres as a number. None takes the unit stated in the file
             or in the names of its coordinates, else metres.
         reference: Reference values of a non-dimensional file: {"density": 1.225, "length": "50 mm", ...}, or the
-            reference density alone.
+            reference density alone; "operating_pressure" is added to gauge pressures.
         time: "latest" (None), "first" or a time of the file.
         gas_constant: [J/(kg K)], for pressure and temperature; None takes the file's, or air's.
         geometry: "axisymmetric" for a plane file whose x is the axis and whose y is the radius; "volume" to keep a mesh
@@ -202,6 +203,9 @@ def reading_of(
     if flat and dataset.geometry is None and geometry != "volume":
         dataset = flattened(dataset, frame.look) or dataset
     choice = choose_density(path, dataset, density, gas_constant)
+    if reference.operating_pressure and choice.pressure is None:
+        fault = f"an operating pressure is given, but the density is {choice.density!r}"
+        raise ReadError(path, fault, "leave it out, or name the arrays of pressure and temperature")
     densities = [block_density(path, block, choice, reference, dataset.units) for block in dataset.blocks]
     check_repeated_blocks(path, dataset.blocks, densities)
     normal = None
@@ -222,10 +226,11 @@ def reading_of(
     if kind == "volume" and geometry is None:
         _refuse_wedge(path, dataset)
     fractions = choose_fractions(path, dataset, densities, species)
-    said = choice.described() if fractions is None else f"{choice.described()}; {fractions.said}"
+    said = choice.described(reference) + (f"; {fractions.said}" if fractions is not None else "")
     if unit is None and scale != 1.0:
         said += f"; coordinates in units of {scale:g} m, which the file states"
     said += _without_units(dataset, choice, reference, unit)
+    said += said_of_units(path, dataset, choice, reference, densities)
     return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said, choice, reference, fractions)
 
 
@@ -233,11 +238,11 @@ def _refuse_wedge(path, dataset: Dataset) -> None:
     """Raise ReadError for a wedge that stands for a flow of revolution: light would cross its sector alone."""
     every = [block.points for block in dataset.blocks]
     if (found := wedge(every[0] if len(every) == 1 else np.concatenate(every))) is not None:
-        axis, angle = found
+        axis, angle = "xyz"[found.axis], np.degrees(found.angle)
         raise ReadError(
             path,
-            f"all its points are on two planes that meet in the {axis} axis at {np.degrees(angle):.3g} degrees: a "
-            "wedge, one cell thick, of an axisymmetric flow",
+            f"all its points are on two planes that meet in the {axis} axis at {angle:.3g} degrees: a wedge, one cell "
+            "thick, of an axisymmetric flow, whose values differ from side to side",
             "give a plane through the axis with geometry = 'axisymmetric' (ParaView's Slice, midway between them), "
             "or geometry = 'volume' for the wedge alone",
         )
@@ -284,7 +289,7 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
         composition = fractions.composition(partial, partial[:, _front(at)].mean(axis=1))
     ambient = reading.ambient or dataset.ambient or float(np.median(density[_front(at)]))
     said = [dataset.format, *([f"t = {dataset.time:g}"] if dataset.time is not None else []), reading.said,
-            plane_in_words(plane, reading.frame), *direction_note(dataset, reading.frame, plane.axes),
+            plane_in_words(plane, reading.frame, mesh), *direction_note(dataset, reading.frame, plane.axes),
             f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []), *dataset.notes]  # fmt: skip
     wall = None
     if where == "cell" and fractions is None:
@@ -313,14 +318,6 @@ def _body(path, dataset: Dataset, plane: Plane, mesh, names) -> Body | None:
 def _front(at: np.ndarray) -> np.ndarray:
     """Return which points are in the most upstream twentieth of the field."""
     return np.asarray(at[:, -1] >= float(np.quantile(at[:, -1], 0.95)))
-
-
-def plane_in_words(plane: Plane, frame: Frame) -> str:
-    """Describe the frame of a two-dimensional file."""
-    words = frame.described(plane.axes)
-    return (
-        f"axisymmetric, {words.split(',')[0]} of the file" if plane.geometry == "axisymmetric" else f"planar, {words}"
-    )
 
 
 def unit_of_length(unit: str | float | None) -> float:

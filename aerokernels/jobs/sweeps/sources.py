@@ -1,16 +1,22 @@
 """Detect whether the files that a sweep reads have changed since it began, by hashes of their contents."""
 
 import hashlib
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+
+from aerokernels.flow.reading.files_behind import files_behind
 
 WHOLE = 1 << 26  # [bytes] a file up to this size is hashed whole; of a larger one, its size and both ends are hashed
 END = 1 << 22  # [bytes] of either end
 
 
 def content_hashes(sources: Iterable[Any]) -> dict[str, str]:
-    """Return a hash of the content for each of the texts that names a file or a folder."""
+    """Return a hash of the content for each of the texts that names a file or a folder.
+
+    The content is that of all files that are read with it: the pieces that it names, the mesh beside it, a whole case.
+    """
     found = {}
     for source in sources:
         path = Path(source) if isinstance(source, (str, Path)) and str(source) else None
@@ -20,11 +26,10 @@ def content_hashes(sources: Iterable[Any]) -> dict[str, str]:
 
 
 def _content_hash(path: Path) -> str:
-    files = [path] if path.is_file() else sorted(one for one in path.rglob("*") if one.is_file())
     sum_ = hashlib.sha256()
-    for file in files:
+    for file in files_behind(path):
         size = file.stat().st_size
-        sum_.update(f"{file.relative_to(path) if file != path else ''} {size}\n".encode())
+        sum_.update(f"{os.path.relpath(file, path) if file != path else ''} {size}\n".encode(errors="surrogateescape"))
         with file.open("rb") as data:
             if size <= WHOLE:
                 sum_.update(data.read())

@@ -1,8 +1,10 @@
 """Files as other programs write them: units beside arrays and in names, headings, orders of axes, blanked points."""
 
 import struct
+import warnings
 from pathlib import Path
 
+import cgns_writer
 import numpy as np
 import pytest
 import writers
@@ -273,13 +275,35 @@ def test_what_a_configuration_of_su2_states_of_the_flow_is_told(tmp_path, stated
     """Set-up: a configuration beside a restart, which alone says that y is a radius, or that there are no units."""
     path = writers.su2(tmp_path)
     (tmp_path / "a.cfg").write_text(f"SOLVER= EULER\n{stated}\nMACH_NUMBER= 2.0\n")
-    provenance = flow.read(path).provenance
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        provenance = flow.read(path).provenance
     assert said in provenance if said else "a.cfg" not in provenance
+    assert len(warned) == ("ref_dimensionalization = FREESTREAM" in stated)
 
 
-def test_a_mesh_of_su2_in_cgns_is_refused_with_what_to_do(tmp_path):
-    """It was called damaged, as a text that it is not."""
-    path = writers.su2(tmp_path)
-    (tmp_path / "a.cgns").write_bytes(b"\x89HDF\r\n")
-    with pytest.raises(ReadError, match=r"meshes of SU2 in CGNS are not read: write it as \.su2 by SU2_DEF"):
-        flow.read(path, mesh=tmp_path / "a.cgns")
+@pytest.mark.parametrize("binary", [True, False])
+def test_a_mesh_of_su2_in_cgns(tmp_path, binary):
+    """Set-up: the cells and points of SU2's mesh in a CGNS file, the restart beside it.
+
+    Expected: the field with the mesh as .su2, and its wall; points in another order than the restart's are rejected.
+    """
+    pytest.importorskip("vtkmodules")
+    path = writers.su2(tmp_path, binary=binary)
+    expected = flow.read(path)
+    (tmp_path / "mesh.su2").unlink()
+    x, y = (own.ravel() for own in writers.grid())
+    for moved in (0, 1):
+        axes = [np.roll(own, moved) for own in (x, y)]
+        corners = (writers.quads() + moved) % len(x)
+        file = cgns_writer.cgns(tmp_path / "a.cgns", axes, np.zeros(len(x)), [], elements=[(7, corners)])
+        if not moved:
+            field = flow.read(path, mesh=file)
+            at = np.column_stack([np.zeros(9), np.linspace(0.2, 0.8, 9), -np.linspace(0.2, 0.8, 9)])
+            assert field.density_at(at) == pytest.approx(expected.density_at(at), abs=1e-15)
+            continue
+        with pytest.raises(ReadError, match=r"its points are not where the mesh has them \(column x\)"):
+            flow.read(path, mesh=file)
+    file.write_bytes(b"\x89HDF\r\n")
+    with pytest.raises(ReadError, match=r"a\.cgns: it is not a CGNS file"):
+        flow.read(path, mesh=file)

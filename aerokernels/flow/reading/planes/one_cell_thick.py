@@ -1,27 +1,31 @@
 """Reduce volumes that are one cell thick to planes: two-dimensional flows in three-dimensional formats.
 
-Of two parallel layers of points with the same densities the lower one is kept. A flow that differs between the layers,
-and a wedge, stays a volume.
+Of two layers of points with the same densities the lower one is kept: of parallel ones for a planar flow, of the sides
+of a wedge for a flow of revolution. A flow that differs between the layers stays a volume.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from ..dataset import HEXAHEDRON, POLYGON, PRISM, Block, Cells, Dataset, Patch
+from ..dataset import CORNERS, HEXAHEDRON, POLYGON, PRISM, PYRAMID, TETRAHEDRON, Block, Cells, Dataset, Patch
+from .wedges import Layers, wedge
 
 NEAR = 1e-7  # of the size: single precision
+MATCHED = 10.0 * NEAR  # the radii of both sides of a wedge are rounded apart
 ALIKE = 1e-6  # greatest relative difference between the values of the two layers
-# Corners of each face of a cell, in order around it.
+# Corners of each face of a cell, in order around it. Cells at the axis of a wedge have lost corners.
 FACES = {
     HEXAHEDRON: ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
-    PRISM: ((0, 1, 2), (3, 4, 5)),
+    PRISM: ((0, 1, 2), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
+    PYRAMID: ((0, 1, 2, 3), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
+    TETRAHEDRON: ((0, 1, 2), (0, 1, 3), (1, 2, 3), (2, 0, 3)),
 }
 
 
 def flattened(dataset: Dataset, look: np.ndarray | None) -> Dataset | None:
-    """Return the flow in its plane, across x, y or z; None for a volume with more than one cell across.
+    """Return the flow in its plane: across x, y or z, or a side of a wedge; None if it is more than one cell thick.
 
     Also None if rays are to run across the plane, along `look`.
     """
@@ -30,17 +34,39 @@ def flattened(dataset: Dataset, look: np.ndarray | None) -> Dataset | None:
     points = np.concatenate([block.points for block in dataset.blocks])
     size = float(np.ptp(points, axis=0).max(initial=0.0))
     across = [axis for axis in range(3) if _has_two_layers(points[:, axis], size)]
-    if len(across) != 1 or (look is not None and abs(look[across[0]]) > NEAR):
+    if len(across) == 1:
+        if look is not None and abs(look[across[0]]) > NEAR:
+            return None
+        layers = _Slab(across[0], float(points[:, across[0]].min()), size).layers
+        said = f"one cell thick along {'xyz'[across[0]]}: taken as planar"
+        return _in_plane(dataset, layers, size, said)
+    if (found := wedge(points)) is None:
         return None
-    axis = across[0]
-    least = points[:, axis].min()
-    blocks = [_flat(block, block.points[:, axis] - least < NEAR * size, axis, size) for block in dataset.blocks]
+    said = f"a wedge of {np.degrees(found.angle):.3g} degrees about {'xyz'[found.axis]}: taken as a flow of revolution"
+    plane = _in_plane(dataset, found.layers, size, said)
+    axis = (float(found.axis == 0), float(found.axis == 1), float(found.axis == 2))
+    return None if plane is None else replace(plane, geometry="axisymmetric", axis=axis)
+
+
+class _Slab:
+    """The two layers of points of a slab across one of the axes."""
+
+    def __init__(self, axis: int, least: float, size: float):
+        self.axis, self.least, self.size = axis, least, size
+
+    def layers(self, points: np.ndarray) -> Layers:
+        low = points[:, self.axis] - self.least < NEAR * self.size
+        return Layers(points[:, [k for k in range(3) if k != self.axis]], low, ~low)
+
+
+def _in_plane(dataset: Dataset, layers: Callable[[np.ndarray], Layers], size: float, said: str) -> Dataset | None:
+    """Return the lower layer of all blocks; None if one of them has another shape or values in the other layer."""
+    blocks = [_flat(block, layers(block.points), size) for block in dataset.blocks]
     if any(block is None for block in blocks):
         return None
-    patches = [_edges(patch, axis, least, size) for patch in dataset.patches]
+    patches = [_edges(patch, layers) for patch in dataset.patches]
     kept = [patch for patch in patches if len(patch.edges)]
-    notes = [*dataset.notes, f"one cell thick along {'xyz'[axis]}: taken as planar"]
-    return replace(dataset, blocks=[block for block in blocks if block], patches=kept, notes=notes)
+    return replace(dataset, blocks=[block for block in blocks if block], patches=kept, notes=[*dataset.notes, said])
 
 
 def _has_two_layers(place: np.ndarray, size: float) -> bool:
@@ -50,25 +76,21 @@ def _has_two_layers(place: np.ndarray, size: float) -> bool:
     )
 
 
-def _flat(block: Block, low: np.ndarray, axis: int, size: float) -> Block | None:
-    """Return the lower layer of a block; None if the other layer is not the same shifted across."""
-    rest = [k for k in range(3) if k != axis]
+def _flat(block: Block, layers: Layers, size: float) -> Block | None:
+    """Return the lower layer of a block; None if the other layer is not the same across."""
     shape, cells = None, None
     if block.shape is not None:
-        grid = _structured_layers(block, low)
+        grid = _structured_layers(block, layers)
         if grid is None:
             return None
         one, other, shape = grid
     else:
-        layers = _layers(block, low, rest, size)
-        cells = None if block.cells is None else _faces(block.cells, low)
-        if layers is None or cells is None:
+        pair = _pairs(layers, size)
+        cells = None if block.cells is None else _faces(block.cells, layers)
+        if pair is None or cells is None:
             return None
-        one, other = layers
-    if (
-        len(one) != len(other)
-        or (np.abs(block.points[one][:, rest] - block.points[other][:, rest]) > NEAR * size).any()
-    ):
+        one, other = pair
+    if (np.abs(layers.places[one] - layers.places[other]) > MATCHED * size).any():
         return None
     data = {}
     for name, values in block.point_data.items():
@@ -89,61 +111,65 @@ def _flat(block: Block, low: np.ndarray, axis: int, size: float) -> Block | None
     return replace(block, points=block.points[one], cells=cells, shape=shape, point_data=data, blank=blank)
 
 
-def _structured_layers(block: Block, low: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[int, int, int]] | None:
+def _structured_layers(block: Block, layers: Layers) -> tuple[np.ndarray, np.ndarray, tuple[int, int, int]] | None:
     """Return the points of both layers of a grid two points thick, in the same order, and the grid's shape."""
     assert block.shape is not None
     if min(block.shape) < 2:
         return None  # a plane already: one row of cells, as of a flow along one axis alone
-    grid = np.arange(len(low)).reshape(block.shape[::-1])
+    grid = np.arange(len(layers.low)).reshape(block.shape[::-1])
     for along in range(3):
         if block.shape[along] != 2:
             continue
-        one, other = (grid.take(k, axis=2 - along).ravel() for k in (0, 1))
-        one, other = (one, other) if low[one[0]] else (other, one)
-        if low[one].all() and not low[other].any():
-            counts = [1 if k == along else n for k, n in enumerate(block.shape)]
-            return one, other, (counts[0], counts[1], counts[2])
+        pair = [grid.take(k, axis=2 - along).ravel() for k in (0, 1)]
+        for one, other in (pair, pair[::-1]):
+            if layers.low[one].all() and layers.high[other].all():
+                counts = [1 if k == along else n for k, n in enumerate(block.shape)]
+                return one, other, (counts[0], counts[1], counts[2])
     return None
 
 
-def _layers(block: Block, low: np.ndarray, rest: Sequence[int], size: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the points of both layers, in the same order."""
-    found = []
-    for layer in (np.flatnonzero(low), np.flatnonzero(~low)):
-        place = np.round(block.points[layer][:, rest] / (10.0 * NEAR * size))
-        found.append(layer[np.lexsort(place.T)])
-    return (found[0], found[1]) if len(found[0]) == len(found[1]) else None
+def _pairs(layers: Layers, size: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the points of the lower layer, and the point of the other layer that is nearest to each across."""
+    from scipy.spatial import cKDTree
+
+    one, other = np.flatnonzero(layers.low), np.flatnonzero(layers.high)
+    if len(one) != len(other) or not len(one):
+        return None
+    one = one[np.lexsort(np.round(layers.places[one] / (10.0 * NEAR * size)).T)]
+    return one, other[cKDTree(layers.places[other]).query(layers.places[one])[1]]
 
 
-def _faces(cells: Cells, low: np.ndarray) -> Cells | None:
+def _faces(cells: Cells, layers: Layers) -> Cells | None:
     """Return the face of each cell in the lower layer; None if a cell has none."""
     width, corners = np.zeros(len(cells), np.int64), np.zeros((len(cells), 4), np.int64)
     for kind, faces in FACES.items():
         own = np.flatnonzero(cells.types == kind)
         if not len(own):
             continue
-        count = 8 if kind == HEXAHEDRON else 6
+        count = CORNERS[kind]
         if (np.diff(cells.start)[own] != count).any():
             return None
         points = cells.points[cells.start[own][:, None] + np.arange(count)]
-        below = low[points]
+        low, alone = layers.low[points], (layers.low & ~layers.high)[points]
         for face in faces:
+            around = list(face)
             others = [k for k in range(count) if k not in face]
-            fits = below[:, list(face)].all(axis=1) & ~below[:, others].any(axis=1)
-            width[own[fits]] = len(face)
-            corners[own[fits], : len(face)] = points[fits][:, list(face)]
+            fits = low[:, around].all(axis=1) & alone[:, around].any(axis=1) & ~alone[:, others].any(axis=1)
+            width[own[fits]] = len(around)
+            corners[own[fits], : len(around)] = points[fits][:, around]
     if (width == 0).any():
         return None
     start = np.concatenate([[0], np.cumsum(width)])
     return Cells(np.full(len(width), POLYGON, np.uint8), start, corners[np.arange(4) < width[:, None]])
 
 
-def _edges(patch: Patch, axis: int, least: float, size: float) -> Patch:
+def _edges(patch: Patch, layers: Callable[[np.ndarray], Layers]) -> Patch:
     """Return a patch with the edges of its faces in the lower layer."""
     if patch.polygons is None or not len(patch.polygons.points):
         return patch
     points, start = patch.polygons.points, patch.polygons.start
-    low = points[:, axis] - least < NEAR * size
+    found = layers(points)
     face = np.repeat(np.arange(len(start) - 1), np.diff(start))
-    two = np.bincount(face[low], minlength=len(start) - 1) == 2
-    return Patch(patch.name, patch.kind, points[low & two[face]].reshape(-1, 2, 3))
+    count, alone = (np.bincount(face[own], minlength=len(start) - 1) for own in (found.low, found.low & ~found.high))
+    edge = (count == 2) & (alone > 0)  # not the axis
+    return Patch(patch.name, patch.kind, points[found.low & edge[face]].reshape(-1, 2, 3))

@@ -72,6 +72,17 @@ class Plane:
         return np.stack([radius, moved[..., 2]], axis=-1) + 0.0
 
 
+def plane_in_words(plane: Plane, frame: Frame, mesh: QuadMesh) -> str:
+    """Describe the frame of a two-dimensional file, and the doubt of one that begins at an axis, if it may be one."""
+    words = frame.described(plane.axes)
+    if plane.geometry == "axisymmetric":
+        return f"axisymmetric, {words.split(',')[0]} of the file"
+    low, high = float(mesh.vertices[:, 0].min()), float(mesh.vertices[:, 0].max())
+    begins = min(abs(low), abs(high)) <= ON_AXIS * (high - low)
+    doubt = "; it begins at y = 0: if that is an axis of symmetry, give geometry = 'axisymmetric'" if begins else ""
+    return f"planar, {words}{doubt}"
+
+
 def _check_half_plane(path, dataset: Dataset, axis: np.ndarray, normal: np.ndarray, origin: np.ndarray) -> None:
     """Check that a plane contains the axis of symmetry and lies on one side of it."""
     if abs(axis @ normal) > 1e-6:

@@ -53,10 +53,10 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     blocks = [_dimensional(block, converted) for block in blocks]
     found, notes = patches(path)
     length, stated = units(path)
-    axis, more = statements(path)
+    axis, more, scaled = statements(path)
     geometry = None if axis is None else "axisymmetric"
     return Dataset(blocks, "CGNS", geometry, patches=found, times=times, time=chosen, axis=axis, units=stated,
-                   length=length, notes=[*told, *notes, *more])  # fmt: skip
+                   length=length, notes=[*told, *notes, *more], scaled=scaled)  # fmt: skip
 
 
 def _dimensional(block: Block, conversions: Mapping[tuple[str, str], tuple[float, float]]) -> Block:

@@ -11,8 +11,10 @@ ON_AXIS = 1e-6  # of the distance of the reference point from the origin: roundi
 DIMENSIONAL = ("", "Null", "DataClassNull", "UserDefined", "Dimensional")
 
 
-def statements(path: Path) -> tuple[tuple[float, float, float] | None, list[str]]:
+def statements(path: Path) -> tuple[tuple[float, float, float] | None, list[str], str]:
     """Return the direction of the axis of symmetry, None for a flow without one, and notes for the user.
+
+    The last value is the note on data without dimensions, or empty.
 
     Raises:
         ReadError: An axis that does not go through the origin, from which radii are measured; other coordinates than x,
@@ -20,13 +22,14 @@ def statements(path: Path) -> tuple[tuple[float, float, float] | None, list[str]
     """
     with opened(path) as root:
         if root is None:
-            return None, ["units of CGNS files in ADF are not read: metres and kg/m3 are taken"]
+            return None, ["units of CGNS files in ADF are not read: metres and kg/m3 are taken"], ""
         for base in children(root, "CGNSBase_t"):
             for zone in children(base, "Zone_t"):
                 _check_coordinates(path, zone)
                 _check_solutions(path, zone)
         found = [own for base in children(root, "CGNSBase_t") for own in children(base, "Axisymmetry_t")]
-        return (_axis(path, found[0]) if found else None), _data_classes(root)
+        scaled = _data_classes(root)
+        return (_axis(path, found[0]) if found else None), ([scaled] if scaled else []), scaled
 
 
 def _check_coordinates(path: Path, zone: Node) -> None:
@@ -73,11 +76,11 @@ def _axis(path: Path, symmetry: Node) -> tuple[float, float, float]:
     return float(vector[0]), float(vector[1]), float(vector[2])
 
 
-def _data_classes(root: Node) -> list[str]:
-    """Return a note on data classes that are not dimensional, of arrays without a conversion."""
+def _data_classes(root: Node) -> str:
+    """Return a note on data classes that are not dimensional, of arrays without a conversion; else an empty text."""
     classes = {
         class_of(above) for above in array_paths(root, "FlowSolution_t") if not children(above[-1], "DataConversion_t")
     }
     if other := sorted(classes.difference(DIMENSIONAL)):
-        return [f"the file calls data {', '.join(other)}: without a reference their numbers are taken as SI units"]
-    return []
+        return f"the file calls data {', '.join(other)}: without a reference their numbers are taken as SI units"
+    return ""

@@ -85,18 +85,19 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     Raises:
         ReadError: A file that fits no form, or a solution that does not fit the grid.
     """
-    grid_path, solution_path = _pair(path, (options or {}).get("solution"))
+    grid_path, solution_path = grid_and_solution(path, (options or {}).get("solution"))
     blocks, form = _read_grid(grid_path)
     arrays = _read_solution(solution_path, [block.shape for block in blocks if block.shape])
     whole = [
         Block(block.points, None, block.shape, own, {}, block.blank, f"grid {k + 1}")
         for k, (block, own) in enumerate(zip(blocks, arrays, strict=True))
     ]
-    notes = [RELATIVE] if any("momentum_x" in own for own in arrays) else []
-    return Dataset(whole, f"Plot3D, {form}", notes=notes)
+    scaled = RELATIVE if any("momentum_x" in own for own in arrays) else ""
+    return Dataset(whole, f"Plot3D, {form}", notes=[scaled] if scaled else [], scaled=scaled)
 
 
-def _pair(path: Path, solution) -> tuple[Path, Path]:
+def grid_and_solution(path: Path, solution) -> tuple[Path, Path]:
+    """Return the paths of grid and solution, of which one is given; errors as of `read`."""
     if solution is not None:
         return path, Path(solution)
     ends, others = (GRID_ENDS, SOLUTION_ENDS) if path.suffix.lower() in GRID_ENDS else (SOLUTION_ENDS, GRID_ENDS)

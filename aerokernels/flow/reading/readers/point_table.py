@@ -1,7 +1,8 @@
 """Read CSV: a table of points, by its columns x, y, z (or r, z) and arrays.
 
 Points on a grid are put back on it. Other points are joined by Delaunay triangles (in a plane) or tetrahedra (in
-space), which also fill concave parts and bodies; slivers of nearly no volume are left out.
+space), which also fill concave parts and bodies; slivers of nearly no volume are left out. A column of times that are
+not all equal divides the table into the points of each time.
 """
 
 import re
@@ -11,11 +12,13 @@ from typing import Any
 import numpy as np
 
 from ..array_names import plain_name
-from ..array_units import length_of
-from ..dataset import TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError, check_points
+from ..array_units import length_of, unit_of_array
+from ..dataset import TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError, check_points, chosen_time
 from .coordinates import COLUMNS, PLACE, axes_of
 from .text_tables import read_table
 
+TIMES = ("time", "timevalue", "flowtime", "physicaltime", "solutiontime", "simulationtime")
+LEAST_POINTS = 4  # at a time: a column of other times is an array like any other
 SAME = 1e-9  # of the extent: coordinates along an axis that are closer count as equal
 
 
@@ -45,9 +48,38 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         points[:, place] = table[name] * factor
     check_points(path, points)
     arrays = {name: values for name, values in table.items() if name not in columns.values()}
-    block, note = joined(path, points, arrays)
+    times, chosen, kept = _at_time(path, points, arrays, time)
+    block, note = joined(path, points[kept], {name: own[kept] for name, own in arrays.items()})
     geometry = None if symmetry is None else "axisymmetric"
-    return Dataset([block], "table of points", geometry, axis=symmetry, length=length, notes=note)
+    return Dataset(
+        [block], "table of points", geometry, times=times, time=chosen, axis=symmetry, length=length, notes=note
+    )
+
+
+def _at_time(
+    path: Path, points: np.ndarray, arrays: dict[str, np.ndarray], asked: Any
+) -> tuple[list[float], float | None, slice | np.ndarray]:
+    """Return the times of a table [s], the requested one of them, and its rows; its column of times leaves `arrays`."""
+    every = slice(None)
+    name = next((name for name in arrays if plain_name(name) in TIMES), None)
+    if name is None and "t" in arrays and (np.ptp(arrays["t"]) == 0.0 or _coincide(points)):  # else a temperature
+        name = "t"
+    if name is None:
+        return [], None, every
+    if bad := int((~np.isfinite(arrays[name])).sum()):
+        raise ReadError(path, f"{bad} of its {len(points)} times ({name}) are no numbers", "give each point its time")
+    values, number, counts = np.unique(arrays[name], return_inverse=True, return_counts=True)
+    if counts.min() < LEAST_POINTS:
+        return [], None, every
+    del arrays[name]
+    times = (unit_of_array(path, name, "", "time").factor * values).tolist()
+    chosen = chosen_time(path, times, asked)
+    assert chosen is not None
+    return times, chosen, every if len(times) == 1 else number.ravel() == times.index(chosen)
+
+
+def _coincide(points: np.ndarray) -> bool:
+    return len(np.unique(points, axis=0)) < len(points)
 
 
 def joined(path, points: np.ndarray, arrays: dict[str, np.ndarray]) -> tuple[Block, list[str]]:
@@ -76,7 +108,7 @@ def _triangulated(path, points, arrays, wide) -> tuple[Block, list[str]]:
         raise ReadError(
             path,
             f"{len(points) - len(np.unique(points, axis=0))} points lie in the same place as another",
-            "leave them out",
+            "leave them out, or give those of several times a column 'time'",
         )
     flat = points[:, wide]
     try:

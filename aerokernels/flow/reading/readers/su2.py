@@ -1,10 +1,11 @@
-"""Read SU2: a mesh (.su2) and a restart, binary (.dat) or text (.csv, .dat), with values at the mesh's points.
+"""Read SU2: a mesh (.su2 or .cgns) and a restart, binary (.dat) or text (.csv, .dat), with values at the mesh's points.
 
 The binary restart: five int32 (535532, variable count, point count, 0, 0), names of 33 characters, float64 values point
 by point, then metadata of the run. The first number tells the byte order.
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -26,6 +27,7 @@ from ..dataset import (  # fmt: skip
     ReadError,
     whole_number,
 )
+from .su2_cgns import cgns_meshes
 from .text_tables import read_table
 
 MAGIC = 535532
@@ -44,40 +46,51 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     Raises:
         ReadError: A damaged file, a missing mesh or restart, or two that do not belong together.
     """
-    options = options or {}
-    if path.suffix.lower() == ".su2":
-        mesh_path, restart = path, Path(options["solution"]) if options.get("solution") else _restart_beside(path)
-    else:
-        mesh_path, restart = Path(options["mesh"]) if options.get("mesh") else _mesh_beside(path), path
-    zones = read_mesh(mesh_path)
+    mesh_path, restart = mesh_and_restart(path, options or {})
+    meshes = _meshes(mesh_path)
     if restart is None:
-        several = [f"zone {k + 1}" if len(zones) > 1 else mesh_path.name for k in range(len(zones))]
-        blocks = [Block(zone.points, zone.cells, name=name) for zone, name in zip(zones, several, strict=True)]
-        patches = [patch for zone in zones for patch in _walls(zone.points, zone.markers)]
-        return Dataset(blocks, "SU2 mesh without a restart", patches=patches)
+        several = [f"zone {k + 1}" if len(meshes) > 1 else mesh_path.name for k in range(len(meshes))]
+        blocks = [Block(points, cells, name=name) for (points, cells, _), name in zip(meshes, several, strict=True)]
+        return Dataset(blocks, "SU2 mesh without a restart", patches=[one for *_, own in meshes for one in own])
     arrays = read_restart(restart)
     counts = sorted({len(values) for values in arrays.values()})
-    fitting = [zone for zone in zones if counts == [len(zone.points)]]
+    fitting = [k for k, (points, _, _) in enumerate(meshes) if counts == [len(points)]]
     if len(fitting) != 1:
-        held = ", ".join(str(len(zone.points)) for zone in zones)
+        held = ", ".join(str(len(points)) for points, _, _ in meshes)
         fault = f"it holds {counts} points, the mesh {mesh_path.name} {held}"
         if fitting:
             fault += f": {len(fitting)} of its zones have as many"
         raise ReadError(restart, fault, "give the mesh it was made on, of one such zone")
-    (zone,) = fitting
-    points = zone.points
-    notes = [f"zone {zones.index(zone) + 1} of {len(zones)} in {mesh_path.name}"] if len(zones) > 1 else []
-    notes += _configured(restart.parent)
+    points, cells, patches = meshes[fitting[0]]
+    notes = [f"zone {fitting[0] + 1} of {len(meshes)} in {mesh_path.name}"] if len(meshes) > 1 else []
+    configured, scaled = _configured(restart.parent)
+    notes += configured
     dimension = 2 if not points[:, 2].any() else 3
     _check_places(restart, arrays, points, dimension)
     arrays = {name: values for name, values in arrays.items() if name.lower() not in COORDINATES}
-    block = Block(points, zone.cells, point_data=arrays)
-    return Dataset([block], "SU2", patches=_walls(points, zone.markers), notes=notes)
+    return Dataset([Block(points, cells, point_data=arrays)], "SU2", patches=patches, notes=notes, scaled=scaled)
 
 
-def _configured(folder: Path) -> list[str]:
-    """Return notes on what the configurations in a folder state of the flow and neither mesh nor restart does."""
-    notes = []
+def _meshes(path: Path) -> list[tuple[np.ndarray, Cells, list[Patch]]]:
+    """Return points, cells and patches of each zone of a mesh."""
+    if path.suffix.lower() == ".cgns":
+        return cgns_meshes(path)
+    return [(zone.points, zone.cells, _walls(zone.points, zone.markers)) for zone in read_mesh(path)]
+
+
+def mesh_and_restart(path: Path, options: Mapping[str, Any]) -> tuple[Path, Path | None]:
+    """Return the mesh and the restart, or None where a mesh has none beside it; arguments and errors as of `read`."""
+    if path.suffix.lower() == ".su2":
+        return path, Path(options["solution"]) if options.get("solution") else _restart_beside(path)
+    return Path(options["mesh"]) if options.get("mesh") else _mesh_beside(path), path
+
+
+def _configured(folder: Path) -> tuple[list[str], str]:
+    """Return notes on what the configurations in a folder state of the flow and neither mesh nor restart does.
+
+    The second value is the note on numbers without a unit, or empty.
+    """
+    notes, scaled = [], ""
     for path in sorted(folder.glob("*.cfg"))[:MOST_CONFIGURATIONS]:
         try:
             with path.open("r", encoding="latin-1") as stream:
@@ -89,10 +102,9 @@ def _configured(folder: Path) -> list[str]:
             notes.append(f"{path.name} states AXISYMMETRIC= YES: geometry='axisymmetric' reads y as the radius")
         scale = stated.get("REF_DIMENSIONALIZATION", "DIMENSIONAL")
         if scale.startswith("FREESTREAM"):
-            notes.append(
-                f"{path.name} states {scale}: the density is one of numbers without a unit, give its reference"
-            )
-    return notes
+            scaled = f"{path.name} states {scale}: the density is one of numbers without a unit, give its reference"
+            notes.append(scaled)
+    return notes, scaled
 
 
 def _check_places(restart: Path, arrays, points: np.ndarray, dimension: int) -> None:
@@ -168,9 +180,6 @@ def read_mesh(path: Path) -> list[Zone]:
     Raises:
         ReadError: A damaged mesh.
     """
-    if path.suffix.lower() == ".cgns":
-        remedy = "write it as .su2 by SU2_DEF, or the flow by SU2's output for ParaView (.vtu)"
-        raise ReadError(path, "meshes of SU2 in CGNS are not read", remedy)
     try:
         text = path.read_text("ascii").splitlines()
     except UnicodeDecodeError:
