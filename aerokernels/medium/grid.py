@@ -14,6 +14,7 @@ import numpy as np
 from ..derived import Derived
 from ..display.shown import shown
 from ..inputs.checks import check_choice
+from ..process.large_arrays import copy_over, extremes_of
 from . import spline
 from .grid_places import GridPlaces, places_of
 
@@ -144,7 +145,8 @@ class UniformGrid(Derived):
         # Read-only arrays are not copied, since grids may have 100 million nodes.
         own = isinstance(samples, np.ndarray) and samples.flags.owndata and not samples.flags.writeable
         if not (own and samples.dtype == np.float64 and samples.flags.c_contiguous):
-            samples = np.array(samples, dtype=np.float64)
+            given, samples = np.asarray(samples), np.empty(np.shape(samples))
+            copy_over(samples, given)
         origin, spacing = checked_axes(samples.shape, self.origin, self.spacing)
         check_choice(self.interpolation, "interpolation", spline.INTERPOLATIONS)
         for name, value in (("samples", samples), ("origin", origin), ("spacing", spacing)):
@@ -157,7 +159,7 @@ class UniformGrid(Derived):
     @cached_property
     def extremes(self) -> tuple[float, float]:
         """Least and greatest contrast."""
-        return float(self.samples.min()), float(self.samples.max())
+        return extremes_of(self.samples)
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -1,44 +1,18 @@
 """Run work in several threads: NumPy, SciPy and Warp's kernels release Python's lock while they compute."""
 
-import os
-import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextvars import ContextVar
 from typing import TypeVar
 
-import numpy as np
-
 from .machine import core_count
-from .opened import OPENED
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 # Cores that the current thread may use for a part of its work; None for all that this process may use.
 _share: ContextVar[int | None] = ContextVar("share", default=None)
-# Threads that copy large arrays, which stay because to start them takes as long as to copy some megabytes; bytes that
-# each copies at a time.
-COPYING, COPIERS, PIECE = "aerokernels copies", 8, 1 << 21  # speed only
-
-
-def copy_over(into: np.ndarray, values: np.ndarray) -> None:
-    """Copy an array over another one of the same shape and type, both contiguous; large ones by several threads."""
-    into, values = into.reshape(-1), values.reshape(-1)
-    rows = max(1, PIECE // into.itemsize)
-    copiers = min(COPIERS, core_count(), -(-len(into) // rows))
-    if copiers < 2:
-        np.copyto(into, values)
-        return
-    pool = OPENED.once((COPYING, os.getpid()), lambda: ThreadPoolExecutor(COPIERS, thread_name_prefix=COPYING))
-    pieces = [slice(first, first + rows) for first in range(0, len(into), rows)]
-    list(pool.map(lambda piece: np.copyto(into[piece], values[piece]), pieces))
-
-
-def thread_count() -> int:
-    """Number of threads of this process that may start work, besides those that only copy."""
-    return sum(not thread.name.startswith(COPYING) for thread in threading.enumerate())
 
 
 def in_threads(work: Callable[[T], None], pieces: Sequence[T]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...medium import IndexField
 from ...medium.grid import FETCH, UniformGrid
-from ...process.threads import copy_over
+from ...process.large_arrays import copy_over
 from ...rays import RayBundle
 from ..engines import engine_of
 from ..engines.layout import REAL_TYPES
@@ -83,7 +83,7 @@ class ValuesInTurn:
         if self.samples is None:
             self._start(self.engine.share(samples.samples.reshape(-1)))
         else:
-            copy_over(self.samples.array, samples.samples)
+            copy_over(self.samples.array.reshape(samples.shape), samples.samples)
             self.repeat(self._send)
         self._holds = weakref.ref(samples)
 

@@ -13,7 +13,7 @@ import warp as wp
 
 from ....device_arrays.pinned import as_kind, pinned_memory
 from ....device_arrays.pinned_memory import LEAST
-from ....process.threads import thread_count
+from ....process.large_arrays import thread_count
 
 # A part of a piece of a GPU's memory begins at a multiple of this number of bytes.
 PART = 256
