@@ -9,7 +9,7 @@ import pytest
 from aerokernels.commands._vary import parse_vary, split_at_commas
 from aerokernels.jobs.sweeps.definition import checked_scenes, coordinates, define
 from aerokernels.jobs.sweeps.records import Records, check_same
-from aerokernels.jobs.sweeps.sources import content_hashes
+from aerokernels.jobs.sweeps.sources import WHOLE, content_hashes
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.changes import changed_scene, key_dimension, key_unit, key_value
 
@@ -165,6 +165,19 @@ def test_a_file_that_has_changed_is_noticed(tmp_path):
     described = define(SCENE, {"target.tilt": [0.0]}).described()
     with pytest.raises(ValueError, match=r"flow\.vtu has changed"):
         check_same(Path("x"), {**described, "content": first}, {**described, "content": content_hashes([str(file)])})
+
+
+@pytest.mark.parametrize("place", [0.0, 0.3, 0.5, 0.999])
+def test_a_large_file_that_has_changed_anywhere_is_noticed(tmp_path, place):
+    """Set-up: a thousandth of a file above the size that is hashed whole changes, both ends or not."""
+    file = tmp_path / "flow.vtu"
+    with file.open("wb") as data:
+        data.truncate(WHOLE + 1)
+    first = content_hashes([str(file)])
+    with file.open("r+b") as data:
+        data.seek(int(place * WHOLE))
+        data.write(b"1" * (WHOLE // 1000))
+    assert content_hashes([str(file)]) != first
 
 
 def test_the_files_beside_a_flow_are_noticed_too(tmp_path):

@@ -1,13 +1,14 @@
 """Compare the direction of a file's velocity with the optical axis that is taken where the caller gives no frame.
 
 Without a frame the optical axis is expected to point upstream, and the ambient density is that of the air at its end. A
-file whose flow runs elsewhere is read all the same: the provenance says so.
+file whose flow runs elsewhere is read all the same: the provenance says so, and a warning where it runs the other way.
 """
 
 from collections.abc import Mapping
 
 import numpy as np
 
+from ...inputs.warned import warn_caller
 from .array_names import plain_name
 from .dataset import Dataset, ReadError
 from .frame import Frame
@@ -22,10 +23,13 @@ AGAINST = -0.5  # cosine of the greatest angle between the velocity and the dire
 STEADY = 0.3  # of the mean speed: a mean velocity below it has no direction, as in a closed room
 
 
-def direction_note(dataset: Dataset, frame: Frame, axes: np.ndarray) -> list[str]:
+def direction_note(path, dataset: Dataset, frame: Frame, axes: np.ndarray) -> list[str]:
     """Return a note if the file's velocity does not run against the optical axis; else nothing.
 
+    A velocity along the axis is warned of; across it, it may be meant.
+
     Args:
+        path: The file, for the warning.
         dataset: The file's contents.
         frame: The caller's frame; one with an optical axis needs no note.
         axes: x, y, z of the optical frame in the file's axes, as rows, shape (3, 3).
@@ -37,10 +41,13 @@ def direction_note(dataset: Dataset, frame: Frame, axes: np.ndarray) -> list[str
         return []
     along = int(np.argmax(np.abs(velocity)))
     said = f"{'-' if velocity[along] < 0.0 else '+'}{'xyz'[along]}"
-    return [
+    note = (
         f"the flow runs along {said} by its {name!r}, which is not against the optical axis: with flow = {said!r} in "
         "the frame it is, and the ambient density is taken upstream"
-    ]
+    )
+    if velocity @ axes[2] > -AGAINST:
+        warn_caller(f"{path}: {note}")
+    return [note]
 
 
 def _mean_velocity(dataset: Dataset) -> tuple[str, np.ndarray] | None:

@@ -79,7 +79,7 @@ class Reading:
         time = [f"t = {dataset.time:g}"] if dataset.time is not None else []
         axes = self.frame.axes()
         ready = all(isinstance(block.cell_data, dict) for block in dataset.blocks)  # not fields that would be read now
-        direction = direction_note(dataset, self.frame, axes) if ready else []
+        direction = direction_note(self.path, dataset, self.frame, axes) if ready else []
         return [dataset.format, *time, self.said, self.frame.described(axes), *direction, *dataset.notes]
 
 
@@ -289,7 +289,7 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
         composition = fractions.composition(partial, partial[:, _front(at)].mean(axis=1))
     ambient = reading.ambient or dataset.ambient or float(np.median(density[_front(at)]))
     said = [dataset.format, *([f"t = {dataset.time:g}"] if dataset.time is not None else []), reading.said,
-            plane_in_words(plane, reading.frame, mesh), *direction_note(dataset, reading.frame, plane.axes),
+            plane_in_words(plane, reading.frame, mesh), *direction_note(path, dataset, reading.frame, plane.axes),
             f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []), *dataset.notes]  # fmt: skip
     wall = None
     if where == "cell" and fractions is None:
