@@ -103,7 +103,7 @@ def _find_face_strengths(field: IndexField) -> np.ndarray:
     for axis in range(samples.ndim):
         for side, layers in enumerate((slice(None, 2), slice(-2, None))):
             outermost = samples[(slice(None),) * axis + (layers,)]
-            found[2 * (first_axis + axis) + side] = max(-outermost.min(), outermost.max())  # faster than of np.abs
+            found[2 * (first_axis + axis) + side] = np.abs(outermost).max()
     if field.geometry == "axisymmetric":
         found[SIDE], found[:4] = found[3], 0.0
     return found
