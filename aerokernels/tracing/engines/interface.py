@@ -58,11 +58,14 @@ class Engine(Protocol):
     def kernels(self, names: Iterable[str]) -> dict[str, Any]:
         """Return the named kernels, which have no options: those of a pupil, of a grid and of rejected rays."""
 
-    def coefficients_of(self, field: IndexField, precision: str) -> Any:
-        """Return the buffer of a grid's coefficients that `prepare` gives to the kernels of leapfrog for few rays."""
+    def can_renew(self, field: IndexField, plan: TracePlan) -> bool:
+        """Whether `renew` makes all that `prepare` makes for leapfrog samples of the spline from a grid's values."""
 
-    def round_into(self, coefficients: Any, made: Any, count: int, precision: str) -> None:
-        """Start to round a grid's coefficients, a buffer of float64, into a buffer of this precision."""
+    def renew(self, field: IndexField, precision: str, on_host: np.ndarray | None) -> None:
+        """Make again what `prepare` has made from a grid's coefficients, whose memory on the device has changed.
+
+        `on_host` is that memory, on a CPU.
+        """
 
     def keeps(self, size: float) -> bool:
         """Whether results of `size` bytes, and the rays, stay on the device until they are read."""

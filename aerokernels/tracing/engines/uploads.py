@@ -47,8 +47,16 @@ class Uploads(ABC):
         """See interface.py."""
 
     @abstractmethod
-    def round_into(self, coefficients: Any, made: Any, count: int, precision: str) -> None:
+    def put_into(self, buffer: Any, array: np.ndarray) -> None:
         """See interface.py."""
+
+    @abstractmethod
+    def wait(self) -> None:
+        """See interface.py."""
+
+    @abstractmethod
+    def round_into(self, coefficients: Any, made: Any, count: int, precision: str) -> None:
+        """Start to round a grid's coefficients, a buffer of float64, into a buffer of this precision."""
 
     @abstractmethod
     def place_structs(self, data: FieldData, precision: str, arrays: dict[str, Any], bounds: dict[str, Any]) -> Any:
@@ -85,9 +93,21 @@ class Uploads(ABC):
             structs, control = make()
         return structs, control | plan_members(plan, outputs)
 
-    def coefficients_of(self, field: IndexField, precision: str) -> Any:
+    def can_renew(self, field: IndexField, plan: TracePlan) -> bool:
         """See interface.py."""
-        return self._field_arrays(field, field_data(field, precision, False), precision, False)["coefficients"]
+        return True
+
+    def renew(self, field: IndexField, precision: str, on_host: np.ndarray | None) -> None:
+        """See interface.py."""
+        if precision == "float64":
+            return  # the structs refer to the coefficients themselves
+        arrays = self._field_arrays(field, field_data(field, precision, False), precision, False)
+        if on_host is None:
+            count = math.prod(field.samples.coefficient_shape)
+            self.round_into(field.samples.held(self.grid_key), arrays["coefficients"], count, precision)
+        else:
+            self.wait()
+            self.put_into(arrays["coefficients"], on_host.astype(REAL_TYPES[precision]))
 
     def _computed_coefficients(self, field: IndexField, precision: str) -> Any:
         """Return a grid's coefficients if this device has computed them, else None.

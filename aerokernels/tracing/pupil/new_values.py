@@ -111,10 +111,9 @@ class NewValues:
             return None  # the slopes that may be left out depend on the field
         plan = replace(plan, sampling=None, reasons=plan.reasons[:-1])  # the last is that of the rays
         job = make(known, wavelength=like.task.wavelength, like=like, plan=plan)
-        if job.sizes and not job.is_known:
+        engine, is_known = engine_of(plan.backend, plan.device), job.is_known or not job.sizes
+        if not (is_known and engine.can_renew(known, job.known_task.plan)):
             return None
-        if not (known.geometry == "volume" or job.known_task.plan.few_rays):
-            return None  # OpenCL gives many rays a table of polynomials of cells
         box = support_box(known, limit / STRICTER, arms)
         field = _twin(known, tolerance, limit, arms, box)
         # With samples for STRONGER fields; their number is hardly greater, since errors fall with its fourth power.

@@ -4,7 +4,6 @@ It is prepared once for the nodes of a grid. For the values of another field the
 GPU as one graph or without setting an argument, which takes a tenth of the time of preparing them.
 """
 
-import math
 import threading
 import weakref
 from collections.abc import Callable, Iterator
@@ -19,7 +18,6 @@ from ...medium.grid import FETCH, UniformGrid
 from ...process.large_arrays import copy_over
 from ...rays import RayBundle
 from ..engines import engine_of
-from ..engines.layout import REAL_TYPES
 from ..grid_tables import GridTables, keep_tables
 from ..launch import Trials
 from ..leapfrog.pilot_levels import pair_numbers
@@ -49,14 +47,13 @@ class ValuesInTurn:
         grid = field.samples
         assert isinstance(grid, UniformGrid)
         self.lock = threading.Lock()
-        self.grid, self.precision = grid, plan.precision
+        self.field, self.precision = field, plan.precision
         self.engine = engine = engine_of(plan.backend, plan.device)
         self.tables = tables = GridTables(engine, grid)
         grid.derive(engine.grid_key, lambda: tables.coefficients)
         if tables.on_host is not None:
             on_host = tables.on_host.reshape(grid.coefficient_shape)
             grid.derive(FETCH, lambda: lambda: on_host)
-        self.coefficients = engine.coefficients_of(field, plan.precision)
         self.samples: Any = None  # on a CPU kernels read those of the fields themselves
         if engine.is_gpu:
             self.samples = engine.sent(engine.room((grid.samples.size,), np.float64))
@@ -114,13 +111,7 @@ class ValuesInTurn:
         """Start the launches for the samples in a buffer."""
         engine, tables = self.engine, self.tables
         tables.start(samples)
-        if self.precision != "float64":  # otherwise these are the tables' own
-            if tables.on_host is None:
-                count = math.prod(self.grid.coefficient_shape)
-                engine.round_into(tables.coefficients, self.coefficients, count, self.precision)
-            else:
-                engine.wait()
-                engine.put_into(self.coefficients, tables.on_host.astype(REAL_TYPES[self.precision]))
+        engine.renew(self.field, self.precision, tables.on_host)
         self.trials.start()
 
 

@@ -74,7 +74,7 @@ class Engine(Uploads):
         leapfrog = plan.sample_count > 0
         lanes = lane_count(self.session, plan.precision) if leapfrog else 1
         packets = PACKETS if lanes > 1 else 1
-        packs = leapfrog and not plan.few_rays and may_be_packed(field, REAL_TYPES[plan.precision], int(self.memory[1]))
+        packs = leapfrog and self._packs(field, plan)
         threads = self.threads if leapfrog and plan.few_rays and not plan.looks_up_cubes else 1
         in_plane = leapfrog and field.geometry != "volume" and not np.any(directions[:, :2])
         with stage("upload"):
@@ -315,6 +315,23 @@ class Engine(Uploads):
             )
         return self.put(numbers)
 
+    def _packs(self, field: IndexField, plan: TracePlan) -> bool:
+        """Whether leapfrog samples look up a table of polynomials of cells."""
+        return not plan.few_rays and may_be_packed(field, REAL_TYPES[plan.precision], int(self.memory[1]))
+
+    def can_renew(self, field: IndexField, plan: TracePlan) -> bool:
+        """See interface.py. Polynomials of cells are made by the host."""
+        return not (self.is_gpu and self._packs(field, plan))
+
+    def renew(self, field: IndexField, precision: str, on_host: np.ndarray | None) -> None:
+        """See interface.py."""
+        super().renew(field, precision, on_host)
+        packed = field.held(("opencl packed", self.session, precision))
+        if packed is not None and on_host is not None:
+            self.wait()
+            coefficients = on_host.reshape(field.samples.coefficient_shape)
+            self.put_into(packed, cell_polynomials(coefficients, REAL_TYPES[precision]))
+
     def _packed_coefficients(self, field: IndexField, precision: str):
         """Return the table of polynomials of cells for leapfrog in two dimensions, cached on the field."""
         coefficients, kind = field.samples.coefficients, REAL_TYPES[precision]
@@ -323,7 +340,7 @@ class Engine(Uploads):
         )
 
     def round_into(self, coefficients: Any, made: Any, count: int, precision: str) -> None:
-        """See interface.py."""
+        """See uploads.py."""
         program = build(self.session, "round_coefficients.cl", self._options(precision=precision))
         self.launch(self._kernel(program, "round_coefficients"), [coefficients], [made], count)
 

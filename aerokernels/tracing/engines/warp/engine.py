@@ -284,7 +284,7 @@ class Engine(Uploads):
         return made
 
     def round_into(self, coefficients: wp.array, made: wp.array, count: int, precision: str) -> None:
-        """See interface.py."""
+        """See uploads.py."""
         kernel = grid_tables.build_rounding_kernel(library_of(precision))
         self._load(kernel.module)
         self.launch(kernel, [coefficients], [made], count)
