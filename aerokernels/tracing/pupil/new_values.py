@@ -43,7 +43,7 @@ from .values_in_turn import MemoryInTurn, ValuesInTurn
 # The plan is made for fields that are stronger by this factor.
 STRONGER = 1.5
 # The support is that of a limit this many times stricter.
-STRICTER = 16.0
+STRICTER = 8.0
 # In a field so weak that the limit is a share of its own OPD, rays are kept within that of fields so many times weaker.
 WEAKER = 2.0
 # The scales of a ray's own error estimate are up to WIDER times those of the known field: small errors are mostly
