@@ -1,7 +1,8 @@
 """Warn of many rays through a mesh before they are traced: a resampled field takes a small part of the time.
 
 Error control ends steps at the edges between the cells of a mesh where the gradient jumps too much for the tolerance,
-so that a ray needs up to a few evaluations for each cell that it crosses. How many is not predicted but seen: a few of the rays are traced.
+so that a ray needs up to a few evaluations for each cell that it crosses. How many is not predicted but seen: a few of
+the rays are traced.
 """
 
 from collections.abc import Callable
