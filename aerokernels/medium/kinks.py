@@ -8,11 +8,10 @@ from collections.abc import Callable
 import numpy as np
 
 from .mesh import QuadMesh
+from .mesh_cells import PART
 
 # Places along an edge at which both sides are compared: along it the gradient of a bilinear interpolant changes slowly.
 PLACES = (0.0, 0.5, 1.0)
-# Cells that are compared with their neighbours at a time.
-PART = 1 << 17  # memory only
 
 
 def gradient_jumps(mesh: QuadMesh, gradient_in: Callable[..., np.ndarray] | np.ndarray) -> np.ndarray:

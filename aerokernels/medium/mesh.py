@@ -16,6 +16,7 @@ from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from .bilinear import EDGE_TOLERANCE, bilinear_point, contains, invert_bilinear
 from .grid import as_points, check_finite
+from .mesh_cells import cells_across, check_duplicates, oriented, parts_across
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
 # Pairs of points and cells that are tested together, which limits the size of arrays.
@@ -100,9 +101,9 @@ class QuadMesh(Derived):
             raise ValueError(f"cells refer to vertices {cells.min()} to {cells.max()}, there are {len(vertices)}")
         if self.geometry == "axisymmetric" and vertices[:, 0].min() < 0.0:
             raise ValueError(f"{int((vertices[:, 0] < 0).sum())} vertices have a negative radius")
-        cells = _orient(vertices, cells.astype(np.int32))
+        cells = oriented(vertices, cells.astype(np.int32))
         if self.shape is None and self.whole is None:  # cutting distinct edges gives distinct vertices
-            _check_duplicates(vertices)
+            check_duplicates(vertices)
         if self.parents is not None:
             parents = np.array(self.parents)
             if parents.shape != (len(cells),) or not np.issubdtype(parents.dtype, np.integer) or parents.min() < 0:
@@ -198,7 +199,7 @@ class QuadMesh(Derived):
         neighbours.
         """
         if self.whole is not None and len(self.cells) == 4 * len(self.whole.cells):
-            return _parts_across(self.whole)
+            return parts_across(self.whole.neighbors)
         return cells_across(self.cells, len(self.vertices))
 
     @cached_property
@@ -295,80 +296,3 @@ class QuadMesh(Derived):
 def _area(corners: np.ndarray) -> np.ndarray:
     first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
     return 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-
-
-def cells_across(cells: np.ndarray, vertex_count: int) -> np.ndarray:
-    """Return the cell across each edge of quadrilaterals (n, 4), -1 at the boundary, shape (n, 4): see `neighbors`."""
-    edge = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
-    key = edge[:, 0].astype(np.int64) * vertex_count + edge[:, 1]
-    order = np.argsort(key, kind="stable")
-    pair = np.flatnonzero(key[order][1:] == key[order][:-1])
-    result = np.full(len(key), -1, dtype=np.int32)
-    result[order[pair]] = order[pair + 1] // 4
-    result[order[pair + 1]] = order[pair] // 4
-    return result.reshape(-1, 4)
-
-
-def _parts_across(whole: QuadMesh) -> np.ndarray:
-    """Return the neighbors of the parts of a mesh whose cells are cut in four, part k of cell i at 4 i + k.
-
-    Part k begins with corner k of its cell; its edges go to the middle of the cell's edge k, to the middle of the cell,
-    to the middle of edge k - 1, and back.
-    """
-    across = whole.neighbors
-    cell = np.arange(len(across))[:, None]
-    # The number of the same edge in the cell behind it, which runs the other way round.
-    back = (across[np.maximum(across, 0)] == cell[:, :, None]).argmax(axis=2)
-    parts = 4 * cell + np.arange(4)
-    at_start = np.where(across < 0, -1, 4 * across + (back + 1) % 4)
-    at_end = np.where(across < 0, -1, 4 * across + back)
-    rows = [at_start, np.roll(parts, -1, axis=1), np.roll(parts, 1, axis=1), np.roll(at_end, 1, axis=1)]
-    return np.stack(rows, axis=2).reshape(-1, 4).astype(np.int32)
-
-
-def _check_duplicates(vertices: np.ndarray) -> None:
-    """Reject two vertices in one place: cells on either side would look like neighbours without being connected."""
-    _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
-    if len(first) == len(vertices):
-        return
-    original = first[inverse.ravel()]
-    duplicate = np.flatnonzero(original != np.arange(len(vertices)))
-    worst = duplicate[0]
-    raise ValueError(
-        f"{len(duplicate)} vertices lie in the same place as another, the first are vertices {original[worst]} and "
-        f"{worst} at {vertices[worst].tolist()}: merge duplicate nodes"
-    )
-
-
-def _orient(vertices: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Return cells in counter-clockwise order; reject coincident vertices, cells of no area, corners not convex."""
-    # Arithmetic on contiguous rows, one for each corner, is several times faster than on arrays of points.
-    y, z = vertices.T[:, np.ascontiguousarray(cells.T)]
-    across, up = np.roll(y, -1, axis=0) - y, np.roll(z, -1, axis=0) - z
-    length = np.hypot(across, up)
-    duplicate = (length == 0.0).any(axis=0)
-    if duplicate.any():
-        worst = int(np.argmax(duplicate))
-        raise ValueError(
-            f"{int(duplicate.sum())} cells have coincident vertices, the first is cell {worst} "
-            f"with vertices {cells[worst].tolist()}: merge duplicate nodes and drop collapsed cells"
-        )
-    clockwise = (y[2] - y[0]) * (z[3] - z[1]) < (y[3] - y[1]) * (z[2] - z[0])
-    if clockwise.any() and not clockwise.all():
-        raise ValueError(
-            f"{int(clockwise.sum())} of {len(cells)} cells are inverted against the others, the first is cell "
-            f"{int(np.argmax(clockwise))}: order the vertices of every cell the same way round"
-        )
-    if clockwise.all():
-        cells = cells[:, ::-1].copy()
-    # Seen from the other side every turn is the opposite one.
-    turn = across * np.roll(up, -1, axis=0) - up * np.roll(across, -1, axis=0)
-    turn = -turn if clockwise.all() else turn
-    is_degenerate = (turn <= 1e-9 * length * np.roll(length, -1, axis=0)).any(axis=0)
-    if is_degenerate.any():
-        worst = int(np.argmax(is_degenerate))
-        raise ValueError(
-            f"{int(is_degenerate.sum())} cells are degenerate or not convex, the first is cell {worst} with corners "
-            f"{vertices[cells[worst]].tolist()}: repair the mesh"
-        )
-    return cells

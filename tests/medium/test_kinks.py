@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels.medium import IndexField, QuadMesh
 from aerokernels.medium.kinks import gradient_jumps
-from aerokernels.medium.mesh import cells_across
+from aerokernels.medium.mesh_cells import cells_across
 from aerokernels.medium.refined import cut_in_four
 from tests.draws.mesh_draws import cut_in_three, random_triangles
 
