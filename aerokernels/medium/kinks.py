@@ -25,7 +25,7 @@ def gradient_jumps(mesh: QuadMesh, gradient_in: Callable[..., np.ndarray] | np.n
             edge only; or a function that returns the gradients [1/m] in cells (n,) at points (n, 2) [m] with bilinear
             coordinates.
     """
-    jumps = np.zeros(mesh.cells.shape)
+    jumps = np.zeros(mesh.cells.shape, dtype=np.float32)  # of millions of cells, and only sizes
     across = mesh.neighbors
     for first in range(0, len(across), PART):
         part = across[first : first + PART]

@@ -24,7 +24,7 @@ def test_a_jump_belongs_to_both_cells_of_its_edge(interpolation: str, jump: floa
     assert kinks.shape == (2, 4)
     shared = field.mesh.neighbors >= 0
     assert shared.sum() == 2
-    assert kinks[shared] == pytest.approx([jump, jump], abs=1e-15)
+    assert kinks[shared] == pytest.approx([jump, jump], rel=1e-6, abs=1e-15)
     assert (kinks[~shared] == 0.0).all()
 
 
@@ -46,7 +46,7 @@ def test_jumps_of_slopes_along_normals_are_those_of_whole_gradients():
     finer, finer_values = cut_in_four(mesh, values, draw.normal(size=(len(values), 2)))
     field = IndexField.from_mesh(finer, 1e-4 * finer_values)
     whole = gradient_jumps(finer, field.samples.gradients_in)
-    assert field.samples.kinks == pytest.approx(whole, rel=1e-9, abs=1e-9 * whole.max())
+    assert field.samples.kinks == pytest.approx(whole, rel=1e-6, abs=1e-6 * float(whole.max()))
 
 
 @pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
