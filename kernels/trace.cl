@@ -193,7 +193,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 const real3 bearing = IS_STRAIGHT ? ambient * d : ambient * d + momentum;
                 const real3 curve = IS_STRAIGHT ? (real3)R(0.0) : force;
 #if ON_MESH
-                const real rest = at_edge ? rest_to_edge(&field, &arrays, ahead.edge, frac, bearing, h) : R(-1.0);
+                const real rest = at_edge ? rest_to_edge(&field, &arrays, ahead.edge, frac, bearing, curve, h) : R(-1.0);
                 const int behind_face = CONTROLLED && rest >= R(0.0);
                 current_cell = behind_face ? arrays.neighbors[ahead.edge]
                                            : find_current_cell(&field, &arrays, frac, current_cell);

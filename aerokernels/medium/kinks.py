@@ -8,23 +8,24 @@ from collections.abc import Callable
 import numpy as np
 
 from .mesh import QuadMesh
+from .mesh_cells import PART
 
 # Places along an edge at which both sides are compared: along it the gradient of a bilinear interpolant changes slowly.
 PLACES = (0.0, 0.5, 1.0)
-# Cells that are compared with their neighbours at a time.
-PART = 1 << 17  # memory only
 
 
-def gradient_jumps(mesh: QuadMesh, gradient_in: Callable[..., np.ndarray]) -> np.ndarray:
+def gradient_jumps(mesh: QuadMesh, gradient_in: Callable[..., np.ndarray] | np.ndarray) -> np.ndarray:
     """Return the greatest jump of the gradient at each edge of each cell [1/m], shape (cell_count, 4).
 
     At the boundary, where there is no other side, it is 0.
 
     Args:
         mesh: The mesh.
-        gradient_in: Returns the gradients [1/m] in cells (n,) at points (n, 2) [m] with bilinear coordinates.
+        gradient_in: Values at the vertices for the bilinear interpolant, whose gradient jumps along the normal of an
+            edge only; or a function that returns the gradients [1/m] in cells (n,) at points (n, 2) [m] with bilinear
+            coordinates.
     """
-    jumps = np.zeros(mesh.cells.shape)
+    jumps = np.zeros(mesh.cells.shape, dtype=np.float32)  # of millions of cells, and only sizes
     across = mesh.neighbors
     for first in range(0, len(across), PART):
         part = across[first : first + PART]
@@ -32,15 +33,40 @@ def gradient_jumps(mesh: QuadMesh, gradient_in: Callable[..., np.ndarray]) -> np
         row, edge = np.nonzero(part > np.arange(first, first + len(part))[:, None])
         cell, other = row + first, part[row, edge]
         back = (across[other] == cell[:, None]).argmax(axis=1)
-        greatest = np.zeros(len(cell))
-        for place in PLACES:
-            point = (1.0 - place) * mesh.corners[cell, edge] + place * mesh.corners[cell, (edge + 1) % 4]
-            # The neighbour's edge runs the other way round.
-            near = gradient_in(cell, point, *_on_edge(edge, place))
-            far = gradient_in(other, point, *_on_edge(back, 1.0 - place))
-            greatest = np.maximum(greatest, np.hypot(*(near - far).T))
-        jumps[cell, edge] = jumps[other, back] = greatest
+        if isinstance(gradient_in, np.ndarray):
+            near = _rises(mesh, gradient_in, cell, edge)
+            far = _rises(mesh, gradient_in, other, back)
+            # The neighbour's edge runs the other way round, and its inside is on the other side.
+            differences = [np.abs(one + two) for one, two in zip(near, reversed(far), strict=True)]
+        else:
+            differences = [_change(mesh, gradient_in, cell, edge, other, back, place) for place in PLACES]
+        jumps[cell, edge] = jumps[other, back] = np.maximum.reduce(differences)
     return jumps
+
+
+def _rises(mesh: QuadMesh, values: np.ndarray, cell: np.ndarray, edge: np.ndarray) -> list[np.ndarray]:
+    """Return the slopes of the bilinear interpolant into cells, along the normals of their edges, at each place."""
+    corner = [mesh.cells[cell, (edge + k) % 4] for k in (0, 1, 2, 3)]
+    (y0, z0), (y1, z1), (y2, z2), (y3, z3) = (mesh.vertices[k].T for k in corner)
+    v0, v1, v2, v3 = (values[k] for k in corner)
+    length = np.hypot(y1 - y0, z1 - z0)
+    ahead, aside, rise = (y1 - y0) / length, (z1 - z0) / length, (v1 - v0) / length
+    found = []
+    for place in PLACES:
+        # The other family of the bilinear map's lines, from the edge into the cell.
+        y, z, v = (
+            (1.0 - place) * a + place * b for a, b in ((y3 - y0, y2 - y1), (z3 - z0, z2 - z1), (v3 - v0, v2 - v1))
+        )
+        found.append((v - (y * ahead + z * aside) * rise) / (z * ahead - y * aside))
+    return found
+
+
+def _change(mesh, gradient_in, cell, edge, other, back, place: float) -> np.ndarray:
+    """Return how much the gradient changes across edges at one place."""
+    point = (1.0 - place) * mesh.corners[cell, edge] + place * mesh.corners[cell, (edge + 1) % 4]
+    near = gradient_in(cell, point, *_on_edge(edge, place))
+    far = gradient_in(other, point, *_on_edge(back, 1.0 - place))
+    return np.hypot(*(near - far).T)
 
 
 def _on_edge(edge: np.ndarray, place: float) -> tuple[np.ndarray, np.ndarray]:

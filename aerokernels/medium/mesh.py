@@ -16,6 +16,7 @@ from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from .bilinear import EDGE_TOLERANCE, bilinear_point, contains, invert_bilinear
 from .grid import as_points, check_finite
+from .mesh_cells import cells_across, check_duplicates, oriented, parts_across
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
 # Pairs of points and cells that are tested together, which limits the size of arrays.
@@ -100,9 +101,9 @@ class QuadMesh(Derived):
             raise ValueError(f"cells refer to vertices {cells.min()} to {cells.max()}, there are {len(vertices)}")
         if self.geometry == "axisymmetric" and vertices[:, 0].min() < 0.0:
             raise ValueError(f"{int((vertices[:, 0] < 0).sum())} vertices have a negative radius")
-        cells = _orient(vertices, cells.astype(np.int32))
+        cells = oriented(vertices, cells.astype(np.int32))
         if self.shape is None and self.whole is None:  # cutting distinct edges gives distinct vertices
-            _check_duplicates(vertices)
+            check_duplicates(vertices)
         if self.parents is not None:
             parents = np.array(self.parents)
             if parents.shape != (len(cells),) or not np.issubdtype(parents.dtype, np.integer) or parents.min() < 0:
@@ -197,29 +198,38 @@ class QuadMesh(Derived):
         Edges are identified by their vertices: cells at a seam with separate vertices on either side are not
         neighbours.
         """
+        if self.whole is not None and len(self.cells) == 4 * len(self.whole.cells):
+            return parts_across(self.whole.neighbors)
         return cells_across(self.cells, len(self.vertices))
 
     @cached_property
     def bins(self) -> CellBins:
         """Uniform bins, about as many as cells."""
+        from scipy.sparse import coo_matrix
+
         low, high = self.box
         extent = np.maximum(high - low, 1e-300)
         count = np.maximum(1, np.sqrt(len(self.cells) * extent / extent[::-1]).astype(int))
         count = np.minimum(count, 4096)
         size = extent / count
         tolerance = EDGE_TOLERANCE * extent
-        first = np.clip(((self.corners.min(axis=1) - tolerance - low) / size).astype(int), 0, count - 1)
-        last = np.clip(((self.corners.max(axis=1) + tolerance - low) / size).astype(int), 0, count - 1)
-        span = last - first + 1
-        entries = span.prod(axis=1)
-        cell = np.repeat(np.arange(len(self.cells)), entries)
-        within = np.arange(entries.sum()) - np.repeat(np.cumsum(entries) - entries, entries)
-        row = first[cell, 0] + within // span[cell, 1]
-        column = first[cell, 1] + within % span[cell, 1]
-        key = row * count[1] + column
-        order = np.argsort(key, kind="stable")
-        start = np.searchsorted(key[order], np.arange(count.prod() + 1)).astype(np.int32)
-        return CellBins(low, size, (int(count[0]), int(count[1])), start, cell[order].astype(np.int32))
+        x = self.corners.T  # (2, 4, cell_count)
+        first, last = (
+            np.clip(((end - low[:, None]) / size[:, None]).astype(np.int32), 0, count[:, None].astype(np.int32) - 1)
+            for end in (x.min(axis=1) - tolerance[:, None], x.max(axis=1) + tolerance[:, None])
+        )
+        rows, columns = last - first + 1
+        cell = np.repeat(np.arange(len(self.cells), dtype=np.int32), rows * columns)
+        within = np.arange(len(cell), dtype=np.int32) - np.repeat(
+            np.cumsum(rows * columns, dtype=np.int32) - rows * columns, rows * columns
+        )
+        key = (first[0, cell] + within // columns[cell]) * np.int32(count[1]) + first[1, cell] + within % columns[cell]
+        # A sparse matrix of bins and cells sorts by counting.
+        found = coo_matrix(
+            (np.ones(len(key), np.int8), (key, cell)), shape=(int(count.prod()), len(self.cells))
+        ).tocsr()
+        start, listed = found.indptr.astype(np.int32), found.indices.astype(np.int32)
+        return CellBins(low, size, (int(count[0]), int(count[1])), start, listed)
 
     @cached_property
     def cell_boxes(self) -> tuple[np.ndarray, np.ndarray]:
@@ -286,64 +296,3 @@ class QuadMesh(Derived):
 def _area(corners: np.ndarray) -> np.ndarray:
     first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
     return 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-
-
-def cells_across(cells: np.ndarray, vertex_count: int) -> np.ndarray:
-    """Return the cell across each edge of quadrilaterals (n, 4), -1 at the boundary, shape (n, 4): see `neighbors`."""
-    edge = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
-    key = edge[:, 0].astype(np.int64) * vertex_count + edge[:, 1]
-    order = np.argsort(key, kind="stable")
-    pair = np.flatnonzero(key[order][1:] == key[order][:-1])
-    result = np.full(len(key), -1, dtype=np.int32)
-    result[order[pair]] = order[pair + 1] // 4
-    result[order[pair + 1]] = order[pair] // 4
-    return result.reshape(-1, 4)
-
-
-def _check_duplicates(vertices: np.ndarray) -> None:
-    """Reject two vertices in one place: cells on either side would look like neighbours without being connected."""
-    _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
-    if len(first) == len(vertices):
-        return
-    original = first[inverse.ravel()]
-    duplicate = np.flatnonzero(original != np.arange(len(vertices)))
-    worst = duplicate[0]
-    raise ValueError(
-        f"{len(duplicate)} vertices lie in the same place as another, the first are vertices {original[worst]} and "
-        f"{worst} at {vertices[worst].tolist()}: merge duplicate nodes"
-    )
-
-
-def _orient(vertices: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Return cells in counter-clockwise order; reject coincident vertices, cells of no area, corners not convex."""
-    corners = vertices[cells]
-    edge = np.roll(corners, -1, axis=1) - corners
-    length = np.linalg.norm(edge, axis=2)
-    duplicate = (length == 0.0).any(axis=1)
-    if duplicate.any():
-        worst = int(np.argmax(duplicate))
-        raise ValueError(
-            f"{int(duplicate.sum())} cells have coincident vertices, the first is cell {worst} "
-            f"with vertices {cells[worst].tolist()}: merge duplicate nodes and drop collapsed cells"
-        )
-    clockwise = _area(corners) < 0.0
-    if clockwise.any() and not clockwise.all():
-        raise ValueError(
-            f"{int(clockwise.sum())} of {len(cells)} cells are inverted against the others, the first is cell "
-            f"{int(np.argmax(clockwise))}: order the vertices of every cell the same way round"
-        )
-    if clockwise.all():
-        cells = cells[:, ::-1].copy()
-        corners = vertices[cells]
-        edge = np.roll(corners, -1, axis=1) - corners
-        length = np.linalg.norm(edge, axis=2)
-    onward = np.roll(edge, -1, axis=1)
-    turn = edge[..., 0] * onward[..., 1] - edge[..., 1] * onward[..., 0]
-    is_degenerate = (turn <= 1e-9 * length * np.roll(length, -1, axis=1)).any(axis=1)
-    if is_degenerate.any():
-        worst = int(np.argmax(is_degenerate))
-        raise ValueError(
-            f"{int(is_degenerate.sum())} cells are degenerate or not convex, the first is cell {worst} with corners "
-            f"{corners[worst].tolist()}: repair the mesh"
-        )
-    return cells

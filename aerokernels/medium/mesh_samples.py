@@ -109,7 +109,7 @@ class MeshSamples(Derived):
     @cached_property
     def kinks(self) -> np.ndarray:
         """Greatest jump of the gradient at each edge of each cell [1/m], shape (cell_count, 4): see kinks.py."""
-        return gradient_jumps(self.mesh, self.gradients_in)
+        return gradient_jumps(self.mesh, self.values if self.interpolation == "bilinear" else self.gradients_in)
 
     @cached_property
     def paper_step(self) -> np.ndarray:

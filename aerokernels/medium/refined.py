@@ -96,10 +96,15 @@ def _cut(mesh: QuadMesh) -> tuple[QuadMesh, np.ndarray, np.ndarray, np.ndarray]:
     if has_seam(mesh):
         raise ValueError("the mesh has two vertices in one place, at a seam: its cells cannot be cut")
     vertex, cells = mesh.vertices, mesh.cells
-    ends = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2).astype(np.int64), axis=1)
-    _, first, of_edge = np.unique(ends[:, 0] * len(vertex) + ends[:, 1], return_index=True, return_inverse=True)
-    a, b = ends[first].T
-    of_edge = of_edge.reshape(-1, 4)
+    # An edge is numbered by the first of its cells.
+    across = mesh.neighbors
+    row, side = np.nonzero((across < 0) | (across > np.arange(len(cells))[:, None]))
+    of_edge = np.empty(cells.shape, dtype=np.int64)
+    of_edge[row, side] = np.arange(len(row))
+    other = across[row, side]
+    shared = np.flatnonzero(other >= 0)
+    of_edge[other[shared], (across[other[shared]] == row[shared, None]).argmax(axis=1)] = shared
+    a, b = np.sort(np.stack([cells[row, side], cells[row, (side + 1) % 4]]), axis=0)
     edge = len(vertex) + of_edge
     middle = len(vertex) + len(a) + np.arange(len(cells))[:, None]
     # Part k: corner k, the middle of the edge after it, the middle of the cell, the middle of the edge before it.

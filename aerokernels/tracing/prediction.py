@@ -17,7 +17,7 @@ FIRST = 15.0
 # Nodes whose differences are in memory together.
 SLAB = 1 << 17  # speed only
 # Evaluations for each cell where the interpolant has kinks between cells, fitted to the same fields.
-PIECEWISE_SMOOTH_COST = {"linear": 2.0, "monotone": 3.0, "bilinear": 12.0}
+PIECEWISE_SMOOTH_COST = {"linear": 2.0, "monotone": 3.0, "bilinear": 3.0}
 
 
 def predict_evaluations(field: IndexField, budget: float, directions: np.ndarray) -> float:

@@ -45,7 +45,9 @@ static inline real edge_time(
     const real2 apart = (real2)(b * frac.x - c * velocity.x, b * frac.y - c * velocity.y);
     const real square = dot(apart, apart) - spin * spin;
     const real r_first = sqrt(greater(r * r + first * (R(2.0) * s1 + first * s2), R(0.0)));
-    if (c + b * first < e * r_first && b * r_first < e * (s1 + s2 * first)) {
+    // The difference of the squares has the same rounding as their roots below.
+    const real apart_first = (q0 + first * (R(2.0) * q1 + first * q2)) * (c + b * first + e * r_first);
+    if (apart_first < R(0.0) && b * r_first < e * (s1 + s2 * first)) {
         best = first;  // it is just behind the edge
     } else if (square >= R(0.0)) {
         const real w = -(q1 + (q1 < R(0.0) ? R(-1.0) : R(1.0)) * fabs(e) * sqrt(square));
@@ -129,12 +131,15 @@ static Stride step_to_edge(
     return out;
 }
 
-// Rest [sigma] along the tangent to the edge before which a step of length h stopped; -1 if it is too long for that.
+// Rest [sigma] to the edge before which a step of length h stopped; -1 if it is too long to fly it at this force.
 static inline real rest_to_edge(
-    const Field *field, const Arrays *arrays, int edge, real3 frac, real3 velocity, real h)
+    const Field *field, const Arrays *arrays, int edge, real3 frac, real3 velocity, real3 force, real h)
 {
     const real near = field->edge_tolerance / size3(velocity);
-    const real rest = edge_time(field, arrays, edge, frac, velocity, (real3)R(0.0), -near, R(0.0));
+    real rest = edge_time(field, arrays, edge, frac, velocity, force, -near, R(0.0));
+    if (GEOMETRY == AXISYMMETRIC && rest <= h) {
+        rest = edge_time(field, arrays, edge, frac, velocity + (R(0.5) * rest) * force, force, -near, R(0.0));
+    }
     return rest <= R(0.1) * h + near ? greater(rest, R(0.0)) : R(-1.0);
 }
 

@@ -35,6 +35,8 @@ FIVE_POINT = (
 # A second difference above this fraction of the field's whole range counts as a captured shock; those of smooth flow
 # resolved by twenty cells or more are below it.
 SHOCK_SHARE = 0.05
+# Least determinant of the equations of a gradient, as a share of the square of their trace, for a direct solution.
+LEAST_DETERMINANT = 1e-4
 
 
 def vertex_values(mesh: QuadMesh, average: np.ndarray) -> np.ndarray:
@@ -191,7 +193,9 @@ def _lesser(average, slope, distance, edge: int) -> np.ndarray:
 def vertex_gradients(mesh: QuadMesh, values: np.ndarray) -> np.ndarray:
     """Return gradients at the vertices [1/m], shape (vertex_count, 2)."""
     if mesh.shape is None or min(mesh.shape) < 5:
-        gradient = _least_squares_gradient(mesh.vertices, values, *_vertex_pairs(mesh))
+        gradient = _least_squares_gradient(
+            mesh.vertices, values, *mesh.derive("vertex pairs", lambda: _vertex_pairs(mesh))
+        )
     else:
         ni, nj = mesh.shape
         columns = [mesh.vertices[:, 0], mesh.vertices[:, 1], values]
@@ -219,9 +223,19 @@ def _five_point(array: np.ndarray, axis: int) -> np.ndarray:
 
 def _vertex_pairs(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
     """Return all pairs of different vertices that share a cell, each pair in both orders."""
-    first = np.repeat(mesh.cells, 4, axis=1).ravel().astype(np.int64)
-    second = np.tile(mesh.cells, (1, 4)).ravel().astype(np.int64)
-    return _unique_pairs(first, second, len(mesh.vertices))
+    from scipy.sparse import csr_matrix
+
+    # Cells share edges, which count once, but no diagonals. The matrix sorts the pairs.
+    cell, edge = np.nonzero(mesh.neighbors < np.arange(len(mesh.cells))[:, None])
+    pairs = [(mesh.cells[cell, edge], mesh.cells[cell, (edge + 1) % 4])]
+    pairs += [(mesh.cells[:, k], mesh.cells[:, k + 2]) for k in (0, 1)]
+    one, other = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    shape = (len(mesh.vertices), len(mesh.vertices))
+    joins = csr_matrix(
+        (np.ones(2 * len(one), dtype=np.int8), (np.concatenate([one, other]), np.concatenate([other, one]))), shape
+    )
+    joins.sum_duplicates()
+    return np.repeat(np.arange(shape[0]), np.diff(joins.indptr)), joins.indices
 
 
 def _touching(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
@@ -269,9 +283,15 @@ def _least_squares_gradient(points, values, first, second) -> np.ndarray:
     yy, yz, zz, right_y, right_z = (
         np.bincount(first, weight * own, count) for own in (y * y, y * z, z * z, y * rise, z * rise)
     )
-    normal = np.stack([yy, yz, yz, zz], axis=1).reshape(-1, 2, 2)
-    right = np.stack([right_y, right_z], axis=1)
-    return (np.linalg.pinv(normal) @ right[..., None])[..., 0]
+    # Most systems of two equations are solved as they are; where neighbours are nearly on a line, by singular values.
+    determinant = yy * zz - yz * yz
+    flat = ~(determinant > LEAST_DETERMINANT * (yy + zz) ** 2)
+    divisor = np.where(flat, 1.0, determinant)
+    found = np.stack([(zz * right_y - yz * right_z) / divisor, (yy * right_z - yz * right_y) / divisor], axis=1)
+    normal = np.stack([yy, yz, yz, zz], axis=1)[flat].reshape(-1, 2, 2)
+    right = np.stack([right_y, right_z], axis=1)[flat]
+    found[flat] = (np.linalg.pinv(normal) @ right[..., None])[..., 0]
+    return found
 
 
 def _slopes(mesh: QuadMesh, centroid: np.ndarray, average: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -274,5 +274,5 @@ def test_evaluations_are_predicted_from_the_step_bounds():
     for name, cost in (("linear", 2.0), ("monotone", 3.0)):
         assert predict_evaluations(grid_field("volume", name), 1e-9, way) == pytest.approx(cost * cells)
     mesh = mesh_field("planar")
-    expected = 12.0 * np.linalg.norm(np.ptp(mesh.mesh.vertices, axis=0)) / np.median(mesh.mesh.cell_size)
+    expected = 3.0 * np.linalg.norm(np.ptp(mesh.mesh.vertices, axis=0)) / np.median(mesh.mesh.cell_size)
     assert predict_evaluations(mesh, 1e-9, way) == pytest.approx(expected)

@@ -83,7 +83,9 @@ def build_edge_time(library: KernelLibrary, geometry: str):
             apart = vec2(b * frac[0] - c * velocity[0], b * frac[1] - c * velocity[1])
             square = wp.dot(apart, apart) - spin * spin
             r_first = wp.sqrt(wp.max(r * r + first * (real(2.0) * s1 + first * s2), real(0.0)))
-            if c + b * first < e * r_first and b * r_first < e * (s1 + s2 * first):
+            # The difference of the squares has the same rounding as their roots below.
+            apart_first = (q0 + first * (real(2.0) * q1 + first * q2)) * (c + b * first + e * r_first)
+            if apart_first < real(0.0) and b * r_first < e * (s1 + s2 * first):
                 best = first  # it is just behind the edge
             elif square >= real(0.0):
                 sign = real(1.0)
@@ -192,11 +194,13 @@ def build_edges(library: KernelLibrary, geometry: str, interpolation: str):
         return out
 
     @wp.func
-    def rest_to_edge(field: Field, edge: int, frac: vec3, velocity: vec3, h: real):
-        """Rest [sigma] along the tangent to the edge before which a step of length h stopped; -1 if it is too long."""
-        zero = vec3(real(0.0), real(0.0), real(0.0))
+    def rest_to_edge(field: Field, edge: int, frac: vec3, velocity: vec3, force: vec3, h: real):
+        """Rest [sigma] to the edge before which a step of length h stopped; -1 if it is too long for this force."""
         near = field.edge_tolerance / wp.length(velocity)
-        rest = edge_time(field, edge, frac, velocity, zero, -near, real(0.0))
+        rest = edge_time(field, edge, frac, velocity, force, -near, real(0.0))
+        if wp.static(geometry == "axisymmetric"):
+            if rest <= h:
+                rest = edge_time(field, edge, frac, velocity + (real(0.5) * rest) * force, force, -near, real(0.0))
         if rest <= real(REST) * h + near:
             return wp.max(rest, real(0.0))
         return real(-1.0)

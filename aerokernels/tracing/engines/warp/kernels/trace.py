@@ -299,7 +299,7 @@ def build_kernel(
                     behind_face = bool(wp.static(at_faces))
                     if wp.static(at_edges):
                         if at_edge:
-                            rest = rest_to_edge(field, ahead.edge, frac, bearing, h)
+                            rest = rest_to_edge(field, ahead.edge, frac, bearing, curve, h)
                             behind_face = bool(rest >= real(0.0))
                     elif wp.static(at_faces):
                         if event < 0:

@@ -1,0 +1,88 @@
+"""The cells of a quadrilateral mesh: their orientation, faults, and the cells across their edges."""
+
+import numpy as np
+
+# Cells that are examined together, which limits the size of arrays.
+PART = 1 << 17  # speed only
+
+
+def cells_across(cells: np.ndarray, vertex_count: int) -> np.ndarray:
+    """Return the cell across each edge of quadrilaterals (n, 4), -1 at the boundary, shape (n, 4): see `neighbors`."""
+    edge = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+    key = edge[:, 0].astype(np.int64) * vertex_count + edge[:, 1]
+    order = np.argsort(key, kind="stable")
+    pair = np.flatnonzero(key[order][1:] == key[order][:-1])
+    result = np.full(len(key), -1, dtype=np.int32)
+    result[order[pair]] = order[pair + 1] // 4
+    result[order[pair + 1]] = order[pair] // 4
+    return result.reshape(-1, 4)
+
+
+def parts_across(across: np.ndarray) -> np.ndarray:
+    """Return the cells across each edge of the parts of cells cut in four, part k of cell i at 4 i + k, shape (4 n, 4).
+
+    `across` has those of the cells before the cut, shape (n, 4).
+    Part k begins with corner k of its cell; its edges go to the middle of the cell's edge k, to the middle of the cell,
+    to the middle of edge k - 1, and back.
+    """
+    cell = np.arange(len(across), dtype=np.int32)[:, None]
+    # The number of the same edge in the cell behind it, which runs the other way round.
+    back = (across[np.maximum(across, 0)] == cell[:, :, None]).argmax(axis=2).astype(np.int32)
+    parts = 4 * cell + np.arange(4, dtype=np.int32)
+    at_start = np.where(across < 0, np.int32(-1), 4 * across + (back + 1) % 4)
+    at_end = np.where(across < 0, np.int32(-1), 4 * across + back)
+    rows = [at_start, np.roll(parts, -1, axis=1), np.roll(parts, 1, axis=1), np.roll(at_end, 1, axis=1)]
+    return np.stack(rows, axis=2).reshape(-1, 4)
+
+
+def check_duplicates(vertices: np.ndarray) -> None:
+    """Reject two vertices in one place: cells on either side would look like neighbours without being connected."""
+    _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
+    if len(first) == len(vertices):
+        return
+    original = first[inverse.ravel()]
+    duplicate = np.flatnonzero(original != np.arange(len(vertices)))
+    worst = duplicate[0]
+    raise ValueError(
+        f"{len(duplicate)} vertices lie in the same place as another, the first are vertices {original[worst]} and "
+        f"{worst} at {vertices[worst].tolist()}: merge duplicate nodes"
+    )
+
+
+def _faults(vertices: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return whether each cell has coincident vertices, is clockwise, or is flat or dented seen from either side."""
+    # Arithmetic on contiguous rows, one for each corner, is several times faster than on arrays of points.
+    y, z = vertices.T[:, np.ascontiguousarray(cells.T)]
+    across, up = np.roll(y, -1, axis=0) - y, np.roll(z, -1, axis=0) - z
+    length = np.hypot(across, up)
+    turn = across * np.roll(up, -1, axis=0) - up * np.roll(across, -1, axis=0)
+    least = 1e-9 * length * np.roll(length, -1, axis=0)
+    clockwise = (y[2] - y[0]) * (z[3] - z[1]) < (y[3] - y[1]) * (z[2] - z[0])
+    return (length == 0.0).any(axis=0), clockwise, (turn <= least).any(axis=0), (-turn <= least).any(axis=0)
+
+
+def oriented(vertices: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Return cells in counter-clockwise order; reject coincident vertices, cells of no area, corners not convex."""
+    parts = [_faults(vertices, cells[first : first + PART]) for first in range(0, len(cells), PART)]
+    duplicate, clockwise, *flat = (np.concatenate(flags) for flags in zip(*parts, strict=True))
+    if duplicate.any():
+        worst = int(np.argmax(duplicate))
+        raise ValueError(
+            f"{int(duplicate.sum())} cells have coincident vertices, the first is cell {worst} "
+            f"with vertices {cells[worst].tolist()}: merge duplicate nodes and drop collapsed cells"
+        )
+    if clockwise.any() and not clockwise.all():
+        raise ValueError(
+            f"{int(clockwise.sum())} of {len(cells)} cells are inverted against the others, the first is cell "
+            f"{int(np.argmax(clockwise))}: order the vertices of every cell the same way round"
+        )
+    if clockwise.all():
+        cells = cells[:, ::-1].copy()
+    is_degenerate = flat[int(clockwise.all())]
+    if is_degenerate.any():
+        worst = int(np.argmax(is_degenerate))
+        raise ValueError(
+            f"{int(is_degenerate.sum())} cells are degenerate or not convex, the first is cell {worst} with corners "
+            f"{vertices[cells[worst]].tolist()}: repair the mesh"
+        )
+    return cells
