@@ -188,6 +188,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 advance3(&momentum, &momentum_carry, impulse_of(h, force, s2, s3, s4));
                 advance3(&frac, &frac_carry, (IS_STRAIGHT ? h * total : h * total + kick) * rate);
                 carry_over(&cell, &frac);
+                const int cell_before = current_cell;
                 pot = s4.x;
                 force = FORCE(s4);
                 const real3 bearing = IS_STRAIGHT ? ambient * d : ambient * d + momentum;
@@ -244,8 +245,9 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
 #endif
                     evaluations++;
                 }
-                if (CONSISTENT_GRADIENT) {
-                    // Project back onto |T| = n: this removes the error along the ray, which would add to the path.
+                if (CONSISTENT_GRADIENT || (ON_MESH && (cell_before < 0) != (current_cell < 0))) {
+                    // Project back onto |T| = n: this removes the error along the ray, which would add to the path, and
+                    // follows the jump of the index between a gap in a mesh and its cells, which no force tells.
                     const real3 projecting = project_momentum(ambient, d, momentum, pot);
                     momentum += projecting;
                     if (IS_STRAIGHT) {

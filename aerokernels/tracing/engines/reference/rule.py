@@ -184,9 +184,12 @@ class _Rule:
         after[:, 3:6] = momentum + step * sum(b * f for b, f in zip(BT, forces, strict=True))
         after[:, PATH] += h * sum(b * n * n for b, n in zip(BT, indices, strict=True))
         after[:, ARC] += h * sum(b * n for b, n in zip(BT, indices, strict=True))
+        # The index jumps between a gap in a mesh and its cells, which no force tells.
+        projects = self.consistent_gradient | ((index == self.ambient) != (here == self.ambient))
+        scale = np.where(projects, here / np.linalg.norm(after[:, 3:6], axis=1), 1.0)
+        after[:, 3:6] *= scale[:, None]
         if not self.consistent_gradient:
             return after, np.zeros(len(state))
-        after[:, 3:6] *= (indices[-1] / np.linalg.norm(after[:, 3:6], axis=1))[:, None]
         end_momentum = momentum + step * forces[-1]
         across = end_momentum - dot(end_momentum, heading)[:, None] * heading
         for b, row, n in zip(BT, STAGE_MOMENTUM, indices, strict=True):

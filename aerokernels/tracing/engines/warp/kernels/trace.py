@@ -296,6 +296,7 @@ def build_kernel(
                         bearing, curve = ambient * d, vec3(real(0.0), real(0.0), real(0.0))
                     pace = wp.cw_mul(bearing, rate)
                     rest = real(0.0)
+                    cell_before = int(current_cell)
                     behind_face = bool(wp.static(at_faces))
                     if wp.static(at_edges):
                         if at_edge:
@@ -340,8 +341,13 @@ def build_kernel(
                             if wp.static(straight):
                                 pot, probe_pot = pot + wp.dot(force, q), beyond[0] + wp.dot(force, q)
                         evaluations += 1
-                    if wp.static(consistent_gradient):
-                        # Project back onto |T| = n: this removes the error along the ray, which would add to the path.
+                    projects = bool(wp.static(consistent_gradient))
+                    if wp.static(on_mesh):
+                        if (cell_before < 0) != (current_cell < 0):
+                            projects = True
+                    if projects:
+                        # Project back onto |T| = n: this removes the error along the ray, which would add to the path,
+                        # and follows the jump of the index between a gap in a mesh and its cells, which no force tells.
                         projecting = project_momentum(ambient, d, momentum, pot)
                         momentum += projecting
                         if wp.static(straight):
