@@ -1,4 +1,4 @@
-"""Remove damaged modules from Warp's kernel cache after a crash of the machine, so that they are compiled again.
+"""Remove damaged modules from Warp's kernel cache, so that they are compiled again, and lend the others.
 
 Warp does not check the files in its cache. A machine that loses power can leave empty files, at which every later run
 would fail.
@@ -26,6 +26,16 @@ def remove_damaged(cache: Path) -> list[Path]:
                 shutil.rmtree(folder, ignore_errors=True)
                 removed.append(folder)
     return removed
+
+
+def lend_modules(cache: Path, place: Path) -> None:
+    """Link the modules of a cache that takes no files into a new one, so that only others are compiled."""
+    with suppress(OSError, NotImplementedError):  # not on this system: all are compiled
+        for folder in cache.glob("wp_*"):
+            if folder.is_dir() and not BEING_MADE.search(folder.name):
+                (place / folder.name).mkdir()
+                for file in folder.iterdir():
+                    (place / folder.name / file.name).symlink_to(file)
 
 
 def _is_whole(folder: Path) -> bool:

@@ -19,11 +19,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from ....process.spare_cache import spare_cache, why_unwritable
+from ....process.spare_cache import spare_cache, why_unusable
 
 VARIABLE = "POCL_CACHE_DIR"
 RECORD = "aerokernels-checked.json"  # beside PoCL's folders, which have names of two letters
-LEAST_SPACE = 8 << 20  # [bytes] needed to build kernels; PoCL aborts if it cannot write them
 READ_AT_MOST = 32 << 20  # [bytes] of files not recorded yet whose checksums are computed at one start
 CLOCK_STEP = 2.0  # [s] resolution of a file system's times
 SETTLED = 5.0  # [s] without a change after which an incomplete file is no longer being written
@@ -32,7 +31,7 @@ BITCODE, ELF = b"BC\xc0\xde", b"\x7fELF"
 
 
 def cache_folder() -> Path:
-    """Return the folder that PoCL will use, by PoCL's rules."""
+    """Return the folder that PoCL will use, by PoCL's rules; `make_safe` names it to PoCL if a variable is empty."""
     if named := os.environ.get(VARIABLE):
         return Path(named)
     if caches := os.environ.get("XDG_CACHE_HOME"):
@@ -47,18 +46,19 @@ def make_safe() -> None:
 
     If that is impossible, if the folder cannot be written or if the disk is full, this process gets its own cache in
     the folder for temporary files. Both cases are reported as a RuntimeWarning.
+
+    Raises:
+        NoCacheError: No folder for temporary files can take kernels either.
     """
     folder = cache_folder()
     damaged = remove_damaged(folder)
     left = [path for path in damaged if path.exists()]
-    unwritable = why_unwritable(folder)
-    if left or unwritable or _free_space(folder) < LEAST_SPACE:
-        if left:
-            why = f"{left[0]} is damaged and cannot be removed"
-        else:
-            why = f"{folder} cannot be written ({unwritable})" if unwritable else f"the disk of {folder} is full"
+    if why := f"{left[0]} is damaged and cannot be removed" if left else why_unusable(folder):
         os.environ[VARIABLE] = spare_cache("pocl", why)
-    elif damaged:
+        return
+    if "" in map(os.environ.get, (VARIABLE, "XDG_CACHE_HOME", "HOME")):  # PoCL takes an empty one for a folder's name
+        os.environ[VARIABLE] = str(folder)
+    if damaged:
         count = f"{len(damaged)} programs" if len(damaged) > 1 else "a program"
         warnings.warn(
             f"PoCL's kernel cache in {folder} had {count} with damaged files: they are removed and built again",
@@ -209,13 +209,3 @@ def _write_record(folder: Path, record: dict[str, list[int]], begun: float) -> N
             beside.replace(folder / RECORD)
         finally:
             beside.unlink(missing_ok=True)
-
-
-def _free_space(folder: Path) -> float:
-    """Return the free space where the cache is or will be [bytes]; infinite if unknown."""
-    for place in (folder, *folder.parents):
-        try:
-            return shutil.disk_usage(place).free
-        except OSError:
-            continue
-    return float("inf")
