@@ -141,6 +141,8 @@ def _show_warning(message: Warning | str, category: type[Warning], *where: Any, 
 def main() -> NoReturn:
     """Run the command line and end the process."""
     open_closed_streams()
+    # No command opens a window. A notebook sets a backend that another environment may not have.
+    os.environ["MPLBACKEND"] = "agg"
     gc.set_threshold(*COLLECT_AFTER)
     atexit.register(gc.freeze)  # at exit the remaining objects need no further scan
     # SIGTERM and a closed terminal are handled like Ctrl-C, so that half-written files are removed.
