@@ -10,11 +10,13 @@ import shutil
 from contextlib import suppress
 from pathlib import Path
 
+from .compiled_files import ELF, is_whole
+
 BEING_MADE = re.compile(r"_p\d+_t\d+$")  # folder in which a process is compiling; it is renamed at the end
 
 
 def remove_damaged(cache: Path) -> list[Path]:
-    """Remove the modules of a cache that have an empty file or a description that is not JSON.
+    """Remove the modules of a cache that have an empty file, code that is cut, or a description that is not JSON.
 
     Returns:
         The folders that were removed.
@@ -41,8 +43,13 @@ def lend_modules(cache: Path, place: Path) -> None:
 def _is_whole(folder: Path) -> bool:
     try:
         for file in folder.iterdir():
-            if not file.stat().st_size:
+            size = file.stat().st_size
+            if not size:
                 return False
+            if file.suffix == ".o":
+                with open(file, "rb") as code:
+                    if code.read(len(ELF)) == ELF and not is_whole(code, size):  # other systems have other formats
+                        return False
             if file.suffix == ".meta" and not isinstance(json.loads(file.read_bytes()), dict):
                 return False
     except (ValueError, RecursionError):

@@ -10,7 +10,6 @@ that is cut or partly zero. The folder of a program with a damaged file is remov
 import json
 import os
 import shutil
-import struct
 import time
 import warnings
 import zlib
@@ -19,6 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from ....process.compiled_files import is_whole
 from ....process.spare_cache import spare_cache, why_unusable
 
 VARIABLE = "POCL_CACHE_DIR"
@@ -27,7 +27,6 @@ READ_AT_MOST = 32 << 20  # [bytes] of files not recorded yet whose checksums are
 CLOCK_STEP = 2.0  # [s] resolution of a file system's times
 SETTLED = 5.0  # [s] without a change after which an incomplete file is no longer being written
 UNREAD = -1  # stands for the checksum of files beyond READ_AT_MOST
-BITCODE, ELF = b"BC\xc0\xde", b"\x7fELF"
 
 
 def cache_folder() -> Path:
@@ -120,43 +119,6 @@ def _settle(file: BinaryIO, state: os.stat_result) -> tuple[bool, os.stat_result
         state = os.fstat(file.fileno())
         whole = is_whole(file, state.st_size)
     return whole, state
-
-
-def is_whole(file: BinaryIO, size: int) -> bool:
-    """Whether a file of bitcode or a library, `size` bytes long, is complete according to its own headers."""
-    try:
-        head = _read(file, 0, 64) if size >= 64 else b""
-        if head[:4] == BITCODE:
-            return _is_whole_bitcode(file, size)
-        return head[:5] == ELF + b"\x02" and _is_whole_elf(file, head, size)
-    except struct.error:
-        return False
-
-
-def _is_whole_bitcode(file: BinaryIO, size: int) -> bool:
-    """Whether blocks fill the file: each has an opening word (LLVM: abbreviation 1, of two bits) and a length."""
-    place = 4
-    while place < size:
-        opening, words = struct.unpack("<II", _read(file, place, 8))
-        if opening & 3 != 1:
-            return False
-        place += 8 + 4 * words
-    return place == size
-
-
-def _is_whole_elf(file: BinaryIO, head: bytes, size: int) -> bool:
-    """Whether the table of sections, which a linker writes last, and the names of the sections are within the file."""
-    (start,) = struct.unpack_from("<Q", head, 40)
-    width, count, names = struct.unpack_from("<HHH", head, 58)
-    if not start or not count or start + width * count > size:
-        return False
-    kind, _, _, offset, length = struct.unpack("<IQQQQ", _read(file, start + width * names + 4, 36))
-    return kind == 3 and offset + length <= size
-
-
-def _read(file: BinaryIO, place: int, count: int) -> bytes:
-    file.seek(place)
-    return file.read(count)
 
 
 def _code_files(folder: Path, groups: list[os.DirEntry]) -> Iterator[str]:
