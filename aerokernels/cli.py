@@ -25,6 +25,7 @@ from aerokernels.commands._output import output, say, silence, warn
 from aerokernels.display.plain_text import plain
 from aerokernels.files.one_writer import NO_FILES
 from aerokernels.process.interrupt import raise_interrupts
+from aerokernels.process.standard_streams import open_closed_streams
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 SWITCHES = ("--debug", "--json", "--quiet")
@@ -139,6 +140,9 @@ def _show_warning(message: Warning | str, category: type[Warning], *where: Any, 
 
 def main() -> NoReturn:
     """Run the command line and end the process."""
+    open_closed_streams()
+    # No command opens a window. A notebook sets a backend that another environment may not have.
+    os.environ["MPLBACKEND"] = "agg"
     gc.set_threshold(*COLLECT_AFTER)
     atexit.register(gc.freeze)  # at exit the remaining objects need no further scan
     # SIGTERM and a closed terminal are handled like Ctrl-C, so that half-written files are removed.
@@ -163,6 +167,9 @@ def main() -> NoReturn:
     else:
         if status == INTERRUPTED:  # typer itself turns an interrupt into this status
             warn("interrupted")
+    if output.lost:
+        warn(f"error: the results could not be written to stdout ({output.lost}): make room and run it again")
+        status = status or FAILED
     if status == INTERRUPTED:
         status = 128 + stopped[0] if stopped else status
         interrupted.append(status)

@@ -13,6 +13,7 @@ from typing import Any
 import typer
 
 from aerokernels.display.plain_text import plain, plain_json
+from aerokernels.files.drafts import FULL
 
 
 @dataclass
@@ -22,10 +23,12 @@ class OutputOptions:
     Attributes:
         as_json: Print results as one JSON object on stdout.
         quiet: Print no notes and no progress; warnings and errors are still printed.
+        lost: Why results could not be written to stdout, though its reader is still there; empty if they could.
     """
 
     as_json: bool = False
     quiet: bool = False
+    lost: str = ""
 
 
 output = OutputOptions()
@@ -48,10 +51,16 @@ def result(text: str, data: Any) -> None:
 
 
 def say(text: str, err: bool = False) -> None:
-    """Write a line; if its reader has gone away, discard all further output to that stream and go on."""
+    """Write a line; if its reader has gone away, discard all further output to that stream and go on.
+
+    Work also goes on where a disk is full; if it is that of stdout, `output.lost` says so, and the command fails in
+    the end.
+    """
     try:
         typer.echo(text, err=err)
-    except OSError:  # `aerokernels run ... | head`, or the log's disk is full
+    except OSError as error:  # `aerokernels run ... | head`, a closed terminal, or the disk of a log or of results
+        if not err and error.errno in FULL:
+            output.lost = error.strerror or type(error).__name__
         silence(sys.stderr if err else sys.stdout)
 
 

@@ -50,7 +50,7 @@ def bench(
     )
     if out is not None and (out.is_dir() or not out.parent.is_dir()):
         raise ValueError(f"--out {out}: give a file name in an existing folder")
-    measured = run_bench(settings, report=lambda line: typer.echo(line, err=True))
+    measured = run_bench(settings, report=note)
     if out is not None:
         with replacing(out, name="--out ") as (draft,):
             draft.write_text(json.dumps(measured, indent=1, allow_nan=False) + "\n", encoding="utf-8")

@@ -1,8 +1,11 @@
 """Reject arrays whose numbers would be misread: masked or half-precision ones, labels in different orders."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+
+PLAIN = (float, int, str)
 
 
 def refuse_masked(value: Any, name: str) -> None:
@@ -11,12 +14,13 @@ def refuse_masked(value: Any, name: str) -> None:
     Raises:
         ValueError: Some numbers are masked; the message names the array `name`.
     """
-    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
-        count = int(np.ma.count_masked(value))
-        raise ValueError(
-            f"{count} of the {value.size} numbers of {name} are masked, so they are not known: fill them in, or leave "
-            f"them out ({name}.filled(value), {name}.compressed())"
-        )
+    for part in _parts(value):
+        if isinstance(part, np.ma.MaskedArray) and np.ma.is_masked(part):
+            count, within = int(np.ma.count_masked(part)), "" if part is value else "an entry of "
+            raise ValueError(
+                f"{count} of the {part.size} numbers of {within}{name} are masked, so they are not known: fill them "
+                f"in, or leave them out ({name}.filled(value), {name}.compressed())"
+            )
 
 
 def refuse_half_precision(value: Any, name: str) -> None:
@@ -25,9 +29,21 @@ def refuse_half_precision(value: Any, name: str) -> None:
     Raises:
         ValueError: Its type is float16 or bfloat16; the message names the array `name`.
     """
-    kind = str(getattr(value, "dtype", ""))
-    if kind.endswith("float16"):
-        raise ValueError(f"{name} is {kind}, which has three digits at most: give float32 or float64")
+    for part in _parts(value):
+        kind = str(getattr(part, "dtype", ""))
+        if kind.endswith("float16"):
+            within = "" if part is value else "an entry of "
+            raise ValueError(f"{within}{name} is {kind}, which has three digits at most: give float32 or float64")
+
+
+def _parts(value: Any) -> Iterator[Any]:
+    """Yield a value, or the entries of a list or tuple and of those within it, without plain numbers."""
+    if isinstance(value, (list, tuple)):
+        for entry in value:
+            if type(entry) not in PLAIN:
+                yield from _parts(entry)
+    else:
+        yield value
 
 
 def refuse_shuffled(arguments: dict[str, Any]) -> None:

@@ -14,7 +14,7 @@ from aerokernels.hardware.csv_cells import csv_cell
 from aerokernels.jobs.comparison import BenchComparison, LabelComparison
 from aerokernels.jobs.comparison_figure import ranges_figure, waveforms_figure
 from aerokernels.jobs.comparison_options import EACH, NO_ALIGNMENT
-from aerokernels.jobs.figure_layout import png
+from aerokernels.jobs.figure_layout import house_style, png
 from aerokernels.jobs.page import bullets, page, picture, remarks, section, table
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
 from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, to_json, write_folder, write_result, write_summary
@@ -199,10 +199,11 @@ def write_comparison(found: BenchComparison, out: Path) -> list[str]:
         "Mean recorded and simulated waveform; below, their difference with the mean's standard error (dark) and the "
         "spread of one echo (light)."
     )
-    pictures = {
-        "waveforms": (waveforms, png(waveforms_figure(found))),
-        "ranges": (RANGES_CAPTION, png(ranges_figure(found))),
-    }
+    with house_style():
+        pictures = {
+            "waveforms": (waveforms, png(waveforms_figure(found))),
+            "ranges": (RANGES_CAPTION, png(ranges_figure(found))),
+        }
     summary = {
         "recording": str(found.source),
         "align": found.options.align,

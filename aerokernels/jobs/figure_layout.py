@@ -5,7 +5,7 @@ draw every figure twice or more.
 """
 
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -29,11 +29,26 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "figure.facecolor": "white",
 }
+# Matplotlib's parameters that are no matter of drawing.
+NOT_DRAWN = "backend", "interactive", "toolbar", "timezone", "webagg"
 DPI = 120
 LEFT, RIGHT, BOTTOM, TOP = 0.85, 0.2, 0.6, 0.4  # room around a panel for its labels and title [in]
 SCALE_ROOM = 0.75  # room for the labels of a scale on the right [in]
 BAR_GAP, BAR_WIDTH = 0.12, 0.17  # gap before and width of a colour bar [in]
 LEAST_WIDTH = 5.2  # least width of a figure, so that its title fits [in]
+
+
+@contextmanager
+def house_style(style: Mapping[Any, Any] | None = None) -> Iterator[None]:
+    """Draw the block in Matplotlib's own defaults and `style`, whatever a user's matplotlibrc says.
+
+    One with `text.usetex` needs LaTeX, which reads "%", "#" and "_" in a name as commands.
+    """
+    from matplotlib import rc_context, rcParamsDefault
+
+    own = {name: value for name, value in rcParamsDefault.items() if not name.startswith(NOT_DRAWN)}
+    with rc_context({**own, **(style or {})}):
+        yield
 
 
 @dataclass(frozen=True)
@@ -66,12 +81,11 @@ def fitted_panel(ratio: float, width: float, height: float, bar: bool = False) -
 
 def panelled_figure(*panels: Panel) -> "tuple[Figure, list[tuple[Axes, Axes | None]]]":
     """Make a figure without window or global state; return it and each panel's axes and colour bar axes (or None)."""
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     content = sum(panel.room for panel in panels)
     width, height = max(content, LEAST_WIDTH), BOTTOM + max(panel.height for panel in panels) + TOP
-    with rc_context(STYLE):
+    with house_style(STYLE):
         figure = Figure(figsize=(width, height), dpi=DPI)
         made: list[tuple[Axes, Axes | None]] = []
         start = 0.5 * (width - content)
@@ -91,23 +105,24 @@ def panelled_figure(*panels: Panel) -> "tuple[Figure, list[tuple[Axes, Axes | No
 @contextmanager
 def styled_figure(width: float, height: float, dpi: int = DPI, style: Any = None) -> "Iterator[Figure]":
     """Yield a figure of `width` x `height` [in] without window or global state; the block draws in `style` or STYLE."""
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    with rc_context(style or STYLE):
+    with house_style(style or STYLE):
         yield Figure(figsize=(width, height), layout="constrained", dpi=dpi)
 
 
 def png(figure: "Figure") -> bytes:
     """Return `figure` as the bytes of a PNG file."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", pil_kwargs={"compress_level": 4})
+    with house_style():
+        figure.savefig(buffer, format="png", pil_kwargs={"compress_level": 4})
     return buffer.getvalue()
 
 
 def png_or_fault(draw: "Callable[[], Figure]") -> bytes | str:
     """Return the figure that `draw` makes as a PNG file, or the error on one line: a report needs no figure."""
     try:
-        return png(draw())
+        with house_style():
+            return png(draw())
     except Exception as fault:
         return fault_text(fault, None)

@@ -8,7 +8,7 @@ import numpy as np
 from aerokernels.files.drafts import replacing
 from aerokernels.flow import DensityField
 from aerokernels.jobs.dataset import density_cells
-from aerokernels.jobs.figure_layout import styled_figure
+from aerokernels.jobs.figure_layout import house_style, styled_figure
 from aerokernels.jobs.plots import BODY_COLOUR
 from aerokernels.medium import SolidBody
 
@@ -54,5 +54,5 @@ def save_flow_figure(flow: DensityField, place: Path, title: str = "") -> None:
     if place.suffix[1:].lower() not in known:
         raise ValueError(f"{place}: {place.suffix!r} is not a picture format: use .png, .pdf or .svg")
     place.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(place) as (draft,):
+    with replacing(place) as (draft,), house_style():
         figure.savefig(draft)

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from aerokernels import __version__
 from aerokernels.flow import DensityField, shipped_names
-from aerokernels.jobs.figure_layout import png
+from aerokernels.jobs.figure_layout import house_style, png
 from aerokernels.jobs.picture_figure import comparison_figure, pictures_figure
 from aerokernels.jobs.store import SUMMARY_FILE, write_folder, write_result, write_summary
 from aerokernels.medium import IndexField
@@ -322,9 +322,10 @@ def write_pictures(made: BenchPictures, out: Path) -> list[str]:
     def write(folder: Path) -> list[str]:
         for kind, picture in made.pictures.items():
             write_picture(folder / f"{kind}.png", picture)
-        (folder / FIGURE_FILE).write_bytes(png(pictures_figure(made.pictures, made.shock)))
-        if made.comparison is not None:
-            (folder / COMPARISON_FILE).write_bytes(png(comparison_figure(made.comparison)))
+        with house_style():
+            (folder / FIGURE_FILE).write_bytes(png(pictures_figure(made.pictures, made.shock)))
+            if made.comparison is not None:
+                (folder / COMPARISON_FILE).write_bytes(png(comparison_figure(made.comparison)))
         write_result(folder / DATASET_FILE, made.to_xarray())
         write_summary(folder / SUMMARY_FILE, made.summary)
         return sorted(path.name for path in folder.iterdir())

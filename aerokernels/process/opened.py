@@ -5,12 +5,29 @@ once per process. Anything that belongs to a field, a result or a prepared objec
 what fields share is found through weak references, which keep nothing.
 """
 
+import os
 import threading
 from collections.abc import Callable, Hashable
 from typing import Any
 
 
-class Opened:
+class Locked:
+    """A base of objects that live as long as the process: it gives them a lock, and another one in each forked child.
+
+    A fork copies a lock that another thread holds, but not that thread: the child would wait for ever.
+    """
+
+    def __init__(self) -> None:
+        """Make the lock."""
+        self._renew()
+        if hasattr(os, "register_at_fork"):  # not on Windows, which has no fork
+            os.register_at_fork(after_in_child=self._renew)
+
+    def _renew(self) -> None:
+        self.lock = threading.RLock()  # reentrant: what is made may be made of parts that are kept too
+
+
+class Opened(Locked):
     """Objects opened once per key, until they are taken out or the process ends; thread-safe.
 
     A forked child inherits them; the keys of objects that do not survive a fork contain the process's id.
@@ -18,7 +35,7 @@ class Opened:
 
     def __init__(self) -> None:
         """Start with nothing open."""
-        self.lock = threading.RLock()
+        super().__init__()
         self._held: dict[Hashable, Any] = {}
 
     def once(self, key: Hashable, make: Callable[[], Any]) -> Any:

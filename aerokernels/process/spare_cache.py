@@ -1,20 +1,39 @@
-"""Make a temporary folder for compiled kernels, for this process alone, if the usual folder cannot be written."""
+"""Make a temporary folder for compiled kernels, for this process alone, if the usual folder cannot take them."""
 
 import atexit
 import os
 import shutil
 import tempfile
 import warnings
+from contextlib import suppress
 from pathlib import Path
 
+LEAST_SPACE = 8 << 20  # [bytes] needed to build kernels; compilers may end the process if they cannot write them
+TEMPORARY = ("/tmp", "/var/tmp", "/dev/shm")  # tried if the usual folder for temporary files takes no kernels
 
-def why_unwritable(folder: Path) -> str:
-    """Return why no files can be written to a folder, which is made if missing; empty if they can."""
+
+class NoCacheError(OSError):
+    """No folder takes compiled kernels; the message says why and what to do."""
+
+
+def why_unusable(folder: Path) -> str:
+    """Return why no kernels can be built in a folder, which is made if missing; empty if they can."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        return error.strerror or type(error).__name__
-    return "" if os.access(folder, os.W_OK | os.X_OK) else "no right to write"
+        return f"{folder} cannot be written ({error.strerror or type(error).__name__})"
+    if not os.access(folder, os.W_OK | os.X_OK):
+        return f"{folder} cannot be written (no right to write)"
+    return f"the disk of {folder} is full" if _free_space(folder) < LEAST_SPACE else ""
+
+
+def why_misread(folder: Path) -> str:
+    """Return why a compiler that takes file names in UTF-8 would not find a folder; empty if it would.
+
+    Where the locale has another encoding, Python decodes the name's bytes by that one.
+    """
+    same = os.fsencode(folder) == os.fspath(folder).encode("utf-8", "replace")
+    return "" if same else f"the name of {folder} is not readable in this locale (set LC_ALL=C.UTF-8)"
 
 
 def spare_cache(engine: str, why: str) -> str:
@@ -23,8 +42,36 @@ def spare_cache(engine: str, why: str) -> str:
     Args:
         engine: The engine that builds the kernels.
         why: Why the usual folder is not used.
+
+    Raises:
+        NoCacheError: No folder for temporary files can take kernels.
     """
-    place = tempfile.mkdtemp(prefix=f"aerokernels-{engine}-")
-    atexit.register(shutil.rmtree, place, ignore_errors=True)
-    warnings.warn(f"{why}: kernels are built in {place} for this process", RuntimeWarning, stacklevel=2)
-    return place
+    reasons = [why]
+    folders = [temporary_folder(), *(Path(place) for place in TEMPORARY if os.path.isdir(place))]
+    for folder in dict.fromkeys(filter(None, folders)):
+        if reason := why_unusable(folder) or why_misread(folder):
+            reasons.append(reason)
+            continue
+        place = tempfile.mkdtemp(prefix=f"aerokernels-{engine}-", dir=folder)
+        atexit.register(shutil.rmtree, place, ignore_errors=True)
+        warnings.warn(f"{why}: kernels are built in {place} for this process", RuntimeWarning, stacklevel=2)
+        return place
+    raise NoCacheError(
+        f"{'; '.join(reasons)}: no folder takes the kernels that {engine} builds; set TMPDIR to a folder that can be "
+        f"written and has {LEAST_SPACE >> 20} MiB of space"
+    )
+
+
+def temporary_folder() -> Path | None:
+    """Return Python's folder for temporary files; None if it finds none that can be written."""
+    with suppress(FileNotFoundError):
+        return Path(tempfile.gettempdir())
+    return None
+
+
+def _free_space(folder: Path) -> float:
+    """Return the free space in a folder [bytes]; infinite if unknown."""
+    try:
+        return shutil.disk_usage(folder).free
+    except OSError:
+        return float("inf")

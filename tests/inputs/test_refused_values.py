@@ -134,6 +134,11 @@ def samples(contrast, **changes):
         (lambda: RayBundle(np.zeros((3, 3), np.float16), [0.0, 0.0, 1.0]), "position is float16"),
         (lambda: RayBundle(np.zeros((3, 3)), np.ones((3, 3), np.float16)), "direction is float16"),
         (lambda: grid(density=np.ones((3, 3), np.float16)), "density is float16"),
+        (lambda: strehl(list(HALF.ravel()), 905e-9), "an entry of opd is float16"),
+        (lambda: RayBundle([*np.zeros((3, 3), np.float16)], [0.0, 0.0, 1.0]), "an entry of position is float16"),
+        (lambda: Disc(1.0, center=(np.float16(0.1), 0.0, 0.0)), "an entry of center is float16"),
+        (lambda: RayBundle([[0.0, 0.0, 0.0], np.ma.array([0.0, 9.0, 0.0], mask=[0, 1, 0])], [0.0, 0.0, 1.0]),
+         "1 of the 3 numbers of an entry of position are masked"),
     ],
 )  # fmt: skip
 def test_values(made, told):

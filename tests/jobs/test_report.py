@@ -3,7 +3,10 @@
 import base64
 import io
 import itertools
+import os
 import re
+import subprocess
+import sys
 
 import matplotlib.image
 import numpy as np
@@ -112,6 +115,26 @@ def test_nothing_that_is_written_is_cut_off(name: str, dataset: xarray.Dataset):
         for axes in figure.axes:
             labels = [label.get_text() for label in (*axes.get_xticklabels(), *axes.get_yticklabels())]
             assert not any("$" in label for label in labels), labels
+
+
+def test_a_users_matplotlibrc_and_backend_do_not_change_pictures(tmp_path):
+    """Set-up: a file that asks for LaTeX on a machine without it, and the backend of a notebook elsewhere.
+
+    Commands failed, or reports had no pictures. Expected: the same bytes as without.
+    """
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nsavefig.bbox: tight\nfont.size: 30\n")
+    (tmp_path / "latex").write_text("#!/bin/sh\nexit 1\n")
+    (tmp_path / "latex").chmod(0o755)
+    pictures = []
+    for more in ({}, {"MATPLOTLIBRC": str(tmp_path), "MPLBACKEND": "module://matplotlib_elsewhere.backend"}):
+        environment = {**os.environ, "PATH": os.pathsep.join((str(tmp_path), os.environ["PATH"])), **more}
+        line = [sys.executable, "-m", "aerokernels", "schlieren", "mach3", "--pixels", "16", "--out", "out"]
+        place = tmp_path / str(len(pictures))
+        place.mkdir()
+        done = subprocess.run(line, cwd=place, env=environment, capture_output=True, encoding="utf-8", timeout=120)
+        assert done.returncode == 0, done.stderr
+        pictures.append((place / "out" / "figure.png").read_bytes())
+    assert pictures[0] == pictures[1]
 
 
 def test_panels_lie_beside_each_other():

@@ -13,6 +13,7 @@ from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
 from ...process.opened import OPENED
+from ...process.spare_cache import NoCacheError
 from .info import NO_CUDA, BackendInfo, absent, cuda_driver_loads, known_memory, warp_processor
 
 BACKENDS = ("auto", "warp", "opencl", "reference")
@@ -150,7 +151,10 @@ def _warp_devices(quick: bool = False, memory: bool = False) -> list[BackendInfo
             return [warp_processor(_version("warp-lang"), NO_CUDA)]
     from .warp.devices import list_devices
 
-    return list_devices(memory)
+    try:
+        return list_devices(memory)
+    except NoCacheError as error:
+        return [absent("warp", str(error))]
 
 
 def _version(package: str) -> str:

@@ -15,6 +15,7 @@ from typing import Any
 
 from ....process.machine import patient_threads
 from ....process.opened import OPENED
+from ....process.spare_cache import NoCacheError
 from ..info import BackendInfo, absent
 from .drivers import broken_drivers
 from .linker import linker_trouble
@@ -207,7 +208,10 @@ def _survey() -> Survey:
     except OpenCLUnavailable as error:
         return Survey([], [str(error)])
     troubles = broken_drivers()
-    make_safe()
+    try:
+        make_safe()
+    except NoCacheError as error:
+        return Survey([], [str(error), *troubles])
     try:
         platforms = cl.get_platforms()
     except cl.Error as error:

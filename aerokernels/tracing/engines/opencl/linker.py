@@ -8,7 +8,8 @@ import sys
 import tempfile
 
 from ....process.machine import child_environment
-from .pocl_cache import LEAST_SPACE
+from ....process.spare_cache import LEAST_SPACE
+from .pocl_cache import cache_folder
 
 _TRIAL = """
 import sys
@@ -88,7 +89,10 @@ def linker_trouble(options: tuple[str, ...] = ()) -> str:
             f"PoCL writes kernels to files, which are limited to {greatest} bytes here (ulimit -f), and would end the "
             "process if one is longer: raise the limit, or choose backend 'warp'"
         )
-    with tempfile.TemporaryDirectory(prefix="aerokernels-linker-", ignore_cleanup_errors=True) as folder:
+    place = cache_folder()  # takes kernels; there may be no folder for temporary files
+    with tempfile.TemporaryDirectory(
+        prefix="aerokernels-linker-", dir=place if place.is_dir() else None, ignore_cleanup_errors=True
+    ) as folder:
         if _links(folder) or _compiles(folder, options):
             return ""
     missing = "`ld` does not find the libraries of GCC and C" if _linker() else "there is no `ld` on PATH"

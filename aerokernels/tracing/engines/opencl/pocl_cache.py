@@ -10,7 +10,6 @@ that is cut or partly zero. The folder of a program with a damaged file is remov
 import json
 import os
 import shutil
-import struct
 import time
 import warnings
 import zlib
@@ -19,20 +18,19 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from ....process.spare_cache import spare_cache, why_unwritable
+from ....process.compiled_files import is_whole
+from ....process.spare_cache import spare_cache, why_unusable
 
 VARIABLE = "POCL_CACHE_DIR"
 RECORD = "aerokernels-checked.json"  # beside PoCL's folders, which have names of two letters
-LEAST_SPACE = 8 << 20  # [bytes] needed to build kernels; PoCL aborts if it cannot write them
 READ_AT_MOST = 32 << 20  # [bytes] of files not recorded yet whose checksums are computed at one start
 CLOCK_STEP = 2.0  # [s] resolution of a file system's times
 SETTLED = 5.0  # [s] without a change after which an incomplete file is no longer being written
 UNREAD = -1  # stands for the checksum of files beyond READ_AT_MOST
-BITCODE, ELF = b"BC\xc0\xde", b"\x7fELF"
 
 
 def cache_folder() -> Path:
-    """Return the folder that PoCL will use, by PoCL's rules."""
+    """Return the folder that PoCL will use, by PoCL's rules; `make_safe` names it to PoCL if a variable is empty."""
     if named := os.environ.get(VARIABLE):
         return Path(named)
     if caches := os.environ.get("XDG_CACHE_HOME"):
@@ -47,18 +45,19 @@ def make_safe() -> None:
 
     If that is impossible, if the folder cannot be written or if the disk is full, this process gets its own cache in
     the folder for temporary files. Both cases are reported as a RuntimeWarning.
+
+    Raises:
+        NoCacheError: No folder for temporary files can take kernels either.
     """
     folder = cache_folder()
     damaged = remove_damaged(folder)
     left = [path for path in damaged if path.exists()]
-    unwritable = why_unwritable(folder)
-    if left or unwritable or _free_space(folder) < LEAST_SPACE:
-        if left:
-            why = f"{left[0]} is damaged and cannot be removed"
-        else:
-            why = f"{folder} cannot be written ({unwritable})" if unwritable else f"the disk of {folder} is full"
+    if why := f"{left[0]} is damaged and cannot be removed" if left else why_unusable(folder):
         os.environ[VARIABLE] = spare_cache("pocl", why)
-    elif damaged:
+        return
+    if "" in map(os.environ.get, (VARIABLE, "XDG_CACHE_HOME", "HOME")):  # PoCL takes an empty one for a folder's name
+        os.environ[VARIABLE] = str(folder)
+    if damaged:
         count = f"{len(damaged)} programs" if len(damaged) > 1 else "a program"
         warnings.warn(
             f"PoCL's kernel cache in {folder} had {count} with damaged files: they are removed and built again",
@@ -122,43 +121,6 @@ def _settle(file: BinaryIO, state: os.stat_result) -> tuple[bool, os.stat_result
     return whole, state
 
 
-def is_whole(file: BinaryIO, size: int) -> bool:
-    """Whether a file of bitcode or a library, `size` bytes long, is complete according to its own headers."""
-    try:
-        head = _read(file, 0, 64) if size >= 64 else b""
-        if head[:4] == BITCODE:
-            return _is_whole_bitcode(file, size)
-        return head[:5] == ELF + b"\x02" and _is_whole_elf(file, head, size)
-    except struct.error:
-        return False
-
-
-def _is_whole_bitcode(file: BinaryIO, size: int) -> bool:
-    """Whether blocks fill the file: each has an opening word (LLVM: abbreviation 1, of two bits) and a length."""
-    place = 4
-    while place < size:
-        opening, words = struct.unpack("<II", _read(file, place, 8))
-        if opening & 3 != 1:
-            return False
-        place += 8 + 4 * words
-    return place == size
-
-
-def _is_whole_elf(file: BinaryIO, head: bytes, size: int) -> bool:
-    """Whether the table of sections, which a linker writes last, and the names of the sections are within the file."""
-    (start,) = struct.unpack_from("<Q", head, 40)
-    width, count, names = struct.unpack_from("<HHH", head, 58)
-    if not start or not count or start + width * count > size:
-        return False
-    kind, _, _, offset, length = struct.unpack("<IQQQQ", _read(file, start + width * names + 4, 36))
-    return kind == 3 and offset + length <= size
-
-
-def _read(file: BinaryIO, place: int, count: int) -> bytes:
-    file.seek(place)
-    return file.read(count)
-
-
 def _code_files(folder: Path, groups: list[os.DirEntry]) -> Iterator[str]:
     """Yield the path within the cache of every file with code in the given folders."""
     start = len(os.fspath(folder)) + 1
@@ -209,13 +171,3 @@ def _write_record(folder: Path, record: dict[str, list[int]], begun: float) -> N
             beside.replace(folder / RECORD)
         finally:
             beside.unlink(missing_ok=True)
-
-
-def _free_space(folder: Path) -> float:
-    """Return the free space where the cache is or will be [bytes]; infinite if unknown."""
-    for place in (folder, *folder.parents):
-        try:
-            return shutil.disk_usage(place).free
-        except OSError:
-            continue
-    return float("inf")

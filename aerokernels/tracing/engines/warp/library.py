@@ -1,15 +1,14 @@
 """Cache of the device functions and kernels of one precision, each built once."""
 
 import functools
-import threading
 from collections.abc import Callable, Hashable
 from typing import Any
 
-from ....process.opened import OPENED
+from ....process.opened import OPENED, Locked
 from .types import types
 
 
-class KernelLibrary:
+class KernelLibrary(Locked):
     """The functions and kernels that the builders in kernels/ have made for one precision, and their shared types.
 
     Attributes:
@@ -19,10 +18,10 @@ class KernelLibrary:
 
     def __init__(self, precision: str):
         """Start empty."""
+        super().__init__()
         self.precision = precision
         self.types = types(precision)
         self.built: dict[Hashable, Any] = {}
-        self.lock = threading.RLock()  # builders call builders
 
 
 def library_of(precision: str) -> KernelLibrary:

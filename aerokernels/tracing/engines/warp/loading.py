@@ -1,11 +1,17 @@
 """Load kernels from Warp's cache, and build them again if their files are damaged."""
 
+import errno
 import shutil
 import warnings
 from contextlib import suppress
 from pathlib import Path
 
 import warp as wp
+
+from ....files.drafts import FULL
+from ....process.spare_cache import NoCacheError
+
+NO_WRITING = (*FULL, errno.EACCES, errno.EPERM, errno.EROFS)
 
 
 def load_module(module, device: str, block_size: int | None) -> None:
@@ -19,11 +25,17 @@ def load_module(module, device: str, block_size: int | None) -> None:
         block_size: Threads per block; None for Warp's default.
 
     Raises:
+        NoCacheError: The module is not in the cache and cannot be written there.
         Exception: Warp's own, if the module does not compile.
     """
     try:
         module.load(device, block_size)
     except Exception as error:  # Warp raises bare Exceptions, and for damaged files those of JSON and NumPy
+        if isinstance(error, OSError) and error.errno in NO_WRITING:
+            raise NoCacheError(
+                f"Warp cannot write a kernel to {wp.config.kernel_cache_dir} ({error.strerror}): make room there, "
+                "raise the limit of files (ulimit -f), or set WARP_CACHE_PATH to another folder"
+            ) from error
         folder = _cached(module, block_size)
         if folder is None:
             raise
