@@ -106,7 +106,8 @@ static Stride step_to_edge(
         }
         const int beyond = edge >= 0 ? arrays->neighbors[edge] : -1;
         leaves = edge >= 0 ? greater(leaves, t) : t;
-        const real h = lesser(beyond >= 0 ? leaves : leaves + (edge >= 0 ? gap : R(0.05) * gap), longest);
+        // Just beyond the mesh, so that the next step begins in the gap: a longer one might fly over a hole of a cell.
+        const real h = lesser(beyond >= 0 ? leaves : leaves + R(0.05) * gap, longest);
         if (count > 0) {
             const real part = greater(share, h * index / to_stop->reach);
             const real bend = R(2.0) * KINK_SHARE * h * kinks * arm + KINK_PATH * h * h * kinks * field->ambient;

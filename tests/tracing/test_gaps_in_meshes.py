@@ -12,13 +12,13 @@ CONTRAST, SIDE = 1e-4, 10e-3
 
 
 def with_gaps(geometry: str, interpolation: str) -> IndexField:
-    """A square of 10 x 10 cells of the same contrast, of a column without the first cell and five in the middle."""
+    """A square of 10 x 10 cells of the same contrast, of a column without the first cell and one in the middle."""
     first = 0.0 if geometry == "axisymmetric" else -0.5 * SIDE
     a, b = np.meshgrid(np.linspace(first, first + SIDE, 11), np.linspace(0.0, SIDE, 11), indexing="ij")
     whole = QuadMesh.structured(a, b, geometry)
     middle = whole.corners.mean(axis=1)
     column = np.abs(middle[:, 0] - (first + 0.55 * SIDE)) < 1e-6
-    gone = column & ((middle[:, 1] < 0.1 * SIDE) | (np.abs(middle[:, 1] - 0.55 * SIDE) < 0.25 * SIDE))
+    gone = column & ((middle[:, 1] < 0.1 * SIDE) | (np.abs(middle[:, 1] - 0.55 * SIDE) < 1e-6))
     mesh = QuadMesh(whole.vertices, whole.cells[~gone], geometry)
     return IndexField.from_mesh(mesh, np.full(len(mesh.vertices), CONTRAST), interpolation=interpolation)
 
@@ -26,7 +26,7 @@ def with_gaps(geometry: str, interpolation: str) -> IndexField:
 @pytest.mark.parametrize("engine", [*ENGINES, "reference"])
 @pytest.mark.parametrize("interpolation", ["bilinear", "bilinear-barron", "idw"])
 def test_a_path_through_gaps_is_that_of_the_cells(engine: str, interpolation: str):
-    """Beside the gaps 10 mm of disturbed air, through them 4; also in float32 and along straight lines."""
+    """Beside the gaps 10 mm of disturbed air, through them 8; also in float32 and along straight lines."""
     backend = {"backend": "reference"} if engine == "reference" else on(engine)
     for geometry in ("planar", "axisymmetric"):
         field = with_gaps(geometry, interpolation)
@@ -38,4 +38,4 @@ def test_a_path_through_gaps_is_that_of_the_cells(engine: str, interpolation: st
                 continue
             found = trace(field, rays, method=method, precision=precision, **options, **backend)
             assert (found.status == RayStatus.LEFT_DISTURBED_AIR).all()
-            np.testing.assert_allclose(found.opd, CONTRAST * SIDE * np.array([0.4, 1.0]), atol=1.5e-9)
+            np.testing.assert_allclose(found.opd, CONTRAST * SIDE * np.array([0.8, 1.0]), atol=1.5e-9)

@@ -18,8 +18,9 @@ from .error import build_bends
 
 # Stands for a time that does not exist.
 NO_EDGE = 1e30
-# Shares of a step: the rest to an edge that is flown along the tangent, and of the step where no edge is found.
-REST, LOST = 0.1, 0.05
+# The rest to an edge that is flown along the tangent, as a share of the step; how far a step goes beyond the mesh, or
+# where no edge is found, as a share of the longest step in a gap.
+REST, BEYOND = 0.1, 0.05
 
 
 @built_once
@@ -137,7 +138,7 @@ def build_edges(library: KernelLibrary, geometry: str, interpolation: str):
     ):
         """The next step: up to the last edge that it may end at, at most `longest` [sigma].
 
-        Beyond the mesh it may go on by `gap`, and error control finds the mesh's boundary.
+        Beyond the mesh it goes on by a share of `gap`, and error control finds the mesh's boundary.
         """
         out = Stride()
         out.edge = int(-1)
@@ -156,15 +157,15 @@ def build_edges(library: KernelLibrary, geometry: str, interpolation: str):
                     leaves = found
                     edge = 4 * cell + k
             beyond = int(-1)
-            h = now + real(LOST) * gap
             if edge >= 0:
                 beyond = field.neighbors[edge]
                 leaves = wp.max(leaves, now)
-                h = leaves
-                if beyond < 0:
-                    h = leaves + gap
             else:
                 leaves = now
+            h = leaves
+            if beyond < 0:
+                # Just beyond the mesh, so that the next step begins in the gap: a longer one might fly over a hole.
+                h += real(BEYOND) * gap
             h = wp.min(h, longest)
             if count > 0:
                 allowed = control.tolerance * bend_share(wp.max(share, h * index / to_stop.reach))
