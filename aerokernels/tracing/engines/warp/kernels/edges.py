@@ -37,15 +37,14 @@ def build_edge_time(library: KernelLibrary, geometry: str):
             return field.corners[edge + 1]
         return field.corners[edge - 3]
 
-    if geometry == "planar":
-
-        @wp.func
-        def edge_time(field: Field, edge: int, frac: vec3, velocity: vec3, force: vec3, first: real, stand_off: real):
-            """Time [sigma], not before `first`, at which a ray comes within `stand_off` [m] of an edge from inside."""
-            a = field.corners[edge]
-            side = edge_end(field, edge) - a
-            inside = stand_off * wp.length(side)
-            best = real(NO_EDGE)
+    @wp.func
+    def edge_time(field: Field, edge: int, frac: vec3, velocity: vec3, force: vec3, first: real, stand_off: real):
+        """Time [sigma], not before `first`, at which a ray comes within `stand_off` [m] of an edge from inside."""
+        a = field.corners[edge]
+        side = edge_end(field, edge) - a
+        inside = stand_off * wp.length(side)
+        best = real(NO_EDGE)
+        if wp.static(geometry == "planar"):
             left = side[0] * (frac[2] - a[1]) - side[1] * (frac[1] - a[0]) - inside
             rise = side[0] * velocity[2] - side[1] * velocity[1]
             bend = real(0.5) * (side[0] * force[2] - side[1] * force[1])
@@ -60,17 +59,7 @@ def build_edge_time(library: KernelLibrary, geometry: str):
                     time = real(-0.5) * (rise + wp.sqrt(square)) / bend
                 if time >= first:
                     best = time
-            return best
-
-    else:
-
-        @wp.func
-        def edge_time(field: Field, edge: int, frac: vec3, velocity: vec3, force: vec3, first: real, stand_off: real):
-            """Time [sigma], not before `first`, at which a ray comes within `stand_off` [m] of an edge from inside."""
-            a = field.corners[edge]
-            side = edge_end(field, edge) - a
-            inside = stand_off * wp.length(side)
-            best = real(NO_EDGE)
+        else:
             r = wp.length(vec2(frac[0], frac[1]))
             e = side[1]
             c = side[0] * (frac[2] - a[1]) + e * a[0] - inside
@@ -103,7 +92,7 @@ def build_edge_time(library: KernelLibrary, geometry: str):
                         outward = e * (s1 + s2 * time) / wp.max(there, real(tiny))
                         if (c + b * time) * e >= real(0.0) and b < outward and time >= first and time < best:
                             best = time
-            return best
+        return best
 
     return edge_end, edge_time
 

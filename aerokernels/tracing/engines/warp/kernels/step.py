@@ -13,13 +13,13 @@ from .step_bound import build_step_bound, build_to_face
 
 @built_once
 def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_mesh: bool, method: str):
-    """Build functions: the length of the next step, the rest to a face before which a step stopped, the push off it."""
+    """Build a function: the length of the next step."""
     t = library.types
     real, vec3, Field, Control, Stride = t.real, t.vec3, t.Field, t.Control, t.Stride
     StopGeometry = t.StopGeometry
     paper_step = (mesh if on_mesh else grid).build_paper_step(library, geometry)
     step_bound_of = build_step_bound(library, "mesh" if on_mesh else geometry)
-    to_face, push_off_faces = build_to_face(library, geometry)
+    to_face, _ = build_to_face(library, geometry)
     step_to_edge = build_edges(library, geometry, interpolation)[0] if on_mesh else None
     linear, piecewise_smooth = interpolation == "linear", interpolation in ("linear", "monotone")
     at_face = AT_FACE[library.precision]
@@ -96,15 +96,7 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
         out.h = wp.min(out.h, h_cap)
         return out
 
-    @wp.func
-    def rest_to_face(frac: vec3, velocity: vec3, acceleration: vec3, stand_off: real, h: real):
-        """Rest [sigma] to the face `stand_off` cells before which a step of length h stopped; 0 if it did not."""
-        rest = to_face(frac, velocity, acceleration, real(0.0))
-        if rest <= h and rest * wp.length(velocity) <= real(4.0) * stand_off:
-            return rest
-        return real(0.0)
-
-    return stride, rest_to_face, push_off_faces
+    return stride
 
 
 def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, geometry: str, interpolation: str):

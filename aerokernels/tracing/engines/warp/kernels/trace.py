@@ -24,22 +24,13 @@ bounds its length, and event_location.py ends it on a surface.
 
 import warp as wp
 
-from ....scheme import (
-    ARC_SURFACE,
-    AT_FACE,
-    LEAST_STEP,
-    MAGNIFIED,
-    STRAIGHT_LEVER,
-    TINY,
-    WALL_ASIDE,
-    WALL_BACK,
-    WALL_CLOSE,
-)
+from ....scheme import ARC_SURFACE, LEAST_STEP, MAGNIFIED, STRAIGHT_LEVER, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
 from ....status import RayStatus
 from ....tableau import A, C, has_consistent_gradient
 from ..library import KernelLibrary, built_once
 from ..types import takes
 from . import grid, mesh
+from .behind_faces import build_rest_to_face, build_slope_behind
 from .crossings import NEVER
 from .edges import build_edges
 from .ends import build_end, build_start, build_stop_geometry
@@ -77,7 +68,7 @@ def build_kernel(
     stop_geometry_of = build_stop_geometry(library, geometry, stop, controlled)
     end_of = build_end(library, geometry, interpolation, stop)
     in_cells, carry_over = build_cells(library, "mesh" if on_mesh else geometry)
-    stride, rest_to_face, push_off_faces = build_stride(library, geometry, interpolation, on_mesh, method)
+    stride = build_stride(library, geometry, interpolation, on_mesh, method)
     kick_of, impulse_of = build_kick(library)
     straight, consistent_gradient = method == "straight", has_consistent_gradient(interpolation)
     sample_at_stage, sample_neglected = build_sample_at_stage(library, sample, straight, geometry, interpolation)
@@ -97,8 +88,9 @@ def build_kernel(
     arc_surface = wp.constant(ARC_SURFACE)
     at_faces, at_edges = interpolation == "linear" and controlled, on_mesh and controlled
     _, rest_to_edge, edge_rounding = build_edges(library, geometry, interpolation) if at_edges else (None,) * 3
-    sample_in = mesh.build_sample_in(library, geometry, interpolation) if at_edges else None
-    tiny, at_face = TINY[library.precision], AT_FACE[library.precision]
+    rest_to_face = build_rest_to_face(library, geometry) if at_faces else None
+    slope_behind = build_slope_behind(library, geometry, interpolation, on_mesh, straight)
+    tiny = TINY[library.precision]
     c2, c3, a21, a31, a32 = (float(v) for v in (*C[1:3], A[1, 0], A[2, 0], A[2, 1]))
     ok, hit_body, rejected = int(RayStatus.OK), int(RayStatus.HIT_BODY), int(RayStatus.TOLERANCE_NOT_MET)
     too_many, not_finite = int(RayStatus.MAX_STEPS), int(RayStatus.NOT_FINITE)
@@ -294,17 +286,17 @@ def build_kernel(
                     bearing, curve = ambient * d + momentum, force
                     if wp.static(straight):
                         bearing, curve = ambient * d, vec3(real(0.0), real(0.0), real(0.0))
-                    pace = wp.cw_mul(bearing, rate)
-                    rest = real(0.0)
                     cell_before = int(current_cell)
-                    behind_face = bool(wp.static(at_faces))
+                    rest, behind_face = real(0.0), bool(wp.static(at_faces))
                     if wp.static(at_edges):
                         if at_edge:
                             rest = rest_to_edge(field, ahead.edge, frac, bearing, curve, h)
                             behind_face = bool(rest >= real(0.0))
                     elif wp.static(at_faces):
                         if event < 0:
-                            rest = rest_to_face(frac, pace, wp.cw_mul(curve, rate), ahead.stand_off, h)
+                            rest = rest_to_face(
+                                frac, wp.cw_mul(bearing, rate), wp.cw_mul(curve, rate), ahead.stand_off, h
+                            )
                     if wp.static(at_edges) and behind_face:
                         current_cell = field.neighbors[ahead.edge]
                     else:
@@ -323,29 +315,9 @@ def build_kernel(
                         if wp.static(at_edges):
                             doubt = bend_arm(to_stop, angle_now) * edge_rounding(field, ahead.edge, frac, bearing, h)
                             bends = with_bend(bends, real(0.0) * d, doubt)
-                            beyond = sample_in(field, current_cell, frac)
-                            pot, force = beyond[0], vec3(beyond[1], beyond[2], beyond[3])
-                            if wp.static(straight):
-                                pot += wp.dot(force, q)
-                                probe, probe_pot = frac, pot
-                        else:
-                            over = real(at_face) / wp.length(pace)
-                            push = push_off_faces(frac, pace)
-                            probe = frac + over * pace + push
-                            beyond = sample(field, cell, probe, current_cell)
-                            force = vec3(beyond[1], beyond[2], beyond[3])
-                            pot = beyond[0] - over * wp.dot(force, bearing)
-                            pot -= push[1] * force[1] / rate[1] + push[2] * force[2] / rate[2]
-                            if wp.static(geometry != "planar"):
-                                pot -= push[0] * force[0] / rate[0]
-                            if wp.static(straight):
-                                pot, probe_pot = pot + wp.dot(force, q), beyond[0] + wp.dot(force, q)
+                        pot, force, probe, probe_pot = slope_behind(field, cell, frac, current_cell, bearing, q)
                         evaluations += 1
-                    projects = bool(wp.static(consistent_gradient))
-                    if wp.static(on_mesh):
-                        if (cell_before < 0) != (current_cell < 0):
-                            projects = True
-                    if projects:
+                    if wp.static(consistent_gradient) or (cell_before < 0) != (current_cell < 0):
                         # Project back onto |T| = n: this removes the error along the ray, which would add to the path,
                         # and follows the jump of the index between a gap in a mesh and its cells, which no force tells.
                         projecting = project_momentum(ambient, d, momentum, pot)
