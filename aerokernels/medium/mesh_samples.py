@@ -23,7 +23,7 @@ from .averages.kept_averages import cell_deficits
 from .averages.rows_of_cells import AveragesLacking, averages_lacking
 from .averages.vertex_values import of_parents, values_and_smooth, vertex_gradients
 from .grid import eq5_step
-from .kinks import gradient_jumps
+from .kinks import bilinear_jumps, gradient_jumps
 from .mesh import Places, QuadMesh
 
 MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw", "cells")
@@ -109,7 +109,9 @@ class MeshSamples(Derived):
     @cached_property
     def kinks(self) -> np.ndarray:
         """Greatest jump of the gradient at each edge of each cell [1/m], shape (cell_count, 4): see kinks.py."""
-        return gradient_jumps(self.mesh, self.values if self.interpolation == "bilinear" else self.gradients_in)
+        if self.interpolation == "bilinear":
+            return bilinear_jumps(self.mesh, self.values)
+        return gradient_jumps(self.mesh, self.gradients_in)
 
     @cached_property
     def paper_step(self) -> np.ndarray:

@@ -29,6 +29,8 @@ LEAST_FLAT = 1 << 12  # speed only
 MANY_NODES = 1 << 20  # speed only
 # Least number of nodes along an axis: the elimination needs four; and along the last axis: those of a CPU's vectors.
 LEAST_COUNT, LEAST_LAST = 4, 8
+# Launches of one kernel for a grid, at most.
+MOST_LAUNCHES = 3
 # Pivots of the elimination that are cached with a grid's node positions.
 CACHED = 6  # speed only
 
@@ -96,7 +98,7 @@ class GridTables:
         """Allocate memory for grids like this one: with the same nodes and the same ambient index."""
         self.engine, self.grid = engine, grid
         # One for each launch: a launch that is started again then sets no argument.
-        self.kernels = [engine.kernels(GRID_KERNELS) for _ in grid.shape]
+        self.kernels = [engine.kernels(GRID_KERNELS) for _ in range(MOST_LAUNCHES)]
         self.block = block_size(grid)
         self.blocks = [_blocks(count, self.block) for count in grid.shape]
         count = math.prod(grid.coefficient_shape)
@@ -151,7 +153,7 @@ class GridTables:
         shape, engine = list(self.grid.shape), self.engine
         whole = self.coefficients
         buffers = (whole, self.spare, whole)[-len(shape) :]
-        for axis, (made, kernels) in enumerate(zip(buffers, self.kernels, strict=True)):
+        for axis, made in enumerate(buffers):
             nodes, pitch = shape[axis], math.prod(shape[axis + 1 :])
             even = self.grid.even_first_axis and axis == 0
             inverse = known(
@@ -161,7 +163,7 @@ class GridTables:
             shape[axis] += 2
             ambient = self.grid.ambient_index if axis == 0 else 0.0
             before = [values, inverse, nodes, pitch, int(even), ambient]
-            engine.launch(kernels["spline_lines"], before, [made], lines)
+            engine.launch(self.kernels[axis]["spline_lines"], before, [made], lines)
             values = made
 
     def _pivots(self, nodes: int, even: bool) -> Any:
@@ -190,12 +192,12 @@ class GridTables:
         """
         first, second, third = _three(self.grid.coefficient_shape)
         self._maxima(1, self.coefficients, second * third, 1, first, first, planes)
-        self._maxima(-1, self.coefficients, third, first, second, second, rows)
+        self._maxima(2, self.coefficients, third, first, second, second, rows)
 
     def _maxima(self, number: int, values: Any, pitch: int, outer: int, count: int, block: int, made: Any) -> None:
         """Launch the greatest absolute values over the nodes of blocks along an axis, into the buffer `made`.
 
-        `number` tells the kernels of the launches apart.
+        `number` tells this launch from the others of the same kernel.
         """
         places = outer * _blocks(count, block) * pitch
         self.engine.launch(self.kernels[number]["block_maxima"], [values, count, pitch, block], [made], places)

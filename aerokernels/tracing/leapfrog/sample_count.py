@@ -29,7 +29,7 @@ from ..straight_lines import outermost, outermost_rays
 from ..support import support_box
 from .between_samples import MARGIN, SPREAD_RAYS, MissedStructure, Spread, multiple_of_three
 from .cube_polynomials import approximate_deviation, may_have_cubes
-from .pilot_levels import error_scales, greatest_bend, level_pair, levels_of
+from .pilot_levels import Level, error_scales, greatest_bend, level_pair, levels_of
 from .sample_cost import LEAST_RAYS, SampleCost
 from .unresolved import Sampling
 
@@ -254,11 +254,9 @@ class _Fitting:
         count = self.structure.sufficient(searched)
         if not count:
             return None
-        level, finest, bends = level_pair(self._trials(replace(self.plan, sample_count=count, few_rays=True)), count)
-        worst = level.error(finest)
-        if not (level.is_fit and finest.is_fit and worst <= self.limit / MARGIN):
-            return None
-        return _Fit(count, error_scales(level, worst, bends), worst, None, searched, self.structure.steepness)
+        trials = self._trials(replace(self.plan, sample_count=count, few_rays=True))
+        judged = judged_pair(level_pair(trials, count), self.limit)
+        return None if judged is None else _Fit(count, *judged, None, searched, self.structure.steepness)
 
     def with_cubes(self, fit: _Fit) -> _Fit | None:
         """At least as many samples of polynomials of cubes; None where the tolerance needs the spline.
@@ -312,6 +310,18 @@ class _Fitting:
 
     def _least_samples(self) -> int:
         return least_samples(self.field, self.pilot, self.limit, self.plan.lever_arms)
+
+
+def judged_pair(pair: tuple[Level, Level, float], limit: float) -> tuple[tuple[float, float], float] | None:
+    """Scales of a ray's error estimate and the greatest error [m] of a pilot, from the result of `level_pair`.
+
+    None if its rays are unfit for leapfrog, or not accurate beside the limit [m].
+    """
+    level, finest, bends = pair
+    worst = level.error(finest)
+    if not (level.is_fit and finest.is_fit and worst <= limit / MARGIN):
+        return None
+    return error_scales(level, worst, bends), worst
 
 
 def least_samples(field: IndexField, pilot: RayBundle, limit: float, lever_arms: LeverArms | None) -> int:

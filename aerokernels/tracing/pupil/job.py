@@ -212,10 +212,8 @@ def make_job(
     is_sparse = 0 < radial_rays < RADIAL_RAYS and like is not None
     known_plan = None if like is None else like.plan  # so that `like` itself need not stay alive
 
-    given_plan = plan
-
     def make_plan(rays: int) -> TracePlan:
-        plan = given_plan or plan_rays(
+        made = plan or plan_rays(
             field,
             lambda: pilot,
             REPLICATES * count,
@@ -228,28 +226,28 @@ def make_job(
             **choices,
         )
         are_few = is_sparse or (field.geometry == "volume" and rays <= FEW_RAYS)
-        return replace(plan, reasons=(*plan.reasons, why), few_rays=are_few)
+        return replace(made, reasons=(*made.reasons, why), few_rays=are_few)
 
     def plan_of(rays: int) -> TracePlan:
+        if plan is not None:
+            return make_plan(rays)
         # `seen` separates plans confirmed from another job from plans searched for this one, so that no answer depends
         # on other calls.
-        if given_plan is not None:
-            return make_plan(rays)
         key = "plan of a pupil", *seen, count, rays, wavelength, tuple(choices.values()), why, is_sparse
-        plan: TracePlan = field.derive(key, lambda: make_plan(rays), CACHED)
-        return plan
+        made: TracePlan = field.derive(key, lambda: make_plan(rays), CACHED)
+        return made
 
     taken = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
     is_known = taken in sizes and not radial_rays
     sizes = () if radial_rays else (taken,) if is_known else sizes
     first = sizes[0] if sizes else radial_rays or per_replicate
-    plan = plan_of(REPLICATES * first)
+    first_plan = plan_of(REPLICATES * first)
     task = PupilTask(
         field,
         pupil,
         look,
         until,
-        plan,
+        first_plan,
         wavelength,
         radial_rays or per_replicate,
         REPLICATES,
@@ -261,7 +259,7 @@ def make_job(
         and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.reach,
         is_radial=radial_rays > 0,
     )
-    return PupilJob(plan, plan_of, until, per_replicate, task, air, pilot, sizes, is_known, like is not None)
+    return PupilJob(first_plan, plan_of, until, per_replicate, task, air, pilot, sizes, is_known, like is not None)
 
 
 def air_of(

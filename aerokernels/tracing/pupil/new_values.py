@@ -27,9 +27,9 @@ from ..engines import engine_of
 from ..engines.device_memory import DeviceMemoryError, memory_of
 from ..error_limit import error_limit, keep_error_limit
 from ..grid_tables import has_tables, keep_tables, prepare_grid
-from ..leapfrog.between_samples import MARGIN, MissedStructure
-from ..leapfrog.pilot_levels import GREATEST_BEND, GREATEST_SHARE, SAFETY, error_scales, pair_of
-from ..leapfrog.sample_count import leapfrog_reason, least_samples
+from ..leapfrog.between_samples import MissedStructure
+from ..leapfrog.pilot_levels import GREATEST_BEND, GREATEST_SHARE, SAFETY, pair_of
+from ..leapfrog.sample_count import judged_pair, leapfrog_reason, least_samples
 from ..leapfrog.unresolved import potential_by_blocks
 from ..lever_arms import LeverArms
 from ..plan import TracePlan
@@ -189,11 +189,10 @@ class NewValues:
         `limit` is the OPD error allowed there [m], and `made` are the outputs of the pilot's trials.
         """
         plan = self.task.plan
-        level, finest, bends = pair_of(made, plan.sample_count)
-        worst = level.error(finest)
-        if limit < self.limit or not (level.is_fit and finest.is_fit and worst <= limit / MARGIN):
+        judged = judged_pair(pair_of(made, plan.sample_count), limit)
+        if judged is None or limit < self.limit:
             return None
-        held, scales = (plan.quadrature_error_scale, plan.trajectory_error_scale), error_scales(level, worst, bends)
+        (scales, worst), held = judged, (plan.quadrature_error_scale, plan.trajectory_error_scale)
         covers = all(needed <= GREATER * scale for needed, scale in zip(scales, held, strict=True))
         if not (covers or worst <= NEGLIGIBLE * limit) or not self._contains_support(field):
             return None
@@ -276,12 +275,11 @@ def _wider_scales(made: list[dict[str, np.ndarray]], count: int, limit: float) -
 
     None for a pilot that is not accurate. `made` are the outputs of its trials, and `limit` is a ray's [m].
     """
-    level, finest, bends = pair_of(made, count)
-    worst = level.error(finest)
-    if not (level.is_fit and finest.is_fit and worst <= limit / MARGIN):
+    judged = judged_pair(pair_of(made, count), limit)
+    if judged is None:
         return None
+    (share, bend), worst = judged
     wider = WIDER if worst <= 0.0 else min(max(0.5 * limit / (SAFETY * worst), 1.0), WIDER)
-    share, bend = error_scales(level, worst, bends)
     return min(wider * share, GREATEST_SHARE), min(wider * bend, GREATEST_BEND)
 
 

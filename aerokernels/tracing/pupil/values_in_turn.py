@@ -1,7 +1,7 @@
 """Memory on a device for the values of one field at a time, and what is launched for each: tables, pilot and pupil.
 
 It is prepared once for the nodes of a grid. For the values of another field the same launches are started again, on a
-GPU as one graph or without setting an argument, which takes a tenth of the time of preparing them.
+GPU as one graph or without setting an argument, which takes far less time than to prepare them.
 """
 
 import threading

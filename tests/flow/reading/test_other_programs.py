@@ -5,6 +5,7 @@ import warnings
 from pathlib import Path
 
 import cgns_writer
+import h5py
 import numpy as np
 import pytest
 import writers
@@ -286,7 +287,7 @@ def test_what_a_configuration_of_su2_states_of_the_flow_is_told(tmp_path, stated
 def test_a_mesh_of_su2_in_cgns(tmp_path, binary):
     """Set-up: the cells and points of SU2's mesh in a CGNS file, the restart beside it.
 
-    Expected: the field with the mesh as .su2, and its wall; points in another order than the restart's are rejected.
+    Expected: the field with the mesh as .su2. Points in another order than the restart's, or a second zone: rejected.
     """
     pytest.importorskip("vtkmodules")
     path = writers.su2(tmp_path, binary=binary)
@@ -301,6 +302,12 @@ def test_a_mesh_of_su2_in_cgns(tmp_path, binary):
             field = flow.read(path, mesh=file)
             at = np.column_stack([np.zeros(9), np.linspace(0.2, 0.8, 9), -np.linspace(0.2, 0.8, 9)])
             assert field.density_at(at) == pytest.approx(expected.density_at(at), abs=1e-15)
+            with h5py.File(file, "a") as root:
+                base = next(own for own in root.values() if isinstance(own, h5py.Group) and own.keys() - {" data"})
+                zone = next(name for name, own in base.items() if own.attrs.get("label", b"")[:6] == b"Zone_t")
+                base.copy(zone, "Zone 2")
+            with pytest.raises(ReadError, match="it has 2 zones, and SU2 reads a mesh in CGNS of one"):
+                flow.read(path, mesh=file)
             continue
         with pytest.raises(ReadError, match=r"its points are not where the mesh has them \(column x\)"):
             flow.read(path, mesh=file)

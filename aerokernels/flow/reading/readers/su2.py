@@ -27,7 +27,7 @@ from ..dataset import (  # fmt: skip
     ReadError,
     whole_number,
 )
-from .su2_cgns import cgns_meshes
+from .su2_cgns import cgns_mesh
 from .text_tables import read_table
 
 MAGIC = 535532
@@ -74,7 +74,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
 def _meshes(path: Path) -> list[tuple[np.ndarray, Cells, list[Patch]]]:
     """Return points, cells and patches of each zone of a mesh."""
     if path.suffix.lower() == ".cgns":
-        return cgns_meshes(path)
+        return [cgns_mesh(path)]
     return [(zone.points, zone.cells, _walls(zone.points, zone.markers)) for zone in read_mesh(path)]
 
 

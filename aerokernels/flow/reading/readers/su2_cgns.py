@@ -11,13 +11,19 @@ from ..calling import in_child
 from ..dataset import Cells, Patch, ReadError
 
 
-def cgns_meshes(path: Path) -> list[tuple[np.ndarray, Cells, list[Patch]]]:
-    """Return points, cells and patches of each zone.
+def cgns_mesh(path: Path) -> tuple[np.ndarray, Cells, list[Patch]]:
+    """Return points, cells and patches of its zone.
 
     Raises:
-        ReadError: A damaged file, or zones that are structured, which SU2 does not read either.
+        ReadError: A damaged file, several zones, or a structured one, neither of which SU2 reads.
     """
     found = in_child("cgns_file", path, None, {})
-    if wrong := [block.name for block in found.blocks if block.cells is None]:
-        raise ReadError(path, f"zone {wrong[0]!r} is structured", "give the mesh that SU2 read, which is unstructured")
-    return [(block.points, block.cells, list(found.patches)) for block in found.blocks if block.cells is not None]
+    if len(found.blocks) != 1:
+        fault = f"it has {len(found.blocks)} zones, and SU2 reads a mesh in CGNS of one"
+        raise ReadError(path, fault, "give the mesh that SU2 read")
+    (block,) = found.blocks
+    if block.cells is None:
+        raise ReadError(
+            path, f"zone {block.name!r} is structured", "give the mesh that SU2 read, which is unstructured"
+        )
+    return block.points, block.cells, list(found.patches)
