@@ -148,9 +148,12 @@ def test_a_field_that_follows_may_need_all_rays(engine: str, monkeypatch):
     seen = prepared(engine, air()).with_field(air(tilt=0.1))
     (make,) = seen.job.finer_runs
     planned, plan = [], job.plan_rays
-    monkeypatch.setattr(
-        job, "plan_rays", lambda *given, **more: planned.append(more["sure_count"]) or plan(*given, **more)
-    )
+
+    def noted(*given, **more):
+        planned.append(more["sure_count"])
+        return plan(*given, **more)
+
+    monkeypatch.setattr(job, "plan_rays", noted)
     run = make()
     assert planned[-1] == 1 << 17
     assert follows(seen) and run.task.per_replicate == seen.job.per_replicate == (1 << 17) // 16
