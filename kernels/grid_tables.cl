@@ -1,5 +1,9 @@
-// The kernels that prepare a grid, built together.
+// The kernels that prepare a grid, and those that bound the structure between samples for new values on its nodes,
+// built together.
 
 #include "spline_lines.cl"
 #include "column_maxima.cl"
 #include "block_maxima.cl"
+#include "rule_in_blocks.cl"
+#include "missed_in_layers.cl"
+#include "missed_around.cl"

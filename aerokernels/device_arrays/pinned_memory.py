@@ -1,10 +1,14 @@
 """Cache of pinned memory, which a GPU accesses directly at full speed.
 
 Pinning memory takes longer than copying through it: pinned memory is cached for the next copy, within limits, and so is
-the memory of a result's arrays once the result is deleted.
+the memory of a result's arrays once the result is deleted. Some may be set aside for the samples of fields, which a GPU
+then reads without another copy on the host.
 """
 
+import math
+import os
 import threading
+import weakref
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -12,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..process.machine import host_memory
+from ..process.opened import OPENED
 
 # Memory is pinned in units of so many bytes; smaller arrays are not worth it.
 LEAST = 1 << 20
@@ -19,6 +24,25 @@ LEAST = 1 << 20
 PINNED_SHARE, KEPT = 0.25, 4 << 30
 # Cached memory is reused for an array that fills at least this share of it.
 FILLED = 0.75
+# Key of the list of memories with memory set aside, the latest first.
+ASIDE = "pinned memory set aside"
+# Most memory that is set aside for arrays of one size [bytes].
+MOST_ASIDE = 1 << 28
+
+
+def unused_array(shape: tuple[int, ...]) -> np.ndarray:
+    """Return an uninitialised float64 array, in memory that was set aside and is not in use where there is any."""
+    size = 8 * math.prod(shape)
+    for memory in (OPENED.get(ASIDE) or ()) if size >= LEAST else ():
+        taken = memory.unused(size)
+        if taken is not None:
+            return np.asarray(Lent(memory, taken, shape, np.dtype(np.float64)))
+    return np.empty(shape)
+
+
+def is_whole(array: np.ndarray) -> bool:
+    """Return whether an array is the one that was made with its memory, not a view of another one."""
+    return array.flags.owndata or isinstance(array.base, Lent)
 
 
 class PinnedMemory:
@@ -29,16 +53,21 @@ class PinnedMemory:
         self._make = make
         self._free: list[Any] = []
         self._pinned = 0
+        self._taken: set[int] = set()  # ids of the buffers that are reused once they are given back
+        self._process = os.getpid()
         self._lock = threading.RLock()  # reentrant: the garbage collector may delete an array during `take`
+        if hasattr(os, "register_at_fork"):  # not on Windows, which has no fork
+            renew = weakref.WeakMethod(self._renew)
+            os.register_at_fork(after_in_parent=lambda: (method := renew()) and method())
 
     def take(self, size: int) -> Any:
         """Return pinned memory of at least so many bytes; None if no more may be pinned."""
+        if os.getpid() != self._process:  # a forked child, in which the lock may be held for ever
+            return None
         with self._lock:
-            fitting = [each for each in self._free if FILLED * each.size <= size <= each.size]
-            if fitting:
-                best = min(fitting, key=lambda each: each.size)
-                self._free = [each for each in self._free if each is not best]
-                return best
+            found = self.unused(size)
+            if found is not None:
+                return found
             size = -(-size // LEAST) * LEAST
             if self._pinned + size > PINNED_SHARE * host_memory():
                 self._drop(size)
@@ -49,14 +78,57 @@ class PinnedMemory:
             except RuntimeError:
                 return None
             self._pinned += size
+            self._taken.add(id(made))
             return made
+
+    def unused(self, size: int) -> Any:
+        """Return cached memory of at least so many bytes; None if there is none."""
+        if os.getpid() != self._process:
+            return None
+        with self._lock:
+            fitting = [each for each in self._free if FILLED * each.size <= size <= each.size]
+            if not fitting:
+                return None
+            best = min(fitting, key=lambda each: each.size)
+            self._free = [each for each in self._free if each is not best]
+            self._taken.add(id(best))
+            return best
+
+    def set_aside(self, size: int, count: int) -> None:
+        """Pin memory for so many arrays of a size [bytes], which `unused_array` then returns, or for as many as fit."""
+        for each in [self.take(size) for _ in range(min(count, MOST_ASIDE // max(size, 1)))]:
+            if each is not None:
+                self.give_back(each)
+        aside: list[PinnedMemory] = OPENED.once(ASIDE, list)
+        aside[:] = [self, *(each for each in aside if each is not self)]
+
+    def holds(self, array: np.ndarray) -> bool:
+        """Return whether an array is in memory of this cache."""
+        owner: Any = array
+        while isinstance(owner, np.ndarray):
+            owner = owner.base
+        return isinstance(owner, Lent) and owner.memory is self
 
     def give_back(self, buffer: Any) -> None:
         """Return memory that was taken and that no copy uses."""
+        if os.getpid() != self._process:  # a forked child, which can neither use nor free it
+            self._free.append(buffer)
+            return
         with self._lock:
+            if id(buffer) not in self._taken:  # a forked child may still read it
+                self._pinned -= buffer.size
+                return
+            self._taken.remove(id(buffer))
             self._free.append(buffer)
             while sum(each.size for each in self._free) > KEPT:
                 self._pinned -= self._free.pop(0).size
+
+    def _renew(self) -> None:
+        """Reuse no memory that a forked child has: its arrays would change with those of this process."""
+        with self._lock:
+            self._taken.clear()
+            self._pinned -= sum(each.size for each in self._free)
+            self._free = []
 
     def _drop(self, size: int) -> None:
         """Unpin so many bytes of unused memory, or all of it."""

@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 
 from ..derived import Derived
+from ..device_arrays.pinned_memory import is_whole, unused_array
 from ..display.shown import shown
 from ..inputs.checks import check_choice
 from ..process.large_arrays import copy_over, extremes_of
@@ -143,9 +144,9 @@ class UniformGrid(Derived):
         """Check shapes and numbers."""
         samples = self.samples
         # Read-only arrays are not copied, since grids may have 100 million nodes.
-        own = isinstance(samples, np.ndarray) and samples.flags.owndata and not samples.flags.writeable
+        own = isinstance(samples, np.ndarray) and not samples.flags.writeable and is_whole(samples)
         if not (own and samples.dtype == np.float64 and samples.flags.c_contiguous):
-            given, samples = np.asarray(samples), np.empty(np.shape(samples))
+            given, samples = np.asarray(samples), unused_array(np.shape(samples))
             copy_over(samples, given)
         origin, spacing = checked_axes(samples.shape, self.origin, self.spacing)
         check_choice(self.interpolation, "interpolation", spline.INTERPOLATIONS)

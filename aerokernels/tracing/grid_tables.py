@@ -129,16 +129,21 @@ class GridTables:
         return finish
 
     def start(self, samples: Any) -> None:
-        """Start the launches for the samples in a buffer, and the copy of the tables to the host."""
+        """Start the launches for the samples in a buffer."""
         in_blocks, *lines = self.reading.buffers
         self._spline(samples)
         self._by_blocks(samples, in_blocks)
         if lines:
             self._peaks(*lines)
-        self.reading.start()
+
+    @property
+    def in_blocks(self) -> Any:
+        """The buffer of the greatest fourth differences along three axes in each block, and of the potential there."""
+        return self.reading.buffers[0]
 
     def read(self) -> dict[str, Any]:
-        """Wait for the tables of the last `start`, and return them by name."""
+        """Copy the tables of the last `start` to the host, and return them by name."""
+        self.reading.start()
         in_blocks, *lines = (array.copy() for array in self.reading.wait())
         *fourth, potential = in_blocks.reshape(4, *self.blocks)  # of a grid of two axes the first is of no axis
         found = {"roughness": self._by_axis(*fourth), "potential by blocks": potential}

@@ -138,15 +138,49 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("first_place", "int"),
         Value("maxima_out", "double*"),
     ),
+    "rule_in_blocks": (
+        Value("fourth_in", "double*"),
+        Value("table", "int"),
+        Value("scales", "double3"),
+        Value("first_place", "int"),
+        Value("missed_out", "double*"),
+    ),
+    "missed_in_layers": (
+        Value("missed_in", "double*"),
+        Value("weight_in", "double*"),
+        Value("begin", "int"),
+        Value("layer_count", "int"),
+        Value("layer_pitch", "int"),
+        Value("row_pitch", "int"),
+        Value("row_width", "int"),
+        Value("column_count", "int"),
+        Value("column_pitch", "int"),
+        Value("column_width", "int"),
+        Value("first_place", "int"),
+        Value("sums_out", "double*"),
+    ),
+    "missed_around": (
+        Value("missed_in", "double*"),
+        Value("tables_in", "double*"),
+        Value("potential_begin", "int"),
+        Value("first_count", "int"),
+        Value("second_count", "int"),
+        Value("third_count", "int"),
+        Value("blocks_in", "int*"),
+        Value("first_place", "int"),
+        Value("greatest_out", "double*"),
+    ),
 }
+# The kernels that prepare a grid (tracing/grid_tables.py), and those that bound the structure between samples for new
+# values on its nodes (tracing/leapfrog/structure_on_device.py).
+GRID_KERNELS = "spline_lines", "column_maxima", "block_maxima"
+STRUCTURE_KERNELS = "rule_in_blocks", "missed_in_layers", "missed_around"
 # The kernels without options of a scene, by the file in which they are built together.
 PROGRAMS = {
     "pupil": ("launch_pupil", "sum_rays", "reduce_sums"),
-    "grid_tables": ("spline_lines", "column_maxima", "block_maxima"),
+    "grid_tables": (*GRID_KERNELS, *STRUCTURE_KERNELS),
     "retry": ("collect_rejected", "deliver_retraced"),
 }
-# The kernels that prepare a grid (tracing/grid_tables.py).
-GRID_KERNELS = PROGRAMS["grid_tables"]
 # The counts that bound an OpenCL launch, whose size is rounded up to whole work-groups.
 BOUNDS = {
     "first_ray": "ray_count",

@@ -91,11 +91,14 @@ class MissedStructure:
         other.ends = disturbed_ends(field, self.lines, limit) if len(self.lines.length) else b""
         return other
 
-    def _sampled(self, count: int) -> Sampling:
-        # Where the stop is met at a right angle, a deflection still counts in second order.
-        lever_arm = math.sqrt(0.5 * self.limit * self.length)
+    def sampled(self, count: int) -> Sampling:
+        """How so many samples are distributed along the rays."""
         is_fine = path_exceeds(self.field, self.limit / FINE_SHARE)
-        return Sampling(self.length / count, self.steepness, lever_arm, is_fine, self.ends)
+        return Sampling(self.length / count, self.steepness, self.lever_arm(self.limit), is_fine, self.ends)
+
+    def lever_arm(self, limit: float) -> float:
+        """That of a Sampling for an OPD error [m] allowed to a ray: a deflection still counts in second order."""
+        return math.sqrt(0.5 * limit * self.length)
 
     def least_count(self, count: int, is_worth_it, cost_again) -> int:
         """The number of samples, at least `count`, with the least cost including that of rays that are traced again.
@@ -113,7 +116,7 @@ class MissedStructure:
                 count = self._between_counts(before, (count, found))
                 return count if count < best_cost else best
             some = self.lines.every(max(1, len(self.lines.length) // COUNTED_LINES))
-            missed = missed_along(self.field, self._sampled(count), some)
+            missed = missed_along(self.field, self.sampled(count), some)
             rejected = float((missed > REJECTED * self.limit).mean())
             cost = count + (rejected * cost_again() if rejected > 0.0 else 0.0)
             if cost < best_cost:
@@ -161,7 +164,7 @@ class MissedStructure:
         if count not in self._errors:
             allowed = NEGLIGIBLE * self.limit
             self._errors[count] = greatest_error(
-                self.field, self._sampled(count), self.lines, allowed=allowed, show_ends=self.show_ends
+                self.field, self.sampled(count), self.lines, allowed=allowed, show_ends=self.show_ends
             )
         return self._errors[count]
 
@@ -181,25 +184,16 @@ class MissedStructure:
         return more if more <= most else self.enough(count, most)
 
     def is_enough(self, count: int) -> bool:
-        """Whether this number of samples misses no structure.
+        """Whether this number of samples misses no structure, by the sharper bound."""
+        return self._greatest(count) <= NEGLIGIBLE * self.limit
 
-        The sharper bound is computed for two axes only: for a volume that takes longer than to plan with more samples.
-        """
-        if not len(self.lines.length):
-            return True
-        allowed = NEGLIGIBLE * self.limit
-        if self._by_rule(count, allowed) <= allowed:
-            return True
-        return self.field.geometry != "volume" and self._greatest(count) <= allowed
-
-    def _by_rule(self, count: int, enough: float = -math.inf) -> float:
-        """The same by the rule's own bound, which is greater but faster to compute; not improved below `enough`."""
-        given = self.field, self._sampled(count), self.lines
-        return greatest_error(*given, by_rule=True, show_ends=self.show_ends, enough=enough)
+    def _by_rule(self, count: int) -> float:
+        """The same by the rule's own bound, which is greater but faster to compute."""
+        return greatest_error(self.field, self.sampled(count), self.lines, by_rule=True, show_ends=self.show_ends)
 
     def sampling(self, count: int) -> Sampling | None:
         """How this many samples are distributed along the rays; None where they miss no structure."""
-        return None if self._greatest(count) <= NEGLIGIBLE * self.limit else self._sampled(count)
+        return None if self._greatest(count) <= NEGLIGIBLE * self.limit else self.sampled(count)
 
 
 def _rounded_length(lengths: np.ndarray) -> float:

@@ -8,7 +8,7 @@ from ..blocks import greatest_of_neighbors
 from ..scheme import LOOKUP_STRIDE, MISSED_SLOPE
 from ..step_bound import block_size
 from ..straight_lines import Lines
-from .path_through_blocks import path_of
+from .path_through_blocks import BlockPath, path_of
 from .unresolved import (
     EVERYWHERE,
     Sampling,
@@ -78,7 +78,6 @@ def greatest_error(
     by_rule: bool = False,
     allowed: float = np.inf,
     show_ends: bool = True,
-    enough: float = -np.inf,
 ) -> float:
     """Bound the path error of any ray by structure between its samples [m].
 
@@ -89,14 +88,13 @@ def greatest_error(
         by_rule: See `missed_in_blocks`.
         allowed: A bound above this is refined: the change of the missed structure across the rays is computed.
         show_ends: Whether rays begin and end where the lines do; otherwise anywhere between the outermost of these.
-        enough: A bound of this or less is not improved further.
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     block, missed = missed_in_blocks(field, sampling, by_rule)
     changes = MISSED_SLOPE / float(np.min(field.spacing)) * missed if lines.lever_arm.any() else None
     ends = _greatest_at_ends(field, sampling, lines, by_rule, show_ends)
-    found = _greatest_on_lines(grid, block, missed, changes, lines, field.geometry, enough - ends)
+    found = _greatest_on_lines(grid, block, missed, changes, lines, field.geometry)
     if found + ends > allowed and changes is not None and not by_rule:
         changes = np.minimum(changes_missed(field, sampling), changes)
         found = min(found, _greatest_on_lines(grid, block, missed, changes, lines, field.geometry))
@@ -111,10 +109,10 @@ def _greatest_at_ends(field: IndexField, sampling: Sampling, lines: Lines, by_ru
     if at_ends is None or not len(lines.length):
         return 0.0
     found = 0.0
-    for places in _known_ends(field, lines, at_ends.shape):
+    for places in known_ends(field, lines, at_ends.shape):
         part = tuple(slice(int(place.min()), int(place.max()) + 1) for place in places)
         found += float(at_ends[part].max())
-    return found * float(_with_lever_arm(field, lines).max())
+    return found * float(with_lever_arm(field, lines).max())
 
 
 def _missed_at_ends_of(field: IndexField, sampling: Sampling, lines: Lines, by_rule: bool = False) -> np.ndarray:
@@ -122,12 +120,12 @@ def _missed_at_ends_of(field: IndexField, sampling: Sampling, lines: Lines, by_r
     at_ends = missed_at_ends(field, sampling, by_rule)
     if at_ends is None:
         return np.zeros(len(lines.length))
-    first, last = _known_ends(field, lines, at_ends.shape)
-    found: np.ndarray = (at_ends[first] + at_ends[last]) * _with_lever_arm(field, lines)
+    first, last = known_ends(field, lines, at_ends.shape)
+    found: np.ndarray = (at_ends[first] + at_ends[last]) * with_lever_arm(field, lines)
     return found
 
 
-def _known_ends(field: IndexField, lines: Lines, shape: tuple[int, ...]) -> list[tuple]:
+def known_ends(field: IndexField, lines: Lines, shape: tuple[int, ...]) -> list[tuple]:
     """The blocks of a field in which lines begin, and in which they end; cached."""
     grid = field.samples
     assert isinstance(grid, UniformGrid)
@@ -143,26 +141,29 @@ def _greatest_on_lines(
     changes: np.ndarray | None,
     lines: Lines,
     geometry: str,
-    enough: float = -np.inf,
 ) -> float:
     """Greatest sum along any line of the error `missed` in blocks, and of its `changes` times the lever arms.
 
-    None for `changes` means that no line has a lever arm. The bound is not improved below `enough`.
+    None for `changes` means that no line has a lever arm.
     """
-    key = "path", geometry, block, missed.shape, _nodes_key(grid)
-    path = lines.derive(key, lambda: path_of(grid, block, missed.shape, lines, geometry))
+    path = known_path(grid, block, missed.shape, lines, geometry)
     met, changing = missed[path.part], None if changes is None else changes[path.part]
     found = float(met.max()) * path.longest
     if changing is not None:
         found += float(changing.max()) * path.lever_arm * path.longest
     # Along an axis that all rays run along: layer by layer, as far to the side as a ray may get.
     for layers in path.layers:
-        if found <= enough:
-            break
         amount = met if changing is None else met + changing * layers.lever_arms
         for other, count in layers.beside:
             amount = greatest_of_neighbors(amount, count, other)
         found = min(found, float(amount.sum(axis=layers.axis).max()) * layers.thickness / layers.least)
+    return found
+
+
+def known_path(grid: UniformGrid, block: int, shape: tuple[int, ...], lines: Lines, geometry: str) -> BlockPath:
+    """The path of lines through blocks, as by `path_of`; cached."""
+    key = "path", geometry, block, shape, _nodes_key(grid)
+    found: BlockPath = lines.derive(key, lambda: path_of(grid, block, shape, lines, geometry))
     return found
 
 
@@ -176,10 +177,10 @@ def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndar
     for k in range(count):
         place = lines.start + ((k + 0.5) / count * lines.length)[:, None] * lines.direction
         found += table[_blocks_at(grid, field.geometry, place, table.shape)]
-    found *= lines.length / count * _with_lever_arm(field, lines)
+    found *= lines.length / count * with_lever_arm(field, lines)
     return found + _missed_at_ends_of(field, sampling, lines)
 
 
-def _with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
+def with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
     """The factor by which an error of the path grows with the error of direction that comes with it."""
     return 1.0 + MISSED_SLOPE / float(np.min(field.spacing)) * lines.lever_arm

@@ -165,7 +165,7 @@ def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
     block = block_size(grid)
     missed = grid.derive(("missed by rule itself", geometry, sampling), lambda: _by_rule(grid, geometry, sampling), 2)
-    factor = _turned(grid, sampling)
+    factor = turned(grid, sampling.lever_arm)
     if by_rule:
         return block, factor * missed
     parts, _, share = _not_resolved(grid, geometry, sampling)
@@ -174,9 +174,12 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool)
     return block, factor * np.minimum(missed, BOTH * share * _with_lobes(rest, main))
 
 
-def _turned(grid: UniformGrid, sampling: Sampling) -> float:
-    """The factor by which an error grows with its error of direction where the stop is met at a right angle."""
-    return 1.0 + MISSED_SLOPE * sampling.lever_arm / float(grid.spacing.min())
+def turned(grid: UniformGrid, lever_arm: float) -> float:
+    """The factor by which an error grows with its error of direction where the stop is met at a right angle.
+
+    `lever_arm` is that of a Sampling [m/rad].
+    """
+    return 1.0 + MISSED_SLOPE * lever_arm / float(grid.spacing.min())
 
 
 def _at_ends(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> np.ndarray:
@@ -188,15 +191,19 @@ def _at_ends(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool
         if sampling.ends != EVERYWHERE:  # elsewhere the part is not known, but no greater than twice the whole
             size = np.where(_ends_of(grid, sampling), size, 2.0 * potential_by_blocks(grid))
         found = np.minimum(found, END * share * spacing * size)
-    return _turned(grid, sampling) * with_neighbors(found)
+    return turned(grid, sampling.lever_arm) * with_neighbors(found)
 
 
 def _by_rule(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
     """The rule's own bound in each block, per metre of path [1]."""
-    obliquity = along_axes(sampling.steepness, geometry)
     _, fourth, _ = roughness_of_blocks(grid)
-    strides = [PEANO * (u * sampling.spacing) ** 4 for u in obliquity]
-    return _joined([stride * change for stride, change in zip(strides, fourth, strict=True)])
+    scales = rule_scales(geometry, sampling)
+    return _joined([scale * change for scale, change in zip(scales, fourth, strict=True)])
+
+
+def rule_scales(geometry: str, sampling: Sampling) -> list[float]:
+    """The rule's own bound over the fourth derivative along each axis of a grid [m4]."""
+    return [PEANO * float(u * sampling.spacing) ** 4 for u in along_axes(sampling.steepness, geometry)]
 
 
 def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:

@@ -18,6 +18,7 @@ fields asked of one job are compared with that job's field alone, so that no ans
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -127,9 +128,9 @@ class NewValues:
         task = replace(job.known_task, field=field, plan=plan)
         try:
             with memory_of(plan.device):
-                place = ValuesInTurn(task, job.pilot)
+                place = ValuesInTurn(task, job.pilot, structure)
                 place.load(known)
-                wider = _wider_scales(place.read(known), count, limit)
+                wider = _wider_scales(place.read(), count, limit)
                 if wider is None:
                     return None
                 plan = replace(plan, quadrature_error_scale=wider[0], trajectory_error_scale=wider[1])
@@ -143,7 +144,7 @@ class NewValues:
 
         def another() -> ValuesInTurn:
             alike = replace(task, field=found.twin(field))
-            return ValuesInTurn(alike, job.pilot).prepare(alike)
+            return ValuesInTurn(alike, job.pilot, structure).prepare(alike)
 
         found = cls(make, job, task, structure, limit, box, MemoryInTurn(place, another))
         return found
@@ -164,8 +165,8 @@ class NewValues:
                 air = air_of(field, task.pupil, task.look, tolerance, job.air.rays)
                 limit = error_limit(field, tolerance)
             finally:
-                made = place.read(field)
-            worst = self._worst(field, limit, made)
+                made = place.read()
+            worst = self._worst(field, limit, made, place)
             if worst is None:
                 place.leave(field)
                 return None
@@ -183,8 +184,10 @@ class NewValues:
             lock=threading.Lock(),
         )
 
-    def _worst(self, field: IndexField, limit: float, made: list[dict[str, np.ndarray]]) -> float | None:
-        """The pilot's greatest error [m] in a field; None where the plan does not hold.
+    def _worst(
+        self, field: IndexField, limit: float, made: list[dict[str, np.ndarray]], place: ValuesInTurn
+    ) -> float | None:
+        """The pilot's greatest error [m] in a field whose values are in memory; None where the plan does not hold.
 
         `limit` is the OPD error allowed there [m], and `made` are the outputs of the pilot's trials.
         """
@@ -194,9 +197,21 @@ class NewValues:
             return None
         (scales, worst), held = judged, (plan.quadrature_error_scale, plan.trajectory_error_scale)
         covers = all(needed <= GREATER * scale for needed, scale in zip(scales, held, strict=True))
-        if not (covers or worst <= NEGLIGIBLE * limit) or not self._contains_support(field):
+        if not (covers or worst <= NEGLIGIBLE * limit):
             return None
-        return worst if self.structure.of_values(field, limit).is_enough(plan.sample_count) else None
+        is_bounded = place.structure.is_enough(limit)
+        if is_bounded and self._is_whole:
+            return worst
+        place.keep_tables(field)
+        if not is_bounded and field.geometry != "volume":  # where that would take longer than to plan anew
+            is_bounded = self.structure.of_values(field, limit).is_enough(plan.sample_count)
+        return worst if is_bounded and self._contains_support(field) else None
+
+    @cached_property
+    def _is_whole(self) -> bool:
+        """Whether the support is the whole box, so that it contains that of every field."""
+        grid = self.task.field.samples
+        return bool((self.box[0] <= grid.low).all() and (self.box[1] >= grid.high).all())
 
     def _is_alike(self, field: IndexField, wavelength: float) -> bool:
         """Whether a field has all of the known field but the values, and these are hardly greater."""

@@ -15,19 +15,22 @@ import numpy as np
 
 from ...medium import IndexField
 from ...medium.grid import FETCH, UniformGrid
-from ...process.large_arrays import copy_over
 from ...rays import RayBundle
 from ..engines import engine_of
 from ..grid_tables import GridTables, keep_tables
 from ..launch import Trials
+from ..leapfrog.between_samples import MissedStructure
 from ..leapfrog.pilot_levels import pair_numbers
 from ..leapfrog.sample_count import PILOT_OUTPUTS
+from ..leapfrog.structure_on_device import StructureOnDevice
 from ..support import keep_potential_peaks
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
 
 # Fields that may be in memory at a time, each used by one thread of a CPU.
 MOST = 2  # speed only
+# Fields for whose samples memory is set aside that a GPU reads directly: that in use, the next, and one to spare.
+ASIDE = 3  # speed only
 
 
 class ValuesInTurn:
@@ -35,14 +38,18 @@ class ValuesInTurn:
 
     Attributes:
         lock: Held by the thread that uses it.
+        structure: The structure that the pupil's rays miss between samples.
         trials: The pilot's rays, see pilot_levels.pair_numbers.
         run: The pupil's rays.
     """
 
     run: PupilRun
 
-    def __init__(self, task: PupilTask, pilot: RayBundle):
-        """Prepare the pilot of a task whose field nothing else uses: only those of others are loaded."""
+    def __init__(self, task: PupilTask, pilot: RayBundle, structure: MissedStructure):
+        """Prepare the pilot of a task whose field nothing else uses: only those of others are loaded.
+
+        `structure` is that which the rays may miss in this field.
+        """
         field, plan = task.field, task.plan
         grid = field.samples
         assert isinstance(grid, UniformGrid)
@@ -57,6 +64,8 @@ class ValuesInTurn:
         self.samples: Any = None  # on a CPU kernels read those of the fields themselves
         if engine.is_gpu:
             self.samples = engine.sent(engine.room((grid.samples.size,), np.float64))
+            engine.pinned.set_aside(grid.samples.nbytes, ASIDE)
+        self.structure = StructureOnDevice(engine, structure, plan.sample_count, tables.block, tuple(tables.blocks))
         few = replace(plan, few_rays=True)
         trials = Trials(field, pilot, few, task.until, task.wavelength, PILOT_OUTPUTS)
         self.trials = trials.repeated(*pair_numbers(plan.sample_count))
@@ -80,37 +89,38 @@ class ValuesInTurn:
         if self.samples is None:
             self._start(self.engine.share(samples.samples.reshape(-1)))
         else:
-            copy_over(self.samples.array.reshape(samples.shape), samples.samples)
-            self.repeat(self._send)
+            self.samples.send(samples.samples.reshape(-1))  # not with the launches, which may be replayed as one graph
+            self.repeat(self._start_from_buffer)
         self._holds = weakref.ref(samples)
 
-    def read(self, field: IndexField) -> list[dict[str, np.ndarray]]:
-        """Wait for the launches; cache the tables on the loaded field, and return the pilot's rays.
+    def read(self) -> list[dict[str, np.ndarray]]:
+        """Wait for the launches, and return the pilot's rays; on a CPU these are valid until the next load."""
+        return self.trials.read()
 
-        On a CPU these are valid until the next load.
-        """
+    def keep_tables(self, field: IndexField) -> None:
+        """Cache the tables on the loaded field."""
         grid = field.samples
         assert isinstance(grid, UniformGrid)
         keep_tables(grid, self.tables.read())
         if self.tables.on_host is not None:
             keep_potential_peaks(grid, self.tables.on_host.reshape(grid.coefficient_shape))
-        return self.trials.read()
 
     def leave(self, field: IndexField) -> None:
-        """Leave a copy of the coefficients with the loaded field, for which they are needed again, on a CPU."""
+        """Leave the tables and a copy of the coefficients with the loaded field, which needs them again, on a CPU."""
         if self.tables.on_host is not None:
+            self.keep_tables(field)
             coefficients = self.tables.on_host.reshape(field.samples.coefficient_shape).copy()
             coefficients.setflags(write=False)
             field.samples.derive(FETCH, lambda: lambda: coefficients)
 
-    def _send(self) -> None:
-        self.samples.send()
+    def _start_from_buffer(self) -> None:
         self._start(self.samples.buffer)
 
     def _start(self, samples: Any) -> None:
         """Start the launches for the samples in a buffer."""
         engine, tables = self.engine, self.tables
         tables.start(samples)
+        self.structure.start(tables.in_blocks)
         engine.renew(self.field, self.precision, tables.on_host)
         self.trials.start()
 

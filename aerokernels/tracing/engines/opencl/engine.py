@@ -59,6 +59,7 @@ class Engine(Uploads):
         self.threads = RAY_THREADS if self.is_gpu and "nvidia" in self.session.device.vendor.lower() else 1
         self.grid_tables: tuple[str, ...] = GRID_TABLES if self.is_gpu else GRID_TABLES[:2]
         self.grid_key = "coefficients", "opencl", self.session
+        self.pinned = self.session.pinned if self.is_gpu else None
         self.memory = float(self.session.device.global_mem_size), float(self.session.device.max_mem_alloc_size)
 
     def prepare(

@@ -4,12 +4,14 @@ import ctypes
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pyopencl as cl
 
 from ....device_arrays.pinned_memory import LEAST
+from ....process.large_arrays import copy_over
 from .session import Session
 
 
@@ -31,13 +33,16 @@ class Sent:
     is_copied: bool
     event: Any = None
 
-    def send(self) -> None:
+    def send(self, values: np.ndarray | None = None) -> None:
         """Start the upload; the queue is in order, so later launches see it."""
+        if values is not None and not (self.is_copied and self.session.pinned.holds(values)):
+            copy_over(self.array, values)
+            values = None
         if self.is_copied:
-            self.session.do(self._start)
+            self.session.do(partial(self._start, self.array if values is None else values))
 
-    def _start(self) -> None:
-        self.event = cl.enqueue_copy(self.session.queue, self.buffer, self.array, is_blocking=False)
+    def _start(self, values: np.ndarray) -> None:
+        self.event = cl.enqueue_copy(self.session.queue, self.buffer, values, is_blocking=False)
 
 
 class Fetched:

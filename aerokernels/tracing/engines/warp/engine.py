@@ -9,7 +9,7 @@ import warp as wp
 
 from ....device_arrays import DeviceArray, in_reach, is_one_row
 from ....device_arrays.fetching import Fetching
-from ....device_arrays.pinned import bring
+from ....device_arrays.pinned import bring, pinned_memory
 from ....medium import IndexField
 from ....process.clock import stage
 from ....process.machine import core_count, host_memory
@@ -23,7 +23,7 @@ from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import STRUCTS, Value
 from ..uploads import Uploads
-from .kernels import grid_tables, pupil, retry
+from .kernels import grid_tables, missed_structure, pupil, retry
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.team import WARP
@@ -36,7 +36,7 @@ from .types import types
 # The kernels without options, by name.
 KERNELS = {
     name: kernel
-    for file in (pupil, grid_tables, retry)
+    for file in (pupil, grid_tables, missed_structure, retry)
     for name, kernel in vars(file).items()
     if isinstance(kernel, wp.Kernel)
 }
@@ -80,6 +80,7 @@ class Engine(Uploads):
         self.memory = memory, memory
         self.is_gpu = bool(found.is_cuda)
         self.grid_key = "coefficients", "warp", device
+        self.pinned = pinned_memory() if found.is_cuda else None
         self.grid_tables: tuple[str, ...] = GRID_TABLES if found.is_cuda else ()
         self.outputs: list[tuple[list, Any]] = []
         self.threads = dict.fromkeys(SHARED, WARP)  # of a GPU, for each ray or group of rays; one for other kernels

@@ -13,7 +13,7 @@ import warp as wp
 
 from ....device_arrays.pinned import as_kind, pinned_memory
 from ....device_arrays.pinned_memory import LEAST
-from ....process.large_arrays import thread_count
+from ....process.large_arrays import copy_over, thread_count
 
 # A part of a piece of a GPU's memory begins at a multiple of this number of bytes.
 PART = 256
@@ -30,10 +30,17 @@ class Sent:
             self._there = _beside(buffer, self)
             self.array = self._there.numpy().reshape(array.shape)
 
-    def send(self) -> None:
+    def send(self, values: np.ndarray | None = None) -> None:
         """Start the upload; a stream is in order, so later launches see it."""
-        if self._there is not None:
-            wp.copy(self.buffer, self._there)
+        there = self._there
+        if values is not None:
+            if there is not None and pinned_memory().holds(values):
+                kind, size = self.buffer.dtype, self.buffer.size
+                there = wp.array(ptr=values.ctypes.data, dtype=kind, shape=(size,), device="cpu", pinned=True)
+            else:
+                copy_over(self.array, values)
+        if there is not None:
+            wp.copy(self.buffer, there)
 
 
 class Fetched:
