@@ -16,6 +16,14 @@ INLINED doubles values_at(__global const double *from, ints after, int in_row, d
     return ambient > 0.0 ? value * (ambient + 0.5 * value) : value;
 }
 
+// Nodes that are read ahead of the elimination: on a GPU each step would otherwise wait for memory. A processor reads
+// ahead itself.
+#if LANES == 1
+#define AHEAD 8
+#else
+#define AHEAD 1
+#endif
+
 #define VALUE(node) values_at(values + (size_t)(node) * pitch, value_after, in_row, ambient)
 #define MADE(row) read_all(made + (size_t)(row) * pitch, made_after, in_row)
 #define MAKE(row, coefficients) write_all(coefficients, made + (size_t)(row) * pitch, made_after, in_row)
@@ -46,16 +54,40 @@ __kernel void spline_lines(SPLINE_LINES_ARGUMENTS)
         before = second - (VALUE(0) - 2.0 * second + VALUE(2)) / 6.0;
         MAKE(2, before);
     }
-    for (int row = first; row < last; ++row) {
-        before = 6.0 * VALUE(row - 1) - before * inverse_in[row - 1];
-        MAKE(row, before);
+    doubles ahead[AHEAD];
+    double pivots[AHEAD];
+    for (int begin_row = first; begin_row < last; begin_row += AHEAD) {
+        #pragma unroll
+        for (int k = 0; k < AHEAD; ++k) {
+            const int node = min(begin_row + k, last - 1) - 1;
+            ahead[k] = VALUE(node);
+            pivots[k] = inverse_in[node];
+        }
+        #pragma unroll
+        for (int k = 0; k < AHEAD; ++k) {
+            if (begin_row + k < last) {
+                before = 6.0 * ahead[k] - before * pivots[k];
+                MAKE(begin_row + k, before);
+            }
+        }
     }
     const doubles inward = VALUE(count - 2);
     doubles after = inward - (VALUE(count - 3) - 2.0 * inward + VALUE(count - 1)) / 6.0;
     MAKE(last, after);
-    for (int row = last - 1; row >= first; --row) {
-        after = (MADE(row) - after) * inverse_in[row];
-        MAKE(row, after);
+    for (int begin_row = last - 1; begin_row >= first; begin_row -= AHEAD) {
+        #pragma unroll
+        for (int k = 0; k < AHEAD; ++k) {
+            const int row = max(begin_row - k, first);
+            ahead[k] = MADE(row);
+            pivots[k] = inverse_in[row];
+        }
+        #pragma unroll
+        for (int k = 0; k < AHEAD; ++k) {
+            if (begin_row - k >= first) {
+                after = (ahead[k] - after) * pivots[k];
+                MAKE(begin_row - k, after);
+            }
+        }
     }
     if (even) {
         MAKE(1, 0.25 * (MADE(1) - 2.0 * MADE(2)));

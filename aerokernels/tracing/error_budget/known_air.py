@@ -101,9 +101,9 @@ def _find_face_strengths(field: IndexField) -> np.ndarray:
     samples = field.samples.samples
     first_axis = 3 - samples.ndim
     for axis in range(samples.ndim):
-        for side, layers in enumerate((slice(None, 2), slice(-2, None))):
-            outermost = samples[(slice(None),) * axis + (layers,)]
-            found[2 * (first_axis + axis) + side] = np.abs(outermost).max()
+        for side, layers in enumerate(((0, 1), (-1, -2))):  # one by one: NumPy is slow along axes of two entries
+            outermost = [np.abs(samples[(slice(None),) * axis + (layer,)]).max() for layer in layers]
+            found[2 * (first_axis + axis) + side] = max(outermost)
     if field.geometry == "axisymmetric":
         found[SIDE], found[:4] = found[3], 0.0
     return found
@@ -131,6 +131,11 @@ def may_be_lost(
     )
     if not strongest > weakest:
         return lost, face
+    if until is None and ends is None and rays.ray_count <= CHUNK and isinstance(field.samples, UniformGrid):
+        place = "faces that rays cross", field.geometry, rays
+        crossed = known(field.samples, place, lambda: _crossed(_span(field, rays, slice(None))), CACHED)
+        if crossed is not None and not face_strengths(field)[crossed].max(initial=0.0) > weakest:
+            return lost, face
 
     def look_at(first: int) -> None:
         rows = slice(first, first + CHUNK)
@@ -153,6 +158,14 @@ def _span(field: IndexField, rays: RayBundle, rows: slice) -> BoxSpan:
         return find()
     found: BoxSpan = known(field.samples, ("crossings of the box", field.geometry, rays), find, CACHED)
     return found
+
+
+def _crossed(span: BoxSpan) -> np.ndarray | None:
+    """Numbers of the faces at which lines enter and leave a box; None if a line passes beside it."""
+    if not span.meets.all():
+        return None
+    faces = np.union1d(span.entry_face, span.exit_face)
+    return faces[faces >= 0]
 
 
 def _direction_weight(field: IndexField, rays: RayBundle, until) -> float:

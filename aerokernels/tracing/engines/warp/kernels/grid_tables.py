@@ -8,6 +8,10 @@ import warp as wp
 from ..library import KernelLibrary, built_once
 from ..types import takes
 
+# Nodes that are read ahead of the elimination of a spline: each step would otherwise wait for memory.
+AHEAD = 8  # speed only
+Ahead = wp.types.vector(length=AHEAD, dtype=wp.float64)
+
 
 @wp.func
 def value_at(values_in: wp.array(dtype=wp.float64), place: int, ambient: wp.float64) -> wp.float64:
@@ -42,18 +46,35 @@ def spline_lines(values_in, inverse_in, count, pitch, even, ambient, first_line,
         third = value_at(values_in, value + 2 * pitch, ambient)
         before = second - (near - two * second + third) / six
         coefficients_out[made + 2 * pitch] = before
-    for row in range(first, last):
-        before = six * value_at(values_in, value + (row - 1) * pitch, ambient) - before * inverse_in[row - 1]
-        coefficients_out[made + row * pitch] = before
+    ahead = Ahead()
+    pivots = Ahead()
+    begin = first
+    while begin < last:
+        for k in range(AHEAD):
+            node = wp.min(begin + k, last - 1) - 1
+            ahead[k] = value_at(values_in, value + node * pitch, ambient)
+            pivots[k] = inverse_in[node]
+        for k in range(AHEAD):
+            if begin + k < last:
+                before = six * ahead[k] - before * pivots[k]
+                coefficients_out[made + (begin + k) * pitch] = before
+        begin += AHEAD
     outermost = value_at(values_in, value + last * pitch, ambient)
     inward = value_at(values_in, value + (last - 1) * pitch, ambient)
     further = value_at(values_in, value + (last - 2) * pitch, ambient)
     after = inward - (further - two * inward + outermost) / six
     coefficients_out[made + last * pitch] = after
-    for back in range(first, last):
-        row = last - 1 - (back - first)
-        after = (coefficients_out[made + row * pitch] - after) * inverse_in[row]
-        coefficients_out[made + row * pitch] = after
+    begin = last - 1
+    while begin >= first:
+        for k in range(AHEAD):
+            row = wp.max(begin - k, first)
+            ahead[k] = coefficients_out[made + row * pitch]
+            pivots[k] = inverse_in[row]
+        for k in range(AHEAD):
+            if begin - k >= first:
+                after = (ahead[k] - after) * pivots[k]
+                coefficients_out[made + (begin - k) * pitch] = after
+        begin -= AHEAD
     if even != 0:
         mirrored = coefficients_out[made + 2 * pitch]
         coefficients_out[made + pitch] = wp.float64(0.25) * (coefficients_out[made + pitch] - two * mirrored)
