@@ -130,11 +130,8 @@ class GridTables:
 
     def start(self, samples: Any) -> None:
         """Start the launches for the samples in a buffer."""
-        in_blocks, *lines = self.reading.buffers
         self._spline(samples)
-        self._by_blocks(samples, in_blocks)
-        if lines:
-            self._peaks(*lines)
+        self._by_blocks(samples, self.in_blocks)
 
     @property
     def in_blocks(self) -> Any:
@@ -143,13 +140,16 @@ class GridTables:
 
     def read(self) -> dict[str, Any]:
         """Copy the tables of the last `start` to the host, and return them by name."""
+        _, *lines = self.reading.buffers
+        if lines:
+            self._peaks(*lines)
         self.reading.start()
-        in_blocks, *lines = (array.copy() for array in self.reading.wait())
+        in_blocks, *greatest = (array.copy() for array in self.reading.wait())
         *fourth, potential = in_blocks.reshape(4, *self.blocks)  # of a grid of two axes the first is of no axis
         found = {"roughness": self._by_axis(*fourth), "potential by blocks": potential}
-        if lines:
+        if greatest:
             first, second, third = _three(self.grid.coefficient_shape)
-            peaks = _peaks_of(lines[0].reshape(second, third), lines[1].reshape(first, third))
+            peaks = _peaks_of(greatest[0].reshape(second, third), greatest[1].reshape(first, third))
             found["potential peaks"] = peaks[-len(self.blocks) :]
         return found
 

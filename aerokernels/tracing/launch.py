@@ -221,6 +221,7 @@ class RepeatedTrials:
         """Allocate the memory; `asked` as for a call of the trials."""
         self.trials, self.asked = trials, asked
         prepared, names, count = trials.prepared, trials.names, trials.count
+        self.prepared = [prepared, *(prepared.again() for _ in asked[1:])]
         with stage("upload"):
             self.reading = prepared.engine.fetched([_empty(name, count) for _ in asked for name in names])
             buffers = iter(self.reading.buffers)
@@ -230,9 +231,10 @@ class RepeatedTrials:
 
     def start(self) -> None:
         """Start to trace the rays for each of the numbers, and to copy the outputs."""
-        prepared = self.trials.prepared
         with stage("kernel"):
-            for (count, quadrature, trajectory), made in zip(self.asked, self.results, strict=True):
+            for prepared, (count, quadrature, trajectory), made in zip(
+                self.prepared, self.asked, self.results, strict=True
+            ):
                 prepared.tune(sample_count=count, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
                 prepared.launch(self.trials.starts, made, self.trials.count)
             self.reading.start()

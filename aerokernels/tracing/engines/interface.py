@@ -5,7 +5,7 @@ is written once for both: a bundle in chunks (launch.py), a pupil and its sums (
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -60,6 +60,9 @@ class Engine(Protocol):
 
     def kernels(self, names: Iterable[str]) -> dict[str, Any]:
         """Return the named kernels, which have no options: those of a pupil, of a grid and of rejected rays."""
+
+    def another(self, kernel: Any) -> Any:
+        """Return the same kernel for launches with other arguments: neither then sets those of the other again."""
 
     def can_renew(self, field: IndexField, plan: TracePlan) -> bool:
         """Whether `renew` makes all that `prepare` makes for leapfrog samples of the spline from a grid's values."""
@@ -229,6 +232,10 @@ class Prepared:
                     self.unused[alike] = self.engine.empty(1, *alike)
                 buffers[name] = self.unused[alike]
         return buffers
+
+    def again(self) -> "Prepared":
+        """The same, to be launched with other numbers in turn: see `Engine.another`."""
+        return replace(self, kernel=self.engine.another(self.kernel))
 
     def tune(self, **numbers: Any) -> None:
         """Set new values of members of struct Control for the launches that follow."""

@@ -60,6 +60,7 @@ class Kernel:
         given: The arguments that are set, which are not set again if unchanged.
         last: The list of arguments of the last launch.
         group: Work-items of a work-group.
+        again: Makes another kernel object of the same program.
     """
 
     kernel: Any
@@ -68,6 +69,7 @@ class Kernel:
     given: list = field(default_factory=list)
     last: list | None = None
     group: int = WORK_GROUP
+    again: Callable[[], "Kernel"] | None = None
 
     def set(self, arguments: list) -> None:
         """Set the arguments that have changed since the last launch.

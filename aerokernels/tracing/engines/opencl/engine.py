@@ -2,6 +2,7 @@
 
 import weakref
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -172,9 +173,16 @@ class Engine(Uploads):
     def _kernel(self, program, name: str, lanes: int = 1, items: int = 1) -> Kernel:
         """Return a kernel of a program; its kernel object is reused after the kernel is garbage-collected."""
         taken, given = take_kernel(self.session, program, name)
-        kernel = Kernel(taken, lanes, items, given)
+        kernel = Kernel(taken, lanes, items, given, again=partial(self._kernel, program, name, lanes, items))
         weakref.finalize(kernel, give_back, self.session, program, name, taken, given).atexit = False
         return kernel
+
+    def another(self, kernel: Kernel) -> Kernel:
+        """Return another kernel object for the same work."""
+        assert kernel.again is not None
+        made = kernel.again()
+        made.group = kernel.group
+        return made
 
     def keeps(self, size: float) -> bool:
         """Never: no other library can read OpenCL's buffers."""
