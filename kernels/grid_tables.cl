@@ -1,5 +1,4 @@
-// The kernels that prepare a grid, and those that bound the structure between samples for new values on its nodes,
-// built together.
+// The kernels that prepare a grid, and those that examine new values on its nodes, built together.
 
 #include "spline_lines.cl"
 #include "column_maxima.cl"
@@ -7,3 +6,4 @@
 #include "rule_in_blocks.cl"
 #include "missed_in_layers.cl"
 #include "missed_around.cl"
+#include "greatest_outside.cl"

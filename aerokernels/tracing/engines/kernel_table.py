@@ -147,17 +147,16 @@ KERNELS: dict[str, tuple[Value, ...]] = {
     ),
     "missed_in_layers": (
         Value("missed_in", "double*"),
-        Value("weight_in", "double*"),
         Value("begin", "int"),
-        Value("layer_count", "int"),
         Value("layer_pitch", "int"),
+        Value("row_count", "int"),
         Value("row_pitch", "int"),
         Value("row_width", "int"),
         Value("column_count", "int"),
         Value("column_pitch", "int"),
         Value("column_width", "int"),
         Value("first_place", "int"),
-        Value("sums_out", "double*"),
+        Value("greatest_out", "double*"),
     ),
     "missed_around": (
         Value("missed_in", "double*"),
@@ -170,15 +169,30 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("first_place", "int"),
         Value("greatest_out", "double*"),
     ),
+    "greatest_outside": (
+        Value("values_in", "double*"),
+        Value("first_count", "int"),
+        Value("second_count", "int"),
+        Value("third_count", "int"),
+        Value("first_low", "int"),
+        Value("first_high", "int"),
+        Value("second_low", "int"),
+        Value("second_high", "int"),
+        Value("third_low", "int"),
+        Value("third_high", "int"),
+        Value("first_place", "int"),
+        Value("greatest_out", "double*"),
+    ),
 }
-# The kernels that prepare a grid (tracing/grid_tables.py), and those that bound the structure between samples for new
-# values on its nodes (tracing/leapfrog/structure_on_device.py).
+# The kernels that prepare a grid (tracing/grid_tables.py), and those that examine new values on its nodes: structure
+# between samples (tracing/leapfrog/structure_on_device.py) and the support (tracing/support_on_device.py).
 GRID_KERNELS = "spline_lines", "column_maxima", "block_maxima"
 STRUCTURE_KERNELS = "rule_in_blocks", "missed_in_layers", "missed_around"
+SUPPORT_KERNELS = "greatest_outside", "block_maxima"
 # The kernels without options of a scene, by the file in which they are built together.
 PROGRAMS = {
     "pupil": ("launch_pupil", "sum_rays", "reduce_sums"),
-    "grid_tables": (*GRID_KERNELS, *STRUCTURE_KERNELS),
+    "grid_tables": (*GRID_KERNELS, *STRUCTURE_KERNELS, SUPPORT_KERNELS[0]),
     "retry": ("collect_rejected", "deliver_retraced"),
 }
 # The counts that bound an OpenCL launch, whose size is rounded up to whole work-groups.

@@ -58,15 +58,16 @@ class Level:
         """Take the traced arrays by name."""
         self.count = count
         self.opd, self.step_error, self.direction = arrays["opd"], arrays["step_error"], arrays["direction"]
-        self.good = reached(arrays["status"]) & np.isfinite(arrays["step_error"])
-        lost = reached(arrays["status"]) & ~self.good
-        self.is_fit = bool(self.good.any() and lost.mean() <= UNFIT)
-        self.difference = float(arrays["step_error"][self.good].max()) if self.good.any() else 0.0
+        arrived = reached(arrays["status"])
+        self.good = arrived & np.isfinite(self.step_error)
+        good, count = int(np.count_nonzero(self.good)), len(arrived)
+        self.is_fit = good > 0 and int(np.count_nonzero(arrived)) - good <= UNFIT * count
+        self.difference = float(self.step_error.max(where=self.good, initial=0.0))
 
     def error(self, finer: "Level") -> float:
         """Greatest change of the optical path difference from this level to a finer one [m]."""
-        good = self.good & finer.good
-        return float(np.abs(self.opd - finer.opd)[good].max()) if good.any() else math.inf
+        greatest = float(np.abs(self.opd - finer.opd).max(where=self.good & finer.good, initial=-1.0))
+        return greatest if greatest >= 0.0 else math.inf
 
     def turn(self, other: "Level") -> float:
         """Greatest angle between the directions of this level and another one [rad]."""

@@ -1,7 +1,8 @@
 """Bound the structure that known rays miss between samples on the device that computes a grid's tables.
 
 This is MissedStructure's bound by the rule (between_samples.py), for the values of any field on known nodes: the tables
-of blocks stay on the device, and one number for each column of blocks and each end of a line comes to the host.
+of blocks stay on the device. What comes to the host is the greatest error that a ray may meet in each layer of blocks
+across the axis that the lines run along most, and at both ends of each line.
 """
 
 import math
@@ -51,56 +52,51 @@ class StructureOnDevice:
         self.missed = engine.empty(self.table)
         ends = np.concatenate([np.ravel_multi_index(places, shape) for places in known_ends(field, lines, shape)])
         self.ends = engine.put(ends.astype(np.int32))
-        self.layers = self.path.layers or (_whole(shape),)
-        self.arguments = [self._arguments(layers) for layers in self.layers]
-        self.kernels = [engine.kernels(STRUCTURE_KERNELS) for _ in self.layers]
-        counts = [places for _, places in self.arguments] + [len(ends)]
-        self.reading = engine.fetched([np.empty(2 * places) for places in counts])
+        self.layers = self.path.layers[0] if self.path.layers else _whole(shape)
+        part = self.path.part
+        sizes = [each.stop - each.start for each in part]
+        pitches = [math.prod(shape[axis + 1 :]) for axis in range(len(shape))]
+        begin = sum(each.start * pitch for each, pitch in zip(part, pitches, strict=True))
+        along = self.layers.axis
+        runs = [(1, 0, 1)] * (3 - len(shape))
+        for axis, width in self.layers.beside:
+            width = min(width, sizes[axis])
+            runs.append((sizes[axis] - width + 1, pitches[axis], width))
+        (rows, *row), (columns, *column) = runs
+        self.places = [begin, pitches[along], rows, *row, columns, *column]
+        self.weights = np.broadcast_to(1.0 + self.slope * self.layers.lever_arms.reshape(-1), (sizes[along],))
+        self.kernels = engine.kernels(STRUCTURE_KERNELS)
+        self.reading = engine.fetched([np.empty(sizes[along] * rows * columns), np.empty(2 * len(ends))])
 
     def start(self, tables: Any) -> None:
         """Start the launches for tables of blocks in a buffer: three of fourth differences, and the potential's."""
-        engine, first = self.engine, self.kernels[0]
-        *sums, around = self.reading.buffers
-        engine.launch(first["rule_in_blocks"], [tables, self.table, self.scales], [self.missed], self.table)
-        for kernels, (before, places), made in zip(self.kernels, self.arguments, sums, strict=True):
-            engine.launch(kernels["missed_in_layers"], [self.missed, *before], [made], places)
-        shape = (1, *self.shape)[-3:]
-        before = [self.missed, tables, 3 * self.table, *shape, self.ends]
-        engine.launch(first["missed_around"], before, [around], len(self.reading.arrays[-1]) // 2)
+        engine, kernels, shape = self.engine, self.kernels, (1, *self.shape)[-3:]
+        (in_layers, at_ends), (layers, ends) = self.reading.buffers, self.reading.arrays
+        engine.launch(kernels["rule_in_blocks"], [tables, self.table, self.scales], [self.missed], self.table)
+        engine.launch(kernels["missed_in_layers"], [self.missed, *self.places], [in_layers], len(layers))
+        around = [self.missed, tables, 3 * self.table, *shape, self.ends]
+        engine.launch(kernels["missed_around"], around, [at_ends], len(ends) // 2)
         self.reading.start()
 
     def greatest(self, limit: float) -> float:
         """Wait, and return the greatest error of any line [m] where the OPD error allowed to a ray is `limit` [m]."""
         if not len(self.lever_arms):
             return 0.0
-        *sums, around = (array.reshape(-1, 2) for array in self.reading.wait())
-        path = self.path
-        found = float(sums[0][:, 1].max()) * (1.0 + self.slope * path.lever_arm) * path.longest
-        for layers, made in zip(path.layers, sums, strict=False):
-            found = min(found, float(made[:, 0].max()) * layers.thickness / layers.least)
-        if float(around[:, 1].max()) * self.size > ENDS_SHARE * limit:
-            both = np.add(*around[:, 0].reshape(2, -1))
+        in_layers, at_ends = self.reading.wait()
+        path, layers = self.path, self.layers
+        found = float(in_layers.max()) * (1.0 + self.slope * path.lever_arm) * path.longest
+        if path.layers:
+            sums = self.weights @ in_layers.reshape(len(self.weights), -1)
+            found = min(found, float(sums.max()) * layers.thickness / layers.least)
+        missed, potential = at_ends.reshape(-1, 2).T
+        if float(potential.max()) * self.size > ENDS_SHARE * limit:
+            both = np.add(*missed.reshape(2, -1))
             found += self.at_end * float((both * self.lever_arms).max())
         return turned(self.grid, self.structure.lever_arm(limit)) * found
 
     def is_enough(self, limit: float) -> bool:
         """Wait, and return whether the number of samples misses no structure."""
         return self.greatest(limit) <= NEGLIGIBLE * limit
-
-    def _arguments(self, layers: Layers) -> tuple[list, int]:
-        """Arguments of the kernel missed_in_layers after its table, and the number of its places."""
-        part = self.path.part
-        pitches = [math.prod(self.shape[axis + 1 :]) for axis in range(len(self.shape))]
-        sizes = [each.stop - each.start for each in part]
-        begin = sum(each.start * pitch for each, pitch in zip(part, pitches, strict=True))
-        weight = np.broadcast_to(1.0 + self.slope * layers.lever_arms.reshape(-1), (sizes[layers.axis],))
-        runs = []
-        for axis, width in layers.beside:
-            width = min(width, sizes[axis])
-            runs.append((pitches[axis], width, sizes[axis] - width + 1))
-        (row_pitch, row_width, rows), (column_pitch, column_width, columns) = [(0, 1, 1), *runs][-2:]
-        along = [self.engine.put(np.ascontiguousarray(weight)), begin, sizes[layers.axis], pitches[layers.axis]]
-        return [*along, row_pitch, row_width, columns, column_pitch, column_width], rows * columns
 
 
 def _whole(shape: tuple[int, ...]) -> Layers:

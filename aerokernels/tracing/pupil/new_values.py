@@ -18,7 +18,6 @@ fields asked of one job are compared with that job's field alone, so that no ans
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -35,7 +34,7 @@ from ..leapfrog.unresolved import potential_by_blocks
 from ..lever_arms import LeverArms
 from ..plan import TracePlan
 from ..step_bound import roughness_of_blocks
-from ..support import find_support_box, keep_support_box, left_out, support_box
+from ..support import keep_support_box, left_out, support_box
 from .job import UNKNOWN, PupilJob, air_of
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
@@ -199,19 +198,13 @@ class NewValues:
         covers = all(needed <= GREATER * scale for needed, scale in zip(scales, held, strict=True))
         if not (covers or worst <= NEGLIGIBLE * limit):
             return None
+        if not place.support.contains(left_out(field, self.limit, plan.lever_arms)[0]):
+            return None
         is_bounded = place.structure.is_enough(limit)
-        if is_bounded and self._is_whole:
-            return worst
-        place.keep_tables(field)
-        if not is_bounded and field.geometry != "volume":  # where that would take longer than to plan anew
+        if not is_bounded and field.geometry != "volume":  # for which the sharper bound takes longer than to plan anew
+            place.keep_tables(field)
             is_bounded = self.structure.of_values(field, limit).is_enough(plan.sample_count)
-        return worst if is_bounded and self._contains_support(field) else None
-
-    @cached_property
-    def _is_whole(self) -> bool:
-        """Whether the support is the whole box, so that it contains that of every field."""
-        grid = self.task.field.samples
-        return bool((self.box[0] <= grid.low).all() and (self.box[1] >= grid.high).all())
+        return worst if is_bounded else None
 
     def _is_alike(self, field: IndexField, wavelength: float) -> bool:
         """Whether a field has all of the known field but the values, and these are hardly greater."""
@@ -227,11 +220,6 @@ class NewValues:
         )
         # Errors grow with the contrast: a field that is stronger by more need not be examined.
         return is_alike and _strength(samples) <= STRONGER * _strength(known_samples)
-
-    def _contains_support(self, field: IndexField) -> bool:
-        """Whether the plan's support contains the field's."""
-        low, high = find_support_box(field, self.limit, self.task.plan.lever_arms)
-        return bool((low >= self.box[0]).all() and (high <= self.box[1]).all())
 
     def twin(self, field: IndexField) -> IndexField:
         """A field of the same values on which nothing is cached but what the plan says: tables, limit and support."""

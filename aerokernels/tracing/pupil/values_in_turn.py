@@ -23,7 +23,8 @@ from ..leapfrog.between_samples import MissedStructure
 from ..leapfrog.pilot_levels import pair_numbers
 from ..leapfrog.sample_count import PILOT_OUTPUTS
 from ..leapfrog.structure_on_device import StructureOnDevice
-from ..support import keep_potential_peaks
+from ..support import keep_potential_peaks, support_box
+from ..support_on_device import SupportOnDevice
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
 
@@ -39,6 +40,7 @@ class ValuesInTurn:
     Attributes:
         lock: Held by the thread that uses it.
         structure: The structure that the pupil's rays miss between samples.
+        support: What is outside the support.
         trials: The pilot's rays, see pilot_levels.pair_numbers.
         run: The pupil's rays.
     """
@@ -66,6 +68,7 @@ class ValuesInTurn:
             self.samples = engine.sent(engine.room((grid.samples.size,), np.float64))
             engine.pinned.set_aside(grid.samples.nbytes, ASIDE)
         self.structure = StructureOnDevice(engine, structure, plan.sample_count, tables.block, tuple(tables.blocks))
+        self.support = SupportOnDevice(engine, field, support_box(field, structure.limit, plan.lever_arms))
         few = replace(plan, few_rays=True)
         trials = Trials(field, pilot, few, task.until, task.wavelength, PILOT_OUTPUTS)
         self.trials = trials.repeated(*pair_numbers(plan.sample_count))
@@ -121,6 +124,7 @@ class ValuesInTurn:
         engine, tables = self.engine, self.tables
         tables.start(samples)
         self.structure.start(tables.in_blocks)
+        self.support.start(tables.coefficients)
         engine.renew(self.field, self.precision, tables.on_host)
         self.trials.start()
 

@@ -35,6 +35,8 @@ POOLED = 1 << 28
 PACKETS = 2
 # Work-items of a work-group that move packets: so few that a CPU's cores share the rays of a radius or of a lattice.
 PACKET_GROUP = 4  # speed only
+# Work-items of a work-group that solve one line each: so few that all parts of a GPU share the lines of a grid.
+LINE_GROUP = 32  # speed only
 # Number of equal rows up to which they are copied from the host; more are doubled on the device.
 REPEATED = 1 << 12
 # Positions of Control and of the coefficients among the arguments: after the structs Field and Bounds.
@@ -160,6 +162,8 @@ class Engine(Uploads):
         kernel = self._kernel(build(self.session, f"{program}.cl", options), name, lanes, SHARED.get(name, 1))
         if lanes > 1:
             kernel.group = PACKET_GROUP
+        elif name == "spline_lines":
+            kernel.group = LINE_GROUP
         return kernel
 
     def _options(self, **chosen: Any) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import STRUCTS, Value
 from ..uploads import Uploads
-from .kernels import grid_tables, missed_structure, pupil, retry
+from .kernels import grid_tables, new_values, pupil, retry
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.team import WARP
@@ -33,15 +33,19 @@ from .loading import load_module
 from .transfers import Fetched, Recorded, Sent, Shared
 from .types import types
 
+
+def _kernels_of(*files: Any) -> dict[str, Any]:
+    return {name: each for file in files for name, each in vars(file).items() if isinstance(each, wp.Kernel)}
+
+
 # The kernels without options, by name.
-KERNELS = {
-    name: kernel
-    for file in (pupil, grid_tables, missed_structure, retry)
-    for name, kernel in vars(file).items()
-    if isinstance(kernel, wp.Kernel)
-}
+KERNELS = _kernels_of(pupil, grid_tables, new_values, retry)
 # Kernels in which a warp of a GPU shares one group of rays.
 SHARED = (pupil.sum_rays,)
+# Threads per block of kernels of which a GPU has few threads at a time, so that all of its multiprocessors share them:
+# those of grids, and those that share a ray among threads.
+GRID_BLOCK, RAY_BLOCK = 32, 64  # speed only
+BLOCKS = dict.fromkeys(_kernels_of(grid_tables, new_values).values(), GRID_BLOCK)
 # Kernels that take less time for each ray, or for each number, than tracing.
 SHORT = (pupil.launch_pupil, pupil.reduce_sums)
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the cost of the launch.
@@ -84,6 +88,7 @@ class Engine(Uploads):
         self.grid_tables: tuple[str, ...] = GRID_TABLES if found.is_cuda else ()
         self.outputs: list[tuple[list, Any]] = []
         self.threads = dict.fromkeys(SHARED, WARP)  # of a GPU, for each ray or group of rays; one for other kernels
+        self.blocks = dict(BLOCKS)  # of a GPU, by kernel; others have Warp's default
         if found.is_cuda:
             OPENED.once(("memory kept", device), lambda: _keep_memory(found))
 
@@ -104,13 +109,15 @@ class Engine(Uploads):
                     library, field.geometry, field.interpolation, stop, has_body, plan.looks_up_cubes, threads
                 )
                 self.threads[kernel] = threads
+                if shared:
+                    self.blocks[kernel] = RAY_BLOCK
             else:
                 on_mesh = not field.is_uniform
                 measured = "step_error" in outputs
                 kernel = build_kernel(
                     library, field.geometry, field.interpolation, on_mesh, plan.method, stop, has_body, measured
                 )
-            self._load(kernel.module)
+            self._load(kernel)
         rejected = wp.zeros(1, dtype=wp.int32, device=self.device) if plan.sample_count else None
         return Prepared(self, kernel, structs, outputs, rejected)
 
@@ -136,15 +143,15 @@ class Engine(Uploads):
         arguments = self.bundle_arguments(table, outputs)
         with stage("compile"):
             kernel = build_bundle_kernel(library_of(table.precision), table.channels)
-            self._load(kernel.module)
+            self._load(kernel)
         return Prepared(self, kernel, arguments, outputs, None, unused=self.bundle_unused(table))
 
     def kernels(self, names: Iterable[str]) -> dict[str, Any]:
         """Return the named kernels; all kernels of a file are compiled together."""
         found = {name: KERNELS[name] for name in names}
         with stage("compile"):
-            for module in {kernel.module for kernel in found.values()}:
-                self._load(module)
+            for kernel in {kernel.module: kernel for kernel in found.values()}.values():
+                self._load(kernel)
         return found
 
     def another(self, kernel: Any) -> Any:
@@ -236,7 +243,8 @@ class Engine(Uploads):
         after = [self._outputs(value) if isinstance(value, dict) else value for value in after]
         if self.device != "cpu":
             dim = self.threads.get(kernel, 1) * count
-            wp.launch(kernel, dim=dim, inputs=[*before, first, *after], device=self.device)
+            block = self.blocks.get(kernel)
+            wp.launch(kernel, dim=dim, inputs=[*before, first, *after], device=self.device, block_dim=block)
             return
 
         def run(begin: int) -> None:
@@ -270,9 +278,9 @@ class Engine(Uploads):
         self.outputs = [(buffers, _filled("RayOutputs", results)), *self.outputs[:1]]
         return self.outputs[0][1]
 
-    def _load(self, module) -> None:
+    def _load(self, kernel) -> None:
         # The block size of a default launch on the CPU is 1; for another one, Warp would compile again at the launch.
-        load_module(module, self.device, 1 if self.device == "cpu" else None)
+        load_module(kernel.module, self.device, 1 if self.device == "cpu" else self.blocks.get(kernel))
 
     def struct_array(self, member: Value, values: np.ndarray, precision: str) -> wp.array:
         """Upload an array of a struct to the device."""
@@ -291,7 +299,7 @@ class Engine(Uploads):
     def round_into(self, coefficients: wp.array, made: wp.array, count: int, precision: str) -> None:
         """See uploads.py."""
         kernel = grid_tables.build_rounding_kernel(library_of(precision))
-        self._load(kernel.module)
+        self._load(kernel)
         self.launch(kernel, [coefficients], [made], count)
 
 

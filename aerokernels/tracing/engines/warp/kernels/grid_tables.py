@@ -9,7 +9,7 @@ from ..library import KernelLibrary, built_once
 from ..types import takes
 
 # Nodes that are read ahead of the elimination of a spline: each step would otherwise wait for memory.
-AHEAD = 8  # speed only
+AHEAD = 16  # speed only
 Ahead = wp.types.vector(length=AHEAD, dtype=wp.float64)
 
 

@@ -1,4 +1,4 @@
-"""Warp kernels that bound the structure between samples for new values (tracing/leapfrog/structure_on_device.py).
+"""Warp kernels that examine new values on known nodes, for tracing/pupil/new_values.py.
 
 Their OpenCL twins are the kernels of the same names in kernels/, whose comments describe the arguments.
 """
@@ -24,35 +24,29 @@ def rule_in_blocks(fourth_in, table, scales, first_place, missed_out):
 @takes("missed_in_layers")
 def missed_in_layers(
     missed_in,
-    weight_in,
     begin,
-    layer_count,
     layer_pitch,
+    row_count,
     row_pitch,
     row_width,
     column_count,
     column_pitch,
     column_width,
     first_place,
-    sums_out,
+    greatest_out,
 ):
-    """The sum over layers of blocks of the greatest error that a ray may meet in each, and the greatest of all."""
+    """The greatest error that a ray may meet in each layer of blocks."""
     place = wp.tid() + first_place
-    row = place // column_count
-    column = place - row * column_count
-    corner = begin + row * row_pitch + column * column_pitch
-    total = wp.float64(0.0)
+    line = place // column_count
+    column = place - line * column_count
+    layer = line // row_count
+    row = line - layer * row_count
+    corner = begin + layer * layer_pitch + row * row_pitch + column * column_pitch
     greatest = wp.float64(0.0)
-    for layer in range(layer_count):
-        met = wp.float64(0.0)
-        for i in range(row_width):
-            for j in range(column_width):
-                at = corner + layer * layer_pitch + i * row_pitch + j * column_pitch
-                met = wp.max(met, missed_in[at])
-        total += met * weight_in[layer]
-        greatest = wp.max(greatest, met)
-    sums_out[2 * place] = total
-    sums_out[2 * place + 1] = greatest
+    for i in range(row_width):
+        for j in range(column_width):
+            greatest = wp.max(greatest, missed_in[corner + i * row_pitch + j * column_pitch])
+    greatest_out[place] = greatest
 
 
 @wp.kernel(enable_backward=False)
@@ -76,3 +70,31 @@ def missed_around(
                 potential = wp.max(potential, tables_in[potential_begin + block])
     greatest_out[2 * place] = missed
     greatest_out[2 * place + 1] = potential
+
+
+@wp.kernel(enable_backward=False)
+@takes("greatest_outside")
+def greatest_outside(
+    values_in,
+    first_count,
+    second_count,
+    third_count,
+    first_low,
+    first_high,
+    second_low,
+    second_high,
+    third_low,
+    third_high,
+    first_place,
+    greatest_out,
+):
+    """The greatest size of a grid's values outside a part of it, for each node of the last two axes."""
+    place = wp.tid() + first_place
+    second = place // third_count
+    third = place - second * third_count
+    beside = second < second_low or second > second_high or third < third_low or third > third_high
+    greatest = wp.float64(0.0)
+    for first in range(first_count):
+        if beside or first < first_low or first > first_high:
+            greatest = wp.max(greatest, wp.abs(values_in[first * second_count * third_count + place]))
+    greatest_out[place] = greatest
