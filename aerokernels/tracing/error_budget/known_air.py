@@ -40,6 +40,8 @@ NOTHING = 0.1
 GREATEST_TOLERANCE = 1e-9
 # An end that is outside the box by less than this share of the box's size counts as lying on its face.
 ON_FACE = 1e-6
+# Layers of samples at a face whose air is that at the face.
+OUTERMOST = 2
 # Rays that are examined together: their arrays fit a core's cache.
 CHUNK = 1 << 13  # speed only
 # Places along a ray that passes beside the box, over twice the box's size. A ray runs along a face if at least
@@ -87,7 +89,7 @@ def may_bend(field: IndexField) -> bool:
 
 
 def face_strengths(field: IndexField) -> np.ndarray:
-    """Greatest |contrast| in the two outermost layers of samples at each of FACES; 0 where the field has no such face.
+    """Greatest |contrast| in the OUTERMOST layers of samples at each of FACES; 0 where the field has no such face.
 
     For a mesh the last entry is that of its rim.
     """
@@ -101,7 +103,8 @@ def _find_face_strengths(field: IndexField) -> np.ndarray:
     samples = field.samples.samples
     first_axis = 3 - samples.ndim
     for axis in range(samples.ndim):
-        for side, layers in enumerate(((0, 1), (-1, -2))):  # one by one: NumPy is slow along axes of two entries
+        for side, layers in enumerate((range(OUTERMOST), range(-OUTERMOST, 0))):
+            # One by one: NumPy is slow along axes of two entries.
             outermost = [np.abs(samples[(slice(None),) * axis + (layer,)]).max() for layer in layers]
             found[2 * (first_axis + axis) + side] = max(outermost)
     if field.geometry == "axisymmetric":
@@ -126,16 +129,12 @@ def may_be_lost(
     strongest = face_strengths(field).max()
     if not strongest > 0.0:
         return lost, face
-    weakest = (
-        NOTHING * min(tolerance, GREATEST_TOLERANCE) / (box_size(field) * (1.0 + _direction_weight(field, rays, until)))
-    )
+    weakest = weakest_contrast(field, tolerance) / (1.0 + _direction_weight(field, rays, until))
     if not strongest > weakest:
         return lost, face
-    if until is None and ends is None and rays.ray_count <= CHUNK and isinstance(field.samples, UniformGrid):
-        place = "faces that rays cross", field.geometry, rays
-        crossed = known(field.samples, place, lambda: _crossed(_span(field, rays, slice(None))), CACHED)
-        if crossed is not None and not face_strengths(field)[crossed].max(initial=0.0) > weakest:
-            return lost, face
+    crossed = faces_crossed(field, rays) if until is None and ends is None else None
+    if crossed is not None and not face_strengths(field)[crossed].max(initial=0.0) > weakest:
+        return lost, face
 
     def look_at(first: int) -> None:
         rows = slice(first, first + CHUNK)
@@ -160,12 +159,26 @@ def _span(field: IndexField, rays: RayBundle, rows: slice) -> BoxSpan:
     return found
 
 
-def _crossed(span: BoxSpan) -> np.ndarray | None:
-    """Numbers of the faces at which lines enter and leave a box; None if a line passes beside it."""
-    if not span.meets.all():
+def weakest_contrast(field: IndexField, tolerance: float) -> float:
+    """Greatest |contrast| at a face for which no ray without a stop is examined; `tolerance` is the OPD error [m]."""
+    return NOTHING * min(tolerance, GREATEST_TOLERANCE) / box_size(field)
+
+
+def faces_crossed(field: IndexField, rays: RayBundle) -> np.ndarray | None:
+    """Numbers of the faces at which undisturbed rays enter and leave the box of a field on a uniform grid.
+
+    None if a ray passes beside it, and for so many rays, or on a mesh, that it is not cached.
+    """
+    if not field.is_uniform or rays.ray_count > CHUNK:
         return None
-    faces = np.union1d(span.entry_face, span.exit_face)
-    return faces[faces >= 0]
+
+    def find() -> np.ndarray | None:
+        span = _span(field, rays, slice(None))
+        faces = np.union1d(span.entry_face, span.exit_face)
+        return faces[faces >= 0] if span.meets.all() else None
+
+    found: np.ndarray | None = known(field.samples, ("faces crossed", field.geometry, rays), find, CACHED)
+    return found
 
 
 def _direction_weight(field: IndexField, rays: RayBundle, until) -> float:

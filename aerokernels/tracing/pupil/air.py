@@ -1,6 +1,6 @@
 """The share of a pupil that looks through the ends of the known air, from a sample of its undisturbed rays."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ..lines import box_span, face_text
 from ..meeting import check_meeting
 
 SAMPLE_RAYS = 4096
+RAY_OF_PUPIL = "ray of the pupil"
 # The greatest share of a pupil's weight that may look through the ends of the known air without allow_truncation.
 GREATEST_SHARE = 1e-3
 MOVE_IT = "The pupil itself is outside the field: move it (in a scene: pupil.center, or receiver.aperture_z). "
@@ -74,11 +75,13 @@ def pupil_air(
         ValueError: None of its rays meets the field.
     """
     rays = rays or RayBundle.collimated(pupil, SAMPLE_RAYS, direction=look)
-    check_meeting(field, rays, "ray of the pupil")
+    check_meeting(field, rays, RAY_OF_PUPIL)
     lost, face = may_be_lost(field, rays, None, tolerance)
     concerned = np.flatnonzero(lost > 0.0)
     if field.body is not None and len(concerned):
         lost[concerned[meets_wall(field, rays.position[concerned], rays.direction[concerned])]] = 0.0
+    if not len(concerned):
+        return still_air(field, pupil, rays)
     weight = np.asarray(rays.weight)
     over = lost > tolerance
     place = "beside the field's box"
@@ -89,9 +92,15 @@ def pupil_air(
             place = f"at the face {face_text(field, most)}"
         elif not field.is_uniform:
             place = "at the rim of the mesh"
+    share, lost_rms = float(weight[over].sum()), float(np.sqrt(weight @ lost**2))
+    return replace(still_air(field, pupil, rays), share=share, lost_rms=lost_rms, place=place)
+
+
+def still_air(field: IndexField, pupil: Pupil, rays: RayBundle) -> PupilAir:
+    """The air of a pupil whose rays lose nothing; `rays` are some of them."""
     low, high = field.box
     outside = bool(np.any((pupil.center < low) | (pupil.center > high)))
-    return PupilAir(float(weight[over].sum()), float(np.sqrt(weight @ lost**2)), place, outside, rays)
+    return PupilAir(0.0, 0.0, "beside the field's box", outside, rays)
 
 
 def meets_wall(field: IndexField, position: np.ndarray, direction: np.ndarray) -> np.ndarray:

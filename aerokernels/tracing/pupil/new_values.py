@@ -9,7 +9,7 @@ A job for another field on the same nodes differs in little, so that what is lau
 - structure between samples is bounded (leapfrog/between_samples.py); the number of samples suffices for somewhat
   stronger fields than the known one;
 - the pilot's error, and the scales that let each ray's own estimate cover it, suffice (leapfrog/pilot_levels.py);
-- the air at the ends of the box is examined as for any field (air.py).
+- the air at the faces of the box that rays cross is undisturbed; otherwise it is examined as for any field (air.py).
 
 Where one of these does not hold, the field is planned as before, with the known number of samples as a guess. All
 fields asked of one job are compared with that job's field alone, so that no answer depends on the order of the calls.
@@ -25,6 +25,7 @@ from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ..engines import engine_of
 from ..engines.device_memory import DeviceMemoryError, memory_of
+from ..error_budget.known_air import face_strengths, faces_crossed, weakest_contrast
 from ..error_limit import error_limit, keep_error_limit
 from ..grid_tables import has_tables, keep_tables, prepare_grid
 from ..leapfrog.between_samples import MissedStructure
@@ -32,9 +33,11 @@ from ..leapfrog.pilot_levels import GREATEST_BEND, GREATEST_SHARE, SAFETY, pair_
 from ..leapfrog.sample_count import judged_pair, leapfrog_reason, least_samples
 from ..leapfrog.unresolved import potential_by_blocks
 from ..lever_arms import LeverArms
+from ..meeting import check_meeting
 from ..plan import TracePlan
 from ..step_bound import roughness_of_blocks
 from ..support import keep_support_box, left_out, support_box
+from .air import RAY_OF_PUPIL, PupilAir, still_air
 from .job import UNKNOWN, PupilJob, air_of
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
@@ -114,7 +117,11 @@ class NewValues:
         engine, is_known = engine_of(plan.backend, plan.device), job.is_known or not job.sizes
         if not (is_known and engine.can_renew(known, job.known_task.plan)):
             return None
-        box = support_box(known, limit / STRICTER, arms)
+        box, air_rays = support_box(known, limit / STRICTER, arms), job.air.rays
+        assert air_rays is not None
+        faces = faces_crossed(known, air_rays)
+        if faces is not None and face_strengths(known)[faces].max(initial=0.0) > weakest_contrast(known, tolerance):
+            faces = None  # the air is examined while the device works
         field = _twin(known, tolerance, limit, arms, box)
         # With samples for STRONGER fields; their number is hardly greater, since errors fall with its fourth power.
         structure = MissedStructure(field, lambda low, high: job.pilot, job.until, limit, arms, job.pilot)
@@ -127,7 +134,7 @@ class NewValues:
         task = replace(job.known_task, field=field, plan=plan)
         try:
             with memory_of(plan.device):
-                place = ValuesInTurn(task, job.pilot, structure)
+                place = ValuesInTurn(task, job.pilot, structure, faces)
                 place.load(known)
                 wider = _wider_scales(place.read(), count, limit)
                 if wider is None:
@@ -143,7 +150,7 @@ class NewValues:
 
         def another() -> ValuesInTurn:
             alike = replace(task, field=found.twin(field))
-            return ValuesInTurn(alike, job.pilot, structure).prepare(alike)
+            return ValuesInTurn(alike, job.pilot, structure, faces).prepare(alike)
 
         found = cls(make, job, task, structure, limit, box, MemoryInTurn(place, another))
         return found
@@ -161,10 +168,11 @@ class NewValues:
         with memory_of(task.plan.device), self.memory.taken() as place:
             place.load(field)
             try:  # while a GPU works
-                air = air_of(field, task.pupil, task.look, tolerance, job.air.rays)
                 limit = error_limit(field, tolerance)
+                air = None if place.faces else air_of(field, task.pupil, task.look, tolerance, job.air.rays)
             finally:
                 made = place.read()
+            air = air or self._air(field, tolerance, place)
             worst = self._worst(field, limit, made, place)
             if worst is None:
                 place.leave(field)
@@ -183,6 +191,19 @@ class NewValues:
             lock=threading.Lock(),
         )
 
+    def _air(self, field: IndexField, tolerance: float, place: ValuesInTurn) -> PupilAir:
+        """The OPD that the pupil's rays may lose in a field whose values are in memory, as by `air_of`.
+
+        `tolerance` is the requested OPD error [m].
+        """
+        task, rays = self.task, self.job.air.rays
+        assert rays is not None
+        assert place.faces is not None
+        if place.faces.greatest() > weakest_contrast(field, tolerance):
+            return air_of(field, task.pupil, task.look, tolerance, rays)
+        check_meeting(field, rays, RAY_OF_PUPIL)
+        return still_air(field, task.pupil, rays)
+
     def _worst(
         self, field: IndexField, limit: float, made: list[dict[str, np.ndarray]], place: ValuesInTurn
     ) -> float | None:
@@ -198,7 +219,7 @@ class NewValues:
         covers = all(needed <= GREATER * scale for needed, scale in zip(scales, held, strict=True))
         if not (covers or worst <= NEGLIGIBLE * limit):
             return None
-        if not place.support.contains(left_out(field, self.limit, plan.lever_arms)[0]):
+        if place.support.greatest() > left_out(field, self.limit, plan.lever_arms)[0]:
             return None
         is_bounded = place.structure.is_enough(limit)
         if not is_bounded and field.geometry != "volume":  # for which the sharper bound takes longer than to plan anew

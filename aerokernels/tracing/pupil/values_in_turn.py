@@ -17,6 +17,7 @@ from ...medium import IndexField
 from ...medium.grid import FETCH, UniformGrid
 from ...rays import RayBundle
 from ..engines import engine_of
+from ..greatest_outside import GreatestOutside, part_behind_faces, part_of_support
 from ..grid_tables import GridTables, keep_tables
 from ..launch import Trials
 from ..leapfrog.between_samples import MissedStructure
@@ -24,7 +25,6 @@ from ..leapfrog.pilot_levels import pair_numbers
 from ..leapfrog.sample_count import PILOT_OUTPUTS
 from ..leapfrog.structure_on_device import StructureOnDevice
 from ..support import keep_potential_peaks, support_box
-from ..support_on_device import SupportOnDevice
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
 
@@ -40,17 +40,22 @@ class ValuesInTurn:
     Attributes:
         lock: Held by the thread that uses it.
         structure: The structure that the pupil's rays miss between samples.
-        support: What is outside the support.
+        support: The coefficients outside the support.
+        faces: The samples at faces of the box at which the air is to be undisturbed; None without such faces.
         trials: The pilot's rays, see pilot_levels.pair_numbers.
         run: The pupil's rays.
     """
 
     run: PupilRun
 
-    def __init__(self, task: PupilTask, pilot: RayBundle, structure: MissedStructure):
+    def __init__(self, task: PupilTask, pilot: RayBundle, structure: MissedStructure, faces: np.ndarray | None):
         """Prepare the pilot of a task whose field nothing else uses: only those of others are loaded.
 
-        `structure` is that which the rays may miss in this field.
+        Args:
+            task: The task.
+            pilot: The pilot.
+            structure: The structure that the rays may miss in this field.
+            faces: Numbers of the faces at which the air is to be undisturbed, or None.
         """
         field, plan = task.field, task.plan
         grid = field.samples
@@ -68,7 +73,9 @@ class ValuesInTurn:
             self.samples = engine.sent(engine.room((grid.samples.size,), np.float64))
             engine.pinned.set_aside(grid.samples.nbytes, ASIDE)
         self.structure = StructureOnDevice(engine, structure, plan.sample_count, tables.block, tuple(tables.blocks))
-        self.support = SupportOnDevice(engine, field, support_box(field, structure.limit, plan.lever_arms))
+        box = support_box(field, structure.limit, plan.lever_arms)
+        self.support = GreatestOutside(engine, grid.coefficient_shape, part_of_support(grid, box))
+        self.faces = None if faces is None else GreatestOutside(engine, grid.shape, part_behind_faces(field, faces))
         few = replace(plan, few_rays=True)
         trials = Trials(field, pilot, few, task.until, task.wavelength, PILOT_OUTPUTS)
         self.trials = trials.repeated(*pair_numbers(plan.sample_count))
@@ -125,6 +132,8 @@ class ValuesInTurn:
         tables.start(samples)
         self.structure.start(tables.in_blocks)
         self.support.start(tables.coefficients)
+        if self.faces is not None:
+            self.faces.start(samples)
         engine.renew(self.field, self.precision, tables.on_host)
         self.trials.start()
 

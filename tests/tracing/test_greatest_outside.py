@@ -1,13 +1,17 @@
-"""Whether a known support contains that of other values, examined on a device: the host's answer."""
+"""The greatest value outside a part of a grid: the host's answers for a known support and for the faces of a box."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from aerokernels import IndexField
 from aerokernels.tracing.engines import engine_of
+from aerokernels.tracing.error_budget.known_air import face_strengths
+from aerokernels.tracing.greatest_outside import GreatestOutside, part_behind_faces, part_of_support
 from aerokernels.tracing.grid_tables import GridTables
+from aerokernels.tracing.lines import SIDE
 from aerokernels.tracing.support import find_support_box, left_out
-from aerokernels.tracing.support_on_device import SupportOnDevice
 
 from .backends import ENGINES, on
 
@@ -28,7 +32,7 @@ def blob(geometry: str, rng: np.random.Generator) -> IndexField:
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("geometry", list(SHAPES))
-def test_the_answer_is_that_of_the_host(engine: str, geometry: str):
+def test_a_known_support_holds_where_the_host_finds_so(engine: str, geometry: str):
     """Random blobs in supports of any size, at the faces of the box too, and in the whole box."""
     choices, rng = on(engine), np.random.default_rng(11)
     device = engine_of(choices["backend"], choices["device"])
@@ -39,16 +43,31 @@ def test_the_answer_is_that_of_the_host(engine: str, geometry: str):
     for number in range(12):
         cut = rng.uniform(0.01, 0.4, (2, len(low))) * (rng.random((2, len(low))) < 0.4) * (number > 0)
         box = low + cut[0] * (high - low), high - cut[1] * (high - low)
-        there = SupportOnDevice(device, known, box)
+        there = GreatestOutside(device, known.samples.coefficient_shape, part_of_support(known.samples, box))
         assert there.is_whole == (not cut.any())
         for _ in range(6):
             field = blob(geometry, rng)
             tables.start(device.share(field.samples.samples.reshape(-1)))
             there.start(tables.coefficients)
-            found = there.contains(left_out(field, LIMIT, None)[0])
+            found = there.greatest() <= left_out(field, LIMIT, None)[0]
             begin, end = find_support_box(field, LIMIT, None)
             is_empty = (begin == end).all()
             assert found == bool(is_empty or ((begin >= box[0]) & (end <= box[1])).all())
             if cut.any():
                 answers.append(found and not is_empty)
     assert 5 <= sum(answers) <= len(answers) - 15
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("geometry", list(SHAPES))
+def test_the_samples_at_faces_are_those_of_the_host(engine: str, geometry: str):
+    """Every face alone, some together, and none."""
+    choices, rng = on(engine), np.random.default_rng(12)
+    device = engine_of(choices["backend"], choices["device"])
+    field = blob(geometry, rng)
+    field = replace(field, samples=replace(field.samples, samples=rng.normal(0.0, 1e-5, field.samples.shape)))
+    faces = {"volume": range(6), "planar": range(2, 6), "axisymmetric": (SIDE, 4, 5)}[geometry]
+    for some in ([], *([face] for face in faces), list(faces), list(faces)[1:3]):
+        there = GreatestOutside(device, field.samples.shape, part_behind_faces(field, np.array(some, int)))
+        there.start(device.share(field.samples.samples.reshape(-1)))
+        assert there.greatest() == face_strengths(field)[some].max(initial=-np.inf)
