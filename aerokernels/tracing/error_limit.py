@@ -16,7 +16,7 @@ SHARE = 1e-3
 # Smaller numbers are no meaningful optical paths [m]: their products in single precision vanish.
 LEAST = 1e-24
 # Lines along the last axis that are summed first, along each other axis; relative difference of sums in another order.
-SOME, ROUNDING = 8, 1e-9
+SOME, ROUNDING = 4, 1e-9
 # Tolerances whose limits a field caches.
 CACHED = 4  # speed only
 

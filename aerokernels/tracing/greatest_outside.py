@@ -5,6 +5,7 @@ whether the air is undisturbed at the faces of the box that rays cross.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from .engines import Engine
-from .engines.kernel_table import SUPPORT_KERNELS
 from .error_budget.known_air import OUTERMOST
 from .lines import SIDE
 from .support import MARGIN_NODES
@@ -22,37 +22,31 @@ Part = list[tuple[int, int]]
 
 
 class GreatestOutside:
-    """The launches that find the greatest size outside a part.
+    """The launch that finds the greatest size outside a part.
 
     Attributes:
         is_whole: Whether nothing is outside.
+        arrays: The host arrays that receive the results, see Engine.fetched.
     """
 
     def __init__(self, engine: Engine, shape: tuple[int, ...], part: Part):
-        """Allocate the memory for grids of a shape."""
+        """Make the launch for grids of a shape."""
         self.engine, self.counts = engine, (1, *shape)[-3:]
         self.is_whole = all((low, high) == (0, count - 1) for (low, high), count in zip(part, shape, strict=True))
-        if self.is_whole:
-            return
-        _, second, third = self.counts
         self.part = [node for nodes in ([(0, 0)] * (3 - len(shape)) + part) for node in nodes]
-        self.kernels = engine.kernels(SUPPORT_KERNELS)
-        self.spare = engine.empty(second * third)
-        self.reading = engine.fetched([np.empty(third)])
+        self.kernel = engine.kernels(["greatest_outside"])["greatest_outside"]
+        _, second, third = self.counts
+        self.arrays = [] if self.is_whole else [np.empty(second * third)]
 
-    def start(self, values: Any) -> None:
-        """Start the launches for the values in a buffer."""
-        if self.is_whole:
-            return
-        (first, second, third), launch, kernels = self.counts, self.engine.launch, self.kernels
-        before = [values, first, second, third, *self.part]
-        launch(kernels["greatest_outside"], before, [self.spare], second * third)
-        launch(kernels["block_maxima"], [self.spare, second, third, second], [*self.reading.buffers], third)
-        self.reading.start()
+    def start(self, values: Any, made: Sequence[Any]) -> None:
+        """Start the launch for the values in a buffer, into buffers for the arrays."""
+        for buffer, found in zip(made, self.arrays, strict=True):
+            self.engine.launch(self.kernel, [values, *self.counts, *self.part], [buffer], len(found))
 
-    def greatest(self) -> float:
-        """Wait, and return the greatest size; minus infinity if nothing is outside."""
-        return -math.inf if self.is_whole else float(self.reading.wait()[0].max())
+    @staticmethod
+    def greatest(arrays: Sequence[np.ndarray]) -> float:
+        """The greatest size, from the arrays with the results; minus infinity if nothing is outside."""
+        return max((float(found.max()) for found in arrays), default=-math.inf)
 
 
 def part_of_support(grid: UniformGrid, box: tuple[np.ndarray, np.ndarray]) -> Part:

@@ -1,6 +1,6 @@
 """Launch a bundle on the engine of its plan, in chunks that fit the device's memory: upload, trace and download."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -205,45 +205,52 @@ class Trials:
 
     def __call__(self, *asked: tuple[int, float, float]) -> list[dict[str, np.ndarray]]:
         """Return the outputs for each (number of samples, quadrature scale, trajectory scale), see TracePlan."""
-        repeated = self.repeated(*asked)
+        repeated = RepeatedTrials(self, asked)
+        with stage("upload"):
+            reading = self.prepared.engine.fetched(repeated.arrays)
+            repeated.into(reading.buffers)
         repeated.start()
-        return repeated.read()
-
-    def repeated(self, *asked: tuple[int, float, float]) -> "RepeatedTrials":
-        """Allocate memory for these numbers."""
-        return RepeatedTrials(self, asked)
+        with stage("kernel"):
+            reading.start()
+            return repeated.outputs(reading.taken())
 
 
 class RepeatedTrials:
-    """Trace the rays of Trials for several numbers, any number of times; all outputs are read together."""
+    """Trace the rays of Trials for several numbers, any number of times.
+
+    Attributes:
+        arrays: The host arrays that receive the outputs, see Engine.fetched.
+    """
 
     def __init__(self, trials: Trials, asked: Sequence[tuple[int, float, float]]):
-        """Allocate the memory; `asked` as for a call of the trials."""
+        """Take the numbers; `asked` as for a call of the trials."""
         self.trials, self.asked = trials, asked
-        prepared, names, count = trials.prepared, trials.names, trials.count
-        self.prepared = [prepared, *(prepared.again() for _ in asked[1:])]
-        with stage("upload"):
-            self.reading = prepared.engine.fetched([_empty(name, count) for _ in asked for name in names])
-            buffers = iter(self.reading.buffers)
-            self.results = [
-                prepared.allocate(count, without=names) | {name: next(buffers) for name in names} for _ in asked
-            ]
+        self.prepared = [trials.prepared, *(trials.prepared.again() for _ in asked[1:])]
+        self.arrays = [_empty(name, trials.count) for _ in asked for name in trials.names]
+        self.results: list[dict[str, Any]] = []
+
+    def into(self, made: Iterable[Any]) -> "RepeatedTrials":
+        """Let the outputs be written to buffers for the arrays."""
+        names, buffers, prepared = self.trials.names, iter(made), self.trials.prepared
+        self.results = [
+            prepared.allocate(self.trials.count, without=names) | {name: next(buffers) for name in names}
+            for _ in self.asked
+        ]
+        return self
 
     def start(self) -> None:
-        """Start to trace the rays for each of the numbers, and to copy the outputs."""
+        """Start to trace the rays for each of the numbers."""
         with stage("kernel"):
             for prepared, (count, quadrature, trajectory), made in zip(
                 self.prepared, self.asked, self.results, strict=True
             ):
                 prepared.tune(sample_count=count, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
                 prepared.launch(self.trials.starts, made, self.trials.count)
-            self.reading.start()
 
-    def read(self) -> list[dict[str, np.ndarray]]:
-        """Wait for the outputs of the last start, and return them for each of the numbers."""
-        with stage("kernel"):
-            arrays = iter(self.reading.taken())
-        return [{name: next(arrays) for name in self.trials.names} for _ in self.results]
+    def outputs(self, arrays: Iterable[np.ndarray]) -> list[dict[str, np.ndarray]]:
+        """The outputs for each of the numbers, from the arrays with all of them."""
+        each = iter(arrays)
+        return [{name: next(each) for name in self.trials.names} for _ in self.asked]
 
 
 def _together(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:

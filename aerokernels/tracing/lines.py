@@ -11,10 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..medium import IndexField
+from ..medium.grid_places import known
 
 # Names of the faces by number: 2 axis + (0 low, 1 high); the side of a cylinder is SIDE.
 FACES = ("low x", "high x", "low y", "high y", "low z", "high z", "r")
 SIDE = 6
+# Geometries for which the size of a box is cached with a grid's node positions.
+CACHED = 3  # speed only
 # A line outside a face by less than this share of the box's size counts as running in the face: rounding.
 ROUNDING = 1e-9
 
@@ -43,8 +46,13 @@ class BoxSpan:
 
 def box_size(field: IndexField) -> float:
     """Diagonal of the field's box [m]; an axis without ends is ignored."""
-    size: float = field.derive("box size", lambda: _find_box_size(field))
-    return size
+
+    def find() -> float:
+        size: float = known(field.samples, ("box size", field.geometry), lambda: _find_box_size(field), CACHED)
+        return size
+
+    found: float = field.derive("box size", find)
+    return found
 
 
 def _find_box_size(field: IndexField) -> float:

@@ -184,15 +184,14 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("greatest_out", "double*"),
     ),
 }
-# The kernels that prepare a grid (tracing/grid_tables.py), and those that examine new values on its nodes: structure
-# between samples (tracing/leapfrog/structure_on_device.py) and the support (tracing/support_on_device.py).
+# The kernels that prepare a grid (tracing/grid_tables.py), and those that bound the structure between samples for new
+# values on its nodes (tracing/leapfrog/structure_on_device.py).
 GRID_KERNELS = "spline_lines", "column_maxima", "block_maxima"
 STRUCTURE_KERNELS = "rule_in_blocks", "missed_in_layers", "missed_around"
-SUPPORT_KERNELS = "greatest_outside", "block_maxima"
 # The kernels without options of a scene, by the file in which they are built together.
 PROGRAMS = {
     "pupil": ("launch_pupil", "sum_rays", "reduce_sums"),
-    "grid_tables": (*GRID_KERNELS, *STRUCTURE_KERNELS, SUPPORT_KERNELS[0]),
+    "grid_tables": (*GRID_KERNELS, *STRUCTURE_KERNELS, "greatest_outside"),
     "retry": ("collect_rejected", "deliver_retraced"),
 }
 # The counts that bound an OpenCL launch, whose size is rounded up to whole work-groups.

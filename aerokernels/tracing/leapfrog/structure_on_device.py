@@ -6,6 +6,7 @@ across the axis that the lines run along most, and at both ends of each line.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,11 @@ from .unresolved import RULE_AT_END, rule_scales, turned
 
 
 class StructureOnDevice:
-    """The launches that bound the structure missed by some lines with a number of samples, for one field at a time."""
+    """The launches that bound the structure missed by some lines with a number of samples, for one field at a time.
+
+    Attributes:
+        arrays: The host arrays that receive the results, see Engine.fetched.
+    """
 
     def __init__(self, engine: Engine, structure: MissedStructure, count: int, block: int, shape: tuple[int, ...]):
         """Allocate the memory.
@@ -66,23 +71,28 @@ class StructureOnDevice:
         self.places = [begin, pitches[along], rows, *row, columns, *column]
         self.weights = np.broadcast_to(1.0 + self.slope * self.layers.lever_arms.reshape(-1), (sizes[along],))
         self.kernels = engine.kernels(STRUCTURE_KERNELS)
-        self.reading = engine.fetched([np.empty(sizes[along] * rows * columns), np.empty(2 * len(ends))])
+        self.arrays = [np.empty(sizes[along] * rows * columns), np.empty(2 * len(ends))]
 
-    def start(self, tables: Any) -> None:
-        """Start the launches for tables of blocks in a buffer: three of fourth differences, and the potential's."""
+    def start(self, tables: Any, made: Sequence[Any]) -> None:
+        """Start the launches, into buffers for the arrays.
+
+        `tables` is a buffer with tables of blocks: three of fourth differences, and that of the potential.
+        """
         engine, kernels, shape = self.engine, self.kernels, (1, *self.shape)[-3:]
-        (in_layers, at_ends), (layers, ends) = self.reading.buffers, self.reading.arrays
+        (in_layers, at_ends), (layers, ends) = made, self.arrays
         engine.launch(kernels["rule_in_blocks"], [tables, self.table, self.scales], [self.missed], self.table)
         engine.launch(kernels["missed_in_layers"], [self.missed, *self.places], [in_layers], len(layers))
         around = [self.missed, tables, 3 * self.table, *shape, self.ends]
         engine.launch(kernels["missed_around"], around, [at_ends], len(ends) // 2)
-        self.reading.start()
 
-    def greatest(self, limit: float) -> float:
-        """Wait, and return the greatest error of any line [m] where the OPD error allowed to a ray is `limit` [m]."""
+    def greatest(self, arrays: Sequence[np.ndarray], limit: float) -> float:
+        """The greatest error of any line [m], from the arrays with the results.
+
+        `limit` is the OPD error allowed to a ray [m].
+        """
         if not len(self.lever_arms):
             return 0.0
-        in_layers, at_ends = self.reading.wait()
+        in_layers, at_ends = arrays
         path, layers = self.path, self.layers
         found = float(in_layers.max()) * (1.0 + self.slope * path.lever_arm) * path.longest
         if path.layers:
@@ -94,9 +104,9 @@ class StructureOnDevice:
             found += self.at_end * float((both * self.lever_arms).max())
         return turned(self.grid, self.structure.lever_arm(limit)) * found
 
-    def is_enough(self, limit: float) -> bool:
-        """Wait, and return whether the number of samples misses no structure."""
-        return self.greatest(limit) <= NEGLIGIBLE * limit
+    def is_enough(self, arrays: Sequence[np.ndarray], limit: float) -> bool:
+        """Whether the number of samples misses no structure; arguments as for `greatest`."""
+        return self.greatest(arrays, limit) <= NEGLIGIBLE * limit
 
 
 def _whole(shape: tuple[int, ...]) -> Layers:

@@ -23,6 +23,7 @@ import numpy as np
 
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
+from ...rays import RayBundle
 from ..engines import engine_of
 from ..engines.device_memory import DeviceMemoryError, memory_of
 from ..error_budget.known_air import face_strengths, faces_crossed, weakest_contrast
@@ -41,7 +42,7 @@ from .air import RAY_OF_PUPIL, PupilAir, still_air
 from .job import UNKNOWN, PupilJob, air_of
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
-from .values_in_turn import MemoryInTurn, ValuesInTurn
+from .values_in_turn import Examined, MemoryInTurn, ValuesInTurn
 
 # The plan is made for fields that are stronger by this factor.
 STRONGER = 1.5
@@ -89,6 +90,7 @@ class NewValues:
         structure: The structure that rays may miss between samples.
         limit: The OPD error allowed to a ray [m].
         box: The support.
+        are_still: Whether the known air is undisturbed at the faces of the box that the rays cross.
         memory: The memory.
     """
 
@@ -98,6 +100,7 @@ class NewValues:
     structure: MissedStructure
     limit: float
     box: tuple[np.ndarray, np.ndarray]
+    are_still: bool
     memory: MemoryInTurn
 
     @classmethod
@@ -119,9 +122,7 @@ class NewValues:
             return None
         box, air_rays = support_box(known, limit / STRICTER, arms), job.air.rays
         assert air_rays is not None
-        faces = faces_crossed(known, air_rays)
-        if faces is not None and face_strengths(known)[faces].max(initial=0.0) > weakest_contrast(known, tolerance):
-            faces = None  # the air is examined while the device works
+        faces = _still_faces(known, air_rays, tolerance)
         field = _twin(known, tolerance, limit, arms, box)
         # With samples for STRONGER fields; their number is hardly greater, since errors fall with its fourth power.
         structure = MissedStructure(field, lambda low, high: job.pilot, job.until, limit, arms, job.pilot)
@@ -136,7 +137,7 @@ class NewValues:
             with memory_of(plan.device):
                 place = ValuesInTurn(task, job.pilot, structure, faces)
                 place.load(known)
-                wider = _wider_scales(place.read(), count, limit)
+                wider = _wider_scales(place.read().pilots, count, limit)
                 if wider is None:
                     return None
                 plan = replace(plan, quadrature_error_scale=wider[0], trajectory_error_scale=wider[1])
@@ -152,7 +153,7 @@ class NewValues:
             alike = replace(task, field=found.twin(field))
             return ValuesInTurn(alike, job.pilot, structure, faces).prepare(alike)
 
-        found = cls(make, job, task, structure, limit, box, MemoryInTurn(place, another))
+        found = cls(make, job, task, structure, limit, box, len(faces) > 0, MemoryInTurn(place, another))
         return found
 
     def job_of(self, field: IndexField, wavelength: float) -> PupilJob | None:
@@ -169,11 +170,11 @@ class NewValues:
             place.load(field)
             try:  # while a GPU works
                 limit = error_limit(field, tolerance)
-                air = None if place.faces else air_of(field, task.pupil, task.look, tolerance, job.air.rays)
+                air = None if self.are_still else air_of(field, task.pupil, task.look, tolerance, job.air.rays)
             finally:
-                made = place.read()
-            air = air or self._air(field, tolerance, place)
-            worst = self._worst(field, limit, made, place)
+                found = place.read()
+            air = air or self._air(field, tolerance, found.faces)
+            worst = self._worst(field, limit, found, place)
             if worst is None:
                 place.leave(field)
                 return None
@@ -191,37 +192,34 @@ class NewValues:
             lock=threading.Lock(),
         )
 
-    def _air(self, field: IndexField, tolerance: float, place: ValuesInTurn) -> PupilAir:
-        """The OPD that the pupil's rays may lose in a field whose values are in memory, as by `air_of`.
+    def _air(self, field: IndexField, tolerance: float, at_faces: float) -> PupilAir:
+        """The OPD that the pupil's rays may lose in a field, as by `air_of`.
 
-        `tolerance` is the requested OPD error [m].
+        `tolerance` is the requested OPD error [m], `at_faces` the greatest contrast at the faces that rays cross.
         """
         task, rays = self.task, self.job.air.rays
         assert rays is not None
-        assert place.faces is not None
-        if place.faces.greatest() > weakest_contrast(field, tolerance):
+        if at_faces > weakest_contrast(field, tolerance):
             return air_of(field, task.pupil, task.look, tolerance, rays)
         check_meeting(field, rays, RAY_OF_PUPIL)
         return still_air(field, task.pupil, rays)
 
-    def _worst(
-        self, field: IndexField, limit: float, made: list[dict[str, np.ndarray]], place: ValuesInTurn
-    ) -> float | None:
+    def _worst(self, field: IndexField, limit: float, found: Examined, place: ValuesInTurn) -> float | None:
         """The pilot's greatest error [m] in a field whose values are in memory; None where the plan does not hold.
 
-        `limit` is the OPD error allowed there [m], and `made` are the outputs of the pilot's trials.
+        `limit` is the OPD error allowed there [m].
         """
         plan = self.task.plan
-        judged = judged_pair(pair_of(made, plan.sample_count), limit)
+        judged = judged_pair(pair_of(found.pilots, plan.sample_count), limit)
         if judged is None or limit < self.limit:
             return None
         (scales, worst), held = judged, (plan.quadrature_error_scale, plan.trajectory_error_scale)
         covers = all(needed <= GREATER * scale for needed, scale in zip(scales, held, strict=True))
         if not (covers or worst <= NEGLIGIBLE * limit):
             return None
-        if place.support.greatest() > left_out(field, self.limit, plan.lever_arms)[0]:
+        if found.support > left_out(field, self.limit, plan.lever_arms)[0]:
             return None
-        is_bounded = place.structure.is_enough(limit)
+        is_bounded = place.structure.is_enough(found.structure, limit)
         if not is_bounded and field.geometry != "volume":  # for which the sharper bound takes longer than to plan anew
             place.keep_tables(field)
             is_bounded = self.structure.of_values(field, limit).is_enough(plan.sample_count)
@@ -282,6 +280,16 @@ def _may_be_followed(field: IndexField, plan: TracePlan) -> bool:
         return False
     engine = engine_of(plan.backend, plan.device)
     return has_tables(engine, grid) and BYTES * grid.samples.size <= MEMORY_SHARE * engine.memory[0]
+
+
+def _still_faces(field: IndexField, rays: RayBundle, tolerance: float) -> np.ndarray:
+    """Numbers of the faces of the box that undisturbed rays cross; none if the air at one of them is disturbed.
+
+    Where it is, the host examines the air while the device works. `tolerance` is the requested OPD error [m].
+    """
+    faces = faces_crossed(field, rays)
+    is_still = faces is not None and face_strengths(field)[faces].max(initial=0.0) <= weakest_contrast(field, tolerance)
+    return faces if faces is not None and is_still else np.zeros(0, int)
 
 
 def _nothing_more(rays: int) -> TracePlan:

@@ -6,10 +6,11 @@ GPU as one graph or without setting an argument, which takes far less time than 
 
 import threading
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from ...rays import RayBundle
 from ..engines import engine_of
 from ..greatest_outside import GreatestOutside, part_behind_faces, part_of_support
 from ..grid_tables import GridTables, keep_tables
-from ..launch import Trials
+from ..launch import RepeatedTrials, Trials
 from ..leapfrog.between_samples import MissedStructure
 from ..leapfrog.pilot_levels import pair_numbers
 from ..leapfrog.sample_count import PILOT_OUTPUTS
@@ -34,28 +35,41 @@ MOST = 2  # speed only
 ASIDE = 3  # speed only
 
 
+class Examined(NamedTuple):
+    """What a device found for the values of a field.
+
+    Attributes:
+        structure: Results of StructureOnDevice.
+        support: The greatest size of the coefficients outside the support.
+        faces: The greatest contrast at some faces of the box.
+        pilots: The pilot's rays, see pilot_levels.pair_numbers.
+    """
+
+    structure: Sequence[np.ndarray]
+    support: float
+    faces: float
+    pilots: list[dict[str, np.ndarray]]
+
+
 class ValuesInTurn:
     """The memory, which one thread uses at a time.
 
     Attributes:
         lock: Held by the thread that uses it.
         structure: The structure that the pupil's rays miss between samples.
-        support: The coefficients outside the support.
-        faces: The samples at faces of the box at which the air is to be undisturbed; None without such faces.
-        trials: The pilot's rays, see pilot_levels.pair_numbers.
         run: The pupil's rays.
     """
 
     run: PupilRun
 
-    def __init__(self, task: PupilTask, pilot: RayBundle, structure: MissedStructure, faces: np.ndarray | None):
+    def __init__(self, task: PupilTask, pilot: RayBundle, structure: MissedStructure, faces: np.ndarray):
         """Prepare the pilot of a task whose field nothing else uses: only those of others are loaded.
 
         Args:
             task: The task.
             pilot: The pilot.
             structure: The structure that the rays may miss in this field.
-            faces: Numbers of the faces at which the air is to be undisturbed, or None.
+            faces: Numbers of the faces at which the greatest contrast is to be found.
         """
         field, plan = task.field, task.plan
         grid = field.samples
@@ -75,10 +89,16 @@ class ValuesInTurn:
         self.structure = StructureOnDevice(engine, structure, plan.sample_count, tables.block, tuple(tables.blocks))
         box = support_box(field, structure.limit, plan.lever_arms)
         self.support = GreatestOutside(engine, grid.coefficient_shape, part_of_support(grid, box))
-        self.faces = None if faces is None else GreatestOutside(engine, grid.shape, part_behind_faces(field, faces))
+        self.faces = GreatestOutside(engine, grid.shape, part_behind_faces(field, faces))
         few = replace(plan, few_rays=True)
         trials = Trials(field, pilot, few, task.until, task.wavelength, PILOT_OUTPUTS)
-        self.trials = trials.repeated(*pair_numbers(plan.sample_count))
+        self.trials = RepeatedTrials(trials, pair_numbers(plan.sample_count))
+        parts = [each.arrays for each in (self.structure, self.support, self.faces, self.trials)]
+        self.reading = engine.fetched([array for arrays in parts for array in arrays])  # in one copy
+        ends = np.cumsum([0, *map(len, parts)]).tolist()
+        self.parts = [slice(*each) for each in pairwise(ends)]
+        *self.made, pilots = [self.reading.buffers[part] for part in self.parts]
+        self.trials.into(pilots)
         self.repeat = engine.recorded()
         self._holds: Any = None  # refers weakly to the samples whose values are in memory
 
@@ -103,9 +123,12 @@ class ValuesInTurn:
             self.repeat(self._start_from_buffer)
         self._holds = weakref.ref(samples)
 
-    def read(self) -> list[dict[str, np.ndarray]]:
-        """Wait for the launches, and return the pilot's rays; on a CPU these are valid until the next load."""
-        return self.trials.read()
+    def read(self) -> "Examined":
+        """Wait for the launches, and return what they found, which is valid until the next load."""
+        arrays = self.reading.wait()
+        structure, support, faces, pilots = (arrays[part] for part in self.parts)
+        greatest = GreatestOutside.greatest
+        return Examined(structure, greatest(support), greatest(faces), self.trials.outputs(pilots))
 
     def keep_tables(self, field: IndexField) -> None:
         """Cache the tables on the loaded field."""
@@ -129,13 +152,14 @@ class ValuesInTurn:
     def _start(self, samples: Any) -> None:
         """Start the launches for the samples in a buffer."""
         engine, tables = self.engine, self.tables
+        structure, support, faces = self.made
         tables.start(samples)
-        self.structure.start(tables.in_blocks)
-        self.support.start(tables.coefficients)
-        if self.faces is not None:
-            self.faces.start(samples)
+        self.structure.start(tables.in_blocks, structure)
+        self.support.start(tables.coefficients, support)
+        self.faces.start(samples, faces)
         engine.renew(self.field, self.precision, tables.on_host)
         self.trials.start()
+        self.reading.start()
 
 
 class MemoryInTurn:

@@ -45,14 +45,16 @@ def test_the_bound_is_that_of_the_host(engine: str, geometry: str):
         structure = MissedStructure(known, lambda low, high, rays=rays: rays, until, 1e-9, None, rays)
         tables = GridTables(device, known.samples)
         there = StructureOnDevice(device, structure, 42, tables.block, tuple(tables.blocks))
+        reading = device.fetched(there.arrays)
         for seed, limit in ((2, 1e-9), (3, 1e-6), (4, 1e-2)):
             field = rough(geometry, seed, 10.0 ** (4 - seed))
             tables.start(device.share(field.samples.samples.reshape(-1)))
-            there.start(tables.in_blocks)
-            expected, found = structure.of_values(field, limit)._by_rule(42), there.greatest(limit)
+            there.start(tables.in_blocks, reading.buffers)
+            reading.start()
+            expected, found = structure.of_values(field, limit)._by_rule(42), there.greatest(reading.wait(), limit)
             # Layers across another axis than the one that the lines run along most hardly ever bound it better.
             assert found == pytest.approx(expected, rel=1e-11) or expected < found < 1.2 * expected
-            assert there.is_enough(limit) == (found <= 0.75 * limit)
+            assert there.is_enough(reading.arrays, limit) == (found <= 0.75 * limit)
             greatest.add(found)
             exact += found == pytest.approx(expected, rel=1e-11)
     assert len(greatest) == 18 and exact >= 15
