@@ -19,7 +19,7 @@ INLINED doubles values_at(__global const double *from, ints after, int in_row, d
 // Nodes that are read ahead of the elimination: on a GPU each step would otherwise wait for memory. A processor reads
 // ahead itself.
 #if LANES == 1
-#define AHEAD 16
+#define AHEAD 32
 #else
 #define AHEAD 1
 #endif

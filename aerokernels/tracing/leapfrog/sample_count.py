@@ -219,7 +219,7 @@ class _Fitting:
         if not self.cost.is_worth_it(least):
             return None
         trials = self._trials(replace(self.plan, sample_count=least))
-        level, finest, bends = level_pair(trials, least)
+        level, finest = levels_of(trials, least, 3 * least)
         if not finest.is_fit:
             return None
         levels, first, count = [level, finest], level.error(finest), least
@@ -241,8 +241,7 @@ class _Fitting:
                 levels.append(finest)
             worst = level.error(finest)
             if level.is_fit and worst <= budget:
-                bends = bends if count == least else greatest_bend(trials, count)
-                scales = error_scales(level, worst, bends)
+                scales = error_scales(level, worst, greatest_bend(trials, count))
                 return _Fit(count, scales, worst, self.structure.sampling(count), count, self.structure.steepness)
             count = multiple_of_three(1.25 * count)
         return None

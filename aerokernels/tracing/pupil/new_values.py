@@ -18,12 +18,12 @@ fields asked of one job are compared with that job's field alone, so that no ans
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
-from ...rays import RayBundle
 from ..engines import engine_of
 from ..engines.device_memory import DeviceMemoryError, memory_of
 from ..error_budget.known_air import face_strengths, faces_crossed, weakest_contrast
@@ -34,11 +34,10 @@ from ..leapfrog.pilot_levels import GREATEST_BEND, GREATEST_SHARE, SAFETY, pair_
 from ..leapfrog.sample_count import judged_pair, leapfrog_reason, least_samples
 from ..leapfrog.unresolved import potential_by_blocks
 from ..lever_arms import LeverArms
-from ..meeting import check_meeting
 from ..plan import TracePlan
 from ..step_bound import roughness_of_blocks
 from ..support import keep_support_box, left_out, support_box
-from .air import RAY_OF_PUPIL, PupilAir, still_air
+from .air import PupilAir, still_air
 from .job import UNKNOWN, PupilJob, air_of
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
@@ -90,7 +89,9 @@ class NewValues:
         structure: The structure that rays may miss between samples.
         limit: The OPD error allowed to a ray [m].
         box: The support.
-        are_still: Whether the known air is undisturbed at the faces of the box that the rays cross.
+        still: The air of a field that is undisturbed at the faces of the box that the rays cross, as the known one is;
+            None if that is not, so that the host examines the air while the device works.
+        weakest: Greatest contrast there with which the air is undisturbed.
         memory: The memory.
     """
 
@@ -100,7 +101,8 @@ class NewValues:
     structure: MissedStructure
     limit: float
     box: tuple[np.ndarray, np.ndarray]
-    are_still: bool
+    still: PupilAir | None
+    weakest: float
     memory: MemoryInTurn
 
     @classmethod
@@ -120,9 +122,8 @@ class NewValues:
         engine, is_known = engine_of(plan.backend, plan.device), job.is_known or not job.sizes
         if not (is_known and engine.can_renew(known, job.known_task.plan)):
             return None
-        box, air_rays = support_box(known, limit / STRICTER, arms), job.air.rays
-        assert air_rays is not None
-        faces = _still_faces(known, air_rays, tolerance)
+        box, weakest = support_box(known, limit / STRICTER, arms), weakest_contrast(known, tolerance)
+        faces, still = _still(job, weakest)
         field = _twin(known, tolerance, limit, arms, box)
         # With samples for STRONGER fields; their number is hardly greater, since errors fall with its fourth power.
         structure = MissedStructure(field, lambda low, high: job.pilot, job.until, limit, arms, job.pilot)
@@ -153,7 +154,7 @@ class NewValues:
             alike = replace(task, field=found.twin(field))
             return ValuesInTurn(alike, job.pilot, structure, faces).prepare(alike)
 
-        found = cls(make, job, task, structure, limit, box, len(faces) > 0, MemoryInTurn(place, another))
+        found = cls(make, job, task, structure, limit, box, still, weakest, MemoryInTurn(place, another))
         return found
 
     def job_of(self, field: IndexField, wavelength: float) -> PupilJob | None:
@@ -170,10 +171,11 @@ class NewValues:
             place.load(field)
             try:  # while a GPU works
                 limit = error_limit(field, tolerance)
-                air = None if self.are_still else air_of(field, task.pupil, task.look, tolerance, job.air.rays)
+                air = self.still or air_of(field, task.pupil, task.look, tolerance, job.air.rays)
             finally:
                 found = place.read()
-            air = air or self._air(field, tolerance, found.faces)
+            if found.faces > self.weakest:
+                air = air_of(field, task.pupil, task.look, tolerance, job.air.rays)
             worst = self._worst(field, limit, found, place)
             if worst is None:
                 place.leave(field)
@@ -187,22 +189,10 @@ class NewValues:
             plan_of=lambda rays: self.make(field, wavelength=wavelength, like=job).plan_of(rays),  # for more rays
             task=replace(job.task, field=field, plan=plan),
             air=air,
-            given_run=FollowedRun(self, replace(task, field=field, plan=plan)),
+            given_run=FollowedRun(self, field, plan),
             new_values=self,
             lock=threading.Lock(),
         )
-
-    def _air(self, field: IndexField, tolerance: float, at_faces: float) -> PupilAir:
-        """The OPD that the pupil's rays may lose in a field, as by `air_of`.
-
-        `tolerance` is the requested OPD error [m], `at_faces` the greatest contrast at the faces that rays cross.
-        """
-        task, rays = self.task, self.job.air.rays
-        assert rays is not None
-        if at_faces > weakest_contrast(field, tolerance):
-            return air_of(field, task.pupil, task.look, tolerance, rays)
-        check_meeting(field, rays, RAY_OF_PUPIL)
-        return still_air(field, task.pupil, rays)
 
     def _worst(self, field: IndexField, limit: float, found: Examined, place: ValuesInTurn) -> float | None:
         """The pilot's greatest error [m] in a field whose values are in memory; None where the plan does not hold.
@@ -251,26 +241,33 @@ class FollowedRun:
     """The pupil's rays through a field that follows a plan: in memory that fields use in turn, or later in its own.
 
     Attributes:
-        known: The plan.
-        task: The task of the field.
+        known: The plan that it follows.
+        field: The field.
+        plan: The plan of the field itself.
     """
 
     known: NewValues
-    task: PupilTask
+    field: IndexField
+    plan: TracePlan
     own: PupilRun | None = None
+
+    @cached_property
+    def task(self) -> PupilTask:
+        """The task of the field."""
+        return replace(self.known.task, field=self.field, plan=self.plan)
 
     def __call__(self, seed: int | None) -> PupilSums:
         """Trace and sum the points of a seed."""
         if self.own is None:
-            found = self.known.memory.sums(seed, self.task.field)
+            found = self.known.memory.sums(seed, self.field)
             if found is not None:
                 return found
-            plan, twin = self.task.plan, self.known.twin(self.task.field)
+            plan, twin = self.plan, self.known.twin(self.field)
             assert isinstance(twin.samples, UniformGrid)
             with memory_of(plan.device):  # another field has taken the memory
                 prepare_grid(engine_of(plan.backend, plan.device), twin.samples)
                 self.own = PupilRun(replace(self.task, field=twin))
-        return self.own(seed, self.task.field)
+        return self.own(seed, self.field)
 
 
 def _may_be_followed(field: IndexField, plan: TracePlan) -> bool:
@@ -282,14 +279,17 @@ def _may_be_followed(field: IndexField, plan: TracePlan) -> bool:
     return has_tables(engine, grid) and BYTES * grid.samples.size <= MEMORY_SHARE * engine.memory[0]
 
 
-def _still_faces(field: IndexField, rays: RayBundle, tolerance: float) -> np.ndarray:
-    """Numbers of the faces of the box that undisturbed rays cross; none if the air at one of them is disturbed.
+def _still(job: PupilJob, weakest: float) -> tuple[np.ndarray, PupilAir | None]:
+    """Numbers of the faces of the box that undisturbed rays cross, and their air if it is undisturbed at these faces.
 
-    Where it is, the host examines the air while the device works. `tolerance` is the requested OPD error [m].
+    Without undisturbed air no face is given. Up to the contrast `weakest` air is undisturbed.
     """
+    field, rays = job.task.field, job.air.rays
+    assert rays is not None
     faces = faces_crossed(field, rays)
-    is_still = faces is not None and face_strengths(field)[faces].max(initial=0.0) <= weakest_contrast(field, tolerance)
-    return faces if faces is not None and is_still else np.zeros(0, int)
+    if faces is None or face_strengths(field)[faces].max(initial=0.0) > weakest:
+        return np.zeros(0, int), None
+    return faces, still_air(field, job.task.pupil, rays)
 
 
 def _nothing_more(rays: int) -> TracePlan:

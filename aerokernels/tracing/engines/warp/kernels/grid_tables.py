@@ -9,7 +9,9 @@ from ..library import KernelLibrary, built_once
 from ..types import takes
 
 # Nodes that are read ahead of the elimination of a spline: each step would otherwise wait for memory.
-AHEAD = 16  # speed only
+# (Warp unrolls loops of up to 16.)
+HALF = 16
+AHEAD = 2 * HALF  # speed only
 Ahead = wp.types.vector(length=AHEAD, dtype=wp.float64)
 
 
@@ -50,14 +52,17 @@ def spline_lines(values_in, inverse_in, count, pitch, even, ambient, first_line,
     pivots = Ahead()
     begin = first
     while begin < last:
-        for k in range(AHEAD):
-            node = wp.min(begin + k, last - 1) - 1
-            ahead[k] = value_at(values_in, value + node * pitch, ambient)
-            pivots[k] = inverse_in[node]
-        for k in range(AHEAD):
-            if begin + k < last:
-                before = six * ahead[k] - before * pivots[k]
-                coefficients_out[made + (begin + k) * pitch] = before
+        for half in range(2):
+            for k in range(HALF):
+                node = wp.min(begin + half * HALF + k, last - 1) - 1
+                ahead[half * HALF + k] = value_at(values_in, value + node * pitch, ambient)
+                pivots[half * HALF + k] = inverse_in[node]
+        for half in range(2):
+            for k in range(HALF):
+                row = begin + half * HALF + k
+                if row < last:
+                    before = six * ahead[half * HALF + k] - before * pivots[half * HALF + k]
+                    coefficients_out[made + row * pitch] = before
         begin += AHEAD
     outermost = value_at(values_in, value + last * pitch, ambient)
     inward = value_at(values_in, value + (last - 1) * pitch, ambient)
@@ -66,14 +71,17 @@ def spline_lines(values_in, inverse_in, count, pitch, even, ambient, first_line,
     coefficients_out[made + last * pitch] = after
     begin = last - 1
     while begin >= first:
-        for k in range(AHEAD):
-            row = wp.max(begin - k, first)
-            ahead[k] = coefficients_out[made + row * pitch]
-            pivots[k] = inverse_in[row]
-        for k in range(AHEAD):
-            if begin - k >= first:
-                after = (ahead[k] - after) * pivots[k]
-                coefficients_out[made + (begin - k) * pitch] = after
+        for half in range(2):
+            for k in range(HALF):
+                row = wp.max(begin - half * HALF - k, first)
+                ahead[half * HALF + k] = coefficients_out[made + row * pitch]
+                pivots[half * HALF + k] = inverse_in[row]
+        for half in range(2):
+            for k in range(HALF):
+                row = begin - half * HALF - k
+                if row >= first:
+                    after = (ahead[half * HALF + k] - after) * pivots[half * HALF + k]
+                    coefficients_out[made + row * pitch] = after
         begin -= AHEAD
     if even != 0:
         mirrored = coefficients_out[made + 2 * pitch]
