@@ -31,12 +31,15 @@ class BoxSpan:
         leave: Distance to the exit [m], less than `enter` for a line that misses the box, shape (n,).
         entry_face: Number of the face of the entry in FACES, -1 for a start inside, shape (n,).
         exit_face: Number of the face of the exit, -1 where the line never leaves, shape (n,).
+        face_behind: As `entry_face`, but for a start inside the face by which the line would enter if it began farther
+            back.
     """
 
     enter: np.ndarray
     leave: np.ndarray
     entry_face: np.ndarray
     exit_face: np.ndarray
+    face_behind: np.ndarray
 
     @property
     def meets(self) -> np.ndarray:
@@ -98,7 +101,7 @@ def box_span(field: IndexField, position: np.ndarray, direction: np.ndarray) -> 
         touched = (far < near) & (near - far <= rounding) & np.isfinite(near)
     far = np.where(touched, near, far)
     inside = near <= 0.0
-    return BoxSpan(np.maximum(near, 0.0), far, np.where(inside, -1, near_face), far_face)
+    return BoxSpan(np.maximum(near, 0.0), far, np.where(inside, -1, near_face), far_face, near_face)
 
 
 def slab_span(place: np.ndarray, rate: np.ndarray, low: float, high: float, tolerance: float = 0.0):

@@ -158,8 +158,10 @@ static inline double undisturbed_length(
         *number = stop == NONE ? -1 : (FACES + 2) * (FACES + 3);
         return stop == NONE ? -1.0 : length;
     }
-    const int enters = enter <= close ? FACES
-        : (faces_that_matter >> crossing.entry_face) & 1 ? crossing.entry_face : FACES + 1;
+    // A line that begins in the box is like one that enters through the face behind it, if that does not matter.
+    const int behind = crossing.entry_face;
+    const int enters = behind >= 0 && !((faces_that_matter >> behind) & 1) ? FACES + 1
+        : enter <= close ? FACES : behind;
     int leaves = crossing.exit_face;
     if (stop == NONE) {
         length = crossing.leave;

@@ -70,8 +70,10 @@ class FaceClasses:
             return np.zeros(len(position), dtype=np.int64)
         span = box_span(self.field, position, direction)
         count, close = len(FACES), CLOSE * float(np.min(self.field.spacing))
-        enter = np.where(self.matters[span.entry_face], span.entry_face, count + 1)
-        enter = np.where(span.enter <= close, count, enter)
+        # A line that begins in the box is like one that enters through the face behind it, if that does not matter.
+        behind = span.face_behind
+        enter = np.where(span.enter <= close, count, behind)
+        enter = np.where((behind >= 0) & ~self.matters[behind], count + 1, enter)
         leaves, near = span.exit_face, self._is_near_edge(position, direction, span)
         if self.until is not None:
             leaves = np.where(self.matters[span.exit_face], span.exit_face, count)

@@ -114,10 +114,12 @@ def test_lines_of_one_class_pass_the_same_faces(geometry: str, until):
     classes = FaceClasses(field, until, matters, margin)
     assert not classes.are_all_alike
     number, span = classes.numbers(start, way), box_span(field, start, way)
+    behind = box_span(field, start - 20.0 * way, way).entry_face
+    assert (span.face_behind == behind)[span.meets].all() and set(span.entry_face[span.enter == 0.0]) == {-1}
     low, high = (np.asarray(one) for one in field.box)
     told = []
     for row in range(150):
-        enter = "inside" if span.enter[row] == 0.0 else span.entry_face[row] if matters[span.entry_face[row]] else "any"
+        enter = ("inside" if span.enter[row] == 0.0 else behind[row]) if matters[behind[row]] else "any"
         leave, near = int(span.exit_face[row]), False
         if not span.meets[row]:
             told.append("beside" if until is not None else -1)

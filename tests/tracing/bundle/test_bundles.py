@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerokernels import ArcLength, Body, IndexField, Plane, RayBundle, trace
+from aerokernels import ArcLength, Body, Disc, IndexField, Plane, RayBundle, trace
 from aerokernels.tracing import RayStatus
 from aerokernels.tracing.bundle.family import SAMPLE, find_family, some_rows
 from aerokernels.tracing.bundle.refine import SUM_ROUNDING
@@ -272,3 +272,22 @@ def test_a_stray_ray_is_traced_by_itself():
     result = traced(smooth_field(), strays)
     assert result.plan.bundle is not None and result.plan.bundle.one_by_one == 2
     check(result, smooth_field(), strays, STOPS["far"], np.array([one, other, other + 1]))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_pupil_on_a_face_of_the_box(engine):
+    """Tilted, half of it in the box: one smooth map where the air at the face is still, and two where it is not."""
+    pupil = Disc(0.8e-3, center=(0.0, 0.0, X[0]), normal=(0.1, -0.05, 1.0))
+    rays = RayBundle.collimated(pupil, 120_000, seed=4)
+    assert 0.4 < np.mean(rays.position[:, 2] < X[0]) < 0.6
+    left = {}
+    for name, width in (("still", 3e-4), ("disturbed", 1.2e-3)):
+        field = volume(SMOOTH / DEPTH * np.exp(-((GRID[2] / width) ** 2)))
+        found = trace(field, rays, until=STOPS["far"], **on(engine))
+        assert found.plan.bundle.delivered > 90_000
+        left[name] = found.plan.bundle.one_by_one
+        some = np.random.default_rng(5).integers(0, rays.ray_count, 3_000)
+        strict = {"method": "adaptive", "precision": "float64", "tolerance": 1e-6, "bundle": "off"}
+        exact = trace(field, rays.rows(some), until=STOPS["far"], **strict, **on("opencl-cpu"))
+        assert np.abs(found.opd[some] - exact.opd).max() < 1e-3 * WAVE
+    assert left["still"] == 0 < left["disturbed"]

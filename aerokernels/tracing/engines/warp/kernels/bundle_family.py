@@ -170,11 +170,13 @@ def undisturbed_length(
         if stop == wp.static(NO_STOP):
             return wp.vec2d(wp.float64(-1.0), wp.float64(-1.0))
         return wp.vec2d(length, wp.float64(wp.static((FACE_COUNT + 2) * (FACE_COUNT + 3))))
-    enters = int(wp.static(FACE_COUNT))
-    if enter > close:
-        enters = int(wp.static(FACE_COUNT + 1))
-        if ((faces_that_matter >> crossing.entry_face) & 1) != 0:
-            enters = crossing.entry_face
+    # A line that begins in the box is like one that enters through the face behind it, if that does not matter.
+    enters = crossing.entry_face
+    if enter <= close:
+        enters = int(wp.static(FACE_COUNT))
+    if crossing.entry_face >= 0:
+        if ((faces_that_matter >> crossing.entry_face) & 1) == 0:
+            enters = int(wp.static(FACE_COUNT + 1))
     leaves = crossing.exit_face
     if stop == wp.static(NO_STOP):
         length = crossing.leave
