@@ -78,6 +78,11 @@ def open_series(
             Density fields have their own, and bare arrays have none.
         options: For `read`: the frame, the unit of length, and so on. Files with a time axis take `length_unit`.
 
+    Warns:
+        UserWarning: The density at the upstream end of a later file differs from that of the first one by more than
+            turbulence there explains, and by more than a thousandth of a wave along the box: the series holds several
+            flow conditions, but has one ambient density.
+
     Raises:
         TypeError: A source of none of these kinds, or an option that it does not have.
         ValueError: No such file, no density or time in it, coordinates that are not an even grid, times that do not
