@@ -330,6 +330,10 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             used, ambient, cell_size, ends_on, arrival.grazing, obliquity_first, opd_rate, displacement);
     }
     used += gain;
+    if (CONTROLLED && !REAL_IS_DOUBLE && arrival.status == RAY_MAX_STEPS && isfinite(used)) {
+        used = INFINITY;  // rounding may have kept its steps short, or refused them: float64 decides
+        arrival.status = RAY_OK;
+    }
     if (CONTROLLED && arrival.status == RAY_OK && !(used <= control.tolerance)) {
         arrival.status = RAY_TOLERANCE_NOT_MET;  // to be traced again, see retrace.py
     }

@@ -1,6 +1,7 @@
 """Open a series from a file or object with a time axis: NetCDF, Zarr, xarray data sets and arrays."""
 
 import warnings
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -25,13 +26,11 @@ TIME_NAMES = ("time", "t", "Time")
 UNEVEN = 1e-3
 
 
-def series_of_file(
-    path: Path, density: str | None, ambient: float | None, averages: bool, species: Any, own: dict
-) -> Series:
-    """Return the series of a NetCDF file or a Zarr store; arguments as in `open_series`, `own` those of `Series`.
+def opened(path: Path) -> tuple[Any, dict[str, Any]]:
+    """Open a NetCDF file or a Zarr store: the xarray object, and the attributes of its `Series` that it determines.
 
     Raises:
-        ValueError: The path is no such file or store, or `series_of_dataset` rejects its contents.
+        ValueError: The path is no such file or store.
     """
     if not path.exists():
         raise ValueError(f"{path}: no such file; give a NetCDF file, a Zarr store, or a pattern such as flow_*.vtu")
@@ -40,10 +39,8 @@ def series_of_file(
             f"{path}: a folder, but no Zarr store; numbered files are opened by a pattern, 'dir/flow_*.vtu'"
         )
     written = stamp(files_behind(path))
-    opened = _zarr if path.is_dir() else open_netcdf
-    dataset = opened(path, f"{path}: its list of coordinates", most_axes=1)
-    own = {**own, "stamp": lambda number: written}
-    return series_of_dataset(dataset, density, ambient, averages, species, own, str(path), {"file": path.name})
+    own = {"stamp": lambda number: written}
+    return (_zarr if path.is_dir() else open_netcdf)(path, f"{path}: its list of coordinates", most_axes=1), own
 
 
 def _zarr(path: Path, what: str, most_axes: float) -> Any:
@@ -63,10 +60,25 @@ def _zarr(path: Path, what: str, most_axes: float) -> Any:
         raise ValueError(f"{path}: cannot be read as Zarr: {fault}") from None
 
 
-def series_of_dataset(
-    data: Any, density: str | None, ambient: float | None, averages: bool, species: Any, own: dict, name: str, identity
-) -> Series:
-    """Return the series of an xarray object, of which one time at a time is read."""
+def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: Mapping[str, Any]) -> Series:
+    """Return the series of an xarray object, of which one time at a time is read.
+
+    Args:
+        data: The object.
+        given: Arguments of `open_series` by name: those of `TAKES[WITH_TIME]` that the caller gives.
+        name: Its name, for messages.
+        identity: What identifies it, in plain JSON types.
+
+    Raises:
+        ValueError: Contents of which no series can be made.
+    """
+    density, species = given.get("density"), given.get("species")
+    own: dict[str, Any] = {key: given.get(key) for key in ("body", "conditions")}
+    unit = given.get("length_unit")
+    if unit is not None:
+        unit = import_module(f"{__package__}.reading.read").unit_of_length(unit)
+    if density is not None and not isinstance(density, str):
+        raise ValueError(f"{name}: data with a time axis hold the density itself: give density=NAME, got {density!r}")
     if hasattr(data, "data_vars"):
         names = {str(own): own for own in data.data_vars}
         found = density if density is not None else next(map(names.get, known_names(names, DENSITY_NAMES)), None)
@@ -90,18 +102,18 @@ def series_of_dataset(
     if turned:
         data, array = data.isel(turned), array.isel(turned)
     array = array.transpose(clock, *axes)
-    ends = [_even(name, axis, array) for axis in axes]
+    ends = [_even(name, axis, array, unit) for axis in axes]
     where = GridMesh(
         GEOMETRIES[axes],
         np.array([first for first, _ in ends]),
         np.array([step for _, step in ends]),
         array.shape[1:],
-        averages,
+        bool(given.get("cell_averages")),
     )
     times = _in_si(name, clock, array, "time")
     described = name + _without_unit(array, clock)
     factor = _factor(name, stated_unit(attributes), "density", f"{array.name}")
-    around = ambient
+    around = given.get("ambient_density")
     if around is None:
         first = np.asarray(array.isel({clock: 0}).values) if factor != 1.0 else np.empty(0)
         around = ambient_attribute(name, attributes.get("ambient_density"), factor, first)
@@ -116,7 +128,7 @@ def series_of_dataset(
         return values if factor == 1.0 else values * factor
 
     identity = {**identity, "variable": array.name}
-    if species not in (None, False):
+    if species is not None:
         mixture = import_module(f"{__package__}.series_species").Mixture(name, data, array.dims, species)
         identity["species"] = mixture.identity
         return Series(
@@ -169,14 +181,16 @@ def _snapshot_size(array: Any) -> float:
     return float(max(counts)) * array.dtype.itemsize
 
 
-def _in_si(name: str, axis: str, array: Any, dimension: str) -> np.ndarray:
+def _in_si(name: str, axis: str, array: Any, dimension: str, unit: float | None = None) -> np.ndarray:
     if axis not in array.coords:  # xarray would number the nodes from 0
         raise ValueError(f"{name}: axis {axis} has no coordinate: add one")
     coordinate = array.coords[axis]
     values = _along(name, coordinate)
     if values.dtype.kind in "mM":
         return seconds(values)
-    return values.astype(np.float64) * _factor(name, stated_unit(coordinate.attrs), dimension, axis)
+    if unit is None:
+        unit = _factor(name, stated_unit(coordinate.attrs), dimension, axis)
+    return values.astype(np.float64) * unit
 
 
 def _factor(name: str, unit: str, dimension: str, what: str) -> float:
@@ -187,9 +201,9 @@ def _factor(name: str, unit: str, dimension: str, what: str) -> float:
     return found.factor
 
 
-def _even(name: str, axis: str, array: Any) -> tuple[float, float]:
+def _even(name: str, axis: str, array: Any, unit: float | None) -> tuple[float, float]:
     """Return the first node and the spacing of an axis [m]."""
-    places = _in_si(name, axis, array, "length")
+    places = _in_si(name, axis, array, "length", unit)
     if len(places) < 2:
         raise ValueError(f"{name}: axis {axis} needs at least two nodes")
     step = (places[-1] - places[0]) / (len(places) - 1)

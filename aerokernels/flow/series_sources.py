@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -17,27 +16,9 @@ from .density_field import DensityField
 from .gas import FreeStream
 from .numbered_files import in_order, warn_of_gaps
 from .series import GridMesh, InOrder, Series, mesh_of, times_of
-from .series_files import series_of_dataset, series_of_file
-
-FILES, WITH_TIME = "files that are read one by one", "a file or object with a time axis"
-ARRAYS, FIELDS = "arrays", "density fields"
-# The arguments of `open_series` that each kind of source takes, apart from times, species and options of `read`.
-TAKES = {
-    FILES: ("density", "ambient_density", "geometry", "spacing", "read"),
-    WITH_TIME: ("density", "ambient_density", "cell_averages", "body", "conditions"),
-    ARRAYS: (
-        "count",
-        "ambient_density",
-        "geometry",
-        "origin",
-        "spacing",
-        "mesh",
-        "cell_averages",
-        "body",
-        "conditions",
-    ),
-    FIELDS: ("count",),
-}
+from .series_arguments import ARRAYS, FIELDS, FILES, WITH_TIME, Given
+from .series_files import opened, series_of_dataset
+from .series_reader import SeriesReader, with_own
 
 
 def open_series(
@@ -77,119 +58,145 @@ def open_series(
             files and cases that have their own.
         time_step: Time from one snapshot to the next [s], instead of `time`.
         start_time: Time of the first snapshot [s], with `time_step`.
-        count: How many snapshots an iterator yields, with `time_step`.
+        count: How many snapshots there are. An iterator with `time_step` needs it; any other source is checked.
         density: Name of the density in a file; None looks for density, rho and the like.
-        ambient_density: Density around the field [kg/m3]; None takes the file's attribute of that name, or for files
-            that `flow.read` reads that of the first snapshot.
-        geometry: "volume", "planar" or "axisymmetric", for arrays.
+        ambient_density: Density around all snapshots [kg/m3]. None takes the file's attribute of that name; for files
+            that `flow.read` reads that of the first one, so that turbulence at the upstream end of each does not tilt
+            wavefronts from one snapshot to the next. Density fields, and those of a `read` function, then keep theirs.
+        geometry: "volume", "planar" or "axisymmetric": arrays need it; files with a time axis are checked.
         origin: Coordinates of the first node of arrays [m].
         spacing: Node spacing of arrays [m]; for volumes read from files, the greatest spacing of their grid.
-        mesh: The mesh of arrays that are not on a uniform grid: averages over its cells, or values at its vertices.
+        mesh: The mesh of arrays that are not on a uniform grid: averages over its cells, or values at its vertices. For
+            restart files of SU2 the path of their mesh.
         cell_averages: The samples are averages over cells centred on the nodes; in an axisymmetric field over the
             (r, z) rectangle, without the weight r.
-        body: Solid body in the flow.
-        conditions: The free stream.
+        body: Solid body in the flow; None takes that of the files or density fields, if they have one.
+        conditions: The free stream; likewise.
         read: Reads a numbered file, `read(path, **options)`, or one time of a case,
             `read(path, time=..., **options)`; None: `flow.read`.
         species: Fractions of the species of which a file's gas is a mixture, as in `flow.read`; they may vary in time.
             Density fields have their own, and bare arrays have none.
-        options: For `read`: the frame, the unit of length, and so on.
+        options: For `read`: the frame, the unit of length, and so on. Files with a time axis take `length_unit`.
+
+    Warns:
+        UserWarning: The density at the upstream end of a later file differs from that of the first one by more than
+            turbulence there explains, and by more than a thousandth of a wave along the box: the series holds several
+            flow conditions, but has one ambient density.
 
     Raises:
-        TypeError: A source of none of these kinds.
+        TypeError: A source of none of these kinds, or an option that it does not have.
         ValueError: No such file, no density or time in it, coordinates that are not an even grid, times that do not
             increase, an argument that the source has no use for, or missing information (the message says what to
             give).
     """
-    given = {
-        "count": count, "density": density, "ambient_density": ambient_density, "geometry": geometry, "origin": origin,
-        "spacing": spacing, "mesh": mesh, "cell_averages": cell_averages or None, "body": body,
-        "conditions": conditions, "read": read,
-    }  # fmt: skip
+    given = Given(
+        {
+            "density": density, "ambient_density": ambient_density, "geometry": geometry, "origin": origin,
+            "spacing": spacing, "mesh": mesh, "cell_averages": cell_averages or None, "body": body,
+            "conditions": conditions, "read": read, "species": None if species is False else species,
+        },
+        options,
+    )  # fmt: skip
     if start_time != 0.0 and time_step is None:
         raise ValueError(f"start_time={start_time!r} goes with time_step: give it too")
-    own: dict[str, Any] = {"body": body, "conditions": conditions}
-    # `read` takes these arguments for files under the same names as this function for arrays.
-    shared = {"ambient_density": ambient_density, "geometry": geometry, "spacing": spacing}
-    if species not in (None, False):
-        shared["species"] = species
-    for_files = {**{name: value for name, value in shared.items() if value is not None}, **options}
+    clock = time, time_step, start_time
     if isinstance(source, (str, bytes, os.PathLike)):
-        path = check_path(source, "source")
-        if any(letter in str(path) for letter in "*?[") and not path.exists():
-            _check_use(FILES, given)
-            return _of_files(_matching(path), time, time_step, start_time, _reader(read, for_files, density))
-        lists = import_module(f"{__package__}.reading.readers.vtk_collections")
-        if path.suffix.lower() in lists.SUFFIXES and path.is_file():
-            _check_use(FILES, given)
-            entries = lists.collection(path)
-            paths, instants = [entry.file for entry in entries], [entry.time for entry in entries]
-            reader = _reader(read, for_files, density)
-            if len(set(instants)) < len(instants):  # several files make up one time: `read` the collection instead
-                found = _at_times(path, np.unique(instants), reader, {"file": path.name})
-            else:
-                found = _of_files(paths, instants, None, 0.0, reader)
-            return _with_times(found, time, time_step, start_time)
-        case = import_module(f"{__package__}.reading.readers.foam_case")
-        if path.exists() and case.may_be_case(path) and case.is_case(path):
-            _check_use(FILES, given)
-            return _with_times(_of_case(path, _reader(read, for_files, density)), time, time_step, start_time)
-        times = import_module(f"{__package__}.reading.formats").times_in(path, for_files) if path.is_file() else None
-        if times is not None:
-            _check_use(FILES, given)
-            found = _at_times(path, np.array(times), _reader(read, for_files, density), {"file": path.name})
-            return _with_times(found, time, time_step, start_time)
-        if options:
-            raise TypeError(f"{path} has a time axis and is not read by `read`: it takes no {', '.join(options)}")
-        _check_use(WITH_TIME, given)
-        found = series_of_file(path, density, ambient_density, cell_averages, species, own)
-        return _with_times(found, time, time_step, start_time)
-    if type(source).__module__.partition(".")[0] == "xarray":
-        _check_use(WITH_TIME, given)
-        name = "xarray object"
-        found = series_of_dataset(source, density, ambient_density, cell_averages, species, own, name, {})
-        return _with_times(found, time, time_step, start_time)
-    listed = hasattr(source, "__getitem__") and (hasattr(source, "__len__") or len(getattr(source, "shape", ())) > 0)
-    if not listed and not isinstance(source, Iterable):
+        found = _of_path(check_path(source, "source"), given, *clock)
+    elif type(source).__module__.partition(".")[0] == "xarray":
+        found = _with_times(_of_dataset(source, given, "xarray object", {}), *clock)
+    else:
+        found = _of_items(source, given, count, *clock)
+    if count is not None and count != len(found):
+        raise ValueError(f"count={count}, but the source has {len(found)} snapshots: leave count out, or check it")
+    return found
+
+
+def _of_path(path: Path, given: Given, time: Sequence[float] | None, step: float | None, start: float) -> Series:
+    if any(letter in str(path) for letter in "*?[") and not path.exists():
+        reader = _reader(str(path), given)
+        return _of_files(_matching(path), time, step, start, reader)
+    lists = import_module(f"{__package__}.reading.readers.vtk_collections")
+    if path.suffix.lower() in lists.SUFFIXES and path.is_file():
+        reader = _reader(str(path), given)
+        entries = lists.collection(path)
+        paths, instants = [entry.file for entry in entries], [entry.time for entry in entries]
+        if len(set(instants)) < len(instants):  # several files make up one time: `read` the collection instead
+            found = _at_times(path, np.unique(instants), reader, {"file": path.name})
+        else:
+            found = _of_files(paths, instants, None, 0.0, reader)
+        return _with_times(found, time, step, start)
+    case = import_module(f"{__package__}.reading.readers.foam_case")
+    if path.exists() and case.may_be_case(path) and case.is_case(path):
+        # The time directories from which `flow.read` chooses one.
+        instants = [one.value for one in case.case_times(case.case_folder(path))]
+        found = _at_times(path, np.array(instants), _reader(str(path), given), {"case": path.name})
+        return _with_times(found, time, step, start)
+    times = None
+    if path.is_file():
+        times = import_module(f"{__package__}.reading.formats").times_in(path, given.for_files())
+    if times is not None:
+        found = _at_times(path, np.array(times), _reader(str(path), given), {"file": path.name})
+    else:
+        data, own = opened(path)
+        found = replace(_of_dataset(data, given, str(path), {"file": path.name}), **own)
+    return _with_times(found, time, step, start)
+
+
+def _of_dataset(data: Any, given: Given, name: str, identity: dict[str, Any]) -> Series:
+    given.check(name, WITH_TIME)
+    found = series_of_dataset(data, given.values, name, identity)
+    given.check_geometry(name, found.mesh)
+    return found
+
+
+def _of_items(
+    items: Any, given: Given, count: int | None, time: Sequence[float] | None, step: float | None, start: float
+) -> Series:
+    """Return the series of a list or an iterator of arrays, density fields or paths."""
+    listed = hasattr(items, "__getitem__") and (hasattr(items, "__len__") or len(getattr(items, "shape", ())) > 0)
+    if not listed and not isinstance(items, Iterable):
         raise TypeError(
-            f"a series is opened from a path, a pattern, a list or an iterator of arrays, got {type(source).__name__}"
+            f"a series is opened from a path, a pattern, a list or an iterator of arrays, got {type(items).__name__}"
         )
-    items: Any = source
     total = (len(items) if hasattr(items, "__len__") else int(items.shape[0])) if listed else count
     if listed and total == 0:
         raise ValueError("the series is empty: give at least one snapshot")
     if listed and isinstance(items[0], (str, os.PathLike)):
-        _check_use(FILES, given)
-        return _of_files([Path(item) for item in items], time, time_step, start_time, _reader(read, for_files, density))
-    get = items.__getitem__ if listed else InOrder(items)
-    times = times_of(time, time_step, start_time, total)
-    first = items[0] if listed else get.first()
+        return _of_files([Path(item) for item in items], time, step, start, _reader("the list of paths", given))
+    times = times_of(time, step, start, total)
+    own = given.of_fields()
+    once = None if listed else InOrder(with_own(item, own) for item in items)
+    get: Callable[[int], Any] = once or (lambda number: with_own(items[number], own))
+    first = once.first() if once else get(0)
+    where = "the list" if listed else "the iterator"
     if isinstance(first, DensityField):
-        _check_use(FIELDS, given)
+        given.check(where, FIELDS)
         return _of_fields(get, times, first, "density fields", once=not listed)
     array = host_array(first)
-    _check_use(ARRAYS, given)
-    if species not in (None, False):
-        raise ValueError("species are of files: for arrays of a mixture give density fields, each with its composition")
-    where: GridMesh | QuadMesh
+    given.check(where, ARRAYS)
+    mesh, values = given.values.get("mesh"), given.values
     if mesh is not None:
         if not isinstance(mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(mesh).__name__}: see QuadMesh.structured")
-        where = mesh
+        given.check_geometry(where, mesh)
+        if of_grid := [name for name in ("origin", "spacing", "cell_averages") if name in values]:
+            raise ValueError(f"arrays are on a mesh or on a grid: give mesh, or {of_grid[0]} and what belongs to it")
+    elif not {"geometry", "origin", "spacing"} <= values.keys():
+        raise ValueError("arrays need to know where they lie: give geometry, origin and spacing, or mesh")
     else:
-        if geometry is None or origin is None or spacing is None:
-            raise ValueError("arrays need to know where they lie: give geometry, origin and spacing, or mesh")
-        where = GridMesh(geometry, np.asarray(origin), np.asarray(spacing), array.shape, cell_averages)
-    if ambient_density is None:
+        origin, spacing = np.asarray(values["origin"]), np.asarray(values["spacing"])
+        mesh = GridMesh(values["geometry"], origin, spacing, array.shape, "cell_averages" in values)
+    if "ambient_density" not in values:
         raise ValueError("arrays need an ambient_density, that of the air around them, in kg/m3")
-    return Series(get, times, where, float(ambient_density), **own, provenance="arrays", once=not listed)
+    around = float(values["ambient_density"])
+    own = {name: values.get(name) for name in ("body", "conditions")}
+    return Series(get, times, mesh, around, **own, provenance="arrays", once=not listed)
 
 
-def _check_use(kind: str, given: dict[str, Any]) -> None:
-    """Reject arguments that a kind of source has no use for: it would have the data's own instead."""
-    unused = [name for name, value in given.items() if value is not None and name not in TAKES[kind]]
-    if unused:
-        raise ValueError(f"a series of {kind} takes no {unused[0]}, only {', '.join(TAKES[kind])}: leave it out")
+def _reader(name: str, given: Given) -> SeriesReader:
+    given.check(name, FILES)
+    own = {name: value for name, value in given.of_fields().items() if name != "ambient_density"}
+    return SeriesReader(given.values.get("read"), given.for_files(), own)
 
 
 def _with_times(series: Series, time: Sequence[float] | None, step: float | None, start: float) -> Series:
@@ -216,7 +223,7 @@ def _of_files(
     time: Sequence[float] | None,
     step: float | None,
     start: float,
-    reader: Callable[..., DensityField],
+    reader: SeriesReader,
 ) -> Series:
     missing = [path for path in paths if not path.exists()]
     if missing:
@@ -226,7 +233,7 @@ def _of_files(
         warn_of_gaps(paths)
     more = {"identity": {"files": [path.name for path in paths]}, "stamp": lambda number: _stamp(paths[number], reader)}
     described = f"{len(paths)} files from {paths[0].name} to {paths[-1].name}"
-    return _of_fields(lambda number: reader(paths[number]), times, _first(reader, paths[0]), described, **more)
+    return _of_fields(lambda number: reader(paths[number]), times, reader(paths[0]), described, **more)
 
 
 def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, described: str, **more: Any) -> Series:
@@ -237,48 +244,20 @@ def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, describ
     return Series(get, times, mesh_of(first), first.ambient_density, first.body, conditions, described, **more)
 
 
-def _reader(read: Callable[..., DensityField] | None, options: dict[str, Any], density: str | None) -> Callable:
-    """Return a function that reads a file with the options given; None: a `Reader`, which reuses a common mesh."""
-    given: dict[str, Any] = options if density is None else {**options, "density": density}
-    if read is None:
-        return import_module(f"{__package__}.reading.reader").Reader(**given)
-    return partial(read, **given)
-
-
-def _first(reader: Callable[..., DensityField], path: Path, **more: Any) -> DensityField:
-    """Return the first field of a series, whose ambient density is that of the others as well.
-
-    That of each file would be the median of its own turbulence: lines of unequal length through the grid would get a
-    tilt of its fluctuations.
-    """
-    first = reader(path, **more)
-    kept = getattr(reader, "options", None)  # of a `Reader`; other functions choose themselves
-    if kept is not None and isinstance(first, DensityField):
-        kept.setdefault("ambient_density", first.ambient_density)
-    return first
-
-
-def _of_case(path: Path, reader: Callable[..., DensityField]) -> Series:
-    """Return the series of an OpenFOAM case, at the time directories from which `flow.read` chooses one."""
-    case = import_module(f"{__package__}.reading.readers.foam_case")
-    times = [time.value for time in case.case_times(case.case_folder(path))]
-    return _at_times(path, np.array(times), reader, {"case": path.name})
-
-
-def _at_times(path: Path, times: np.ndarray, reader: Callable[..., DensityField], identity: dict) -> Series:
+def _at_times(path: Path, times: np.ndarray, reader: SeriesReader, identity: dict) -> Series:
     """Return the series of a file or case with several times, each read by `reader(path, time=...)`."""
     return _of_fields(
         lambda number: reader(path, time=float(times[number])),
         times,
-        _first(reader, path, time=float(times[0])),
+        reader(path, time=float(times[0])),
         f"{path}, {len(times)} times",
         identity={**identity, "times": times.tolist()},
         stamp=lambda number: _stamp(path, reader, float(times[number])),
     )
 
 
-def _stamp(path: Path, reader: Callable[..., DensityField], time: float | None = None) -> str:
+def _stamp(path: Path, reader: SeriesReader, time: float | None = None) -> str:
     """Return a text that changes when one of the files is written again that are read for a path at a time."""
     behind = import_module(f"{__package__}.reading.files_behind")
-    found: str = behind.stamp(behind.files_behind(path, getattr(reader, "options", None), time))
+    found: str = behind.stamp(behind.files_behind(path, reader.options, time))
     return found

@@ -4,6 +4,9 @@ Every method estimates the error of each ray's optical path. "fixed" and "paper"
 are not traced again. With every other method a ray above the tolerance is traced again under error control: first in
 the requested precision, if it was not traced so already, then in float64 with the tolerance times a power of
 RETRACE_SHARE. A ray that is above the tolerance even then gets the status TOLERANCE_NOT_MET.
+
+A ray whose steps are exhausted in float32 arrives here with an infinite error: rounding may have kept its steps short
+although float64 needs few of them. If float64 exhausts them too, its status is MAX_STEPS.
 """
 
 from collections.abc import Callable

@@ -2,12 +2,51 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 
+import numpy as np
 import pytest
 
-from aerokernels.process.opened import OPENED
+from aerokernels import QuadMesh
+from aerokernels.process import forks
+from aerokernels.process.opened import OPENED, Opened
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+
+# A thread's first trace, in which an import takes 2 s, and a fork in the midst of it.
+FIRST_TRACE = """
+import os, sys, threading, time
+from aerokernels import IndexField, Plane, RayBundle, trace
+backend, slow = sys.argv[1:]
+began = threading.Event()
+class Slow:
+    def find_spec(self, name, path=None, target=None):
+        if name == slow and not began.is_set():
+            began.set()
+            time.sleep(2.0)
+sys.meta_path.insert(0, Slow())
+def first():
+    field = IndexField.from_samples([[0.0, 1e-5]] * 3, origin=(-1, 0), spacing=(1, 1), geometry="planar")
+    rays = RayBundle([[0, 0, -2.0]], [[0, 0, 1.0]])
+    try:
+        return len(trace(field, rays, until=Plane((0, 0, 2.0), (0, 0, 1)), method="adaptive", backend=backend).status)
+    except ValueError as refused:
+        return str(refused)
+thread = threading.Thread(target=first)
+thread.start()
+began.wait()
+child = os.fork()
+found = first()
+if child:
+    thread.join()
+print("child" if not child else "parent", found, flush=True)
+if not child:
+    os._exit(0)
+os.waitpid(child, 0)
+"""
 
 
 def child_answers(ask) -> bool:
@@ -26,7 +65,6 @@ def child_answers(ask) -> bool:
     return False
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 @pytest.mark.parametrize("owner", ["opened", "Warp kernels"])
 def test_a_child_of_a_process_that_opens_something_opens_its_own(owner):
     from aerokernels.tracing.engines.warp.library import library_of
@@ -47,6 +85,84 @@ def test_a_child_of_a_process_that_opens_something_opens_its_own(owner):
     thread.start()
     try:
         assert began.wait(10.0) and child_answers(ask)
+    finally:
+        ends.set()
+        thread.join()
+
+
+@pytest.mark.parametrize(
+    ("backend", "slow"), [("warp", "aerokernels.tracing.engines.warp.engine"), ("opencl", "pyopencl")]
+)
+def test_a_fork_in_the_first_trace_of_another_thread(backend: str, slow: str):
+    """Expected: the parent's trace ends; the child traces too, or its refusal says what a forked process cannot do.
+
+    The child waited for ever for the lock of an import whose thread it does not have.
+    """
+    process = subprocess.Popen(
+        [sys.executable, "-c", FIRST_TRACE, backend, slow], stdout=subprocess.PIPE, start_new_session=True, text=True
+    )
+    try:
+        said = process.communicate(timeout=100.0)[0].splitlines()
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        raise
+    assert process.returncode == 0 and "parent 1" in said
+    assert [line for line in said if line.startswith("child 1" if backend == "warp" else "child backend 'opencl' ")]
+
+
+def test_a_fork_waits_for_what_another_thread_opens():
+    """Expected: what is opened for once is there after the fork, in both processes."""
+    opened, began = Opened(), threading.Event()
+
+    def make() -> str:
+        began.set()
+        time.sleep(1.0)
+        return "made"
+
+    thread = threading.Thread(target=opened.once, args=("key", make))
+    thread.start()
+    began.wait(10.0)
+    child = os.fork()
+    if not child:
+        os._exit(0 if opened.get("key") == "made" else 1)
+    assert opened.get("key") == "made" and os.waitpid(child, 0)[1] == 0
+    thread.join()
+
+
+def test_a_fork_waits_no_longer_than_it_is_worth(monkeypatch: pytest.MonkeyPatch):
+    """A thread that opens something may itself wait for the one that forks; nor does a thread wait for others then."""
+    monkeypatch.setattr(forks, "PATIENCE", 0.5)
+    opened, began, ends = Opened(), threading.Event(), threading.Event()
+    thread = threading.Thread(target=opened.once, args=("key", lambda: began.set() or ends.wait(60.0)))
+    thread.start()
+    try:
+        assert began.wait(10.0) and child_answers(lambda: None)
+        monkeypatch.setattr(forks, "PATIENCE", 1e9)
+        assert Opened().once("fork", lambda: child_answers(lambda: None))
+    finally:
+        ends.set()
+        thread.join()
+
+
+def test_a_child_computes_a_cached_property_that_another_thread_was_computing(monkeypatch: pytest.MonkeyPatch):
+    """Up to Python 3.11 all objects of a class share its lock."""
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    one, other = (QuadMesh(corners, [[0, 1, 2, 3]], "planar") for _ in range(2))
+    began, ends = threading.Event(), threading.Event()
+    known = vars(QuadMesh)["cell_centroid"]
+    compute = known.func
+
+    def slowly(mesh: QuadMesh) -> np.ndarray:
+        if mesh is one:
+            began.set()
+            ends.wait(60.0)
+        return compute(mesh)
+
+    monkeypatch.setattr(known, "func", slowly)
+    thread = threading.Thread(target=lambda: one.cell_centroid)
+    thread.start()
+    try:
+        assert began.wait(10.0) and child_answers(lambda: other.cell_centroid)
     finally:
         ends.set()
         thread.join()

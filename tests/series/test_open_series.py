@@ -27,6 +27,11 @@ def dataset(units: str = "m", axes=("x", "y", "z"), scale: float = 1.0) -> xarra
     return xarray.Dataset({"rho": (("time", *axes), values)}, {"time": TIME, **places}, {"ambient_density": 0.5})
 
 
+def square_mesh() -> QuadMesh:
+    y, z = np.meshgrid(np.linspace(0, 1e-2, 5), np.linspace(0, 2e-2, 6), indexing="ij")
+    return QuadMesh.structured(y, z, "planar")
+
+
 def test_arrays_become_density_fields():
     series = flow.open_series(arrays(), time=TIME, **GRID)
     assert len(series) == 3 and list(series.time) == TIME and series.mesh.shape == (4, 5, 6)
@@ -210,8 +215,7 @@ def test_a_file_of_several_times_is_read_at_each(tmp_path: Path):
 
 
 def test_cells_of_a_mesh():
-    y, z = np.meshgrid(np.linspace(0, 1e-2, 5), np.linspace(0, 2e-2, 6), indexing="ij")
-    mesh = QuadMesh.structured(y, z, "planar")
+    mesh = square_mesh()
     series = flow.open_series([np.full(20, 0.6)], time=[0.0], mesh=mesh, ambient_density=0.5)
     assert isinstance(series[0], flow.CellDensity) and series.mesh is mesh
 
@@ -227,8 +231,11 @@ def test_cells_of_a_mesh():
         (arrays(), {"time": TIME, "ambient_density": None}, "ambient_density"),
         (arrays(), {"time": TIME, "spacing": [1e-3, 0.0, 1e-3]}, "spacing"),
         (iter(arrays()), {"time_step": 1e-5}, "count"),
-        (arrays(), {"time": TIME, "density": "rho"}, "a series of arrays takes no density, only count"),
+        (arrays(), {"time": TIME, "density": "rho"}, "the list is taken for arrays, which take no density, but time"),
         (arrays(), {"start_time": 1.0}, "start_time=1.0 goes with time_step"),
+        (arrays(), {"time": TIME, "count": 4}, "count=4, but the source has 3 snapshots"),
+        (arrays(), {"time": TIME, "mesh": square_mesh()}, "the list is planar, not volume: leave geometry out"),
+        (arrays(), {"time": TIME, "geometry": None, "mesh": square_mesh()}, "give mesh, or origin and what"),
     ],
 )
 def test_what_makes_no_series_of_arrays_is_refused(source, options, words):
@@ -247,9 +254,14 @@ def test_what_makes_no_series_of_arrays_is_refused(source, options, words):
         (dataset().rename(time="instant"), {}, "no time"),
         (dataset().rename(x="u"), {}, "rename"),
         (dataset("kg"), {}, "length"),
-        (dataset(), {"origin": [0, 0, 0]}, "a file or object with a time axis takes no origin, only density"),
-        ("nothing_*.vtu", {"cell_averages": True}, "files that are read one by one takes no cell_averages"),
-        (["nothing.vtu"], {"body": object()}, "files that are read one by one takes no body"),
+        (dataset(), {"origin": [0, 0, 0]}, "xarray object is taken for data with a time axis, which take no origin"),
+        (dataset(), {"geometry": "planar"}, "xarray object is volume, not planar: leave geometry out"),
+        (dataset(), {"count": 2}, "count=2, but the source has 3 snapshots"),
+        (dataset(), {"density": {"pressure": "p", "temperature": "T"}}, "give density=NAME"),
+        ("nothing_*.vtu", {"cell_averages": True}, "taken for files that are read one by one, which take no cell_aver"),
+        (["nothing.vtu"], {"mesh": square_mesh()}, "the list of paths is taken for files .* take no QuadMesh"),
+        (["nothing.vtu"], {"origin": [0, 0, 0]}, "which take no origin, but time, .* and options of their reader"),
+        ([flow.wedge(2.0, 0.1)], {"time": [0.0], "ambient_density": 1.0}, "is a formula, which has its own ambient"),
     ],
 )
 def test_what_makes_no_series_of_files_is_refused(source, options, words):

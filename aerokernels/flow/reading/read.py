@@ -17,6 +17,7 @@ from ..sampled_density import VertexDensity
 from .block_checks import check_blocks, check_repeated_blocks, with_blanks
 from .dataset import DAMAGED, Dataset, ReadError, wall_patches
 from .density import DensityChoice, Reference, block_density, choose_density
+from .far_field import front_of
 from .flow_direction import direction_note
 from .formats import load
 from .fractions import Fractions, choose_fractions
@@ -286,8 +287,8 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
     at = mesh.cell_centroid if where == "cell" else mesh.vertices
     if fractions is not None:
         partial, density = density[:, 1:].T, density[:, 0]
-        composition = fractions.composition(partial, partial[:, _front(at)].mean(axis=1))
-    ambient = reading.ambient or dataset.ambient or float(np.median(density[_front(at)]))
+        composition = fractions.composition(partial, partial[:, front_of(at)].mean(axis=1))
+    ambient = reading.ambient or dataset.ambient or float(np.median(density[front_of(at)]))
     said = [dataset.format, *([f"t = {dataset.time:g}"] if dataset.time is not None else []), reading.said,
             plane_in_words(plane, reading.frame, mesh), *direction_note(path, dataset, reading.frame, plane.axes),
             f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []), *dataset.notes]  # fmt: skip
@@ -313,11 +314,6 @@ def _body(path, dataset: Dataset, plane: Plane, mesh, names) -> Body | None:
         return wall_body(np.concatenate(edges), mesh) if edges else hole_body(mesh)
     except ValueError as fault:
         raise ReadError(path, f"its walls make no body: {fault}", "repair the boundary's patches") from None
-
-
-def _front(at: np.ndarray) -> np.ndarray:
-    """Return which points are in the most upstream twentieth of the field."""
-    return np.asarray(at[:, -1] >= float(np.quantile(at[:, -1], 0.95)))
 
 
 def unit_of_length(unit: str | float | None) -> float:

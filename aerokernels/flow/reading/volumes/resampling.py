@@ -33,6 +33,7 @@ class Resampling:
         origin: The first node [m], shape (3,).
         spacing: Node spacing [m], shape (3,).
         shape: Number of nodes along x, y and z.
+        front: Numbers of the nodes in the most upstream twentieth of the layers that the mesh covers.
         outside_share: Share of the nodes that are in no cell.
         body: The solid body in the flow, or None.
     """
@@ -74,7 +75,7 @@ class Resampling:
         self.body = solid_body(path, reading.dataset, blocks, moved, reading.moved, grid, walls)
         averages = all(where == "cell" for where in self._where)
         self._small = SmallCells(grid, facts, blocks, held) if averages else None
-        self._front = foremost(held, shape)
+        self.front = foremost(held, shape)
         self._empty = EmptyNodes(held, shape)
         self.outside_share = 1.0 - float(held.mean())
         counts = [block.cell_count for block in blocks]
@@ -124,7 +125,7 @@ class Resampling:
                     f"densities have shape {np.shape(own)}, the mesh {part.count} {name}s: give one for each"
                 )
         values, density = self._resampled(given)
-        ambient = float(np.median(density[self._front])) if ambient_density is None else float(ambient_density)
+        ambient = float(np.median(density[self.front])) if ambient_density is None else float(ambient_density)
         self._empty.fill(density, ambient)
         averaged = 0.0 if self._small is None else self._small.share
         measured = self._lines.measure(values, density, self.outside_share, averaged)
@@ -161,7 +162,7 @@ class Resampling:
         pairs = list(zip(reading.densities, fractions.blocks, strict=True))
         each = range(len(fractions.names))
         partial = np.stack([self._resampled([rho * own[k] for (rho, _), own in pairs])[1] for k in each])
-        around = partial[:, self._front].mean(axis=1)
+        around = partial[:, self.front].mean(axis=1)
         for own, share in zip(partial, around / around.sum(), strict=True):
             self._empty.fill(own, share * ambient)
         found: Composition = fractions.composition(partial.reshape(-1, *self.shape), around)

@@ -390,6 +390,10 @@ def build_kernel(
                     used, ambient, size, ends_on, arrival.grazing, obliquity_first, opd_rate, displacement
                 )
             used += gain
+            if wp.static(library.precision == "float32"):
+                if arrival.status == too_many and wp.isfinite(used):
+                    used = real(wp.inf)  # rounding may have kept its steps short, or refused them: float64 decides
+                    arrival.status = int(ok)
             if arrival.status == ok and not (used <= control.tolerance):
                 arrival.status = int(rejected)  # to be traced again, see retrace.py
         if wp.static(measured):
