@@ -15,7 +15,7 @@ from ..derived import Derived
 from ..device_arrays.pinned_memory import is_whole, unused_array
 from ..display.shown import shown
 from ..inputs.checks import check_choice
-from ..process.large_arrays import copy_over, extremes_of
+from ..process.large_arrays import copy_and_scan, extremes_of
 from . import spline
 from .grid_places import GridPlaces, places_of
 
@@ -143,13 +143,13 @@ class UniformGrid(Derived):
     def __post_init__(self):
         """Check shapes and numbers."""
         samples = self.samples
+        origin, spacing = checked_axes(np.shape(samples), self.origin, self.spacing)
+        check_choice(self.interpolation, "interpolation", spline.INTERPOLATIONS)
         # Read-only arrays are not copied, since grids may have 100 million nodes.
         own = isinstance(samples, np.ndarray) and not samples.flags.writeable and is_whole(samples)
         if not (own and samples.dtype == np.float64 and samples.flags.c_contiguous):
             given, samples = np.asarray(samples), unused_array(np.shape(samples))
-            copy_over(samples, given)
-        origin, spacing = checked_axes(samples.shape, self.origin, self.spacing)
-        check_choice(self.interpolation, "interpolation", spline.INTERPOLATIONS)
+            self.__dict__["extremes"] = copy_and_scan(samples, given)
         for name, value in (("samples", samples), ("origin", origin), ("spacing", spacing)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)

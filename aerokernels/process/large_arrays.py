@@ -29,9 +29,24 @@ def copy_over(into: np.ndarray, values: np.ndarray) -> None:
     _by_rows(copy, into)
 
 
+def copy_and_scan(into: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+    """`copy_over`, and `extremes_of` the copy, of which each piece is scanned while it is in a core's cache."""
+
+    def copy(rows: slice) -> tuple[float, float]:
+        into[rows] = values[rows]
+        return into[rows].min(), into[rows].max()
+
+    return _extremes(_by_rows(copy, into))
+
+
 def extremes_of(values: np.ndarray) -> tuple[float, float]:
     """Return the least and the greatest entry; both are NaN if any entry is."""
-    found = np.array(_by_rows(lambda rows: (values[rows].min(), values[rows].max()), values))
+    return _extremes(_by_rows(lambda rows: (values[rows].min(), values[rows].max()), values))
+
+
+def _extremes(parts: list[tuple[float, float]]) -> tuple[float, float]:
+    """Those of all parts, NaN if those of one are."""
+    found = np.array(parts)
     return float(found[:, 0].min()), float(found[:, 1].max())
 
 
@@ -43,9 +58,11 @@ def thread_count() -> int:
 def _by_rows(work: Callable[[slice], R], array: np.ndarray) -> list[R]:
     """Return the results of work on all rows of an array, piece by piece, in order."""
     rows = max(1, PIECE * len(array) // max(array.nbytes, 1))
-    if own_cores() < LEAST or rows >= len(array):
+    if rows >= len(array):
         return [work(slice(None))]
     pieces = [slice(first, first + rows) for first in range(0, len(array), rows)]
+    if own_cores() < LEAST:
+        return [work(piece) for piece in pieces]
     # A forked child has none of the threads.
     pool = OPENED.once((NAME, os.getpid()), lambda: ThreadPoolExecutor(min(THREADS, own_cores()), NAME))
     return list(pool.map(work, pieces))

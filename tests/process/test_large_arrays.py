@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels.process import large_arrays
-from aerokernels.process.large_arrays import copy_over, extremes_of, thread_count
+from aerokernels.process.large_arrays import copy_and_scan, copy_over, extremes_of, thread_count
 
 
 @pytest.mark.parametrize("cores", [1, 4])
@@ -21,8 +21,11 @@ def test_arrays_are_copied_and_scanned_whole(monkeypatch, cores: int, shape: tup
         copy_over(into, given)
         np.testing.assert_array_equal(into, given)
         assert extremes_of(into) == (given.min(), given.max())
+        again = np.full(shape, np.nan)
+        assert copy_and_scan(again, given) == (given.min(), given.max())
+        np.testing.assert_array_equal(again, given)
     values[-1, -1] = np.nan
-    assert np.isnan(extremes_of(values)).all()
+    assert np.isnan(extremes_of(values)).all() and np.isnan(copy_and_scan(into, values)).all()
 
 
 def test_threads_that_scan_are_not_counted(monkeypatch):
