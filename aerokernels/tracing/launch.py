@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -209,8 +210,8 @@ class Trials:
         with stage("upload"):
             reading = self.prepared.engine.fetched(repeated.arrays)
             repeated.into(reading.buffers)
-        repeated.start()
         with stage("kernel"):
+            self.prepared.engine.side_by_side(repeated.launches)
             reading.start()
             return repeated.outputs(reading.taken())
 
@@ -238,14 +239,16 @@ class RepeatedTrials:
         ]
         return self
 
-    def start(self) -> None:
-        """Start to trace the rays for each of the numbers."""
-        with stage("kernel"):
-            for prepared, (count, quadrature, trajectory), made in zip(
-                self.prepared, self.asked, self.results, strict=True
-            ):
-                prepared.tune(sample_count=count, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
-                prepared.launch(self.trials.starts, made, self.trials.count)
+    @property
+    def launches(self) -> list[Callable[[], None]]:
+        """What starts to trace the rays for each of the numbers."""
+
+        def launch(prepared: Prepared, numbers: tuple[int, float, float], made: dict[str, Any]) -> None:
+            count, quadrature, trajectory = numbers
+            prepared.tune(sample_count=count, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
+            prepared.launch(self.trials.starts, made, self.trials.count)
+
+        return [partial(launch, *each) for each in zip(self.prepared, self.asked, self.results, strict=True)]
 
     def outputs(self, arrays: Iterable[np.ndarray]) -> list[dict[str, np.ndarray]]:
         """The outputs for each of the numbers, from the arrays with all of them."""

@@ -135,6 +135,9 @@ class Engine(Protocol):
         buffers stands for the struct of outputs.
         """
 
+    def side_by_side(self, works: Sequence[Callable[[], None]]) -> None:
+        """Start the launches of works that do not depend on each other; a device may run them at the same time."""
+
     def clear(self, buffer: Any) -> None:
         """Set the first number of a buffer of int32 to 0, without waiting on a GPU."""
 

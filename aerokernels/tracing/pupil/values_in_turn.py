@@ -153,12 +153,15 @@ class ValuesInTurn:
         """Start the launches for the samples in a buffer."""
         engine, tables = self.engine, self.tables
         structure, support, faces = self.made
+
+        def examine() -> None:
+            self.structure.start(tables.in_blocks, structure)
+            self.support.start(tables.coefficients, support)
+            self.faces.start(samples, faces)
+
         tables.start(samples)
-        self.structure.start(tables.in_blocks, structure)
-        self.support.start(tables.coefficients, support)
-        self.faces.start(samples, faces)
         engine.renew(self.field, self.precision, tables.on_host)
-        self.trials.start()
+        engine.side_by_side([*self.trials.launches, examine])
         self.reading.start()
 
 

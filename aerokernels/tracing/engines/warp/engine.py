@@ -12,6 +12,7 @@ from ....device_arrays.fetching import Fetching
 from ....device_arrays.pinned import bring, pinned_memory
 from ....medium import IndexField
 from ....process.clock import stage
+from ....process.large_arrays import thread_count
 from ....process.machine import core_count, host_memory
 from ....process.opened import OPENED
 from ....process.quiet_warp import start_warp
@@ -256,6 +257,23 @@ class Engine(Uploads):
             # Threads would take longer to start than few rays take.
             chunk = max(chunk, CHUNK // GROUP if kernel in SHARED else CHUNK)
         in_threads(run, range(first, first + count, chunk))
+
+    def side_by_side(self, works: Sequence[Callable[[], None]]) -> None:
+        """Start each on a stream of its own, if no other thread could launch on these streams meanwhile."""
+        last, *others = reversed(works)
+        if self.is_gpu and thread_count() == 1:
+            main = wp.get_stream(self.device)
+            key = "side streams", self.device, len(others)
+            streams = OPENED.once(key, lambda: [wp.Stream(self.device) for _ in others])
+            for stream, work in zip(streams, others, strict=True):
+                with wp.ScopedStream(stream):  # it waits for what was launched before
+                    work()
+            last()
+            for stream in streams:
+                main.wait_stream(stream)
+            return
+        for work in works:
+            work()
 
     def clear(self, buffer: wp.array) -> None:
         """Set the numbers of a buffer to 0 without waiting."""
