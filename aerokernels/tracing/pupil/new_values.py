@@ -92,6 +92,7 @@ class NewValues:
         still: The air of a field that is undisturbed at the faces of the box that the rays cross, as the known one is;
             None if that is not, so that the host examines the air while the device works.
         weakest: Greatest contrast there with which the air is undisturbed.
+        ignored: Greatest potential that may be ignored outside the support.
         memory: The memory.
     """
 
@@ -103,6 +104,7 @@ class NewValues:
     box: tuple[np.ndarray, np.ndarray]
     still: PupilAir | None
     weakest: float
+    ignored: float
     memory: MemoryInTurn
 
     @classmethod
@@ -115,7 +117,8 @@ class NewValues:
         limit = known_limit = error_limit(known, tolerance)
         if limit < tolerance:
             limit /= WEAKER
-        if np.isfinite(left_out(known, limit, arms)[1]):
+        ignored, slope = left_out(known, limit, arms)
+        if np.isfinite(slope):
             return None  # the slopes that may be left out depend on the field
         plan = replace(plan, sampling=None, reasons=plan.reasons[:-1])  # the last is that of the rays
         job = make(known, wavelength=like.task.wavelength, like=like, plan=plan)
@@ -154,7 +157,7 @@ class NewValues:
             alike = replace(task, field=found.twin(field))
             return ValuesInTurn(alike, job.pilot, structure, faces).prepare(alike)
 
-        found = cls(make, job, task, structure, limit, box, still, weakest, MemoryInTurn(place, another))
+        found = cls(make, job, task, structure, limit, box, still, weakest, ignored, MemoryInTurn(place, another))
         return found
 
     def job_of(self, field: IndexField, wavelength: float) -> PupilJob | None:
@@ -207,7 +210,7 @@ class NewValues:
         covers = all(needed <= GREATER * scale for needed, scale in zip(scales, held, strict=True))
         if not (covers or worst <= NEGLIGIBLE * limit):
             return None
-        if found.support > left_out(field, self.limit, plan.lever_arms)[0]:
+        if found.support > self.ignored:
             return None
         is_bounded = place.structure.is_enough(found.structure, limit)
         if not is_bounded and field.geometry != "volume":  # for which the sharper bound takes longer than to plan anew
