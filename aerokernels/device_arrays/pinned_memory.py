@@ -45,6 +45,11 @@ def is_whole(array: np.ndarray) -> bool:
     return array.flags.owndata or isinstance(array.base, Lent)
 
 
+def _whole(size: int) -> int:
+    """A size rounded up to whole units."""
+    return -(-size // LEAST) * LEAST
+
+
 class PinnedMemory:
     """Cache of the memory that one library has pinned in this process; thread-safe."""
 
@@ -68,7 +73,7 @@ class PinnedMemory:
             found = self.unused(size)
             if found is not None:
                 return found
-            size = -(-size // LEAST) * LEAST
+            size = _whole(size)
             if self._pinned + size > PINNED_SHARE * host_memory():
                 self._drop(size)
                 if self._pinned + size > PINNED_SHARE * host_memory():
@@ -85,6 +90,7 @@ class PinnedMemory:
         """Return cached memory of at least so many bytes; None if there is none."""
         if os.getpid() != self._process:
             return None
+        size = _whole(size)
         with self._lock:
             fitting = [each for each in self._free if FILLED * each.size <= size <= each.size]
             if not fitting:

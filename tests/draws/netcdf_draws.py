@@ -243,7 +243,7 @@ def attributes(draw: random.Random, folder: Path) -> bool:
     try:
         with errors_naming(PATH):
             data = dataset_of(PATH, far, held, True)
-        series = series_of_dataset(data, None, None, False, None, {}, str(PATH), {})
+        series = series_of_dataset(data, {}, str(PATH), {})
         _require(_finite(series.time) and bool((np.diff(series.time) > 0).all()), f"times {series.time}")
         field = series[draw.randrange(len(series))]
         _require(_finite(field.density), "finite densities")  # type: ignore[attr-defined]  # of samples

@@ -119,7 +119,7 @@ def samples(contrast, **changes):
                              ambient_density=1.2), "must be finite numbers, in seconds"),
         (lambda: open_series([np.ones((3, 3))], time=[0.0], geometry="planar", origin=(0, 0), spacing=(1, 1)),
          "arrays need an ambient_density"),
-        (lambda: open_series([np.ones((3, 3))], time=[0.0], species=True), "species are of files"),
+        (lambda: open_series([np.ones((3, 3))], time=[0.0], species=True), "taken for arrays, which take no species"),
         (lambda: sample_rate(np.arange(3.0)), "spectra need at least"),
         (lambda: sample_rate(np.arange(99.0) ** 2), "spectra need even times"),
         (lambda: welch(np.ones(99), 1.0, 1000), "a segment of 1000 samples"),
