@@ -69,7 +69,7 @@ def build_kernel(
     end_of = build_end(library, geometry, interpolation, stop)
     in_cells, carry_over = build_cells(library, "mesh" if on_mesh else geometry)
     stride = build_stride(library, geometry, interpolation, on_mesh, method)
-    kick_of, impulse_of = build_kick(library)
+    kick_of, impulse_of, force_rate_of = build_kick(library)
     straight, consistent_gradient = method == "straight", has_consistent_gradient(interpolation)
     sample_at_stage, sample_neglected = build_sample_at_stage(library, sample, straight, geometry, interpolation)
     errors = build_step_error(library, geometry, interpolation, stop)
@@ -282,6 +282,9 @@ def build_kernel(
                         flown += kick
                     frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                     cell, frac = carry_over(cell, frac)
+                    force_rate = real(0.0) * d
+                    if wp.static(at_faces):
+                        force_rate = force_rate_of(h, force, s3, s4)
                     pot, force = s4[0], force4
                     bearing, curve = ambient * d + momentum, force
                     if wp.static(straight):
@@ -304,11 +307,13 @@ def build_kernel(
                     probe, probe_pot = frac, pot  # where the slope is `force`: at a face, behind it
                     if behind_face:
                         # The slope jumps at the face before which the step stopped: the ray flies the rest along the
-                        # tangent, and the next step starts with the slope behind the face.
+                        # tangent, and the next step starts with the slope behind the face. In a linear cell the slope
+                        # changes over the rest as it does at the end of the step.
                         added = tangent_sums(ambient, d, momentum, rest, pot, force)
                         sums, sums_carry = advance(sums, sums_carry, added)
                         q, q_carry = advance(q, q_carry, rest * momentum + (real(0.5) * rest * rest) * force)
-                        momentum, momentum_carry = advance(momentum, momentum_carry, rest * force)
+                        impulse = rest * force + (real(0.5) * rest * rest) * force_rate
+                        momentum, momentum_carry = advance(momentum, momentum_carry, impulse)
                         flown = rest * bearing + (real(0.5) * rest * rest) * curve
                         frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                         cell, frac = carry_over(cell, frac)
