@@ -46,10 +46,18 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
         const real3 rate = VECTOR(field.inverse_spacing);
         const real3 cell_rate = VECTOR(control.cell_rate);
         int current_cell = find_current_cell(&field, &arrays, frac, -1);
-        const real4 s = sample(&field, &arrays, cell, frac, current_cell);
+        // A ray that starts in a face at which the slope jumps flies into the cell whose slope it needs.
+        const real3 push_in = AT_FACES ? push_off_faces(frac, d * rate) : (real3)R(0.0);
+        const real4 s = sample(&field, &arrays, cell, frac + push_in, current_cell);
         evaluations++;
-        real pot = s.x;
         real3 force = FORCE(s);
+        real pot = s.x;
+        if (AT_FACES) {
+            pot -= push_in.y * force.y / rate.y + push_in.z * force.z / rate.z;
+            if (GEOMETRY != PLANAR) {
+                pot -= push_in.x * force.x / rate.x;
+            }
+        }
         momentum = contrast(ambient, pot) * d;
         const int cone = cone_of(d0);
         const StopGeometry to_stop = stop_geometry_of(&bounds, &control, &interval, p0, d0);

@@ -36,3 +36,23 @@ def test_strong_fields_converge_with_the_tolerance(engine: str):
     assert np.array_equal(result.status, exact.status)
     assert np.abs(result.opd - exact.opd).max() < 1e-6 * WAVE
     assert np.abs(result.direction - exact.direction).max() < 1e-10
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_a_ray_that_starts_in_a_face_takes_the_slope_of_the_cell_it_flies_into(engine: str, sense: float):
+    """A ray starts in the node plane y = 0, beyond which the contrast rises at 1.4 / m to one side only.
+
+    It leaves to the other side, where all is uniform: neither its direction nor its path may change, whatever the
+    tolerance. With the slope of the other cell it turned by 0.02 rad in the first step.
+    """
+    y, z = 2.5e-4 * (np.arange(9) - 4.0), 2.5e-3 * (np.arange(9) - 4.0)
+    contrast = 1.4 * np.maximum(sense * y, 0.0)[:, None] + 0.0 * z
+    field = IndexField.from_samples(
+        contrast, origin=(y[0], z[0]), spacing=(y[1] - y[0], z[1] - z[0]), geometry="planar", interpolation="linear"
+    )
+    rays = RayBundle([[0.0, 0.0, -1e-3]], [[0.0, -2.6e-4 * sense, 1.0]])
+    until = Plane((0.0, 0.0, 5e-3), (0.0, 0.0, 1.0))
+    result = trace(field, rays, until=until, tolerance=0.1, wavelength=WAVE, **on(engine))
+    assert np.abs(result.direction - rays.direction).max() < 1e-6
+    assert np.abs(result.opd).max() < 1e-4 * WAVE

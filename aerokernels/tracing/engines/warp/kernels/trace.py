@@ -39,7 +39,7 @@ from .event_location import build_arc_event_location, build_event_location
 from .motion import advance, build_cells, build_contrast, build_project_momentum, build_sums
 from .outputs import build_write_outputs
 from .step import build_kick, build_sample_at_stage, build_step_acceptance, build_stride
-from .step_bound import build_cone
+from .step_bound import build_cone, build_to_face
 from .wall import build_behind_wall, build_has_clearance, build_place
 
 
@@ -89,6 +89,7 @@ def build_kernel(
     at_faces, at_edges = interpolation == "linear" and controlled, on_mesh and controlled
     _, rest_to_edge, edge_rounding = build_edges(library, geometry, interpolation) if at_edges else (None,) * 3
     rest_to_face = build_rest_to_face(library, geometry) if at_faces else None
+    push_off_faces = build_to_face(library, geometry)[1] if at_faces else None
     slope_behind = build_slope_behind(library, geometry, interpolation, on_mesh, straight)
     tiny = TINY[library.precision]
     c2, c3, a21, a31, a32 = (float(v) for v in (*C[1:3], A[1, 0], A[2, 0], A[2, 1]))
@@ -125,9 +126,18 @@ def build_kernel(
             frac_carry = vec3(real(0.0), real(0.0), real(0.0))
             rate = field.inverse_spacing
             current_cell = find_current_cell(field, frac, -1)  # the cell of a mesh
-            s = sample(field, cell, frac, current_cell)
+            push_in = vec3(real(0.0), real(0.0), real(0.0))
+            if wp.static(at_faces):
+                # A ray that starts in a face at which the slope jumps flies into the cell whose slope it needs.
+                push_in = push_off_faces(frac, wp.cw_mul(d, rate))
+            s = sample(field, cell, frac + push_in, current_cell)
             evaluations += 1
-            pot, force = s[0], vec3(s[1], s[2], s[3])
+            force = vec3(s[1], s[2], s[3])
+            pot = s[0]
+            if wp.static(at_faces):
+                pot -= push_in[1] * force[1] / rate[1] + push_in[2] * force[2] / rate[2]
+                if wp.static(geometry != "planar"):
+                    pot -= push_in[0] * force[0] / rate[0]
             momentum = contrast(ambient, pot) * d
             cone = cone_of(d0)
             to_stop = stop_geometry_of(bounds, control, interval, p0, d0)
