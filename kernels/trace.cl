@@ -46,10 +46,18 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
         const real3 rate = VECTOR(field.inverse_spacing);
         const real3 cell_rate = VECTOR(control.cell_rate);
         int current_cell = find_current_cell(&field, &arrays, frac, -1);
-        const real4 s = sample(&field, &arrays, cell, frac, current_cell);
+        // A ray that starts in a face at which the slope jumps flies into the cell whose slope it needs.
+        const real3 push_in = AT_FACES ? push_off_faces(frac, d * rate) : (real3)R(0.0);
+        const real4 s = sample(&field, &arrays, cell, frac + push_in, current_cell);
         evaluations++;
-        real pot = s.x;
         real3 force = FORCE(s);
+        real pot = s.x;
+        if (AT_FACES) {
+            pot -= push_in.y * force.y / rate.y + push_in.z * force.z / rate.z;
+            if (GEOMETRY != PLANAR) {
+                pot -= push_in.x * force.x / rate.x;
+            }
+        }
         momentum = contrast(ambient, pot) * d;
         const int cone = cone_of(d0);
         const StopGeometry to_stop = stop_geometry_of(&bounds, &control, &interval, p0, d0);
@@ -189,6 +197,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 advance3(&frac, &frac_carry, (IS_STRAIGHT ? h * total : h * total + kick) * rate);
                 carry_over(&cell, &frac);
                 const int cell_before = current_cell;
+                const real3 force_rate = AT_FACES ? force_rate_of(h, force, s3, s4) : (real3)R(0.0);
                 pot = s4.x;
                 force = FORCE(s4);
                 const real3 bearing = IS_STRAIGHT ? ambient * d : ambient * d + momentum;
@@ -208,10 +217,11 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 real probe_pot = pot;
                 if (behind_face) {
                     // The slope jumps at the face before which the step stopped: the ray flies the rest along the
-                    // tangent, and the next step starts with the slope behind the face.
+                    // tangent, and the next step starts with the slope behind the face. In a linear cell the slope
+                    // changes over the rest as it does at the end of the step.
                     advance4(&sums, &sums_carry, tangent_sums(ambient, d, momentum, rest, pot, force));
                     advance3(&q, &q_carry, rest * momentum + (R(0.5) * rest * rest) * force);
-                    advance3(&momentum, &momentum_carry, rest * force);
+                    advance3(&momentum, &momentum_carry, rest * force + (R(0.5) * rest * rest) * force_rate);
                     advance3(&frac, &frac_carry, (rest * bearing + (R(0.5) * rest * rest) * curve) * rate);
                     carry_over(&cell, &frac);
 #if ON_MESH

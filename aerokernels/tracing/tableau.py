@@ -63,6 +63,8 @@ B = np.array([float(v) for v in PAIR.b])
 BT = np.array([float(v) for v in PAIR.bt])
 B_ERROR = np.array([float(v - w) for v, w in zip(PAIR.b, PAIR.b_low, strict=True)])
 BT_ERROR = np.array([float(v - w) for v, w in zip(PAIR.bt, PAIR.bt_low, strict=True)])
+# Rate of change at the end of a step, per step, of the parabola through the forces at the first, third and last stage.
+END_RATE = np.array([(1.0 - C[2]) / C[2], 0.0, -1.0 / (C[2] * (1.0 - C[2])), (2.0 - C[2]) / (1.0 - C[2])])
 # Up to this angle with the first direction [rad] the deviation along it is summed like the path (kernels/trace.py).
 NEARLY_STRAIGHT = 1e-2
 

@@ -138,9 +138,9 @@ class Wavefront(WavefrontMap):
         coefficient.
 
         Raises:
-            ValueError: The pupil's samples cannot distinguish so many polynomials.
+            ValueError: A count below 1, or more polynomials than the pupil's samples can distinguish.
         """
-        return fit_zernike(self, count)
+        return fit_zernike(self, check_count(count, "count"))
 
     @checked
     def zernike_errors(self, count: int) -> np.ndarray:
@@ -151,8 +151,11 @@ class Wavefront(WavefrontMap):
         on a thin ring. The error due to the pixels, each of which has one sample, is added (pixel_errors.py); NaN if a
         quarter of the pixels is too few to measure it. Infinite if the pupil's samples cannot distinguish the
         polynomials.
+
+        Raises:
+            ValueError: A count below 1.
         """
-        return zernike_errors(self, count)
+        return zernike_errors(self, check_count(count, "count"))
 
     @checked
     def psf(

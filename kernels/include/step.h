@@ -158,6 +158,12 @@ static inline real3 impulse_of(real h, real3 force, real4 s2, real4 s3, real4 s4
     return h * (RKN_V1 * force + RKN_V2 * FORCE(s2) + RKN_V3 * FORCE(s3) + RKN_V4 * FORCE(s4));
 }
 
+// Rate of change of the force at the end of a step.
+static inline real3 force_rate_of(real h, real3 force, real4 s3, real4 s4)
+{
+    return (RKN_R1 * force + RKN_R3 * FORCE(s3) + RKN_R4 * FORCE(s4)) / greater(h, TINY);
+}
+
 // Whether a step with this error, and that by kinks on a mesh, is accepted; `ratio` is the ratio of the next step's length to this.
 static inline int step_acceptance(
     real limit,

@@ -343,3 +343,11 @@ def test_too_many_polynomials_for_the_memory_are_refused():
     with pytest.raises(ValueError, match="55225 samples cannot distinguish 50000 Zernike polynomials, only about"):
         wave.zernike(50_000)
     assert np.isinf(wave.zernike_errors(50_000)).all()
+
+
+@pytest.mark.parametrize("count", [0, -3])
+def test_fewer_than_one_polynomial_is_refused(count: int):
+    wave = Wavefront(np.zeros((8, 8)), np.ones((8, 8)), 1e-4, WAVELENGTH)
+    for ask in (wave.zernike, wave.zernike_errors):
+        with pytest.raises(ValueError, match=f"count must be a whole number of at least 1, got {count}"):
+            ask(count)

@@ -6,8 +6,8 @@ if the starts are: all rays must start in one plane, in one point, or ahead of t
 the box may be shifted along their lines, because the air there is uniform.
 
 A family is identified from a sample of the rays. Every ray is checked again when its result is interpolated (kernels
-deliver_bundle): its line and its start must lie within CLOSE cells of the line and the start that its parameters
-define.
+deliver_bundle): its line and its start must lie within `Family.close` of the line and the start that its
+parameters define.
 """
 
 from dataclasses import dataclass, replace
@@ -16,11 +16,14 @@ from functools import cached_property
 import numpy as np
 
 from ...medium import IndexField
+from ...medium.grid import UniformGrid
 from ...rays import RayBundle, transverse_axes
 from ..stop import ArcLength
 
 # Lines, and planes of starts, that differ by less than this fraction of a cell count as one: the rest is rounding.
 CLOSE = 1e-6
+# Part of the error limit that this difference may cost: see `closeness`.
+CLOSE_SHARE = 0.1
 # Directions that differ by no more than this are equal.
 EQUAL = 4e-15
 # Least cosine of the angle between a line and the axis of its family.
@@ -107,7 +110,7 @@ class Family:
         """Bytes that identify the family."""
         start = b"" if self.start_point is None else self.start_point.tobytes()
         numbers = (self.origin, self.axes, self.start_normal, self.low, self.high)
-        kind = f"{self.converges} {self.ahead!r} ".encode()
+        kind = f"{self.converges} {self.ahead!r} {self.close!r} ".encode()
         return b"".join([kind, start, *(array.tobytes() for array in numbers)])
 
     def serves(self, low: np.ndarray, high: np.ndarray) -> bool:
@@ -132,9 +135,32 @@ def some_rows(ray_count: int, most: int) -> np.ndarray:
     return rows[np.diff(rows, prepend=-1) > 0]  # np.unique takes three times as long
 
 
-def find_family(field: IndexField, rays: RayBundle, until) -> Family | str:
-    """The family that the rays belong to, or a sentence that says why they form none."""
+def closeness(field: IndexField, limit: float = np.inf) -> float:
+    """Distance within which two lines, or two starts, count as the same [m], at most CLOSE cells.
+
+    A line that is moved by x changes its optical path by x times the change of its optical momentum across itself, and
+    by x times the contrast at its start. Between air whose index differs by c a ray is turned by up to sqrt(2 c / n).
+    In large cells, strong fields and at tight tolerances a millionth of a cell is therefore too much.
+
+    Args:
+        field: The refractive index.
+        limit: The OPD error allowed to each ray [m].
+    """
     close = CLOSE * float(np.min(field.spacing))
+    if not isinstance(field.samples, UniformGrid):
+        return close
+    low, high = field.samples.extremes
+    contrast = max(high, 0.0) - min(low, 0.0)
+    change = contrast + np.sqrt(2.0 * field.ambient_index * contrast)
+    return min(close, CLOSE_SHARE * limit / change) if change > 0.0 else close
+
+
+def find_family(field: IndexField, rays: RayBundle, until, limit: float = np.inf) -> Family | str:
+    """The family that the rays belong to, or a sentence that says why they form none.
+
+    `limit` is the OPD error allowed to each ray [m].
+    """
+    close = closeness(field, limit)
     if not _is_pencil(rays.pilot.position, rays.pilot.direction, close):
         return NO_PENCIL
     some = rays.rows(some_rows(rays.ray_count, SAMPLE))

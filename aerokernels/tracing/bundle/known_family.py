@@ -11,15 +11,23 @@ from ...device_arrays import DeviceArray
 from ...medium import IndexField
 from ...rays import RayBundle
 from ..stop import ArcLength
-from .family import SAMPLE, Family, some_rows
+from .family import SAMPLE, Family, closeness, some_rows
 
 # Ray counts for which a field caches the rows that are tested, and families whose numbers stay on a device.
 CACHED = 4
 
 
-def known_family(field: IndexField, rays: RayBundle, until, known: list[Family]) -> Family | None:
-    """The first of the known families to which these rays belong and whose range of parameters fits theirs; or None."""
+def known_family(
+    field: IndexField, rays: RayBundle, until, known: list[Family], limit: float = np.inf
+) -> Family | None:
+    """The first of the known families to which these rays belong and whose range of parameters fits theirs; or None.
+
+    `limit` is the OPD error allowed to each ray [m].
+    """
+    close = closeness(field, limit)
     for family in known:
+        if family.close > close:
+            continue  # it was found at a looser tolerance, for which more distant lines counted as one
         if isinstance(until, ArcLength) and np.isfinite(family.ahead):
             continue  # the length of the rays matters, so they cannot be shifted along their lines
         # An image has many bundles: testing a few rays rules out most families.

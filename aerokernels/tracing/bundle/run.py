@@ -112,10 +112,10 @@ def trace_bundle(request: BundleRequest) -> tuple[TracePlan, dict[str, np.ndarra
 def _recognised(request: BundleRequest) -> tuple[Family, BundleTable, TracePlan] | str:
     """The family of the rays, its patches and the plan of its lines; or the reason why there are none."""
     known: list[Family] = request.field.derive("families", list)
-    family = known_family(request.field, request.rays, request.until, known)
+    family = known_family(request.field, request.rays, request.until, known, request.error_limit)
     if family is None:  # the rays of a known family met the field
         check_meeting(request.field, request.rays, "ray of the bundle")
-        found = find_family(request.field, request.rays, request.until)
+        found = find_family(request.field, request.rays, request.until, request.error_limit)
         if isinstance(found, str):
             return found
         if not request.field.is_uniform:

@@ -102,6 +102,7 @@ def constants() -> list[str]:
         *_reals({"RKN_A21": tableau.A[1, 0], "RKN_A31": tableau.A[2, 0], "RKN_A32": tableau.A[2, 1]}),
         *_row("Weights of the forces in the position's step", "B", tableau.B[:3]),
         *_row("Weights of the stages in the momentum's step, and in every sum over the step", "V", tableau.BT),
+        *_row("Rate of change of the force at the end of the step", "R", tableau.END_RATE),
         *_row("Error of the position, from the embedded formula", "E", tableau.B_ERROR),
         *_row("Error of the momentum and of the sums, from the embedded formula", "F", tableau.BT_ERROR),
         *_row("Error of the optical path, from the quadrature of degree 7: values", "G", tableau.PATH_ERROR_VALUE),

@@ -2,8 +2,8 @@
 
 import warp as wp
 
-from ....scheme import AT_FACE, FACE_TOLERANCE, GREATEST_STAND_OFF, NOISE_STEP, STEP_SHARE
-from ....tableau import BT, B
+from ....scheme import AT_FACE, FACE_TOLERANCE, GREATEST_STAND_OFF, NOISE_STEP, STEP_SHARE, TINY
+from ....tableau import BT, END_RATE, B
 from ..library import KernelLibrary, built_once
 from . import grid, mesh
 from .edges import build_edges
@@ -186,11 +186,13 @@ def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, geomet
 
 @built_once
 def build_kick(library: KernelLibrary):
-    """Build functions of a step and its forces: h^2 times the mean force, and the increment of the momentum."""
+    """Build functions of a step and its forces: h^2 times the mean force, the impulse, the rate of force at its end."""
     t = library.types
     real, vec3, vec4 = t.real, t.vec3, t.vec4
     b1, b2, b3 = (float(v) for v in B[:3])
     v1, v2, v3, v4 = (float(v) for v in BT)
+    r1, r3, r4 = (float(END_RATE[stage]) for stage in (0, 2, 3))
+    tiny = TINY[library.precision]
 
     @wp.func
     def kick_of(h: real, force: vec3, s2: vec4, s3: vec4):
@@ -205,7 +207,13 @@ def build_kick(library: KernelLibrary):
         force4 = vec3(s4[1], s4[2], s4[3])
         return h * (real(v1) * force + real(v2) * force2 + real(v3) * force3 + real(v4) * force4)
 
-    return kick_of, impulse_of
+    @wp.func
+    def force_rate_of(h: real, force: vec3, s3: vec4, s4: vec4):
+        force3 = vec3(s3[1], s3[2], s3[3])
+        force4 = vec3(s4[1], s4[2], s4[3])
+        return (real(r1) * force + real(r3) * force3 + real(r4) * force4) / wp.max(h, real(tiny))
+
+    return kick_of, impulse_of, force_rate_of
 
 
 @built_once

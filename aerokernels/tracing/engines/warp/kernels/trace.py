@@ -39,7 +39,7 @@ from .event_location import build_arc_event_location, build_event_location
 from .motion import advance, build_cells, build_contrast, build_project_momentum, build_sums
 from .outputs import build_write_outputs
 from .step import build_kick, build_sample_at_stage, build_step_acceptance, build_stride
-from .step_bound import build_cone
+from .step_bound import build_cone, build_to_face
 from .wall import build_behind_wall, build_has_clearance, build_place
 
 
@@ -69,7 +69,7 @@ def build_kernel(
     end_of = build_end(library, geometry, interpolation, stop)
     in_cells, carry_over = build_cells(library, "mesh" if on_mesh else geometry)
     stride = build_stride(library, geometry, interpolation, on_mesh, method)
-    kick_of, impulse_of = build_kick(library)
+    kick_of, impulse_of, force_rate_of = build_kick(library)
     straight, consistent_gradient = method == "straight", has_consistent_gradient(interpolation)
     sample_at_stage, sample_neglected = build_sample_at_stage(library, sample, straight, geometry, interpolation)
     errors = build_step_error(library, geometry, interpolation, stop)
@@ -89,6 +89,7 @@ def build_kernel(
     at_faces, at_edges = interpolation == "linear" and controlled, on_mesh and controlled
     _, rest_to_edge, edge_rounding = build_edges(library, geometry, interpolation) if at_edges else (None,) * 3
     rest_to_face = build_rest_to_face(library, geometry) if at_faces else None
+    push_off_faces = build_to_face(library, geometry)[1] if at_faces else None
     slope_behind = build_slope_behind(library, geometry, interpolation, on_mesh, straight)
     tiny = TINY[library.precision]
     c2, c3, a21, a31, a32 = (float(v) for v in (*C[1:3], A[1, 0], A[2, 0], A[2, 1]))
@@ -125,9 +126,18 @@ def build_kernel(
             frac_carry = vec3(real(0.0), real(0.0), real(0.0))
             rate = field.inverse_spacing
             current_cell = find_current_cell(field, frac, -1)  # the cell of a mesh
-            s = sample(field, cell, frac, current_cell)
+            push_in = vec3(real(0.0), real(0.0), real(0.0))
+            if wp.static(at_faces):
+                # A ray that starts in a face at which the slope jumps flies into the cell whose slope it needs.
+                push_in = push_off_faces(frac, wp.cw_mul(d, rate))
+            s = sample(field, cell, frac + push_in, current_cell)
             evaluations += 1
-            pot, force = s[0], vec3(s[1], s[2], s[3])
+            force = vec3(s[1], s[2], s[3])
+            pot = s[0]
+            if wp.static(at_faces):
+                pot -= push_in[1] * force[1] / rate[1] + push_in[2] * force[2] / rate[2]
+                if wp.static(geometry != "planar"):
+                    pot -= push_in[0] * force[0] / rate[0]
             momentum = contrast(ambient, pot) * d
             cone = cone_of(d0)
             to_stop = stop_geometry_of(bounds, control, interval, p0, d0)
@@ -282,6 +292,9 @@ def build_kernel(
                         flown += kick
                     frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                     cell, frac = carry_over(cell, frac)
+                    force_rate = real(0.0) * d
+                    if wp.static(at_faces):
+                        force_rate = force_rate_of(h, force, s3, s4)
                     pot, force = s4[0], force4
                     bearing, curve = ambient * d + momentum, force
                     if wp.static(straight):
@@ -304,11 +317,13 @@ def build_kernel(
                     probe, probe_pot = frac, pot  # where the slope is `force`: at a face, behind it
                     if behind_face:
                         # The slope jumps at the face before which the step stopped: the ray flies the rest along the
-                        # tangent, and the next step starts with the slope behind the face.
+                        # tangent, and the next step starts with the slope behind the face. In a linear cell the slope
+                        # changes over the rest as it does at the end of the step.
                         added = tangent_sums(ambient, d, momentum, rest, pot, force)
                         sums, sums_carry = advance(sums, sums_carry, added)
                         q, q_carry = advance(q, q_carry, rest * momentum + (real(0.5) * rest * rest) * force)
-                        momentum, momentum_carry = advance(momentum, momentum_carry, rest * force)
+                        impulse = rest * force + (real(0.5) * rest * rest) * force_rate
+                        momentum, momentum_carry = advance(momentum, momentum_carry, impulse)
                         flown = rest * bearing + (real(0.5) * rest * rest) * curve
                         frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                         cell, frac = carry_over(cell, frac)
