@@ -6,7 +6,8 @@ lines do not arrive, or pass through other faces than the rest. It is divided in
     where the field may hold structure between its lines (tubes.py),
     where the error predicted from its parent's residuals exceeds the limit, or
     where its patches disagree with additional check lines that are traced for this purpose: in a quarter of its cells,
-    or in all of them where its parent has no residuals, as at an edge of the lines that arrive.
+    and then in all of them where the residual is not far below the limit, or where its parent has none, as at an edge
+    of the lines that arrive.
 
 With S the greatest residual of a block's patches at the nodes of a quarter and two nodes beyond, and S' that of the
 block's parent, the prediction is
@@ -38,9 +39,11 @@ ORDER, LEAST_ORDER = 12.0, 2.0
 # Ratio assumed for further levels when their cost is predicted: residuals fall faster once everything is resolved.
 ORDER_AHEAD = 8.0
 # Check lines of a block, as nodes of the 9 x 9 of its quarters: the middles of some cells; and the middles of the other
-# cells, which are checked too where no residual of a parent shows how the error differs from cell to cell.
+# cells, which are checked too where no residual of a parent shows how the error differs from cell to cell, and where
+# that of the first cells is above the share DOUBTFUL of the limit.
 CHECKED = np.array([(1, 3), (3, 7), (5, 1), (7, 5)])
 OTHERS = np.array([(1, 1), (1, 5), (1, 7), (3, 1), (3, 3), (3, 5), (5, 3), (5, 5), (5, 7), (7, 1), (7, 3), (7, 7)])
+DOUBTFUL = 0.3
 # A block whose predicted error is more than this many times the limit is divided without check lines.
 HOPELESS = 3.0
 # Rays may be displaced by this many times the greatest displacement of the first lines.
@@ -172,7 +175,11 @@ class Refinement:
             rows = rows[within]
             close = expected[rows] <= HOPELESS
             measured = np.full(len(rows), np.inf)
-            measured[close] = self._check(lattice, finer, blocks[rows[close]], np.isfinite(level.miss[rows[close]]))
+            measured[close] = self._check(lattice, finer, blocks[rows[close]], CHECKED)
+            # The others are checked where the first would accept the block, but say little of them.
+            unsure = ~np.isfinite(level.miss[rows]) | (measured > DOUBTFUL)
+            unsure &= close & (SAFETY * measured <= 1.0)
+            measured[unsure] = self._check(lattice, finer, blocks[rows[unsure]], OTHERS)
             miss[rows] = np.maximum(expected[rows], SAFETY * measured)
             good[rows] = miss[rows] <= 1.0
             rough = rows[~good[rows]]
@@ -207,16 +214,11 @@ class Refinement:
         spacing = np.maximum(self.tubes.greatest_spacing(middle, lattice.step), RESOLVED)
         return np.maximum(np.ceil(np.log2(spacing / RESOLVED)), 1.0)
 
-    def _check(self, lattice: Lattice, finer: Lattice, blocks: np.ndarray, has_parent: np.ndarray) -> np.ndarray:
-        """Greatest residual of each block's patches at its check lines, in units of the limit, shape (n,).
-
-        `has_parent` says for which blocks the residual of their parent is known, shape (n,).
-        """
+    def _check(self, lattice: Lattice, finer: Lattice, blocks: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Greatest residual of each block's patches once these cells are checked, in units of the limit, shape (n,)."""
         if not len(blocks):
             return np.zeros(0)
-        nodes = np.concatenate(
-            [(8 * blocks[:, None] + CHECKED).reshape(-1, 2), (8 * blocks[~has_parent, None] + OTHERS).reshape(-1, 2)]
-        )
+        nodes = (8 * blocks[:, None] + cells).reshape(-1, 2)
         nodes = nodes[finer.row[tuple(nodes.T)] == 0]
         self._trace(finer, nodes)
         made = lattice.patches(blocks, self.channels)

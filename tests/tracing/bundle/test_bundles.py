@@ -228,6 +228,27 @@ def test_blocks_beside_rays_that_leave_elsewhere_hold_the_tolerance():
     assert np.abs(result.opd - truth.opd).max() <= 1e-4 * WAVE
 
 
+def test_blocks_whose_first_check_lines_see_a_share_of_the_limit_hold_the_tolerance():
+    """A ring of lines from a far point through an axisymmetric lens: without further check lines 1.26 tolerances."""
+    h = 1.0174e-4
+    r, z = np.meshgrid(np.arange(48.0), np.arange(23.0), indexing="ij")
+    contrast = 1.2914e-3 * np.exp(-(((r - 11.744) / 11.683) ** 2) - ((z - 8.267) / 5.842) ** 2)
+    place = {"origin": (0.0, -1.11916e-3), "spacing": (h, h), "geometry": "axisymmetric", "ambient_index": 1.33}
+    field = IndexField.from_samples(contrast, **place)
+    rng, count = np.random.default_rng(0), 10_000
+    angle, tangent = rng.uniform(0.0, 2.0 * np.pi, count), np.sqrt(rng.uniform(0.0677**2, 0.0784**2, count))
+    axis = np.array([0.23281913, -0.12651677, -0.96425555])
+    first = np.cross(axis, [1.0, 0.0, 0.0]) / np.hypot(*axis[1:])
+    way = axis + (tangent * [np.cos(angle), np.sin(angle)]).T @ [first, np.cross(axis, first)]
+    rays = RayBundle(np.tile([-8.32186e-3, 4.85624e-3, 37.37468e-3], (count, 1)), way)
+    until = Plane((0.01072641, -0.00647534, -0.04991516), (0.20842687, -0.12582354, -0.96991065))
+    common = {"until": until, "wavelength": WAVE, "precision": "float64", "outputs": ("opd",), **on("opencl-cpu")}
+    found = trace(field, rays, tolerance=1e-4, **common)
+    exact = trace(field, rays, tolerance=5e-6, method="adaptive", bundle="off", **common)
+    assert found.plan.bundle.delivered > 5_000
+    assert np.abs(found.opd - exact.opd).max() < 1e-4 * WAVE
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_random_fields(seed: int):
     """Smooth noise of random width and strength, a random bundle: every delivered ray holds the tolerance."""
