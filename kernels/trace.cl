@@ -51,13 +51,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
         const real4 s = sample(&field, &arrays, cell, frac + push_in, current_cell);
         evaluations++;
         real3 force = FORCE(s);
-        real pot = s.x;
-        if (AT_FACES) {
-            pot -= push_in.y * force.y / rate.y + push_in.z * force.z / rate.z;
-            if (GEOMETRY != PLANAR) {
-                pot -= push_in.x * force.x / rate.x;
-            }
-        }
+        real pot = AT_FACES ? before_push(s.x, force, push_in, rate) : s.x;
         momentum = contrast(ambient, pot) * d;
         const int cone = cone_of(d0);
         const StopGeometry to_stop = stop_geometry_of(&bounds, &control, &interval, p0, d0);
@@ -242,11 +236,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     const real4 beyond = sample(
                         &field, &arrays, cell, frac + over * (bearing * rate) + push, current_cell);
                     force = FORCE(beyond);
-                    pot = beyond.x - over * dot(force, bearing);
-                    pot -= push.y * force.y / rate.y + push.z * force.z / rate.z;
-                    if (GEOMETRY != PLANAR) {
-                        pot -= push.x * force.x / rate.x;
-                    }
+                    pot = before_push(beyond.x - over * dot(force, bearing), force, push, rate);
                     if (IS_STRAIGHT) {
                         pot += dot(force, q);
                         probe = frac + over * (bearing * rate) + push;
@@ -340,12 +330,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             used, ambient, cell_size, ends_on, arrival.grazing, obliquity_first, opd_rate, displacement);
     }
     used += gain;
-    if (CONTROLLED && !REAL_IS_DOUBLE && arrival.status == RAY_MAX_STEPS && isfinite(used)) {
-        used = INFINITY;  // rounding may have kept its steps short, or refused them: float64 decides
-        arrival.status = RAY_OK;
-    }
-    if (CONTROLLED && arrival.status == RAY_OK && !(used <= control.tolerance)) {
-        arrival.status = RAY_TOLERANCE_NOT_MET;  // to be traced again, see retrace.py
+    if (CONTROLLED) {
+        arrival.status = judged_status(arrival.status, control.tolerance, &used);
     }
     write_outputs(
         &outputs, control.outputs, ray, &arrival, MEASURED ? (double)used : 0.0, steps, evaluations);

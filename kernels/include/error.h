@@ -5,8 +5,9 @@
 #include "motion.h"
 
 // The error [m], the greatest angle with d so far, the weight of an error of direction, the displacement, and the error
-// by `kinks` that a step crosses on a mesh, as a vector (see Bends). The weight is the length by which an error of the direction is multiplied. The displacement is how far sideways the step may put
-// the ray where it leaves the field. The ray meets its stop at an `obliquity` (ends.h), `lever_arm` further on.
+// by `kinks` that a step crosses on a mesh, as a vector (see Bends). The weight is the length by which an error of the
+// direction is multiplied. The displacement is how far sideways the step may put the ray where it leaves the field. The
+// ray meets its stop at an `obliquity` (ends.h), `lever_arm` further on.
 static inline real step_error(
     real ambient,
     real3 d,
@@ -204,6 +205,18 @@ static inline real event_location_error(
     }
     const real beside = rounded + (cosine < (real)LEAST_COSINE ? displacement / cosine : R(0.0));
     return used + opd_rate * (shortfall + beside);
+}
+
+// Status of a ray, by its error `used`: TOLERANCE_NOT_MET where it is to be traced again, see retrace.py. So is a ray
+// whose steps float32 exhausted, with an infinite error: rounding may have kept them short, or refused them, so that
+// float64 decides.
+static inline int judged_status(int status, real tolerance, real *used)
+{
+    if (!REAL_IS_DOUBLE && status == RAY_MAX_STEPS && isfinite(*used)) {
+        *used = INFINITY;
+        return RAY_TOLERANCE_NOT_MET;
+    }
+    return status == RAY_OK && !(*used <= tolerance) ? RAY_TOLERANCE_NOT_MET : status;
 }
 
 #endif

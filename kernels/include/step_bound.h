@@ -155,6 +155,16 @@ static inline real3 push_off_faces(real3 frac, real3 velocity)
     return push;
 }
 
+// The potential at a ray, from the potential and the slope that are looked up a push beside it.
+static inline real before_push(real pot, real3 force, real3 push, real3 rate)
+{
+    pot -= push.y * force.y / rate.y + push.z * force.z / rate.z;
+    if (GEOMETRY != PLANAR) {
+        pot -= push.x * force.x / rate.x;
+    }
+    return pot;
+}
+
 // Step to the next face of a cell farther than face_tolerance; velocity and its derivative are in cells.
 static inline real to_face(real3 frac, real3 velocity, real3 acceleration, real face_tolerance)
 {

@@ -30,6 +30,14 @@ def blob(geometry: str, rng: np.random.Generator) -> IndexField:
     return IndexField.from_samples(contrast, origin=origin, spacing=[1.3e-4] * len(shape), geometry=geometry)
 
 
+def greatest(device, there: GreatestOutside, values) -> float:
+    """Launch for the values in a buffer, and read the result."""
+    reading = device.fetched(there.arrays)
+    there.start(values, reading.buffers)
+    reading.start()
+    return there.greatest(reading.wait())
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("geometry", list(SHAPES))
 def test_a_known_support_holds_where_the_host_finds_so(engine: str, geometry: str):
@@ -48,10 +56,7 @@ def test_a_known_support_holds_where_the_host_finds_so(engine: str, geometry: st
         for _ in range(6):
             field = blob(geometry, rng)
             tables.start(device.share(field.samples.samples.reshape(-1)))
-            reading = device.fetched(there.arrays)
-            there.start(tables.coefficients, reading.buffers)
-            reading.start()
-            found = there.greatest(reading.wait()) <= left_out(field, LIMIT, None)[0]
+            found = greatest(device, there, tables.coefficients) <= left_out(field, LIMIT, None)[0]
             begin, end = find_support_box(field, LIMIT, None)
             is_empty = (begin == end).all()
             assert found == bool(is_empty or ((begin >= box[0]) & (end <= box[1])).all())
@@ -71,7 +76,5 @@ def test_the_samples_at_faces_are_those_of_the_host(engine: str, geometry: str):
     faces = {"volume": range(6), "planar": range(2, 6), "axisymmetric": (SIDE, 4, 5)}[geometry]
     for some in ([], *([face] for face in faces), list(faces), list(faces)[1:3]):
         there = GreatestOutside(device, field.samples.shape, part_behind_faces(field, np.array(some, int)))
-        reading = device.fetched(there.arrays)
-        there.start(device.share(field.samples.samples.reshape(-1)), reading.buffers)
-        reading.start()
-        assert there.greatest(reading.wait()) == face_strengths(field)[some].max(initial=-np.inf)
+        samples = device.share(field.samples.samples.reshape(-1))
+        assert greatest(device, there, samples) == face_strengths(field)[some].max(initial=-np.inf)

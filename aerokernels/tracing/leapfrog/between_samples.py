@@ -188,7 +188,7 @@ class MissedStructure:
         return self._greatest(count) <= NEGLIGIBLE * self.limit
 
     def _by_rule(self, count: int) -> float:
-        """The same by the rule's own bound, which is greater but faster to compute."""
+        """The greatest error [m] by the rule's own bound, which is greater than `_greatest` but faster to compute."""
         return greatest_error(self.field, self.sampled(count), self.lines, by_rule=True, show_ends=self.show_ends)
 
     def sampling(self, count: int) -> Sampling | None:

@@ -208,9 +208,7 @@ class NewValues:
             return None
         (scales, worst), held = judged, (plan.quadrature_error_scale, plan.trajectory_error_scale)
         covers = all(needed <= GREATER * scale for needed, scale in zip(scales, held, strict=True))
-        if not (covers or worst <= NEGLIGIBLE * limit):
-            return None
-        if found.support > self.ignored:
+        if not (covers or worst <= NEGLIGIBLE * limit) or found.support > self.ignored:
             return None
         is_bounded = place.structure.is_enough(found.structure, limit)
         if not is_bounded and field.geometry != "volume":  # for which the sharper bound takes longer than to plan anew

@@ -35,7 +35,7 @@ def build_slope_behind(library: KernelLibrary, geometry: str, interpolation: str
 
     else:
         sample = grid.build_sample(library, geometry, interpolation)
-        push_off_faces = build_to_face(library, geometry)[1]
+        _, push_off_faces, before_push = build_to_face(library, geometry)
 
         @wp.func
         def slope_behind(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int, bearing: vec3, q: vec3):
@@ -46,10 +46,7 @@ def build_slope_behind(library: KernelLibrary, geometry: str, interpolation: str
             probe = frac + over * pace + push
             beyond = sample(field, cell, probe, current_cell)
             force, probe_pot = vec3(beyond[1], beyond[2], beyond[3]), beyond[0]
-            pot = probe_pot - over * wp.dot(force, bearing)
-            pot -= push[1] * force[1] / rate[1] + push[2] * force[2] / rate[2]
-            if wp.static(geometry != "planar"):
-                pot -= push[0] * force[0] / rate[0]
+            pot = before_push(probe_pot - over * wp.dot(force, bearing), force, push, rate)
             if wp.static(straight):
                 pot, probe_pot = pot + wp.dot(force, q), probe_pot + wp.dot(force, q)
             return pot, force, probe, probe_pot
@@ -58,11 +55,36 @@ def build_slope_behind(library: KernelLibrary, geometry: str, interpolation: str
 
 
 @built_once
+def build_first_sample(library: KernelLibrary, geometry: str, sample, at_faces: bool):
+    """Build a function -> (potential, slope) where a ray with the direction d starts.
+
+    With `at_faces` the slope is that of the cell into which a ray flies that starts in a face.
+    """
+    t = library.types
+    vec3, Field = t.vec3, t.Field
+    _, push_off_faces, before_push = build_to_face(library, geometry) if at_faces else (None,) * 3
+
+    @wp.func
+    def first_sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int, d: vec3):
+        probe = frac
+        if wp.static(at_faces):
+            push = push_off_faces(frac, wp.cw_mul(d, field.inverse_spacing))
+            probe = frac + push
+        s = sample(field, cell, probe, current_cell)
+        pot, force = s[0], vec3(s[1], s[2], s[3])
+        if wp.static(at_faces):
+            pot = before_push(pot, force, push, field.inverse_spacing)
+        return pot, force
+
+    return first_sample
+
+
+@built_once
 def build_rest_to_face(library: KernelLibrary, geometry: str):
     """Build a function -> rest [sigma] to the face `stand_off` cells before which a step of length h stopped, or 0."""
     t = library.types
     real, vec3 = t.real, t.vec3
-    to_face, _ = build_to_face(library, geometry)
+    to_face, _, _ = build_to_face(library, geometry)
 
     @wp.func
     def rest_to_face(frac: vec3, velocity: vec3, acceleration: vec3, stand_off: real, h: real):

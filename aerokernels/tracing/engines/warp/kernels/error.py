@@ -27,6 +27,7 @@ from ....scheme import (
     STEEPEST_COSINE,
     TINY,
 )
+from ....status import RayStatus
 from ....tableau import (
     B_ERROR,
     BT_ERROR,
@@ -293,3 +294,27 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         return used + opd_rate * (shortfall + rounded)
 
     return step_error, step_rounding, attainable_error, possible_gain, stop_error, event_location_error
+
+
+@built_once
+def build_judgement(library: KernelLibrary):
+    """Build a function -> (status, error) of a ray that has ended."""
+    real = library.types.real
+    ok, rejected, too_many = int(RayStatus.OK), int(RayStatus.TOLERANCE_NOT_MET), int(RayStatus.MAX_STEPS)
+
+    @wp.func
+    def judged_status(status: int, tolerance: real, used: real):
+        """Status of a ray, by its error `used`: TOLERANCE_NOT_MET where it is to be traced again, see retrace.py.
+
+        So is a ray whose steps float32 exhausted, with an infinite error: rounding may have kept them short, or refused
+        them, so that float64 decides.
+        """
+        judged, error = status, used
+        if wp.static(library.precision == "float32"):
+            if status == too_many and wp.isfinite(used):
+                judged, error = int(rejected), real(wp.inf)
+        if status == ok and not (used <= tolerance):
+            judged = int(rejected)
+        return judged, error
+
+    return judged_status

@@ -200,4 +200,12 @@ def build_to_face(library: KernelLibrary, geometry: str):
             step = wp.min(step, round_face(frac, velocity, acceleration, face_tolerance))
         return step
 
-    return to_face, push_off_faces
+    @wp.func
+    def before_push(pot: real, force: vec3, push: vec3, rate: vec3):
+        """The potential at a ray, from the potential and the slope that are looked up a push beside it."""
+        back = pot - (push[1] * force[1] / rate[1] + push[2] * force[2] / rate[2])
+        if wp.static(geometry != "planar"):
+            back -= push[0] * force[0] / rate[0]
+        return back
+
+    return to_face, push_off_faces, before_push

@@ -30,16 +30,16 @@ from ....tableau import A, C, has_consistent_gradient
 from ..library import KernelLibrary, built_once
 from ..types import takes
 from . import grid, mesh
-from .behind_faces import build_rest_to_face, build_slope_behind
+from .behind_faces import build_first_sample, build_rest_to_face, build_slope_behind
 from .crossings import NEVER
 from .edges import build_edges
 from .ends import build_end, build_start, build_stop_geometry
-from .error import build_bends, build_step_error
+from .error import build_bends, build_judgement, build_step_error
 from .event_location import build_arc_event_location, build_event_location
 from .motion import advance, build_cells, build_contrast, build_project_momentum, build_sums
 from .outputs import build_write_outputs
 from .step import build_kick, build_sample_at_stage, build_step_acceptance, build_stride
-from .step_bound import build_cone, build_to_face
+from .step_bound import build_cone
 from .wall import build_behind_wall, build_has_clearance, build_place
 
 
@@ -69,13 +69,13 @@ def build_kernel(
     end_of = build_end(library, geometry, interpolation, stop)
     in_cells, carry_over = build_cells(library, "mesh" if on_mesh else geometry)
     stride = build_stride(library, geometry, interpolation, on_mesh, method)
-    kick_of, impulse_of, force_rate_of = build_kick(library)
     straight, consistent_gradient = method == "straight", has_consistent_gradient(interpolation)
     sample_at_stage, sample_neglected = build_sample_at_stage(library, sample, straight, geometry, interpolation)
     errors = build_step_error(library, geometry, interpolation, stop)
     step_error, step_rounding, attainable_error, possible_gain, stop_error, event_location_error = errors
     step_acceptance = build_step_acceptance(library, on_mesh)
     bend_arm, _, with_bend, bend_error = build_bends(library)
+    judged_status = build_judgement(library)
     contrast, project_momentum = build_contrast(library), build_project_momentum(library)
     step_sums, tangent_sums = build_sums(library)
     surfaces = build_event_location(library, geometry, stop)
@@ -87,14 +87,15 @@ def build_kernel(
     write_outputs = build_write_outputs(library)
     arc_surface = wp.constant(ARC_SURFACE)
     at_faces, at_edges = interpolation == "linear" and controlled, on_mesh and controlled
+    kick_of, impulse_of, force_rate_of = build_kick(library, at_faces)
     _, rest_to_edge, edge_rounding = build_edges(library, geometry, interpolation) if at_edges else (None,) * 3
     rest_to_face = build_rest_to_face(library, geometry) if at_faces else None
-    push_off_faces = build_to_face(library, geometry)[1] if at_faces else None
+    first_sample = build_first_sample(library, geometry, sample, at_faces)
     slope_behind = build_slope_behind(library, geometry, interpolation, on_mesh, straight)
     tiny = TINY[library.precision]
     c2, c3, a21, a31, a32 = (float(v) for v in (*C[1:3], A[1, 0], A[2, 0], A[2, 1]))
-    ok, hit_body, rejected = int(RayStatus.OK), int(RayStatus.HIT_BODY), int(RayStatus.TOLERANCE_NOT_MET)
-    too_many, not_finite = int(RayStatus.MAX_STEPS), int(RayStatus.NOT_FINITE)
+    ends = RayStatus.OK, RayStatus.HIT_BODY, RayStatus.MAX_STEPS, RayStatus.NOT_FINITE
+    ok, hit_body, too_many, not_finite = map(int, ends)
 
     @wp.kernel(module="unique", enable_backward=False)
     @takes("trace_kernel", library.precision)
@@ -126,18 +127,8 @@ def build_kernel(
             frac_carry = vec3(real(0.0), real(0.0), real(0.0))
             rate = field.inverse_spacing
             current_cell = find_current_cell(field, frac, -1)  # the cell of a mesh
-            push_in = vec3(real(0.0), real(0.0), real(0.0))
-            if wp.static(at_faces):
-                # A ray that starts in a face at which the slope jumps flies into the cell whose slope it needs.
-                push_in = push_off_faces(frac, wp.cw_mul(d, rate))
-            s = sample(field, cell, frac + push_in, current_cell)
+            pot, force = first_sample(field, cell, frac, current_cell, d)
             evaluations += 1
-            force = vec3(s[1], s[2], s[3])
-            pot = s[0]
-            if wp.static(at_faces):
-                pot -= push_in[1] * force[1] / rate[1] + push_in[2] * force[2] / rate[2]
-                if wp.static(geometry != "planar"):
-                    pot -= push_in[0] * force[0] / rate[0]
             momentum = contrast(ambient, pot) * d
             cone = cone_of(d0)
             to_stop = stop_geometry_of(bounds, control, interval, p0, d0)
@@ -292,9 +283,7 @@ def build_kernel(
                         flown += kick
                     frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                     cell, frac = carry_over(cell, frac)
-                    force_rate = real(0.0) * d
-                    if wp.static(at_faces):
-                        force_rate = force_rate_of(h, force, s3, s4)
+                    force_rate = force_rate_of(h, force, s3, s4)
                     pot, force = s4[0], force4
                     bearing, curve = ambient * d + momentum, force
                     if wp.static(straight):
@@ -405,12 +394,8 @@ def build_kernel(
                     used, ambient, size, ends_on, arrival.grazing, obliquity_first, opd_rate, displacement
                 )
             used += gain
-            if wp.static(library.precision == "float32"):
-                if arrival.status == too_many and wp.isfinite(used):
-                    used = real(wp.inf)  # rounding may have kept its steps short, or refused them: float64 decides
-                    arrival.status = int(ok)
-            if arrival.status == ok and not (used <= control.tolerance):
-                arrival.status = int(rejected)  # to be traced again, see retrace.py
+            judged, used = judged_status(arrival.status, control.tolerance, used)
+            arrival.status = judged
         if wp.static(measured):
             step_error_out = wp.float64(used)
         write_outputs(outputs, control.outputs, ray, arrival, step_error_out, steps, evaluations)
