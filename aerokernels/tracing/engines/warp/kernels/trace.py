@@ -111,7 +111,7 @@ def build_kernel(
         q = vec3(real(0.0), real(0.0), real(0.0))
         q_carry = q
         momentum = q  # P, the deviation of T
-        momentum_carry = q
+        momentum_carry = q  # (assigned together by `a, b = q, q` both would change with one another in Warp)
         sums = t.vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # sigma, S, M, B
         sums_carry = sums
         used, max_deflection = real(0.0), real(0.0)  # error; greatest angle with d so far
