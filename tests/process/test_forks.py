@@ -42,7 +42,7 @@ child = os.fork()
 found = first()
 if child:
     thread.join()
-print("child" if not child else "parent", found, flush=True)
+os.write(1, f"{'parent' if child else 'child'} {found}\\n".encode())  # in one piece: both write to one pipe
 if not child:
     os._exit(0)
 os.waitpid(child, 0)

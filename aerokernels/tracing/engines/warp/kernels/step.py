@@ -185,11 +185,8 @@ def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, geomet
 
 
 @built_once
-def build_kick(library: KernelLibrary, at_faces: bool):
-    """Build functions of a step and its forces: h^2 times the mean force, the impulse, the rate of force at its end.
-
-    The rate is needed only, and is not 0 only, where steps end before faces at which the slope jumps.
-    """
+def build_kick(library: KernelLibrary):
+    """Build functions of a step and its forces: h^2 times the mean force, the impulse, the rate of force at its end."""
     t = library.types
     real, vec3, vec4 = t.real, t.vec3, t.vec4
     b1, b2, b3 = (float(v) for v in B[:3])
@@ -212,8 +209,6 @@ def build_kick(library: KernelLibrary, at_faces: bool):
 
     @wp.func
     def force_rate_of(h: real, force: vec3, s3: vec4, s4: vec4):
-        if wp.static(not at_faces):
-            return real(0.0) * force
         force3 = vec3(s3[1], s3[2], s3[3])
         force4 = vec3(s4[1], s4[2], s4[3])
         return (real(r1) * force + real(r3) * force3 + real(r4) * force4) / wp.max(h, real(tiny))

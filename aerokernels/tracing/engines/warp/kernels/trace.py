@@ -87,7 +87,7 @@ def build_kernel(
     write_outputs = build_write_outputs(library)
     arc_surface = wp.constant(ARC_SURFACE)
     at_faces, at_edges = interpolation == "linear" and controlled, on_mesh and controlled
-    kick_of, impulse_of, force_rate_of = build_kick(library, at_faces)
+    kick_of, impulse_of, force_rate_of = build_kick(library)
     _, rest_to_edge, edge_rounding = build_edges(library, geometry, interpolation) if at_edges else (None,) * 3
     rest_to_face = build_rest_to_face(library, geometry) if at_faces else None
     first_sample = build_first_sample(library, geometry, sample, at_faces)
@@ -283,7 +283,9 @@ def build_kernel(
                         flown += kick
                     frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                     cell, frac = carry_over(cell, frac)
-                    force_rate = force_rate_of(h, force, s3, s4)
+                    force_rate = real(0.0) * d
+                    if wp.static(at_faces):
+                        force_rate = force_rate_of(h, force, s3, s4)
                     pot, force = s4[0], force4
                     bearing, curve = ambient * d + momentum, force
                     if wp.static(straight):
