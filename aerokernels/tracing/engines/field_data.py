@@ -123,13 +123,12 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
             arrays["paper_step"] = np.append(samples.paper_step, np.median(samples.paper_step))
         cell_rate = np.full(3, 1.0 / float(np.median(mesh.cell_size)))
     members["inverse_spacing"] = 1.0 / spacing
-    arrays |= {"wall": np.zeros((1, 4)), "wall_boxes": np.zeros((1, 4)), "wall_links": np.zeros((1, 3), np.int32)}
+    rows, links = (np.zeros((1, 4)),) * 3, np.zeros((1, 3), np.int32)
     members["wall_count"] = 0
     if field.body is not None:
-        walls = field.body.tree
-        rows, boxes = walls.kernel_rows
-        arrays |= {"wall": rows, "wall_boxes": boxes, "wall_links": walls.links}
-        members["wall_count"] = len(walls.boxes)
+        rows, links = field.body.tree.kernel_rows, field.body.tree.links
+        members["wall_count"] = len(links)
+    arrays |= dict(zip(("wall", "wall_normals", "wall_boxes"), rows, strict=True)) | {"wall_links": links}
     radius = float(samples.high[0]) if field.geometry == "axisymmetric" else 0.0
     bounds = {
         "origin": origin,
