@@ -61,11 +61,11 @@ static inline double3 outward_normal(const Arrays *arrays, int piece, double3 p)
 
 // Deviation of the momentum where a ray begins. A ray that leaves the body, where `normal` is not zero, is refracted
 // there; other rays keep their direction.
-static inline real3 starting_momentum(real ambient, real potential, real3 d, double3 normal)
+static inline real3 starting_momentum(real ambient, real pot, real3 d, double3 normal)
 {
     const real3 outward = convert_real3(normal);
     const real before = ambient * dot(d, outward);
-    return before > R(0.0) ? LEAVING_KICK(before, potential) * outward : contrast(ambient, potential) * d;
+    return before > R(0.0) ? LEAVING_KICK(before, pot) * outward : contrast(ambient, pot) * d;
 }
 
 // Distance at which a ray enters the body before it reaches the box. It reaches the box at `last`. NEVER if it does not
