@@ -110,9 +110,10 @@ def optical_series(
     check_positive(tolerance, "tolerance", "waves")
     if len(series) == 0:
         raise ValueError("the series is empty: no snapshot")
-    grid = pupil_grid(pupil, pixel_count)
+    look = None if direction is None else as_unit_vector(direction, "direction")
+    grid = pupil_grid(pupil, pixel_count, look)
+    look = pupil.normal if look is None else look
     terms = check_terms(remove)
-    look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
     options = {"backend": backend, "device": device, "precision": precision}
     wavelength = check_wavelength(wavelength)
     settings = SnapshotSettings(
@@ -296,7 +297,7 @@ def _template(
             "remove": ",".join(remove),
             "direction": settings.direction.tolist(),
             "pupil_center": pupil.center.tolist(),
-            "pupil_axes": np.concatenate(pupil.axes).tolist(),
+            "pupil_axes": np.concatenate(grid.pupil.axes).tolist(),
             "relation": settings.relation,
             **({} if settings.constant is None else {"constant": settings.constant}),
             # Of a composition as well, unless it varies in space.

@@ -11,6 +11,7 @@ import numpy as np
 from ...medium import IndexField
 from ...medium.grid_places import known
 from ...process.clock import stage
+from ...pupils import across_look
 from ...rays import RayBundle
 from ..engines import OUTPUT_TYPES, engine_of
 from ..engines.device_memory import memory_of
@@ -122,6 +123,7 @@ class PupilRun:
         task, pupil = self.task, self.task.pupil
         of_square = pupil.square_map
         vectors = [pupil.center, *(pupil.reach * axis for axis in pupil.axes), task.look]
+        vectors += [np.append(row, 0.0) for row in across_look(pupil, task.look)]
         table = self._constant(("table", pupil), lambda: of_square.table)
         shape = [of_square.shape, of_square.row_count, of_square.column_count, table]
         key = "order", task.per_replicate, task.by_radius, task.generator

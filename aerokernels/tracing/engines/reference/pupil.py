@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ....pupils import across_look
 from ....rays import RayBundle
 from ...pupil.fit import fit_surface, moments_in_metres
 from ...pupil.lattice_quadrature import lattice_points, smoothed_axes
@@ -24,6 +25,7 @@ class PupilRun:
         kept = []
         for replicate in range(task.replicates):
             position, direction, place, weight = self._rays(replicate, seed)
+            place = place @ across_look(task.pupil, task.look).T
             arrays = run_plan(
                 task.field, RayBundle(position, direction), task.plan, task.until, task.wavelength, PUPIL_OUTPUTS
             )
