@@ -6,6 +6,7 @@ longer than those across the line, by up to one over the cosine of the angle wit
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -75,8 +76,8 @@ class Projected:
     def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
         """Return the mean of a power of the transmission in each cell of a grid: see `Pupil.coverage`.
 
-        It is exact if the look direction is turned about one of the pupil's axes. Otherwise it is a mean over points, by
-        which the share of a cell on the pupil's edge is off by about a hundredth.
+        It is exact if the look direction is turned about one of the pupil's axes. Otherwise it is a mean over points,
+        by which the share of a cell on the pupil's edge is off by about a hundredth.
         """
         x_edges, y_edges = np.asarray(x_edges), np.asarray(y_edges)
         size = np.abs(self.matrix)
@@ -87,7 +88,7 @@ class Projected:
         inner = (np.arange(SUBDIVISION) + 0.5) / SUBDIVISION
         x = (x_edges[:-1, None] + inner * np.diff(x_edges)[:, None]).ravel()
         found = np.empty((len(y_edges) - 1, len(x_edges) - 1))
-        for row, (low, high) in enumerate(zip(y_edges[:-1], y_edges[1:], strict=True)):
+        for row, (low, high) in enumerate(pairwise(y_edges)):
             place = np.stack(np.meshgrid(x, low + inner * (high - low)), axis=-1) @ self._inverse.T
             seen = self.pupil.transmission(place[..., 0], place[..., 1]) ** power
             found[row] = seen.reshape(SUBDIVISION, -1, SUBDIVISION).mean(axis=(0, 2))

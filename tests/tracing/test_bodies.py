@@ -2,7 +2,8 @@
 
 Constant contrast c0 fills the box, so weak that refraction where rays leave the body does not change what they meet
 (WEAK): they are straight from there on, and the optical path is longer than the arc by c0 times the way outside the
-body. Statuses, places and ways follow from `Body.crossings`, which tests/medium/test_crossings.py holds against the profile itself.
+body. Statuses, places and ways follow from `Body.crossings`, which tests/medium/test_crossings.py holds against the
+profile itself.
 """
 
 import functools

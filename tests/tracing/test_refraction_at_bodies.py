@@ -1,4 +1,4 @@
-"""A ray that starts in a body is refracted where it leaves it: Snell's law, and directions against slopes of the OPD."""
+"""A ray that starts in a body is refracted where it leaves it: Snell's law, directions against slopes of the OPD."""
 
 import numpy as np
 import pytest
@@ -98,10 +98,10 @@ def graded(first, z, third=None):
 @pytest.mark.parametrize("name", ["circle", "sphere", "wedge", "cone"])
 @pytest.mark.parametrize("engine", ALL)
 def test_directions_are_slopes_of_the_optical_path(engine, name, ray_count):
-    """Set-up: a plane wave leaves bodies into graded air: rays along z on a line in y. Fermat's principle: between two
-    points of a plane behind, the optical path differs by the integral of n dr/ds along the plane.
+    """Set-up: a plane wave leaves bodies into graded air; rays along z on a line in y.
 
-    The trapezoidal rule on 5 mm is off by (5 mm)^3 / (12 N^2) times the curvature of the slope, 2e-4 / (4 mm)^2,
+    Expected by Fermat's principle: between two points of a plane behind, the optical path differs by the integral of
+    n dr/ds along the plane. The trapezoidal rule on 5 mm is off by (5 mm)^3 / (12 N^2) times the curvature of the slope, 2e-4 / (4 mm)^2,
     at most 2e-12 m; chords of 0.2 mm add h^2 / (8 R) of air, 1.3e-10 m, at ends of the interval. A direction without
     refraction is off by 1e-4 rad, 6e-7 m.
     """

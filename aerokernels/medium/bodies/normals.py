@@ -63,9 +63,7 @@ def triangle_normals(corners: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     area = np.cross(edges[:, 0], edges[:, 1])
     normal = area / np.maximum(np.linalg.norm(area, axis=1), 1e-300)[:, None]
     back = -np.roll(edges, 1, axis=1)
-    angle = np.arctan2(
-        np.linalg.norm(np.cross(edges, back), axis=2), np.sum(edges * back, axis=2)
-    ).ravel()
+    angle = np.arctan2(np.linalg.norm(np.cross(edges, back), axis=2), np.sum(edges * back, axis=2)).ravel()
     order = np.argsort(triangles.ravel(), kind="stable")
     first = np.searchsorted(triangles.ravel()[order], np.arange(triangles.max() + 2))
     found = np.empty((triangles.size, 3))

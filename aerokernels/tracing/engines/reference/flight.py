@@ -10,10 +10,10 @@ class Flight:
     """The state of rays in flight, one entry per ray.
 
     Constant: start [m], direction, side (1 or -1, so that side times the distance from the stop plane is negative
-    before the plane), normal of the body where the ray leaves it, zero for other rays. State: along t [m], q [m], momentum P, work W [m], stretch S [m], cell. Errors: lever_arm [m] and
-    gain, by which errors of direction and of position become errors of the optical path; error [m]. Counts: steps,
-    evaluations, attempts. Ends: stopped (at the user's stop), left (the box), hit (the body), failed (not finite),
-    spent (all steps).
+    before the plane), normal of the body where the ray leaves it, zero for other rays. State: along t [m], q [m],
+    momentum P, work W [m], stretch S [m], cell. Errors: lever_arm [m] and gain, by which errors of direction and of
+    position become errors of the optical path; error [m]. Counts: steps, evaluations, attempts. Ends: stopped (at the
+    user's stop), left (the box), hit (the body), failed (not finite), spent (all steps).
     """
 
     start: np.ndarray

@@ -16,7 +16,7 @@ step whose error exceeds its share of the tolerance, or that passes a face, is r
 import numpy as np
 from scipy.integrate import DOP853
 
-from .flight import Flight, starting_momentum, rising_root
+from .flight import Flight, rising_root, starting_momentum
 from .medium import dot
 
 A, B, C, E3, E5 = (np.asarray(getattr(DOP853, name)) for name in ("A", "B", "C", "E3", "E5"))

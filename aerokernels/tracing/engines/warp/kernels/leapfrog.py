@@ -50,7 +50,7 @@ from .support import (
 )
 from .team import place_at_ray
 from .unresolved import build_unresolved, build_with_lever_arm
-from .wall import build_starting_momentum, build_has_clearance
+from .wall import build_has_clearance, build_starting_momentum
 
 # Per thread of a GPU: with the 200 that the compiler would use, too few rays could wait for memory at the same time.
 MOST_REGISTERS = 128

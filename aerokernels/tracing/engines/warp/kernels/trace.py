@@ -40,7 +40,7 @@ from .motion import advance, build_cells, build_contrast, build_project_momentum
 from .outputs import build_write_outputs
 from .step import build_kick, build_sample_at_stage, build_step_acceptance, build_stride
 from .step_bound import build_cone
-from .wall import build_behind_wall, build_starting_momentum, build_has_clearance, build_place
+from .wall import build_behind_wall, build_has_clearance, build_place, build_starting_momentum
 
 
 @built_once
