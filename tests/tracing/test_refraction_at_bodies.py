@@ -101,9 +101,9 @@ def test_directions_are_slopes_of_the_optical_path(engine, name, ray_count):
     """Set-up: a plane wave leaves bodies into graded air; rays along z on a line in y.
 
     Expected by Fermat's principle: between two points of a plane behind, the optical path differs by the integral of
-    n dr/ds along the plane. The trapezoidal rule on 5 mm is off by (5 mm)^3 / (12 N^2) times the curvature of the slope, 2e-4 / (4 mm)^2,
-    at most 2e-12 m; chords of 0.2 mm add h^2 / (8 R) of air, 1.3e-10 m, at ends of the interval. A direction without
-    refraction is off by 1e-4 rad, 6e-7 m.
+    n dr/ds along the plane. The trapezoidal rule on 5 mm is off by (5 mm)^3 / (12 N^2) times the curvature of the
+    slope, 2e-4 / (4 mm)^2, at most 2e-12 m; chords of 0.2 mm add h^2 / (8 R) of air, 1.3e-10 m, at ends of the
+    interval. A direction without refraction is off by 1e-4 rad, 6e-7 m.
     """
     body = BODIES[name]()
     y = np.linspace(0.5e-3, 5.5e-3, ray_count)  # beside the tip, at which the slope jumps

@@ -1,4 +1,4 @@
-"""Angles of a pupil that is seen askew: slopes per metre across the look direction, in every function that gives some."""
+"""Angles of a pupil that is seen askew: slopes per metre across the look direction, in each function."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from aerokernels import flow
 from aerokernels.pupils import Disc, Mask, Polygon, Rectangle, seen_along, transverse_axes
 from aerokernels.rays import RayBundle
 from aerokernels.series.optical import optical_series
-from aerokernels.strehl import estimate_strehl
+from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import available_backends, trace
 from aerokernels.wavefront import wavefront
 
@@ -60,12 +60,8 @@ def test_tilts_are_the_turn_of_a_ray(look: str):
 def test_the_projection_of_a_pupil(look: str):
     """Its cells cover cos(angle) of its area, one by one the same share as a fine grid of points; points are on it."""
     direction = np.array(LOOKS[look]) / np.linalg.norm(LOOKS[look])
-    for pupil in (
-        Disc(3e-3),
-        Rectangle(5e-3, 4e-3),
-        Polygon([[0, 0], [4e-3, 1e-3], [1e-3, 3e-3]]),
-        Mask([[1, 0.5]], 2e-3),
-    ):
+    polygon, mask = Polygon([[0, 0], [4e-3, 1e-3], [1e-3, 3e-3]]), Mask([[1, 0.5]], 2e-3)
+    for pupil in (Disc(3e-3), Rectangle(5e-3, 4e-3), polygon, mask):
         seen = seen_along(pupil, direction)
         edges = [np.linspace(-extent, extent, 31) for extent in seen.half_extent]
         share = seen.coverage(*edges)
