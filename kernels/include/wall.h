@@ -40,16 +40,16 @@ static inline double3 outward_normal(const Arrays *arrays, int piece, double3 p)
         one * vload4(3 * piece + 1, arrays->wall_normals).xyz + other * vload4(3 * piece + 2, arrays->wall_normals).xyz;
 #else
     const double4 s = vload4(piece, arrays->wall), at_ends = vload4(piece, arrays->wall_normals);
-    const double radius = sqrt(p.x * p.x + p.y * p.y);
-    const double place = GEOMETRY == AXISYMMETRIC ? radius : p.y;
-    const double r = s.z - s.x, z = s.w - s.y;
-    const double share = ((place - s.x) * r + (p.z - s.y) * z) / (r * r + z * z);
-    const double outward = at_ends.x + share * (at_ends.z - at_ends.x);
-    const double scale = outward / greater64(radius, 1.0e-300);
-    const double3 sum = (double3)(
-        GEOMETRY == AXISYMMETRIC ? scale * p.x : 0.0,
-        GEOMETRY == AXISYMMETRIC ? scale * p.y : outward,
-        at_ends.y + share * (at_ends.w - at_ends.y));
+    double place = p.y;
+    double2 across = (double2)(0.0, 1.0);
+    if (GEOMETRY == AXISYMMETRIC) {
+        place = sqrt(p.x * p.x + p.y * p.y);
+        across = p.xy / greater64(place, 1.0e-300);
+    }
+    const double2 step = s.zw - s.xy;
+    const double share = dot((double2)(place, p.z) - s.xy, step) / dot(step, step);
+    const double r = at_ends.x + share * (at_ends.z - at_ends.x);
+    const double3 sum = (double3)(r * across.x, r * across.y, at_ends.y + share * (at_ends.w - at_ends.y));
 #endif
     return sum / greater64(size64(sum), 1.0e-300);
 }
