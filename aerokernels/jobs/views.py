@@ -10,8 +10,8 @@ from aerokernels.pupils import Disc, Pupil
 from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene
 from aerokernels.tracing import Plane, TraceResult, trace
+from aerokernels.tracing.beyond import plane_beyond
 from aerokernels.tracing.lines import box_size
-from aerokernels.tracing.pupil.job import plane_beyond
 from aerokernels.tracing.pupil.radial_quadrature import asymmetry
 from aerokernels.wavefront import point_spread_function, remove_terms
 
@@ -110,7 +110,7 @@ def _end_of(field: IndexField, pupil: Pupil) -> Plane:
     """
     look = pupil.normal
     if np.any(look[:2]):
-        return plane_beyond(field, pupil, look)
+        return plane_beyond(field, pupil.center, pupil.reach, look)
     face = field.box[int(look[2] > 0.0)][2] + BEYOND_FACE * box_size(field) * look[2]
     return Plane(np.array([*pupil.center[:2], face]), look)
 

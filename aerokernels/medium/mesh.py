@@ -182,8 +182,11 @@ class QuadMesh(Derived):
 
     @cached_property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest coordinates [m]."""
-        return self.vertices.min(axis=0), self.vertices.max(axis=0)
+        """Lowest and highest coordinates [m]; an axisymmetric box begins at r = 0, wherever the cells do."""
+        low = self.vertices.min(axis=0)
+        if self.geometry == "axisymmetric":
+            low[0] = 0.0
+        return low, self.vertices.max(axis=0)
 
     @cached_property
     def cell_size(self) -> np.ndarray:
