@@ -110,7 +110,7 @@ def _end_of(field: IndexField, pupil: Pupil) -> Plane:
     """
     look = pupil.normal
     if np.any(look[:2]):
-        return plane_beyond(field, pupil.center, pupil.reach, look)
+        return plane_beyond(field, pupil, look)
     face = field.box[int(look[2] > 0.0)][2] + BEYOND_FACE * box_size(field) * look[2]
     return Plane(np.array([*pupil.center[:2], face]), look)
 

@@ -37,11 +37,6 @@ class PupilGrid:
     pupil: Pupil
 
     @property
-    def reach(self) -> float:
-        """Greatest distance of a point from the pupil's centre [m]."""
-        return float(np.linalg.norm(self.points - self.pupil.center, axis=1).max())
-
-    @property
     def lit(self) -> np.ndarray:
         """Whether a pixel has a weight, shape (ny, nx)."""
         return self.weight > 0.0

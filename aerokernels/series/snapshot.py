@@ -257,7 +257,7 @@ class Snapshots:
 
     def _stop(self, field: IndexField) -> Plane:
         """Return a plane across the rays, beyond a field and the pupil."""
-        return plane_beyond(field, self.grid.pupil.center, self.grid.reach, self.settings.direction)
+        return plane_beyond(field, self.grid.pupil, self.settings.direction)
 
     def _probe(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray) -> tuple[float, float, float]:
         """Return the rms difference of straight lines from bent rays over some rays of the pupil, terms removed [m].
@@ -310,7 +310,7 @@ class Snapshots:
         face = mesh.box[1 if along[axis] > 0.0 else 0][axis]
         leave = points + ((face - points[:, axis]) / along[axis])[:, None] * along
         pupil = self.grid.pupil
-        beyond = pupil.center @ along + way_beyond(mesh.box, pupil.center, self.grid.reach, along) - leave @ along
+        beyond = pupil.center @ along + way_beyond(mesh.box, pupil.center, pupil.reach, along) - leave @ along
         bent, straight = bending(lines, density, contrast, beyond)
         between = interpolation_error(lines, density, contrast)
         parts = self._rms(bent, rows), self._rms(between, rows) + self._rms(opd - straight, rows)

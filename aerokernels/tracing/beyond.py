@@ -11,6 +11,7 @@ Light nearer to the x axis may be guided along the field, and no plane is beyond
 import numpy as np
 
 from ..medium import IndexField
+from ..rays import Pupil
 from .meeting import greatest_contrast
 from .stop import Plane
 
@@ -56,10 +57,11 @@ def way_beyond(box: Box, start: np.ndarray, reach: float, look: np.ndarray, cont
     return np.asarray(length * (1.0 + ROOM * np.maximum(1.0 - square, 0.0)))
 
 
-def plane_beyond(field: IndexField, start: np.ndarray, reach: float, look: np.ndarray) -> Plane:
-    """Return the plane across a unit vector that is beyond a field for light that starts within `reach` of a point.
+def plane_beyond(field: IndexField, pupil: Pupil, look: np.ndarray) -> Plane:
+    """Return the plane across a unit vector, beyond a field for all light of a pupil along it.
 
     Raises:
         ValueError: Light along the vector may never leave the field, see `way_beyond`.
     """
-    return Plane(start + way_beyond(field.box, start, reach, look, greatest_contrast(field)) * look, look)
+    way = way_beyond(field.box, pupil.center, pupil.reach, look, greatest_contrast(field))
+    return Plane(pupil.center + way * look, look)

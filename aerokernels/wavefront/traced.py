@@ -81,7 +81,7 @@ def wavefront(
         method=method,
         tolerance=tolerance,
         step=step,
-        until=plane_beyond(field, pupil.center, pupil.reach, look),
+        until=plane_beyond(field, pupil, look),
         wavelength=wavelength,
         backend=backend,
         device=device,

@@ -202,7 +202,7 @@ def make_job(
         lambda: pilot or RayBundle.collimated(pupil, PILOT_RAYS, direction=look),
         CACHED,
     )
-    until = plane_beyond(field, pupil.center, pupil.reach, look)
+    until = plane_beyond(field, pupil, look)
     per_replicate = -(-int(ray_count) // REPLICATES)  # rounded up
     sizes = lattice_sizes(field, pupil, per_replicate, REPLICATES, bundle)
     most = RADIAL_RAYS if like is None else fewer_rays(field, pupil, REPLICATES)
