@@ -89,9 +89,14 @@ class Definition:
             SceneError: The scene rejects these values.
         """
         try:
-            return changed_scene(self.scene, {**self.settings, **with_units(changes)})
+            found = changed_scene(self.scene, {**self.settings, **with_units(changes)})
         except SceneError as fault:
             raise SceneError(_name_vary(str(fault), changes)) from None
+        try:
+            _ = found.flow_source
+        except ValueError as fault:
+            raise SceneError(f"{getattr(self.scene, 'name', self.scene)}: {fault}") from None
+        return found
 
     def described(self) -> dict[str, Any]:
         """Return everything that the numbers depend on, as plain JSON types: sweeps that agree in it are the same.

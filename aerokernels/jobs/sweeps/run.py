@@ -23,7 +23,7 @@ from aerokernels.jobs.sweeps.records import (
     read_definition,
     write_definition,
 )
-from aerokernels.scene import Scene
+from aerokernels.scene import Scene, warn_of_unused
 
 if TYPE_CHECKING:
     import xarray
@@ -145,6 +145,7 @@ def run_sweep(
     with only_writer(folder):
         described = definition.described()
         scenes, faults = checked_scenes(definition)
+        warn_of_unused(next(scene for scene in scenes if scene is not None), "run")
         devices = _check_devices(scenes)
         from aerokernels.jobs.sweeps.case import make_cases
 
