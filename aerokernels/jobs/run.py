@@ -172,7 +172,7 @@ def run_stages(
         if with_views:
             pupil = attempted("wavefront", lambda: pupil_map(index, scene), "wavefront")
             fan = attempted("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
-        timed("error", lambda: strehl.quantities)
+        timed("error", lambda: (strehl.quantities, pupil and pupil.opd_error))
         if with_echo:
             echo = attempted("echo", lambda: _echo_with_errors(vacuum, index, strehl), "echo")
         else:
