@@ -99,7 +99,7 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
         for name, (opd, removed) in maps.items():
             words = f"optical path difference, {', '.join(removed)} removed"
             variables[name] = variable(("pupil_y", "pupil_x"), opd, "m", words)
-            # The rms of what the Strehl ratio is computed from is a number of the summary, the others are the map's own.
+            # The rms of the map that the Strehl ratio is computed from is a number of the summary.
             is_summarised = set(removed) == set(result.scene.strehl.remove)
             error = summary["errors"]["opd_rms_m"] if is_summarised else pupil.opd_error
             variables[name][2]["rms_error_m"] = number_or_nan(error)

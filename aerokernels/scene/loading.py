@@ -10,6 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from ..display.plain_text import cut
 from ..flow.shipped import shipped_names
 from .errors import SceneError
 
@@ -140,6 +141,22 @@ def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -
                     f"{label} (with --set): {key} = {value!r}: {held} is a value, not a table; set {held} itself"
                 )
         table[leaf] = toml_value(value) if isinstance(value, str) else value
+    name = tables.get("name")
+    if "name" not in overrides and isinstance(name, str) and changes_in_words(overrides):
+        tables["name"] = name if name.endswith("-changed") else f"{name}-changed"
+    title = tables.get("title") or name
+    if "title" not in overrides and isinstance(title, str):
+        tables["title"] = f"{title}{changes_in_words(overrides)}" 
+
+
+def changes_in_words(changes: Mapping[str, Any]) -> str:
+    """Return the changes that make another scene, ", with target.distance = 2 m"; how it is computed is left out."""
+    told = [
+        f"{key} = {cut(str(value))}"
+        for key, value in changes.items()
+        if not (key.startswith("trace.") or key.endswith("ray_count") or key in ("name", "title"))
+    ]
+    return f", with {', '.join(told)}" if told else ""
 
 
 def toml_value(text: str) -> Any:

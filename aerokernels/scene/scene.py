@@ -103,8 +103,8 @@ class Scene(Table):
         label, name, tables = read_scene(place)
         changes = dict(overrides or {})
         resolve_paths(tables, place)
-        override(tables, changes, label)
         tables.setdefault("name", name)
+        override(tables, changes, label)
         try:
             return cls.model_validate(tables)
         except ValidationError as fault:
