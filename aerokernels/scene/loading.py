@@ -17,6 +17,7 @@ from .errors import SceneError
 _SHIPPED = files("aerokernels") / "scenes"
 _COMMON = _SHIPPED / "common" / "laser_rangefinder.toml"  # the tables from [beam] on, which end every shipped scene
 DEEPEST = 100  # greatest nesting of tables and lists: deeper than any scene, below Python's recursion limit
+CHANGED = "-changed"  # ends the name of a scene whose values were changed
 _PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)"""
 _NAMES = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART})*+")
 
@@ -119,7 +120,7 @@ def resolve_paths(tables: dict[str, Any], place: str | Path) -> None:
 
 
 def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -> None:
-    """Set dotted keys in the tables. A text that is a TOML value is parsed, any other stays a text.
+    """Set dotted keys in the tables, and tell so in name and title. A text that is a TOML value is parsed.
 
     Raises:
         SceneError: An empty key or part of a key, or a key below a value that is not a table.
@@ -141,12 +142,12 @@ def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -
                     f"{label} (with --set): {key} = {value!r}: {held} is a value, not a table; set {held} itself"
                 )
         table[leaf] = toml_value(value) if isinstance(value, str) else value
-    name = tables.get("name")
-    if "name" not in overrides and isinstance(name, str) and changes_in_words(overrides):
-        tables["name"] = name if name.endswith("-changed") else f"{name}-changed"
+    words, name = changes_in_words(overrides), tables.get("name")
     title = tables.get("title") or name
-    if "title" not in overrides and isinstance(title, str):
-        tables["title"] = f"{title}{changes_in_words(overrides)}" 
+    if words and "title" not in overrides and isinstance(title, str):
+        tables["title"] = title + words
+    if words and "name" not in overrides and isinstance(name, str):
+        tables["name"] = f"{name.removesuffix(CHANGED)}{CHANGED}"
 
 
 def changes_in_words(changes: Mapping[str, Any]) -> str:

@@ -6,8 +6,8 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from aerokernels.echo.paths import trace_options
 from aerokernels.display.quantities import Quantity
+from aerokernels.echo.paths import trace_options
 from aerokernels.jobs import plots
 from aerokernels.jobs.dataset import density_cells
 from aerokernels.jobs.run import STAGES, RunResult, simulate

@@ -145,7 +145,7 @@ def test_a_description_tells_sweeps_apart_by_what_differs():
             define(SCENE, {"target.tilt": ["0 deg", "180 deg"]}, settings={"target.distance": 2}),
             "target.distance was 1.5",
         ),
-        (define("sea-level-mach3", {"target.tilt": ["0 deg", "180 deg"]}), "name was"),
+        (define("sea-level-mach3", {"target.tilt": ["0 deg", "180 deg"]}), "flow.density was"),
         (define(SCENE, {"target.tilt": ["0 deg", "180 deg"]}, together=True), "mode was"),
     ):
         with pytest.raises(ValueError, match=words):

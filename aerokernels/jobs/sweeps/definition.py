@@ -46,6 +46,11 @@ class Definition:
     seed: int = 0
 
     @property
+    def label(self) -> str:
+        """The scene's name, or its file's without the ending."""
+        return self.scene.name if isinstance(self.scene, Scene) else Path(self.scene).stem
+
+    @property
     def keys(self) -> tuple[str, ...]:
         """The keys that vary, in the order given."""
         return tuple(self.vary)
@@ -108,7 +113,7 @@ class Definition:
         files = [scene.flow.source, scene.flow.file.mesh, scene.flow.file.solution]
         for key in ("flow.source", "flow.file.mesh", "flow.file.solution"):
             files += self.vary.get(key, ())
-        base = {name: dict(part) if isinstance(part, dict) else part for name, part in scene.as_dict().items()}
+        base = {name: dict(part) for name, part in scene.as_dict().items() if isinstance(part, dict)}  # no title
         for key in self.keys:
             *tables, leaf = key.split(".")
             table = base
