@@ -39,7 +39,6 @@ def make_forks_safe() -> None:
 
 
 def _register() -> bool:
-    import concurrent.futures.thread
     import logging  # noqa: F401
 
     if hasattr(os, "register_at_fork"):  # not on Windows, which has no fork

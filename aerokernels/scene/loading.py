@@ -103,7 +103,7 @@ def _toml(text: str) -> dict[str, Any]:
 def resolve_paths(tables: dict[str, Any], place: str | Path) -> None:
     """Resolve paths in a scene file relative to the file; names of shipped flows and absolute paths stay unchanged.
 
-    Paths given by --set are applied afterwards and are relative to the working directory.
+    Paths in changes are applied afterwards and are relative to the working directory.
     """
     if not os.path.isfile(place):
         return
@@ -129,17 +129,17 @@ def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -
         *path, leaf = str(key).strip().split(".")
         if not all(part.strip() for part in (*path, leaf)):
             raise SceneError(
-                f"{label} (with --set): {key!r} is not a key: write table.key=value, as in target.distance=1.2"
+                f"{label} (changed): {key!r} is not a key: write table.key=value, as in target.distance=1.2"
             )
         if len(path) > DEEPEST:
-            raise SceneError(f"{label} (with --set): a key of {len(path) + 1} parts: no key of a scene has so many")
+            raise SceneError(f"{label} (changed): a key of {len(path) + 1} parts: no key of a scene has so many")
         table = tables
         for depth, part in enumerate(path):
             table = table.setdefault(part, {})
             if not isinstance(table, dict):
                 held = ".".join(path[: depth + 1])
                 raise SceneError(
-                    f"{label} (with --set): {key} = {value!r}: {held} is a value, not a table; set {held} itself"
+                    f"{label} (changed): {key} = {value!r}: {held} is a value, not a table; set {held} itself"
                 )
         table[leaf] = toml_value(value) if isinstance(value, str) else value
     words, name = changes_in_words(overrides), tables.get("name")

@@ -223,7 +223,7 @@ def test_faults_in_a_file(write, line, words):
     message = refusal(path)
     for word in [str(path), *words]:
         assert word in message
-    assert "--set" not in message
+    assert "(changed)" not in message
 
 
 @pytest.mark.parametrize(
@@ -277,7 +277,7 @@ def test_files_that_are_no_scenes(write, tmp_path):
 )
 def test_faulty_overrides_are_told_from_faults_of_the_file(key, value, words):
     message = refusal("wind-tunnel-mach3", {key: value})
-    assert message.startswith("wind-tunnel-mach3.toml (with --set): ")
+    assert message.startswith("wind-tunnel-mach3.toml (changed): ")
     for word in words:
         assert word in message
 
