@@ -7,6 +7,7 @@ along the same ray, the integral of the group index: n_g - 1 of air is 1.4 % mor
 cos = -d . N in three dimensions.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,11 +103,14 @@ def transmit_paths(scene: Scene, field: IndexField, points: TargetPoints) -> Tra
 
 
 def still_air(field: IndexField, distance: float) -> tuple[float, float]:
-    """Return the excess of the group path over a distance [m] through the ambient air alone, and its error [m]."""
+    """Return the excess of the group path over a distance [m] through the ambient air alone, and its error [m].
+
+    The error is NaN, not known, for raw contrast.
+    """
     made = field.upstream
     index = field.ambient_index if made is None or made.group is None else made.group.ambient_index
     excess = (index - 1.0) * distance
-    return excess, _uncertainty(field) * abs(excess)
+    return excess, math.nan if made is None else _uncertainty(field) * abs(excess)
 
 
 def _uncertainty(field: IndexField) -> float:
