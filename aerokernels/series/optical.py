@@ -299,7 +299,7 @@ def _template(
             "remove": ",".join(remove),
             "direction": settings.direction.tolist(),
             "pupil_center": pupil.center.tolist(),
-            "pupil_axes": np.concatenate(grid.pupil.axes).tolist(),
+            "pupil_axes": np.concatenate(grid.aperture.axes).tolist(),
             "relation": settings.relation or model.name,
             **({} if settings.constant is None else {"constant": settings.constant}),
             # Of a composition as well, unless it varies in space.

@@ -26,7 +26,8 @@ class PupilGrid:
         weight: Share of each pixel in means over the pupil, sums to 1, shape (ny, nx).
         points: Centres of the pixels with a weight, in space [m], shape (n, 3).
         pixel: Side of a pixel [m].
-        pupil: The pupil, as it is seen along the look direction.
+        pupil: The pupil.
+        aperture: The pupil as it is seen along the look direction.
     """
 
     x: np.ndarray
@@ -34,7 +35,8 @@ class PupilGrid:
     weight: np.ndarray
     points: np.ndarray
     pixel: float
-    pupil: Pupil | Projected
+    pupil: Pupil
+    aperture: Pupil | Projected
 
     @property
     def lit(self) -> np.ndarray:
@@ -54,7 +56,7 @@ class PupilGrid:
         pixels = self.coordinates[good], weight[rows, columns], remove, wavelength
         if not three_in_a_row(weight > 0.0):
             return MapReader(*pixels)
-        lacking = exact_weights(weight, self.pixel, self.pupil) - weight
+        lacking = exact_weights(weight, self.pixel, self.aperture) - weight
         return MapReader(*pixels, lacking[rows, columns], 2 * (rows % 2) + columns % 2)
 
     def spread(self, values: np.ndarray, fill: Any = np.nan) -> np.ndarray:
@@ -86,7 +88,7 @@ def pupil_grid(pupil: Any, pixel_count: int, look: np.ndarray | None = None) -> 
     columns, rows = np.meshgrid(x, y)
     first, second = aperture.axes
     points = pupil.center + columns[lit][:, None] * first + rows[lit][:, None] * second
-    return PupilGrid(x, y, weight / weight.sum(), points, pixel, aperture)
+    return PupilGrid(x, y, weight / weight.sum(), points, pixel, pupil, aperture)
 
 
 @dataclass(frozen=True, eq=False)
