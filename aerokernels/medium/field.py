@@ -97,6 +97,8 @@ class IndexField(Derived):
                 f"the ambient index {self.ambient_index:g}"
             )
         check_box(self.samples.low, self.samples.high)
+        if self.geometry == "axisymmetric":
+            check_starts_on_axis(self.samples.low, self.spacing)
         if self.body is not None and self.body.geometry != self.geometry:
             raise ValueError(f"the body is {self.body.geometry}, the field {self.geometry}: they must agree")
 
@@ -152,8 +154,6 @@ class IndexField(Derived):
         warn_of_index(*grid.extremes)
         if cell_averages:
             grid = replace(grid, samples=node_values(grid.samples, interpolation, axisymmetric))
-        if axisymmetric:
-            check_starts_on_axis(grid.origin, grid.spacing)
         return cls(grid, geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
     @classmethod

@@ -23,10 +23,10 @@ UNIFORM_INTERPOLATIONS = ("cubic", "linear", "monotone")
 MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw")
 
 
-def _source(value: Any) -> str:
+def _source(value: Any) -> str | None:
     choices = (*shipped_names(), STATIC)
-    if value in choices:
-        return str(value)
+    if value is None or value in choices:
+        return value
     if not isinstance(value, str) or not os.path.exists(os.path.expanduser(value)):
         raise ValueError(f"no such file; choose one of {', '.join(choices)}, or the path of a flow file or case")
     return value
@@ -60,10 +60,11 @@ def _constant(value: float) -> float:
 class FlowTable(Table):
     """[flow]: the air and its refractive index."""
 
-    source: Annotated[str, BeforeValidator(_source)] = key(
+    source: Annotated[str | None, BeforeValidator(_source)] = key(
         ...,
         '"mach2", "mach3", "mach4": the shipped CFD field of the wind-tunnel model; "static": air at rest; or the path '
-        "of your own CFD file or case, relative to the scene file.",
+        "of your own CFD file or case, relative to the scene file. A scene with a [series] may leave it out; "
+        "`aerokernels series` alone accepts it then.",
     )
     file: FileTable = FileTable()
     species: bool | tuple[str, ...] | dict[str, str] | None = key(
