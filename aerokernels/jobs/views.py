@@ -43,6 +43,11 @@ class PupilMap:
     without_focus: np.ndarray
     trace: TraceResult
 
+    @property
+    def opd_error(self) -> float:
+        """Greatest OPD error of a ray [m], and so of the rms of each map; some rays are retraced when first read."""
+        return self.trace.error["total"]
+
 
 def pupil_samples(field: IndexField, scene: Scene, sample_count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Make a square grid over a scene's pupil, and find which of its samples need a ray.

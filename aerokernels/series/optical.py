@@ -44,7 +44,7 @@ def optical_series(
     direction=None,
     remove=("piston", "tilt"),
     wavelength: float = DEFAULT_WAVELENGTH,
-    relation: str = "gladstone-dale",
+    relation: str | None = None,
     constant: float | None = None,
     composition=None,
     interpolation: str | None = None,
@@ -299,7 +299,7 @@ def _template(
             "direction": settings.direction.tolist(),
             "pupil_center": pupil.center.tolist(),
             "pupil_axes": np.concatenate(pupil.axes).tolist(),
-            "relation": settings.relation,
+            "relation": settings.relation or model.name,
             **({} if settings.constant is None else {"constant": settings.constant}),
             # Of a composition as well, unless it varies in space.
             **({} if np.ndim(constant) else {"gladstone_dale_constant": float(constant)}),

@@ -56,7 +56,7 @@ class SnapshotSettings:
 
     direction: np.ndarray
     wavelength: float
-    relation: str
+    relation: str | None
     constant: float | None
     composition: Any
     interpolation: str | None
