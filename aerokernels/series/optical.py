@@ -198,7 +198,7 @@ def _warn_of_lost(known: np.ndarray) -> None:
         text = (
             f"{100.0 * (1.0 - least):.3g} % of the pupil is in no number of snapshot {int(known.argmin())}: its rays "
             "leave the grid sideways, miss it or end on a body (see `valid` and `known`); take a smaller pupil, a "
-            "larger grid or another direction, or method='trace' where the air beside the grid is at rest"
+            "larger grid or another direction, or method='auto' where the air beside the grid is at rest"
         )
         warn_caller(text, TruncationWarning)
 
