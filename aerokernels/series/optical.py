@@ -288,8 +288,8 @@ def _template(
         {"weight": (("y", "x"), grid.weight, meaning("1", "share of the pixel in means over the pupil"))},
         {
             "time": ("time", np.asarray(series.time), meaning("s", "time")),
-            "y": ("y", grid.y, meaning("m", "along the pupil's second axis")),
-            "x": ("x", grid.x, meaning("m", "along the pupil's first axis")),
+            "y": ("y", grid.y, meaning("m", "along the pupil's second axis, across the look direction")),
+            "x": ("x", grid.x, meaning("m", "along the pupil's first axis, across the look direction")),
         },
         {
             "title": "optical path difference in time",
