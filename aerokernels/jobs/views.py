@@ -10,8 +10,8 @@ from aerokernels.pupils import Disc, Pupil
 from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene
 from aerokernels.tracing import Plane, TraceResult, trace
+from aerokernels.tracing.beyond import plane_beyond
 from aerokernels.tracing.lines import box_size
-from aerokernels.tracing.pupil.job import plane_beyond
 from aerokernels.tracing.pupil.radial_quadrature import asymmetry
 from aerokernels.wavefront import point_spread_function, remove_terms
 

@@ -59,7 +59,7 @@ def look_map(
     pupil: Any,
     *,
     wavelength: float | None = None,
-    relation: str = "gladstone-dale",
+    relation: str | None = None,
     constant: float | None = None,
     ray_count: int = 4096,
     tolerance: float = 1e-3,

@@ -27,6 +27,7 @@ NUMBERS = {
     "echo_peak_v": ("V", "peak voltage of the echo"),
     "range_m": ("m", "reported range"),
     "range_error_m": ("m", "reported minus true range"),
+    "still_air_m": ("m", "part of the range error that the air at rest causes, not the flow"),
     "true_range_m": ("m", "true range"),
     "noise_rms_v": ("V", "noise of the recorded voltage without echo, rms"),
     "mach": ("1", "Mach number of the flow"),
