@@ -150,6 +150,6 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
     echo = result.echo.to_xarray()
     attributes |= {name: value for name, value in echo.attrs.items() if name not in numbers and "seconds" not in name}
     echo = echo.drop_vars("axis", errors="ignore")
-    for name in echo.variables:
-        echo[name].attrs.setdefault("units", "1")  # labels have no unit
+    for label in echo.variables:
+        echo[label].attrs.setdefault("units", "1")  # labels have no unit
     return xarray.Dataset(variables, coordinates, attributes).merge(echo, combine_attrs="override")
