@@ -27,18 +27,18 @@ from ...medium.grid import UniformGrid
 from ..engines import engine_of
 from ..engines.device_memory import DeviceMemoryError, memory_of
 from ..error_budget.known_air import face_strengths, faces_crossed, weakest_contrast
-from ..error_limit import error_limit, keep_error_limit
+from ..error_limit import error_limit
 from ..grid_tables import has_tables, keep_tables, prepare_grid
 from ..leapfrog.between_samples import MissedStructure
-from ..leapfrog.pilot_levels import GREATEST_BEND, GREATEST_SHARE, SAFETY, pair_of
+from ..leapfrog.pilot_levels import GREATEST_BEND, GREATEST_SHARE, SAFETY, ppupil_air
 from ..leapfrog.sample_count import judged_pair, leapfrog_reason, least_samples
 from ..leapfrog.unresolved import potential_by_blocks
 from ..lever_arms import LeverArms
 from ..plan import TracePlan
 from ..step_bound import roughness_of_blocks
-from ..support import keep_support_box, left_out, support_box
-from .air import PupilAir, still_air
-from .job import UNKNOWN, PupilJob, air_of
+from ..support import left_out, support_box
+from .air import PupilAir, pupil_air, still_air
+from .job import UNKNOWN, PupilJob
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
 from .values_in_turn import Examined, MemoryInTurn, ValuesInTurn
@@ -129,7 +129,7 @@ class NewValues:
         faces, still = _still(job, weakest)
         field = _twin(known, tolerance, limit, arms, box)
         # With samples for STRONGER fields; their number is hardly greater, since errors fall with its fourth power.
-        structure = MissedStructure(field, lambda low, high: job.pilot, job.until, limit, arms, job.pilot)
+        structure = MissedStructure(field, job.pilot, job.until, limit, arms, job.pilot)
         strict = structure.of_values(field, known_limit / STRONGER)
         count = strict.sufficient(max(plan.searched_count, least_samples(field, job.pilot, limit, arms)))
         if not count:
@@ -174,11 +174,11 @@ class NewValues:
             place.load(field)
             try:  # while a GPU works
                 limit = error_limit(field, tolerance)
-                air = self.still or air_of(field, task.pupil, task.look, tolerance, job.air.rays)
+                air = self.still or pupil_air(field, task.pupil, task.look, tolerance, job.air.rays)
             finally:
                 found = place.read()
             if found.faces > self.weakest:
-                air = air_of(field, task.pupil, task.look, tolerance, job.air.rays)
+                air = pupil_air(field, task.pupil, task.look, tolerance, job.air.rays)
             worst = self._worst(field, limit, found, place)
             if worst is None:
                 place.leave(field)
@@ -203,7 +203,7 @@ class NewValues:
         `limit` is the OPD error allowed there [m].
         """
         plan = self.task.plan
-        judged = judged_pair(pair_of(found.pilots, plan.sample_count), limit)
+        judged = judged_pair(ppupil_air(found.pilots, plan.sample_count), limit)
         if judged is None or limit < self.limit:
             return None
         (scales, worst), held = judged, (plan.quadrature_error_scale, plan.trajectory_error_scale)
@@ -308,7 +308,7 @@ def _wider_scales(made: list[dict[str, np.ndarray]], count: int, limit: float) -
 
     None for a pilot that is not accurate. `made` are the outputs of its trials, and `limit` is a ray's [m].
     """
-    judged = judged_pair(pair_of(made, count), limit)
+    judged = judged_pair(ppupil_air(made, count), limit)
     if judged is None:
         return None
     (share, bend), worst = judged
@@ -323,8 +323,8 @@ def _twin(
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     other = replace(grid)
-    keep_tables(other, {"roughness": roughness_of_blocks(grid), "potential by blocks": potential_by_blocks(grid)})
+    keep_tables(other, {each: each(grid) for each in (roughness_of_blocks, potential_by_blocks)})
     twin = replace(field, samples=other)
-    keep_error_limit(twin, tolerance, limit)
-    keep_support_box(twin, limit, arms, box)
+    error_limit.keep(limit, twin, tolerance)
+    support_box.keep(box, twin, limit, arms)
     return twin
