@@ -213,7 +213,7 @@ class RayBundle(ReadOnly):
         direction = self.direction[:1] if is_one_row(self.direction) else self.direction
         digest = blake2b(digest_size=32)
         for array in (self.position, direction, np.asarray(self.weight)):
-            digest.update(np.ascontiguousarray(array))
+            digest.update(np.ascontiguousarray(array).data)
         return self.ray_count, digest.digest()
 
     @cached_property

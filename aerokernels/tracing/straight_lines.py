@@ -59,9 +59,9 @@ def _lines(
     p, d = rays.position, rays.direction
     if body is not None and len(p) > BESIDE_BODY:  # each line is tested against every segment of the body
         some = np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int)
-        rows = np.concatenate([some, outermost_rays(geometry, p, d, until, *part)])
+        rows = np.concatenate([some, outermost_rays(geometry, p, d, until, part[0], part[1])])
         p, d = p[rows], d[rows]
-    enter, leave, _ = crossing_of_box(p, d, *part, geometry)
+    enter, leave, _ = crossing_of_box(p, d, part[0], part[1], geometry)
     if body is not None:
         # A ray that begins inside the body is traced from where it leaves it.
         wall = body.crossings(p, d)
@@ -74,7 +74,7 @@ def _lines(
             stop = np.where(stop > 0.0, stop, np.inf)
             leave = np.minimum(leave, stop)
         else:
-            _, stop, cosine = crossing_of_box(p, d, *box, geometry)
+            _, stop, cosine = crossing_of_box(p, d, box[0], box[1], geometry)
         tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / np.maximum(cosine, LEAST_COSINE)
         tangent = np.where(np.isfinite(stop), tangent, 0.0)
         lever_arm = np.where(np.isfinite(stop), tangent * (stop - enter), 0.0)

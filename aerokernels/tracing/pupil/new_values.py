@@ -30,7 +30,7 @@ from ..error_budget.known_air import face_strengths, faces_crossed, weakest_cont
 from ..error_limit import error_limit
 from ..grid_tables import has_tables, keep_tables, prepare_grid
 from ..leapfrog.between_samples import MissedStructure
-from ..leapfrog.pilot_levels import GREATEST_BEND, GREATEST_SHARE, SAFETY, ppupil_air
+from ..leapfrog.pilot_levels import GREATEST_BEND, GREATEST_SHARE, SAFETY, pair_of
 from ..leapfrog.sample_count import judged_pair, leapfrog_reason, least_samples
 from ..leapfrog.unresolved import potential_by_blocks
 from ..lever_arms import LeverArms
@@ -203,7 +203,7 @@ class NewValues:
         `limit` is the OPD error allowed there [m].
         """
         plan = self.task.plan
-        judged = judged_pair(ppupil_air(found.pilots, plan.sample_count), limit)
+        judged = judged_pair(pair_of(found.pilots, plan.sample_count), limit)
         if judged is None or limit < self.limit:
             return None
         (scales, worst), held = judged, (plan.quadrature_error_scale, plan.trajectory_error_scale)
@@ -308,7 +308,7 @@ def _wider_scales(made: list[dict[str, np.ndarray]], count: int, limit: float) -
 
     None for a pilot that is not accurate. `made` are the outputs of its trials, and `limit` is a ray's [m].
     """
-    judged = judged_pair(ppupil_air(made, count), limit)
+    judged = judged_pair(pair_of(made, count), limit)
     if judged is None:
         return None
     (share, bend), worst = judged
