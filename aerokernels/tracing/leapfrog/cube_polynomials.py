@@ -79,7 +79,7 @@ def cube_polynomials(grid: UniformGrid) -> np.ndarray:
     steepest = DEGREE * 2.0 / (CUBE_SIDE * float(grid.spacing.min()))  # slope of a power over its size
     for parts in product(*(_parts(count) for count in cells)):
         place = tuple(part for part, _ in parts)
-        operators, points = _operators(grid.places, tuple(inside for _, inside in parts))
+        operators, points = _operators_on(grid.places, tuple(inside for _, inside in parts))
 
         def fill(first: slice, place=place, operators=operators, points=points) -> None:
             some = first, *place[1:]
@@ -111,7 +111,7 @@ def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
     width = CUBE_SIDE + SUPPORT["cubic"] - 1
     node = [CUBE_SIDE * cube[:, axis, None] + np.arange(width) for axis in range(3)]
     windows = grid.coefficients[node[0][:, :, None, None], node[1][:, None, :, None], node[2][:, None, None, :]]
-    operators, points = _operators(grid.places, (CUBE_SIDE,) * 3)
+    operators, points = _operators_on(grid.places, (CUBE_SIDE,) * 3)
     # Without lines the arrays are empty: the rays meet no disturbed air.
     tested = np.ascontiguousarray(operators[:, : len(POWERS) + points])
     made = product_on_one_core(windows.reshape(len(cube), width**3).astype(np.float32), tested).T
@@ -143,12 +143,16 @@ def _slabs(cubes: slice, count: int) -> Iterator[slice]:
 
 
 @cached_on("places", CACHED)
-def _operators(places: GridPlaces, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
+def _operators_on(places: GridPlaces, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
+    return _operators(inside, places.spacing)
+
+
+def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray, int]:
     """The operator from a window of coefficients to a cube's polynomial and its deviations from the spline.
 
     Args:
-        places: The nodes.
         inside: Cells of the cube that are in the grid, along each axis; the fit ignores the others.
+        spacing: Node spacing [m].
 
     Returns:
         A matrix, float32, with columns for the coefficients of POWERS, for deviations of the potential at some points,
@@ -168,7 +172,7 @@ def _operators(places: GridPlaces, inside: tuple[int, ...]) -> tuple[np.ndarray,
             cubic = [axis.cubic[marks][int(d == slope)] for d, axis in enumerate(axes)]
             there = np.einsum("ax,by,cz->abcxyz", *spline).reshape(len(fit), -1)
             made = np.stack([np.einsum("x,y,z->xyz", *(cubic[d][row[d]] for d in range(3))).ravel() for row in POWERS])
-            off.append((there - fit @ made) / (1.0 if slope is None else places.spacing[slope]))
+            off.append((there - fit @ made) / (1.0 if slope is None else spacing[slope]))
     points = off[0].shape[1] + off[1].shape[1]
     return np.concatenate([fit, *off], axis=1).astype(np.float32), points
 

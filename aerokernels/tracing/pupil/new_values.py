@@ -17,6 +17,7 @@ fields asked of one job are compared with that job's field alone, so that no ans
 
 import threading
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -71,6 +72,7 @@ def next_job(make: MakeJob, like: PupilJob, field: IndexField, wavelength: float
         if like.new_values is UNKNOWN:
             like.new_values = NewValues.of(make, like)
     known: NewValues | None = like.new_values
+    field = _bare(field)
     job = None if known is None else known.job_of(field, wavelength)
     if job is None:
         job = make(field, wavelength=wavelength, like=like)
@@ -110,7 +112,7 @@ class NewValues:
     @classmethod
     def of(cls, make: MakeJob, like: PupilJob) -> "NewValues | None":
         """Find the plan that other fields may follow, from a job whose plan is to hold for them; None without one."""
-        known, plan = like.task.field, like.run.task.plan
+        known, plan = _bare(like.task.field), like.run.task.plan
         if not _may_be_followed(known, plan):
             return None
         tolerance, arms = plan.tolerance * like.task.wavelength, plan.lever_arms
@@ -314,6 +316,16 @@ def _wider_scales(made: list[dict[str, np.ndarray]], count: int, limit: float) -
     (share, bend), worst = judged
     wider = WIDER if worst <= 0.0 else min(max(0.5 * limit / (SAFETY * worst), 1.0), WIDER)
     return min(wider * share, GREATEST_SHARE), min(wider * bend, GREATEST_BEND)
+
+
+def _bare(field: IndexField) -> IndexField:
+    """The same field with nothing cached on it: tables of a device, rounded otherwise, must not meet other calls."""
+    grid = field.samples
+    if not isinstance(grid, UniformGrid):
+        return field
+    other = copy(grid)
+    vars(other)["extremes"] = grid.extremes
+    return replace(field, samples=other)
 
 
 def _twin(
