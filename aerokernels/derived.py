@@ -18,7 +18,7 @@ R = TypeVar("R")
 # Marks a key without a cached result, since a result may be None.
 NOTHING = object()
 # Arguments of these types are in a key themselves.
-PLAIN = frozenset((type(None), bool, int, str, bytes, slice, frozenset))
+PLAIN = frozenset((type(None), bool, int, str, bytes, frozenset))
 # Larger arrays are in a key by a digest [bytes].
 LARGE = 256  # speed only
 
@@ -84,6 +84,8 @@ def _way_of(kind: type) -> Callable[[Any], Hashable]:
         return lambda value: (kind, *map(key_of, value))
     if issubclass(kind, (np.ndarray, np.generic)):
         return _key_of_numbers
+    if issubclass(kind, slice):  # cannot be hashed
+        return lambda value: (kind, value.start, value.stop, value.step)
     if hasattr(kind, "key"):
         return lambda value: (kind, value.key)
     if issubclass(kind, dict):
