@@ -72,49 +72,24 @@ def key_of(value: Any) -> Hashable:
         return kind, value
     if kind is float:
         return value.hex()  # 0.0 and -0.0 are equal
-    way = _WAYS.get(kind)
-    if way is None:
-        way = _WAYS[kind] = _way_of(kind)
-    return way(value)
-
-
-def _way_of(kind: type) -> Callable[[Any], Hashable]:
-    """Return the function that makes the keys of objects of a type."""
-    if issubclass(kind, (tuple, list)):
-        return lambda value: (kind, *map(key_of, value))
-    if issubclass(kind, (np.ndarray, np.generic)):
-        return _key_of_numbers
-    if issubclass(kind, slice):  # cannot be hashed
-        return lambda value: (kind, value.start, value.stop, value.step)
-    if hasattr(kind, "key"):
-        return lambda value: (kind, value.key)
-    if issubclass(kind, dict):
-        return lambda value: (kind, *map(key_of, value.items()))
+    if isinstance(value, (tuple, list)):
+        return kind, *map(key_of, value)
+    if isinstance(value, (np.ndarray, np.generic)):
+        content = value.tobytes()
+        return value.dtype.str, value.shape, content if len(content) <= LARGE else blake2b(content).digest()
+    if isinstance(value, slice):  # cannot be hashed
+        return kind, value.start, value.stop, value.step
+    if hasattr(value, "key"):
+        return kind, value.key
+    if isinstance(value, dict):
+        return kind, *map(key_of, value.items())
     if is_dataclass(kind) and kind.__eq__ is not object.__eq__:
-        names = [entry.name for entry in fields(kind)]
-        return lambda value: (kind, *[key_of(getattr(value, name)) for name in names])
-    if issubclass(kind, ReadOnly):
-        return ref
-    if issubclass(kind, (type, np.dtype)):
-        return lambda value: value
-    if issubclass(kind, FunctionType):
-        return _key_of_function
+        return kind, *[key_of(getattr(value, name)) for name in kind.__dataclass_fields__]
+    if isinstance(value, ReadOnly):
+        return ref(value)
+    if isinstance(value, (type, np.dtype)) or (isinstance(value, FunctionType) and value.__closure__ is None):
+        return value
     raise TypeError(f"{kind.__name__} is no argument of a cached function: pass what the result depends on")
-
-
-def _key_of_numbers(value: Any) -> Hashable:
-    content = value.tobytes()
-    return value.dtype.str, value.shape, content if len(content) <= LARGE else blake2b(content).digest()
-
-
-def _key_of_function(value: FunctionType) -> Hashable:
-    if value.__closure__ is not None:
-        raise TypeError(f"{value.__qualname__} hides what it depends on: pass that to the cached function")
-    return value
-
-
-# The functions that make the keys of objects, by type.
-_WAYS: dict[type, Callable[[Any], Hashable]] = {}
 
 
 class Derived(ReadOnly):
