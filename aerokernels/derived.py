@@ -45,7 +45,7 @@ class Cached(Generic[P, R]):
     def _place(self, given: tuple, named: dict[str, Any]) -> tuple[dict[Hashable, Any], Hashable]:
         """The results of the owner, and the key of the other arguments."""
         others = given[: self.place] + given[self.place + 1 :]
-        return _results(given[self.place], self.function), key_of((*others, *named.items()))
+        return _results(given[self.place], self.function), tuple(map(key_of, (*others, *named.items())))
 
 
 def cached_on(owner: str, most: int = 1) -> Callable[[Callable[P, R]], Cached[P, R]]:
@@ -79,10 +79,10 @@ def key_of(value: Any) -> Hashable:
         return value.dtype.str, value.shape, content if len(content) <= LARGE else blake2b(content).digest()
     if isinstance(value, slice):  # cannot be hashed
         return kind, value.start, value.stop, value.step
-    if hasattr(value, "key"):
+    if hasattr(kind, "key"):
         return kind, value.key
     if isinstance(value, dict):
-        return kind, *map(key_of, value.items())
+        return kind, *[(name, key_of(item)) for name, item in value.items()]
     if is_dataclass(kind) and kind.__eq__ is not object.__eq__:
         return kind, *[key_of(getattr(value, name)) for name in kind.__dataclass_fields__]
     if isinstance(value, ReadOnly):

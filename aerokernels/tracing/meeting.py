@@ -11,6 +11,10 @@ from .lines import BOXES, bundle_span
 CHUNK = 1 << 14
 
 
+class NoRayMeetsField(ValueError):
+    """A bundle of which no ray meets the field's box ahead of its start."""
+
+
 def greatest_contrast(field: IndexField) -> float:
     """Greatest |contrast| of the field's samples."""
     if isinstance(field.samples, UniformGrid):
@@ -33,7 +37,7 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
     """Reject a bundle of which no ray meets the field's box ahead of its start; a field without contrast is accepted.
 
     Raises:
-        ValueError: No ray meets the box; the message gives the positions of box and rays and says what to check.
+        NoRayMeetsField: No ray meets the box; the message gives the positions of box and rays and says what to check.
     """
     low, high = field.box
     if is_any_meeting(rays, field.geometry, low, high) or greatest_contrast(field) == 0.0:
@@ -42,7 +46,7 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
         f"{axis} from {a:.4g} to {b:.4g} m" for axis, a, b in zip("xyz", low, high, strict=True) if np.isfinite(b - a)
     )
     place, along = rays.position.mean(axis=0), rays.direction.mean(axis=0)
-    raise ValueError(
+    raise NoRayMeetsField(
         f"no {what} meets the field, whose box is {box}: the rays start about ({place[0]:.4g}, {place[1]:.4g}, "
         f"{place[2]:.4g}) m and go toward ({along[0]:.3g}, {along[1]:.3g}, {along[2]:.3g}); check the units (metres "
         "are expected), the direction and the position"

@@ -12,6 +12,7 @@ from ...derived import cached_on
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...rays import PILOT_RAYS, Pupil, RayBundle
+from ..beyond import plane_beyond
 from ..engines import engine_of
 from ..engines.device_memory import memory_of
 from ..grid_tables import begun_grid
@@ -304,13 +305,3 @@ def _finer_run(task: PupilTask, plan_of: Callable[[int], TracePlan], per_replica
     """Prepare the task with so many rays of a replicate."""
     plan = replace(plan_of(per_replicate * REPLICATES), few_rays=False)
     return _runner(replace(task, plan=plan, per_replicate=per_replicate))
-
-
-def plane_beyond(field: IndexField, pupil: Pupil, look: np.ndarray) -> Plane:
-    """The plane at which a pupil's rays stop: across the unit vector `look`, just beyond the box and the pupil."""
-    low, high = field.box
-    finite = np.isfinite(low) & np.isfinite(high)
-    corner = np.where(finite, np.where(look > 0.0, high, low), pupil.center)
-    reach = float((corner - pupil.center) @ look)
-    # A little beyond, so that the last face and the plane are never the same surface.
-    return Plane(pupil.center + (max(reach, 0.0) + pupil.reach + 1e-3 * box_size(field)) * look, look)
