@@ -1,12 +1,13 @@
 """Data class of a wavefront on a square grid over its pupil; checks its values."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from ..derived import key_of
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive, check_share
 from ..inputs.doubtful import refuse_masked
@@ -59,6 +60,11 @@ class WavefrontMap:
     plan: Any = None
     seconds: dict[str, float] = field(default_factory=dict)
     budget: Callable[[], dict[str, float]] | None = None
+
+    @property
+    def key(self) -> Hashable:
+        """A key for caches that is equal for equal maps, however long they took."""
+        return key_of([getattr(self, each.name) for each in fields(self) if each.name not in ("seconds", "budget")])
 
     def __post_init__(self):
         """Check the values and store read-only copies."""

@@ -51,7 +51,7 @@ class PupilRun:
     def _rays(self, replicate: int, seed: int) -> tuple[np.ndarray, ...]:
         task = self.task
         if task.is_radial:
-            position, place, weight = radial_rays(task, task.points(seed), slice(replicate, replicate + 1))
+            position, place, weight = radial_rays(task.pupil, task.points(seed), slice(replicate, replicate + 1))
             return position, np.repeat(task.look[None], len(position), axis=0), place, weight
         if task.generator:
             square, weight = lattice_points(
