@@ -66,9 +66,10 @@ def welch(values: np.ndarray, rate: float, segment: int | None = None) -> Spectr
     # ones at zero and at half the rate.
     segments = max(1, (count - length // 2) // (length - length // 2))
     independent = max(1.0, 18.0 * segments**2 / (19.0 * segments - 1.0)) if segments > 1 else 1.0
-    freedom = np.where((frequency == 0.0) | (frequency == 0.5 * rate), independent, 2.0 * independent)
+    freedom = np.full(len(frequency), 2.0 * independent)
+    freedom[[0, *([-1] if length % 2 == 0 else [])]] = independent
     noise = density * spread_share(freedom).reshape(-1, *(1,) * (values.ndim - 1))
-    # A second rule, segments of half the length, tells what their finite length smooths.
+    # Segments of half the length are a second rule, which tells what a finite length smooths.
     half = length // 2
     rough, other = signal.welch(flat, rate, "hann", half, half // 2, detrend=False, axis=0)
     change = np.apply_along_axis(lambda one: np.interp(frequency, rough, one), 0, other) - density

@@ -179,11 +179,11 @@ def add_correlation(table, coordinates, opd, lit, x, y) -> None:
     for axis, step in zip("yx", steps, strict=True):
         line = lines[axis]
         value = integral_length(found[line], step)
-        weights = first_zero_weights(found[line], step)
-        each = [np.nan_to_num(difference[line]) @ weights for difference in differences]
-        off = float(more * _error_by_parts(each)) if each else math.nan
+        # Leaving out one part at a time shows where the first zero may jump, which no linear estimate does.
+        without = [integral_length((found - part / blocks)[line], step) for part in parts]
+        off = float(more * (blocks - 1) * _error_by_parts(without)) if parts else math.nan
         words = f"correlation length along {axis}, integral to the first zero"
-        table.number(f"correlation_length_{axis}", Mean(value, off, float(len(each)), math.nan), "m", words)
+        table.number(f"correlation_length_{axis}", Mean(value, off, float(len(parts)), math.nan), "m", words)
     coordinates["lag_y"] = steps[0] * (np.arange(found.shape[0]) - middle[0])
     coordinates["lag_x"] = steps[1] * (np.arange(found.shape[1]) - middle[1])
 

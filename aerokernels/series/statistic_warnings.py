@@ -50,6 +50,6 @@ def few_independent(independent: float, count: int) -> str:
     if not independent < FEW:
         return ""
     return (
-        f"the {count} snapshots count as {independent:.2g} independent ones, fewer than {FEW:g}: the statistics and "
+        f"the statistics rest on {independent:.2g} independent snapshots (of {count}), fewer than {FEW:g}: they and "
         "their errors are uncertain; take snapshots over a longer time"
     )

@@ -2,7 +2,7 @@ r"""Means of series with their standard errors, for correlated samples, and a te
 
 The mean of N samples x_t has the variance S(0) / N, where S is the spectrum of the series. The sums
 
-    c_j = sqrt(2 / N) sum over t of  x_t cos(pi j (t + 1/2) / N),   j = 1 ... J,   J = max(8, sqrt(N))
+    c_j = sqrt(2 / N) sum over t of  x_t cos(pi j (t + 1/2) / N),   j = 1 ... J,   J = max(8, 1.5 sqrt(N))
 
 do not contain the mean, are independent of one another and have the variances S(j / 2N) (E. Lazarus, D. J. Lewis, J. H.
 Stock, M. W. Watson, J. Bus. Econ. Stat. 36 (2018) 541). With S = S_0 / (1 + (j / j_0)^2), as of samples whose
@@ -29,6 +29,7 @@ LEAST_SUMS = 8  # cosines, if there are as many samples
 # Corners of the spectrum: the least, of one independent sample, pi j0 / 2 = 1; the greatest over J; steps in log2.
 CORNERS, CORNER_STEP = (2.0 / math.pi, 10.0), 0.5
 MOST = 10.0  # greatest number of independent samples that a sample counts as, where samples alternate
+MANY = 1e6  # degrees of freedom, half of them, of which a variance is normally distributed
 COLUMNS = 4096  # series processed together
 HELD = 0.95  # share of cases in which two standard errors contain the truth
 
@@ -71,7 +72,7 @@ def standard_errors(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _standard_errors(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return `standard_errors` of columns, shape (n, m)."""
     count = len(values)
-    order = np.arange(1, min(count - 1, max(LEAST_SUMS, round(math.sqrt(count)))) + 1)
+    order = np.arange(1, min(count - 1, max(LEAST_SUMS, round(1.5 * math.sqrt(count)))) + 1)
     cosines = math.sqrt(2.0 / count) * np.cos(np.pi / count * order[:, None] * (np.arange(count) + 0.5))
     flat = values - values.mean(axis=0)
     variance = np.mean(flat**2, axis=0)
@@ -162,8 +163,8 @@ def spread_share(freedom: Any, power: float = 1.0) -> np.ndarray:
     from scipy.special import gammaincinv
 
     half = 0.5 * np.maximum(freedom, 1.0)
-    few = np.minimum(half, 1e6)
-    greatest = (few / gammaincinv(few, 1.0 - HELD)) ** power - 1.0
+    few = np.minimum(half, MANY)
+    greatest = np.where(half < MANY, (few / gammaincinv(few, 1.0 - HELD)) ** power - 1.0, 0.0)
     return np.asarray(np.maximum(0.5 * greatest, power / np.sqrt(half)))
 
 
