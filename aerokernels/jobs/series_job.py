@@ -1,7 +1,7 @@
 """Run a series job: OPD maps of flow snapshots, their statistics, and a report.
 
-DIR/series.zarr holds the maps, DIR/statistics.nc their statistics, DIR/summary.json the scalar statistics, each with
-its standard error, and DIR/report.html figures and a film.
+DIR/series.zarr holds the maps, DIR/statistics.nc their statistics with standard errors, DIR/summary.json the scalar
+statistics, each with its error, which is two standard errors, and DIR/report.html figures and a film.
 """
 
 import json
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, float], None]
 STATISTICS_FILE = "statistics.nc"
+STANDARD_ERRORS = 2.0  # of which an error consists: it contains the truth in 95 of 100 cases
 MAPS_SHARE = 0.9  # share of the job's time that the maps take
 
 
@@ -123,7 +124,7 @@ def _run_alone(scene: Scene, out: Path, progress: Progress | None) -> dict[str, 
 
 
 def summarise(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset") -> dict[str, Any]:
-    """Return the scalar statistics with their standard errors and the provenance; NaN becomes None."""
+    """Return the scalar statistics with their errors and the provenance; NaN becomes None."""
     names = [str(name) for name in found.data_vars if found[name].ndim == 0 and not str(name).endswith("_error")]
     errors = np.asarray(maps["error"].values)
     return to_json(
@@ -131,7 +132,8 @@ def summarise(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset") -> 
             "scene": scene.name,
             "title": scene.title,
             **{name: float(found[name]) for name in names},
-            "errors": {name: float(found[f"{name}_error"]) for name in names},
+            "errors": {name: STANDARD_ERRORS * float(found[f"{name}_error"]) for name in names},
+            "independent_count": found.attrs["independent_count"],
             "drifting": found.attrs["drifting"],
             "skipped": found.attrs["skipped"],
             "snapshot_count": int(maps.sizes["time"]),

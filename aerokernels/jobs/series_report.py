@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.figure_layout import Panel, panelled_figure
 from aerokernels.jobs.page import (
     Picture,
@@ -61,23 +60,20 @@ def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset", summary: Mapping[str, Any]) -> str:
     """Return the HTML page of a finished series."""
-    lead = f"{summary['snapshot_count']} snapshots, {summary['traced_count']} of them traced in full; "
+    lead = f"{summary['snapshot_count']} snapshots, as many as {summary['independent_count']:.3g} independent ones, "
+    lead += f"{summary['traced_count']} traced in full; "
     lead += f"{summary['provenance']}; aerokernels {summary['version']}"
     notes = [("Warning", text) for text in summary["warnings"]]
     notes += [(words, summary[key]) for key, words in (("drifting", "Drifts"), ("skipped", "Skipped")) if summary[key]]
     if summary["known_share"] < 1.0 - GREATEST_SHARE:
         lost = f"{100.0 * (1.0 - summary['known_share']):.3g} % of the pupil has no optical path; no number includes it"
         notes.append(("Known air", lost))
-    numbers = [
-        (name, Quantity(float(found[name]), float(found[f"{name}_error"])).text(), str(found[name].attrs["units"]))
-        for name in map(str, found.data_vars)
-        if found[name].ndim == 0 and not name.endswith("_error")
-    ]
+    numbers = [(name, quantity_of(summary, name).text(), str(found[name].attrs["units"])) for name in summary["errors"]]
     parts = [
         remarks(notes) + cards(headline_rows(summary)),
         section("Film of the optical path difference", film(maps)),
         section("Pictures", pictures(_pictures(maps, found))),
-        section("Numbers (SI), each with its standard error", table(("quantity", "value", "unit"), numbers)),
+        section("Numbers (SI), each with two standard errors, for 95 of 100 cases", table(("quantity", "value", "unit"), numbers)),
         section("How the maps were computed", paragraph(str(summary["plan"]))),
         section("Scene as it was run", text_block(scene_toml(scene))),
     ]

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..pupils import Disc
 from .linking import linking_equation, snapshots_at
-from .modes import Modes, about_mean, first_zero_weights, integral_length, two_point_correlation
+from .modes import Modes, about_mean, integral_length, two_point_correlation
 from .pupil_grid import MapReader
 from .spectra import Spectrum, mean_spectrum, sample_rate, welch
 from .uncertainty import Mean, about_mean_of, mean_of, root_of, standard_errors, student_share

@@ -128,8 +128,7 @@ def deviations_of(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _corrected(mean_square: Any, error: Any, independent: Any) -> tuple[Any, Any]:
     """Return mean squares about a mean of so many independent samples, and their errors, corrected; NaN for one."""
-    more = np.divide(1.0, np.asarray(independent) - 1.0, out=np.full(np.shape(independent), np.nan),
-                     where=np.asarray(independent) > 1.0)
+    more = 1.0 / np.where(np.asarray(independent) > 1.0, np.asarray(independent) - 1.0, np.nan)
     return mean_square * (1.0 + more), np.hypot(error * (1.0 + more), mean_square * more)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels.pupils import Disc
-from aerokernels.series.modes import Modes, orthogonal_modes
+from aerokernels.series.modes import orthogonal_modes
 from aerokernels.series.statistic_parts import (
     Table,
     _error_by_parts,

@@ -11,7 +11,6 @@ from scipy.stats import kendalltau
 from aerokernels import Disc
 from aerokernels.series.linking import _linked_and_path
 from aerokernels.series.modes import (
-    Modes,
     about_mean,
     first_zero_weights,
     integral_length,
@@ -182,9 +181,7 @@ def test_modes_are_singular_vectors(times: int, pixels: int):
     add_modes(table, coordinates, modes, lit[None])
     share, mixed = _mixing(modes.energy, standard_errors(modes.coefficient**2)[1])
     own = [modes.energy[k] / max(mean_of(modes.coefficient[:, k]).effective_count - 1.0, 1.0) for k in range(3)]
-    squares = [
-        math.hypot(mean_of(modes.coefficient[:, k] ** 2).error, share[k] @ mixed[k], own[k]) for k in range(3)
-    ]
+    squares = [math.hypot(mean_of(modes.coefficient[:, k] ** 2).error, share[k] @ mixed[k], own[k]) for k in range(3)]
     np.testing.assert_allclose(table.variables["pod_energy"][1], size[:3] ** 2 / times, rtol=1e-9)
     np.testing.assert_allclose(table.variables["pod_energy_error"][1], squares, rtol=1e-9)
     np.testing.assert_allclose(table.variables["pod_share"][1], size[:3] ** 2 / (size**2).sum(), rtol=1e-9)
