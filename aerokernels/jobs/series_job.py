@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, float], None]
 STATISTICS_FILE = "statistics.nc"
-STANDARD_ERRORS = 2.0  # of which an error consists: it contains the truth in 95 of 100 cases
 MAPS_SHARE = 0.9  # share of the job's time that the maps take
 
 
@@ -126,6 +125,8 @@ def _run_alone(scene: Scene, out: Path, progress: Progress | None) -> dict[str, 
 def summarise(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset") -> dict[str, Any]:
     """Return the scalar statistics with their errors and the provenance; NaN becomes None."""
     names = [str(name) for name in found.data_vars if found[name].ndim == 0 and not str(name).endswith("_error")]
+    from aerokernels.jobs.series_report import STANDARD_ERRORS
+
     errors = np.asarray(maps["error"].values)
     return to_json(
         {

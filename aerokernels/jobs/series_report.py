@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.figure_layout import Panel, panelled_figure
 from aerokernels.jobs.page import (
     Picture,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
+STANDARD_ERRORS = 2.0  # of which an error consists: it contains the truth in 95 of 100 cases
 MOST_FRAMES, FRAME_SIDE = 60, 320  # most frames of the film, and least pixels along a side
 HEADLINES = (
     ("opd_rms", "OPD, rms, tilt removed", "nm", 1e9),
@@ -73,7 +75,7 @@ def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset",
         remarks(notes) + cards(headline_rows(summary)),
         section("Film of the optical path difference", film(maps)),
         section("Pictures", pictures(_pictures(maps, found))),
-        section("Numbers (SI), each with two standard errors, for 95 of 100 cases", table(("quantity", "value", "unit"), numbers)),
+        section("Numbers (SI), each with two standard errors", table(("quantity", "value", "unit"), numbers)),
         section("How the maps were computed", paragraph(str(summary["plan"]))),
         section("Scene as it was run", text_block(scene_toml(scene))),
     ]
@@ -191,7 +193,8 @@ def _modes_figure(found: "xarray.Dataset") -> "Figure":
     count = min(3, int((found.pod_energy.values > 0.0).sum()))
     figure, panels = panelled_figure(*[Panel(2.6, 2.6, bar=True)] * count)
     for k, (axes, bar) in enumerate(panels):
-        share = Quantity(100.0 * float(found.pod_share[k]), 100.0 * float(found.pod_share_error[k])).text()
+        error = 100.0 * STANDARD_ERRORS * float(found.pod_share_error[k])
+        share = Quantity(100.0 * float(found.pod_share[k]), error).text()
         _map(figure, axes, bar, found, found.pod_mode.values[k], "", True)
         axes.set_title(f"{share} %", y=1.0)
     return figure

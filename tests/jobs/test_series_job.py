@@ -79,7 +79,8 @@ def test_a_series_gives_maps_statistics_and_a_report(folder: Path, command_line)
         assert "strouhal" in found.coords and all("units" in one.attrs for one in found.variables.values())
     page = (out / "report.html").read_text()
     assert re.findall(r'<figure id="([\w-]+)">', page) == ["film", "maps", "time", "spectra", "aperture", "modes"]
-    (warning,) = summary["warnings"]  # as in the store, and at the top of the page
+    warning, few = summary["warnings"]  # as in the store, and at the top of the page
+    assert few == numbers.attrs["warnings"]
     assert "disturbed air that ends at the face z = 30 mm" in warning and warning == maps.attrs["truncation"]
     assert page.index(warning.replace("'", "&#x27;")) < page.index("Film of the optical path difference")
     assert "No picture" not in page and not re.search(r'(src|href)="http', page)
