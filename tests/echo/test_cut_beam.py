@@ -1,4 +1,4 @@
-"""A beam that a body cuts: the echo's power and its told error, against the power of a Gaussian beam inside a circle."""
+"""A beam that a body cuts: the echo's power and its told error, against a Gaussian beam inside a circle."""
 
 import math
 
@@ -48,7 +48,7 @@ def test_the_echo_of_a_cut_beam_has_the_error_that_is_told(hole: float, ray_coun
 
 
 def test_ranges_of_a_cut_beam_agree_within_their_errors():
-    """They were 52 mm apart between 512 and 100,000 points; a fixed threshold turns the power's error into a range's."""
+    """They were 52 mm apart between 512 and 100,000 points; the power's error moves a fixed threshold's range."""
     ranges = []
     for ray_count in (512, 3000):
         scene = Scene.load("wind-tunnel-static", {"receiver.return_factor": "none", "beam.ray_count": ray_count})
