@@ -75,7 +75,9 @@ class BeamTable(Table):
         (), 'Relative power at equal time steps, for pulse "sampled"; the peak is at t = 0 and has peak_power.'
     )
     pulse_sample_period: Time = key("1 ns", "Time between two of pulse_samples.")
-    ray_count: Count = key(512, "Number of target points in the sum of the echo (eq 10), one emitted ray each.")
+    ray_count: Count = key(
+        512, "Number of target points in the sum of the echo (eq 10), one emitted ray each; more where rays are lost."
+    )
 
     @model_validator(mode="after")
     def _samples_go_with_the_shape(self) -> "BeamTable":
