@@ -18,7 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
-from .machine import address_space, child_environment, host_memory
+from .machine import address_space, host_memory, python_child
 from .opened import OPENED
 
 # A damaged file may announce more than it holds. The limits of memory and time are therefore proportional to the file's
@@ -61,11 +61,10 @@ class _Child:
 
     def __init__(self):
         self.process = subprocess.Popen(
-            [sys.executable, "-m", __name__],
+            **python_child(["-m", __name__], ONE_THREAD),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env=child_environment(ONE_THREAD),
         )
 
     def ask(self, request: Any, time_limit: float) -> Any:
