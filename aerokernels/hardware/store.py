@@ -17,7 +17,7 @@ from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.preamble import ScopeCurve
 from aerokernels.hardware.rows import Gap, StoredEcho, encode_label
-from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
+from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, foreign_part, upgrade
 from aerokernels.hardware.sessions import Followed, Sessions
 from aerokernels.hardware.store_file import file_identity, free_name, save_copy, store_address
 from aerokernels.hardware.transaction import (
@@ -85,7 +85,6 @@ class EchoStore:
                 create(self._connection)
             elif execute("PRAGMA application_id").fetchone()[0] == APPLICATION_ID:
                 upgrade(self._connection)
-            execute("COMMIT")
         if execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
             raise ValueError(f"store {self.path}: a SQLite file, but not an echo store; give another file name")
         version = execute("PRAGMA user_version").fetchone()[0]
@@ -98,7 +97,10 @@ class EchoStore:
             raise ValueError(
                 f"store {self.path}: schema version {version}, this program knows {SCHEMA_VERSION}; {remedy}"
             )
+        if part := foreign_part(self._connection):
+            raise ValueError(f"store {self.path}: not an echo store's schema ({part}); give another file name")
         if not read_only:
+            execute("COMMIT")
             execute("PRAGMA journal_mode = WAL")
             execute("PRAGMA synchronous = FULL")
             execute(f"PRAGMA wal_autocheckpoint = {_CHECKPOINT_PAGES}")

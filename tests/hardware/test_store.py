@@ -119,6 +119,59 @@ def test_foreign_files_are_refused_and_left_alone(tmp_path):
     assert not (tmp_path / "absent.sqlite").exists()
 
 
+ENDLESS = "WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n) SELECT id, '{}' AS label FROM n"
+
+
+@pytest.mark.parametrize("read_only", [False, True])
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        ("CREATE TRIGGER t AFTER INSERT ON echoes BEGIN DELETE FROM echoes; END", "trigger t"),
+        (f"ALTER TABLE echoes RENAME TO old; CREATE VIEW echoes AS {ENDLESS}", "index echoes_by_label"),
+        ("CREATE UNIQUE INDEX one_each ON echoes (session)", "index one_each"),
+        ("ALTER TABLE gaps ADD COLUMN more INTEGER CHECK (more > 0)", "table gaps"),
+        ("DROP TABLE damaged", "table damaged"),
+        ("CREATE TABLE notes (text)", "table notes"),
+    ],
+)
+def test_a_store_of_another_schema_is_refused(tmp_path, change: str, part: str, read_only: bool):
+    """With the trigger a recorder said "stored 5" and there were no rows; a view without an end was read for ever."""
+    path = tmp_path / "s.sqlite"
+    with EchoStore(path):
+        pass
+    connection = sqlite3.connect(path)
+    connection.executescript(change)
+    connection.close()
+    with pytest.raises(ValueError, match=rf"s\.sqlite: not an echo store's schema \({part}\)"):
+        EchoStore(path, read_only=read_only)
+
+
+def test_an_analysed_and_compacted_store_is_one_still(tmp_path):
+    """SQLite's own tables of statistics, and a file that was written anew."""
+    path = tmp_path / "s.sqlite"
+    with EchoStore(path) as store:
+        store.begin_recording("p", "frames", {})
+        store.add(received(1, 10), 0)
+        store.commit()
+    connection = sqlite3.connect(path)
+    connection.executescript("ANALYZE; VACUUM; REINDEX")
+    connection.close()
+    with EchoStore(path) as store:
+        assert store.echo_count == 1
+
+
+def test_an_older_store_with_a_trigger_is_left_as_it_is(tmp_path):
+    path = tmp_path / "old.sqlite"
+    connection = sqlite3.connect(path)
+    connection.executescript(VERSION_1)
+    connection.executescript("CREATE TRIGGER t AFTER INSERT ON recordings BEGIN DELETE FROM damaged; END")
+    connection.close()
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match="trigger t"):
+        EchoStore(path)
+    assert path.read_bytes() == before
+
+
 def test_damage_within_the_file_is_told_by_name(tmp_path):
     """Every page but those of the schema is overwritten: reading and writing both name the file and say what to do."""
     path = tmp_path / "s.sqlite"
