@@ -334,6 +334,44 @@ def test_a_frame_that_another_recorder_stored_first_is_no_second_row(tmp_path):
         assert one.echo_count == 1 and (one.duplicate_count, other.duplicate_count) == (0, 1)
 
 
+@pytest.mark.parametrize("commit_each", [False, True])
+def test_what_another_recorder_of_the_port_stored_is_not_missing(tmp_path, commit_each: bool):
+    """Numbers 0 to 29 over the wrap of the counter, 11 and 23 lost: each recorder receives every second or third one.
+
+    Each called the numbers of the other one missing. What the store lacks is 11 and 23, for both recorders.
+    """
+    path, first = tmp_path / "s.sqlite", 2**32 - 7
+    with EchoStore(path) as one, EchoStore(path) as other, EchoStore(path) as apart:
+        for store, port in ((one, "p"), (other, "p"), (apart, "another port")):
+            store.begin_recording(port, "frames", {})
+        for k in set(range(30)) - {11, 23}:
+            store = one if k % 3 == 0 or k % 5 == 0 else other
+            assert store.add(received((first + k) % 2**32, 1000 * k), 0)
+            if commit_each:
+                store.commit()
+        assert apart.add(received(first, 10**6), 0) and apart.add(received(first + 3, 2 * 10**6), 0)
+        for store in (one, other, apart):
+            store.commit()
+        assert [one.missing_count, other.missing_count, apart.missing_count] == [2, 2, 2]
+        lost = [((first + k - 1) % 2**32, (first + k + 1) % 2**32, 1) for k in (11, 23)] + [(first, first + 3, 2)]
+        gaps = [(gap.after_sequence, gap.before_sequence, gap.missing_count) for gap in one.gaps()]
+        assert sorted(gaps) == sorted(lost)
+
+
+def test_a_recorder_that_joins_sees_what_the_other_one_stored(tmp_path):
+    """What was sent before it began does not count; frames that both receive are stored once and missed by nobody."""
+    path = tmp_path / "s.sqlite"
+    with EchoStore(path) as one, EchoStore(path) as other:
+        for store, numbers in ((one, range(5)), (other, [8]), (one, [5, 6, 8, 9, 10]), (other, [9, 10, 11])):
+            if numbers[0] in (0, 8):
+                store.begin_recording("p", "frames", {})
+            for k in numbers:
+                store.add(received(k, 1000 * k), 0)
+            store.commit()
+        assert (one.missing_count, other.missing_count, one.duplicate_count, other.duplicate_count) == (1, 0, 1, 2)
+        assert one.gaps() == other.gaps() == [Gap(1, 6, 8, 1)] and one.echo_count == 11
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files there")
 def test_a_full_disk_stops_with_a_message_and_leaves_the_store_whole(tmp_path, root):
     """A process that may write 300 kB only: what was committed before is there, and the store can be used again."""
