@@ -5,6 +5,7 @@ time, each missed what the other one stored; which numbers the store lacks is fo
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise
 from operator import index
 
 from .rows import Gap
@@ -46,7 +47,7 @@ def missing_in_store(rows: Rows, noted: Iterable[tuple[int, Gap]]) -> list[Gap]:
         within = "sequence > ? AND sequence < ?" if first < last else "(sequence > ? OR sequence < ?)"
         found = rows(_STORED + within, (gap.session, *shared[recording], first, last))
         ends = sorted({0, (last - first) % 2**32, *((index(number) - first) % 2**32 for (number,) in found)})
-        for low, high in zip(ends, ends[1:], strict=False):
+        for low, high in pairwise(ends):
             part = Gap(gap.session, (first + low) % 2**32, (first + high) % 2**32, high - low - 1)
             if part.missing_count and (*shared[recording], part) not in seen:  # both recordings may have missed it
                 seen.add((*shared[recording], part))
