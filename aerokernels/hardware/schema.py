@@ -99,7 +99,7 @@ def foreign_part(connection: sqlite3.Connection) -> str:
     """Return a table, index, view or trigger that a store has and should not have, or the reverse; "" if none.
 
     A trigger may delete each echo that is stored, a view in place of a table may have no end, an index may refuse rows.
-    Texts are compared without their spaces: an older store was written with others. SQLite's own statistics do not count.
+    Texts are compared without their spaces: an older store has others. SQLite's own statistics do not count.
     """
     with contextlib.closing(sqlite3.connect(":memory:")) as new:
         create(new)
