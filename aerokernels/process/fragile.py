@@ -111,7 +111,9 @@ def in_child(path: Path, function: str, *arguments: Any) -> Any:
         LibraryEndedError: The child ended, or exceeded its limits.
         Exception: Any exception of the function.
     """
-    bounds = bounds_of(path)
+    bounds, folder = bounds_of(path), os.sep
+    with suppress(OSError):  # the working directory is gone
+        folder = os.getcwd()
     with OPENED.lock:
         idle = _idle()  # empty in a forked process: the parent's children stay the parent's
         used = idle.pop() if idle else None
@@ -122,7 +124,7 @@ def in_child(path: Path, function: str, *arguments: Any) -> Any:
     for child in (used, None) if used is not None else (None,):
         child = child or _Child()
         try:
-            raised, answer, open_still = child.ask((path, bounds, function, arguments), bounds.time)
+            raised, answer, open_still = child.ask((folder, path, bounds, function, arguments), bounds.time)
             break
         except (EOFError, OSError):
             status = child.end()
@@ -173,9 +175,11 @@ def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:
     inherited = address_space()
     while True:
         try:
-            path, bounds, function, arguments = pickle.load(requests)
+            folder, path, bounds, function, arguments = pickle.load(requests)
         except EOFError:
             return
+        with suppress(OSError):
+            os.chdir(folder)  # paths may be relative, and the caller may have changed it since the child was started
         limit(bounds, inherited)
         try:
             module, _, name = function.partition(":")

@@ -20,8 +20,8 @@ TRIAL = (
 )
 
 
-def write_density(path: Path) -> None:
-    """A smooth lump of 1.3 kg/m3 in 1.2 kg/m3 at 21 x 21 x 21 points."""
+def write_density(path: Path, peak: float = 0.1) -> None:
+    """A smooth lump of `peak` more than 1.2 kg/m3 at 21 x 21 x 21 points."""
     x = np.linspace(-0.05, 0.05, 21)
     radius2 = x[:, None, None] ** 2 + x[None, :, None] ** 2 + x[None, None, :] ** 2
     with h5netcdf.File(path, "w") as file:
@@ -29,7 +29,7 @@ def write_density(path: Path) -> None:
         for name in "xyz":
             file.create_variable(name, (name,), "f8")[:] = x
             file.variables[name].attrs["units"] = "m"
-        file.create_variable("rho", ("x", "y", "z"), "f8")[:] = 1.2 + 0.1 * np.exp(-radius2 / 0.02**2)
+        file.create_variable("rho", ("x", "y", "z"), "f8")[:] = 1.2 + peak * np.exp(-radius2 / 0.02**2)
         file.variables["rho"].attrs["units"] = "kg m-3"
 
 
@@ -52,3 +52,15 @@ def test_a_strangers_folder_is_no_code(started: str, tmp_path: Path):
     )
     assert done.returncode == 0, done.stderr
     assert not (folder / "mark").exists(), (folder / "mark").read_text()
+
+
+def test_a_reader_follows_the_caller_to_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A file of the same name in the folder where the reader was started would be read, or none be found."""
+    from aerokernels import flow
+
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        write_density(Path("rho.nc"), peak=0.1 if name == "one" else 0.2)
+        found = flow.read("rho.nc").density.max()
+        assert abs(found - (1.3 if name == "one" else 1.4)) < 1e-9
