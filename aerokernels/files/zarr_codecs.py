@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from ..process.fault_text import FileFault
+
 MOST = 1 << 26  # [bytes] of a file of metadata
 TEXTS = ("vlen-utf8", "vlen-bytes")
 CODECS = (
@@ -30,7 +32,7 @@ def check_codecs(store: Path) -> None:
     for folder, inner, files in os.walk(store):
         for name in inner:
             if os.path.islink(os.path.join(folder, name)):
-                raise ValueError(f"{store}: {name} in it is a link to another folder: copy that folder into the store")
+                raise FileFault(f"{store}: {name} in it is a link to another folder: copy that folder into the store")
         for name in {".zarray", ".zmetadata", "zarr.json"}.intersection(files):
             path = Path(folder, name)
             try:
@@ -38,7 +40,7 @@ def check_codecs(store: Path) -> None:
                     _check(about)
             except (ValueError, RecursionError, AttributeError, TypeError, LookupError, OSError) as fault:
                 reason = str(fault) or type(fault).__name__
-                raise ValueError(f"{path}: {reason}: have the store written again with numbers and texts") from None
+                raise FileFault(f"{path}: {reason}: have the store written again with numbers and texts") from None
 
 
 def _document(path: Path) -> Any:

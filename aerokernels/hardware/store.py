@@ -31,6 +31,7 @@ from aerokernels.hardware.transaction import (
 )
 from aerokernels.hardware.waveform import as_whole
 from aerokernels.inputs.checks import check_path
+from aerokernels.process.fault_text import FileFault
 
 Made = TypeVar("Made")
 _BUSY_TIME = 30.0  # [s] wait for another recorder that is committing to the same store
@@ -56,7 +57,7 @@ class EchoStore:
         try:
             self._connection = sqlite3.connect(address, uri=True, timeout=_BUSY_TIME, isolation_level=None)
         except sqlite3.OperationalError as error:
-            raise ValueError(f"store {self.path}: {error}; give a file that can be opened") from error
+            raise FileFault(f"store {self.path}: {error}; give a file that can be opened") from error
         try:
             self._prepare(read_only)
         except sqlite3.DatabaseError as error:
@@ -87,7 +88,7 @@ class EchoStore:
             elif execute("PRAGMA application_id").fetchone()[0] == APPLICATION_ID:
                 upgrade(self._connection)
         if execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
-            raise ValueError(f"store {self.path}: a SQLite file, but not an echo store; give another file name")
+            raise FileFault(f"store {self.path}: a SQLite file, but not an echo store; give another file name")
         version = execute("PRAGMA user_version").fetchone()[0]
         if version != SCHEMA_VERSION:
             remedy = (
@@ -95,11 +96,11 @@ class EchoStore:
                 if version < SCHEMA_VERSION
                 else "use the version of aerokernels that wrote it"
             )
-            raise ValueError(
+            raise FileFault(
                 f"store {self.path}: schema version {version}, this program knows {SCHEMA_VERSION}; {remedy}"
             )
         if part := foreign_part(self._connection):
-            raise ValueError(f"store {self.path}: not an echo store's schema ({part}); give another file name")
+            raise FileFault(f"store {self.path}: not an echo store's schema ({part}); give another file name")
         if not read_only:
             execute("COMMIT")
             execute("PRAGMA journal_mode = WAL")
@@ -318,7 +319,7 @@ class EchoStore:
         return transaction(self._connection, "BEGIN IMMEDIATE", self.path)
 
     def _rows(self, query: str, values: tuple = ()) -> Iterator[tuple]:
-        with described_errors(self.path):
+        with described_errors(self.path, self._connection):
             # Not `yield from` the cursor: an abandoned generator would close it, perhaps after the file is closed.
             yield from iter(self._connection.execute(query, values).fetchone, None)
 
@@ -344,7 +345,7 @@ class EchoStore:
         try:  # called for each frame, so the error handling must cost nothing in the usual case
             return self._connection.execute(query, key).fetchone() is not None
         except sqlite3.DatabaseError:
-            with described_errors(self.path):
+            with described_errors(self.path, self._connection):
                 raise
 
     def _last_echo(self, port: str, protocol: str) -> Followed | None:

@@ -18,6 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from .fault_text import FileFault
 from .machine import address_space, host_memory, python_child
 from .opened import OPENED
 
@@ -34,7 +35,7 @@ ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_
 DAMAGED = "the file is damaged or of another format: write it again"
 
 
-class LibraryEndedError(ValueError):
+class LibraryEndedError(FileFault):
     """The library that reads a file ended its process, or exceeded its limits; the message names the file."""
 
 

@@ -8,7 +8,7 @@ from .values import Angle, Count, Density, Elevation, Length, Speed, Table, Time
 
 
 class SeriesTable(Table):
-    """[series]: snapshots of a flow in time, for `aerokernels series`; `aerokernels run` ignores this table."""
+    """[series]: snapshots of a flow in time, for `aerokernels series`; no other command uses this table."""
 
     source: str | None = key(
         None,

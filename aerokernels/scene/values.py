@@ -53,8 +53,8 @@ def _whole(value: Any) -> int:
 # Every number has bounds. They are far beyond what is built, and near enough that no result overflows.
 Length = Annotated[float, measured("length"), Field(ge=1e-9, le=1e9)]
 Coordinate = Annotated[float, measured("length"), Field(ge=-1e9, le=1e9)]
-Angle = Annotated[float, measured("angle"), Field(ge=-6.283186, le=6.283186)]
-Elevation = Annotated[Angle, Field(ge=-1.570797, le=1.570797)]
+Angle = Annotated[float, measured("angle"), Field(ge=-6.2832, le=6.2832)]  # a turn: more are degrees without a unit
+Elevation = Annotated[float, measured("angle"), Field(ge=-1.570797, le=1.570797)]
 Time = Annotated[float, measured("time"), Field(ge=1e-18, le=1e9)]
 Power = Annotated[float, measured("power"), Field(ge=1e-15, le=1e15)]
 Speed = Annotated[float, measured("speed"), Field(ge=1e-9, le=3e8)]

@@ -95,30 +95,25 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
 
 def _unless_objects(data, name: str) -> np.ndarray | None:
     """Return an array of an NPZ file; None for an array of Python objects, which is never unpickled."""
-    try:
-        _check_heading(data, name)
-        return np.asarray(data[name])
-    except ValueError as fault:
-        if "allow_pickle" in str(fault):
-            return None
-        raise
+    return None if _holds_objects(data, name) else np.asarray(data[name])
 
 
-def _check_heading(data, name: str) -> None:
+def _holds_objects(data, name: str) -> bool:
     """Reject an array whose header announces more numbers than its part of the file holds, before allocating it."""
     part = data.zip.getinfo(name if name in data.zip.namelist() else f"{name}.npy")
     with data.zip.open(part) as stream:
         if not stream.peek(6).startswith(np.lib.format.MAGIC_PREFIX):
-            return
+            return False
         version = np.lib.format.read_magic(stream)
         if version == (1, 0):
             shape, _, kind = np.lib.format.read_array_header_1_0(stream)
         elif version == (2, 0):
             shape, _, kind = np.lib.format.read_array_header_2_0(stream)
         else:
-            return
+            return False
     if not kind.hasobject and math.prod(shape) * kind.itemsize > part.file_size:
         raise ValueError(f"{name} announces {math.prod(shape):.4g} numbers in {part.file_size} bytes")
+    return bool(kind.hasobject)
 
 
 def _with_even_cells(path, arrays, variables, ends) -> tuple[dict[str, np.ndarray], str]:
