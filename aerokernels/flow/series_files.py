@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..files.netcdf_reading import open_netcdf
+from ..files.zarr_codecs import check_codecs
 from ..inputs.arguments import seconds
 from ..inputs.written_units import unit_of
 from ..medium.labelled_grid import GEOMETRIES
@@ -51,6 +52,7 @@ def _zarr(path: Path, what: str, most_axes: float) -> Any:
         raise ImportError(f"{path}: a Zarr store needs zarr: pip install 'aerokernels[dask]'") from None
     import xarray
 
+    check_codecs(path)
     check_file(path, what, most_axes)
     try:
         with warnings.catch_warnings():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.display.quantities import Quantity
-from aerokernels.jobs.figure_layout import Panel, panelled_figure
+from aerokernels.jobs.figure_layout import Panel, panelled_figure, plain_decades
 from aerokernels.jobs.page import (
     Picture,
     cards,
@@ -174,6 +174,7 @@ def _spectra_figure(found: "xarray.Dataset") -> "Figure":
     opd.set(xlabel=words, ylabel="nm²/Hz")
     tilt.set(xlabel=words, ylabel="µrad²/Hz")
     for axes in (opd, tilt):
+        plain_decades(axes)
         if axes.get_legend_handles_labels()[0]:
             axes.legend()
     return figure
