@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
+from ...process.own_files import HDF5_MAGIC as HDF5_MAGIC
+
 DAMAGED = "the file is damaged: write it again"
 UNFINISHED = "the file is damaged or was not written to its end: write it again"
 LONGEST = 5000  # characters of an error message

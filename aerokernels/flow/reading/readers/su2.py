@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ....process.own_files import OwnFilesError, own_file
 from ..dataset import (  # fmt: skip
     CORNERS,
     FLAT,
@@ -93,9 +94,9 @@ def _configured(folder: Path) -> tuple[list[str], str]:
     notes, scaled = [], ""
     for path in sorted(folder.glob("*.cfg"))[:MOST_CONFIGURATIONS]:
         try:
-            with path.open("r", encoding="latin-1") as stream:
+            with own_file(folder, path.name).open("r", encoding="latin-1") as stream:
                 text = stream.read(LONGEST_CONFIGURATION)
-        except OSError:
+        except (OSError, OwnFilesError):
             continue
         stated = {key.upper(): value.upper() for key, value in _STATED.findall(text)}
         if stated.get("AXISYMMETRIC") == "YES":
@@ -127,7 +128,7 @@ def _restart_beside(path: Path) -> Path | None:
     if len(found) > 1:
         names = ", ".join(p.name for p in found)
         raise ReadError(path, f"several restarts are beside it ({names})", "name one: flow.read(RESTART, mesh=MESH)")
-    return found[0] if found else None
+    return own_file(path, found[0].name) if found else None
 
 
 def _is_restart(path: Path) -> bool:
@@ -142,7 +143,7 @@ def _mesh_beside(path: Path) -> Path:
     if len(found) != 1:
         names = ", ".join(p.name for p in found) or "none"
         raise ReadError(path, f"its mesh is not clear (beside it: {names})", "name it: mesh = 'MESH.su2'")
-    return found[0]
+    return own_file(path, found[0].name)
 
 
 @dataclass(eq=False)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ....process.own_files import check_own_files
 from ..dataset import (  # fmt: skip
     CORNERS,
     FLAT,
@@ -86,7 +87,10 @@ def _series(path: Path, time) -> Dataset:
     entries = collection(path)
     times = sorted({entry.time for entry in entries})
     chosen = chosen_time(path, times, time)
-    parts = [read(entry.file) for entry in entries if entry.time == chosen]
+    files = [entry.file for entry in entries if entry.time == chosen]
+    for file in files:  # before any is opened: the process that calls this has checked the list
+        check_own_files(file)
+    parts = [read(file) for file in files]
     blocks, patches = _boundaries([block for part in parts for block in part.blocks])
     patches = [*patches, *(patch for part in parts for patch in part.patches)]
     said = f"VTK series of {len(times)} times"
