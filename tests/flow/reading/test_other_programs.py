@@ -283,6 +283,42 @@ def test_what_a_configuration_of_su2_states_of_the_flow_is_told(tmp_path, stated
     assert len(warned) == ("ref_dimensionalization = FREESTREAM" in stated)
 
 
+FREESTREAM = "REF_DIMENSIONALIZATION= FREESTREAM_VEL_EQ_MACH\nFREESTREAM_PRESSURE= 4006.88\n"
+
+
+@pytest.mark.parametrize(
+    ("stated", "reference"),
+    [
+        (FREESTREAM + "FREESTREAM_TEMPERATURE= 69.8 % K", 4006.88 / (287.058 * 69.8)),
+        (FREESTREAM + "FLUID_MODEL= IDEAL_GAS\nGAS_CONSTANT= 300\nFREESTREAM_TEMPERATURE= 100", 4006.88 / 3e4),
+        (FREESTREAM + "FREESTREAM_OPTION= DENSITY_FS\nFREESTREAM_DENSITY= 0.05", 0.05),
+        (FREESTREAM + "SOLVER= RANS\nINIT_OPTION= TD_CONDITIONS\nFREESTREAM_TEMPERATURE= 100", 4006.88 / 28705.8),
+        (FREESTREAM + "SOLVER= RANS\nFREESTREAM_TEMPERATURE= 100\nREYNOLDS_NUMBER= 1e6", None),
+        (FREESTREAM + "SYSTEM_MEASUREMENTS= US\nFREESTREAM_TEMPERATURE= 100", None),
+        (FREESTREAM, None),
+        (FREESTREAM + "FREESTREAM_TEMPERATURE= 0", None),
+    ],
+)
+def test_the_free_stream_of_a_configuration_of_su2_is_its_unit_of_density(tmp_path, stated, reference):
+    """Expected: multiples of p / (R T), as SU2's template says, without a warning; else one that asks for it.
+
+    A reference that the caller gives counts instead. Two configurations that disagree: the warning.
+    """
+    path = writers.su2(tmp_path)
+    plain = flow.read(path, reference=1.0).density
+    (tmp_path / "a.cfg").write_text(stated)
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        field = flow.read(path)
+        given = flow.read(path, reference=0.5)
+    np.testing.assert_allclose(field.density, (reference or 1.0) * plain, rtol=1e-15)
+    np.testing.assert_allclose(given.density, 0.5 * plain, rtol=1e-15)
+    assert len(warned) == (reference is None)
+    (tmp_path / "b.cfg").write_text(FREESTREAM + "FREESTREAM_TEMPERATURE= 200")
+    with pytest.warns(UserWarning, match="give its reference"):
+        flow.read(path)
+
+
 @pytest.mark.parametrize("binary", [True, False])
 def test_a_mesh_of_su2_in_cgns(tmp_path, binary):
     """Set-up: the cells and points of SU2's mesh in a CGNS file, the restart beside it.
