@@ -248,6 +248,7 @@ class Dataset:
         length: Unit of the coordinates [m], where the file states it.
         notes: Further remarks for the user, in whole sentences.
         scaled: The one of the notes by which the file's numbers are hardly in SI; empty where nothing says so.
+        unsure: The one of the notes of which a caller is warned; empty where there is none.
         grouped: Whether slashes in the names of arrays separate groups, as in HDF5.
     """
 
@@ -264,9 +265,10 @@ class Dataset:
     length: float | None = None
     notes: Sequence[str] = ()
     scaled: str = ""
+    unsure: str = ""
     grouped: bool = False
 
     def array_names(self) -> list[str]:
         """Return the names of the arrays that all blocks have, in the order of the first block."""
-        names = [[*block.point_data, *block.cell_data] for block in self.blocks]
-        return [name for name in (names[0] if names else []) if all(name in other for other in names)]
+        names = [{**dict.fromkeys(block.point_data), **dict.fromkeys(block.cell_data)} for block in self.blocks]
+        return [name for name in (names[0] if names else {}) if all(name in other for other in names)]

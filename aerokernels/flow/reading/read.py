@@ -9,6 +9,7 @@ import numpy as np
 
 from ...inputs.checks import check_choice, check_positive
 from ...inputs.units import quantity
+from ...inputs.warned import warn_caller
 from ...inputs.written_units import DIMENSIONS, is_no_unit, unit_in_name, written_unit
 from ...medium import Body
 from ..density_field import CellDensity, DensityField
@@ -19,7 +20,7 @@ from .dataset import DAMAGED, Dataset, ReadError, wall_patches
 from .density import DensityChoice, Reference, block_density, choose_density
 from .far_field import front_of
 from .flow_direction import direction_note
-from .formats import load
+from .formats import OPTIONS, load
 from .fractions import Fractions, choose_fractions
 from .frame import Frame, plane_normal
 from .gas_law import said_of_units
@@ -136,7 +137,9 @@ def read(
         species: Mass fractions that make the field a mixture, from arrays of the file: True for those named
             by formulas (N2, Y_O2, MassFractionCO2, ...), formulas alone, or {"N2": "Y_N2", ...}, where an entry
             "basis": "mole" declares mole fractions. None assumes a single gas. See `SPECIES_NAMES`.
-        options: For single formats: `mesh` (a restart of SU2), `solution` (Plot3D), `variables` (NPZ, HDF5).
+        options: For single formats: `mesh` (a restart of SU2), `solution` (Plot3D), `variables` (NPZ, HDF5), and
+            `order` (NPZ, HDF5): the axes of the arrays, "yx" for those of numpy.meshgrid; None takes "xyz", "xy" or
+            "rz" where lengths do not tell, with a warning.
 
     Returns:
         A density field; its `provenance` describes the choices made.
@@ -182,7 +185,7 @@ def prepare(path, *, density=None, frame=None, length_unit=None, reference=None,
         check_choice(geometry, "geometry", GEOMETRIES)
     if ambient_density is not None:
         check_density(ambient_density, "ambient_density")
-    if unknown := set(options) - {"mesh", "solution", "variables"}:
+    if unknown := set(options) - set(OPTIONS):
         raise TypeError(f"flow.read has no argument {sorted(unknown)[0]!r}")
     return reading_of(
         path, load(path, time, options), density, frame, unit, reference, gas_constant, geometry, ambient_density,
@@ -198,6 +201,8 @@ def reading_of(
     `unit` is the unit of length [m], or None for the file's own; the other arguments are as in `read`. If `flat`, a
     mesh that is one cell thick is taken as planar.
     """
+    if dataset.unsure:
+        warn_caller(f"{path}: {dataset.unsure}")
     scale = (dataset.length or 1.0) if unit is None else unit
     check_blocks(path, dataset)
     dataset = with_blanks(dataset)
