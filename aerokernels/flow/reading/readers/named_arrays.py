@@ -22,6 +22,7 @@ from ..dataset import DAMAGED, HDF5_MAGIC, Block, Dataset, ReadError, chosen_tim
 from .coordinates import COLUMNS, PLACE, axes_of
 from .hdf5_arrays import hdf5_arrays
 
+PIECE = 1 << 24  # [bytes] read at once
 MOST_LISTED = 20  # names of arrays in a message
 
 
@@ -81,14 +82,10 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
             check_room(float(sum(part.file_size for part in parts)), f"{path}: it")
             for part in parts:
                 with archive.open(part) as stream:
-                    if not stream.peek(6).startswith(np.lib.format.MAGIC_PREFIX):
-                        continue
-                    if _has_objects(part.filename, stream, part.file_size):
-                        objects = True
-                        continue
-                with archive.open(part) as stream:
-                    own = np.lib.format.read_array(stream, allow_pickle=False)
-                if own.dtype.kind in "iufb":
+                    own = _array(part.filename, stream, part.file_size)
+                if own is not None and own.dtype.hasobject:
+                    objects = True
+                elif own is not None:
                     arrays[part.filename.removesuffix(".npy")] = own
     except NoRoomError:
         raise
@@ -112,19 +109,32 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _has_objects(name: str, stream, size: int) -> bool:
-    """Return whether an array is of Python objects, which are never unpickled.
+def _array(name: str, stream, size: int) -> np.ndarray | None:
+    """Return an array of numbers of an NPZ file; None for other parts, an empty array for one of Python objects.
 
-    An array whose header announces more numbers than its part of the file holds is rejected before it is allocated.
+    Objects are never unpickled. An array whose header announces more numbers than its part of the file holds is
+    rejected before it is allocated.
     """
+    if not stream.peek(6).startswith(np.lib.format.MAGIC_PREFIX):
+        return None
     version = np.lib.format.read_magic(stream)
     if version not in ((1, 0), (2, 0)):
-        return False
+        raise ValueError(f"{name} is of version {version} of NumPy's format")
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, _, kind = read(stream)
-    if not kind.hasobject and math.prod(shape) * kind.itemsize > size:
+    shape, fortran, kind = read(stream)
+    if kind.hasobject:
+        return np.empty(0, object)
+    if math.prod(shape) * kind.itemsize > size:
         raise ValueError(f"{name} announces {math.prod(shape):.4g} numbers in {size} bytes")
-    return bool(kind.hasobject)
+    if kind.kind not in "iufb":
+        return None
+    room = np.empty(math.prod(shape) * kind.itemsize, np.uint8)
+    for first in range(0, len(room), PIECE):
+        piece = room[first : first + PIECE]
+        if stream.readinto(piece) != len(piece):
+            raise EOFError(f"{name} ends early")
+    values = room.view(kind)
+    return values.reshape(shape[::-1]).T if fortran else values.reshape(shape)
 
 
 def _with_even_cells(path, arrays, variables, ends, order) -> tuple[dict[str, np.ndarray], str]:
