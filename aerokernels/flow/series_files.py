@@ -10,6 +10,7 @@ import numpy as np
 
 from ..files.netcdf_reading import open_netcdf
 from ..inputs.arguments import seconds
+from ..inputs.listed import listed
 from ..inputs.written_units import unit_of
 from ..medium.labelled_grid import GEOMETRIES
 from ..process.fault_text import fault_text
@@ -86,8 +87,7 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
         found = density if density is not None else next(map(names.get, known_names(names, DENSITY_NAMES)), None)
         if found is None or found not in data.data_vars:
             wanted = density or "density, rho or the like"
-            held = ", ".join(map(str, data.data_vars)) or "nothing"
-            raise ValueError(f"{name}: no variable {wanted}; it holds {held}: give density=NAME")
+            raise ValueError(f"{name}: no variable {wanted}; it holds {listed(data.data_vars)}: give density=NAME")
         array, attributes = data[found], {**data.attrs, **data[found].attrs}
     else:
         array, attributes = data, dict(data.attrs)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ....process.room import NoRoomError, check_room
+from ....inputs.listed import listed
 from ..array_names import plain_name
 from ..array_units import length_of, unit_of_array
 from ..dataset import DAMAGED, HDF5_MAGIC, Block, Dataset, ReadError, chosen_time
@@ -23,7 +24,6 @@ from .coordinates import COLUMNS, PLACE, axes_of
 from .hdf5_arrays import hdf5_arrays
 
 PIECE = 1 << 24  # [bytes] read at once
-MOST_LISTED = 20  # names of arrays in a message
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
@@ -178,7 +178,7 @@ def dataset_of(
     for axis, names in COLUMNS.items():
         if axis in variables:
             if variables[axis] not in arrays:
-                raise ReadError(path, f"there is no array {variables[axis]!r}", f"take one of {_listed(arrays)}")
+                raise ReadError(path, f"there is no array {variables[axis]!r}", f"take one of {listed(arrays, 'no arrays')}")
             chosen[axis] = variables[axis]
         elif found := next((plain[name] for name in names if name in plain), None):
             chosen[axis] = found
@@ -188,7 +188,7 @@ def dataset_of(
     if len(axes) < 2:
         lacking = f"only {min(chosen)} is known, of two coordinates at least" if chosen else "no coordinates are known"
         raise ReadError(
-            path, f"{lacking} (there are: {_listed(arrays)})",
+            path, f"{lacking} (there are: {listed(arrays, 'no arrays')})",
             "call them x, y, z or r, z, or name them: variables={'x': 'NAME', ...}; a flow along one axis alone needs "
             "its samples repeated at two places of a second one",
         )  # fmt: skip
@@ -273,12 +273,6 @@ def _no_samples(path, counts: tuple[int, ...], arrays) -> ReadError:
     held = ", ".join(f"{name} {own.shape}" for name, own in list(arrays.items())[:8]) or "none"
     what = f"no array has a sample for each of the {counts} places (there are: {held})"
     return ReadError(path, what, "give arrays over x, y, z, or r, z, and name their coordinates: variables={'x': ...}")
-
-
-def _listed(arrays) -> str:
-    """Return the names of the first arrays, and how many more there are."""
-    more = f" and {len(arrays) - MOST_LISTED} more" if len(arrays) > MOST_LISTED else ""
-    return (", ".join(list(arrays)[:MOST_LISTED]) or "no arrays") + more
 
 
 def _is_cloud(coordinates, arrays) -> bool:
