@@ -4,8 +4,10 @@ A reader knows its format and nothing of optics. The stages after it (density, f
 nothing of formats. The classes of this module are all that readers and later stages share.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import cast
 
 import numpy as np
 
@@ -64,12 +66,51 @@ def chosen_time(path, times: Sequence[float], asked) -> float | None:
 GREATEST_COORDINATE = 1e12  # in any unit: a greater number is damaged data
 
 
+class GridPoints:
+    """The points of a volume's grid along x, y and z, x fastest, by its axes; `numpy.asarray` makes all of them.
+
+    Coordinates of each point take six times the memory of a float32 array on them.
+    """
+
+    def __init__(self, axes: Sequence[np.ndarray]):
+        """Store the coordinates along x, y and z, float64, each of at least three nodes."""
+        self.axes = tuple(axes)
+
+    @staticmethod
+    def of(axes: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the points of a grid: as `GridPoints` where they fill a volume, in the place of an array."""
+        extent = np.array([np.ptp(axis) if len(axis) > 2 else 0.0 for axis in axes])
+        points = GridPoints(axes)
+        return cast(np.ndarray, points) if extent.min() > 1e-3 * extent.max() else np.asarray(points)
+
+    def __len__(self) -> int:
+        """Number of points."""
+        return math.prod(map(len, self.axes))
+
+    def __array__(self, dtype=None, copy=None) -> np.ndarray:
+        """Return all points, shape (n, 3)."""
+        grid = np.empty((*map(len, self.axes[::-1]), 3))
+        for number, axis in enumerate(self.axes):
+            grid[..., number] = axis.reshape(-1, *[1] * number)
+        return grid.reshape(-1, 3)
+
+    def edges(self) -> list[np.ndarray]:
+        """Return the points on the three edges from the first point, along x, y and z, each of shape (n, 3)."""
+        return [
+            np.stack([axis if k == number else np.full(len(axis), own[0]) for k, own in enumerate(self.axes)], axis=1)
+            for number, axis in enumerate(self.axes)
+        ]
+
+
 def check_points(path, points: np.ndarray, name: str = "") -> None:
     """Check that coordinates are finite and below GREATEST_COORDINATE.
 
     Raises:
         ReadError: Other points: how many, and the first of them.
     """
+    if isinstance(points, GridPoints) and all((np.abs(axis) < GREATEST_COORDINATE).all() for axis in points.axes):
+        return
+    points = np.asarray(points)
     with np.errstate(invalid="ignore"):
         bad = ~(np.abs(points) < GREATEST_COORDINATE).all(axis=1)
     if bad.any():
@@ -142,7 +183,8 @@ class Block:
     """One zone of a file: points with cells, a structured grid of points, or points alone.
 
     Attributes:
-        points: Coordinates in the file's unit and axes, float64, shape (point_count, 3).
+        points: Coordinates in the file's unit and axes, float64, shape (point_count, 3); or `GridPoints`, which the
+            stages after the reader make an array unless they keep the grid.
         cells: The cells, or None for a structured block and for points alone.
         shape: Points along (i, j, k) of a structured block, i fastest; None for other blocks.
         point_data: Arrays by name, shape (point_count,) or (point_count, n).
@@ -272,3 +314,10 @@ class Dataset:
         """Return the names of the arrays that all blocks have, in the order of the first block."""
         names = [{**dict.fromkeys(block.point_data), **dict.fromkeys(block.cell_data)} for block in self.blocks]
         return [name for name in (names[0] if names else {}) if all(name in other for other in names)]
+
+
+def with_all_points(dataset: Dataset) -> Dataset:
+    """Return the dataset with the points of each block as an array."""
+    if not any(isinstance(block.points, GridPoints) for block in dataset.blocks):
+        return dataset
+    return replace(dataset, blocks=[replace(block, points=np.asarray(block.points)) for block in dataset.blocks])

@@ -19,7 +19,7 @@ from ....process.room import NoRoomError, check_room
 from ....inputs.listed import listed
 from ..array_names import plain_name
 from ..array_units import length_of, unit_of_array
-from ..dataset import DAMAGED, HDF5_MAGIC, Block, Dataset, ReadError, chosen_time
+from ..dataset import DAMAGED, HDF5_MAGIC, Block, Dataset, GridPoints, ReadError, chosen_time
 from .coordinates import COLUMNS, PLACE, axes_of
 from .hdf5_arrays import hdf5_arrays
 
@@ -230,7 +230,9 @@ def _block(path, axes, coordinates, arrays, either: bool) -> tuple[Block, list[s
         cells = tuple(n - 1 for n in counts)
         if 0 in counts or not any({own.shape, own.shape[::-1]} & {counts, cells} for own in arrays.values()):
             raise _no_samples(path, counts, arrays)  # before meshgrid: a few numbers may announce billions of points
-        full = np.meshgrid(*coordinates, indexing="ij")
+        if len(counts) == 3:
+            points = GridPoints.of(coordinates)
+        full = np.meshgrid(*coordinates, indexing="ij") if len(counts) < 3 else []
     else:
         shapes = {own.shape for own in coordinates}
         if len(shapes) > 1:
@@ -249,15 +251,16 @@ def _block(path, axes, coordinates, arrays, either: bool) -> tuple[Block, list[s
             return joined(path, points, {n: np.asarray(a, float) for n, a in arrays.items() if a.shape == counts})
         cells = tuple(n - 1 for n in counts)
         full = coordinates
-    points = np.zeros((int(np.prod(counts)), 3))
-    for axis, own in zip(axes, full, strict=True):
-        points[:, PLACE[axis]] = own.ravel(order="F")
+    if full:
+        points = np.zeros((int(np.prod(counts)), 3))
+        for axis, own in zip(axes, full, strict=True):
+            points[:, PLACE[axis]] = own.ravel(order="F")
     point_data, cell_data = {}, {}
     for name, own in arrays.items():
         turned = own
         if either and own.shape not in (counts, cells) and own.shape[::-1] in (counts, cells):
             turned = own.T  # as C programs and NetCDF write (z, y, x)
-        if turned.dtype != np.float16:  # half precision stays visible, and is rejected where it is used
+        if turned.dtype not in (np.float16, np.float32):  # half precision stays visible, and is rejected where it is used
             turned = np.asarray(turned, dtype=np.float64)
         if turned.shape == counts:
             point_data[name] = turned.ravel(order="F")
