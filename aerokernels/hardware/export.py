@@ -17,8 +17,8 @@ from aerokernels.hardware.csv_cells import csv_cell
 from aerokernels.hardware.rows import StoredEcho, encode_label, signed
 from aerokernels.hardware.store import EchoStore
 from aerokernels.hardware.transaction import StoreError
-from aerokernels.inputs.listed import listed
 from aerokernels.inputs.checks import check_path
+from aerokernels.inputs.listed import listed
 
 ECHOES_AT_ONCE = 1024  # most echoes written at a time
 SAMPLES_AT_ONCE = 2**23  # most samples written at a time: one long curve makes every row as long

@@ -1,4 +1,4 @@
-"""Parse units as files write them in attributes and names: "kg m-3", "kilogram / meter ** 3", "hPa", "lb/ft^3", "0.2 kg/m3".
+"""Parse units as files write them in attributes and names: "kg m-3", "kilogram / meter ** 3", "hPa", "0.2 kg/m3".
 
 `units.quantity` reads what a user types: a number and one unit of a short list. Programs write products and quotients
 of units beside their arrays, in many spellings; this module converts them to a factor to SI.

@@ -43,10 +43,13 @@ def own_file(holder: Path, name: str, *, beside: bool = False) -> Path:
     if not (place.parent == folder if beside else folder in place.parents):
         where = "not beside it" if beside else "outside of its own folder"
         raise OwnFilesError(
-            f"{holder}: it names {name[:SHOWN]!r}, which is {where}: files may not open others there: move them together"
+            f"{holder}: it names {name[:SHOWN]!r}, which is {where}: files may not open others there: move them "
+            "together"
         )
     if os.path.exists(place) and not os.path.isfile(place):
-        raise OwnFilesError(f"{holder}: it names {name[:SHOWN]!r}, which is not a regular file: put the file itself there")
+        raise OwnFilesError(
+            f"{holder}: it names {name[:SHOWN]!r}, which is not a regular file: put the file itself there"
+        )
     return file
 
 
@@ -112,7 +115,9 @@ def _linked(path: Path) -> list[Path]:
             made = entry.id.get_create_plist()
             if made.get_external_count():
                 name = str(entry.name)[:SHOWN]
-                raise OwnFilesError(f"{path}: the data of {name!r} are outside of it, in other files: write them into it")
+                raise OwnFilesError(
+                    f"{path}: the data of {name!r} are outside of it, in other files: write them into it"
+                )
             if made.get_layout() == h5py.h5d.VIRTUAL:
                 names.update(dict.fromkeys(made.get_virtual_filename(k) for k in range(made.get_virtual_count())))
 

@@ -220,7 +220,10 @@ def test_a_dialect_that_is_given_counts_where_the_maker_is_not_told(tmp_path: Pa
         ({b"WFMOUTPRE?": b"YMULT 1;XINCR 1E-9;ENCDG ASCII\n"}, "DATA:ENCDG RIBINARY"),
         ({b"WFMOUTPRE?": b"\xff\xfe\n"}, "damaged answer"),
         ({b"*IDN?": b"KEYSIGHT TECHNOLOGIES,DSO-X 3024T,MY0,07.20\n", **TEN_NUMBERS}, "'KEYSIGHT TECHNOLOGIES,DSO-X"),
-        ({b"*IDN?": b"AGILENT TECHNOLOGIES,DSO1012A,CN0,1\n", **TEN_NUMBERS}, "maker whose scale of volts is not known"),
+        (
+            {b"*IDN?": b"AGILENT TECHNOLOGIES,DSO1012A,CN0,1\n", **TEN_NUMBERS},
+            "maker whose scale of volts is not known",
+        ),
         (TEN_NUMBERS, "give --baud, --flow and --dialect"),
     ],
 )

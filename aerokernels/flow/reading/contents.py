@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...inputs.checks import check_path
-from .dataset import Block, Dataset, GridPoints, ReadError
+from .dataset import Block, Dataset, ReadError, grid_of
 from .formats import load
 
 CELL_NAMES = {1: "points", 3: "lines", 5: "triangles", 7: "polygons", 9: "quadrilaterals", 10: "tetrahedra",
@@ -98,7 +98,7 @@ def contents(path, *, time: float | str | None = None, **options: Any) -> Conten
 
 def _ends(points: np.ndarray) -> np.ndarray:
     """Return points of the same extent."""
-    return np.concatenate(points.edges()) if isinstance(points, GridPoints) else points
+    return points if (grid := grid_of(points)) is None else np.concatenate(grid.edges())
 
 
 def _zone(block: Block, number: int) -> str:

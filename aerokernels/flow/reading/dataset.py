@@ -7,7 +7,7 @@ nothing of formats. The classes of this module are all that readers and later st
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -102,13 +102,18 @@ class GridPoints:
         ]
 
 
+def grid_of(points: Any) -> GridPoints | None:
+    """Return points that are those of a grid; None for an array."""
+    return points if isinstance(points, GridPoints) else None
+
+
 def check_points(path, points: np.ndarray, name: str = "") -> None:
     """Check that coordinates are finite and below GREATEST_COORDINATE.
 
     Raises:
         ReadError: Other points: how many, and the first of them.
     """
-    if isinstance(points, GridPoints) and all((np.abs(axis) < GREATEST_COORDINATE).all() for axis in points.axes):
+    if (grid := grid_of(points)) and all((np.abs(axis) < GREATEST_COORDINATE).all() for axis in grid.axes):
         return
     points = np.asarray(points)
     with np.errstate(invalid="ignore"):
@@ -318,6 +323,6 @@ class Dataset:
 
 def with_all_points(dataset: Dataset) -> Dataset:
     """Return the dataset with the points of each block as an array."""
-    if not any(isinstance(block.points, GridPoints) for block in dataset.blocks):
+    if not any(grid_of(block.points) for block in dataset.blocks):
         return dataset
     return replace(dataset, blocks=[replace(block, points=np.asarray(block.points)) for block in dataset.blocks])

@@ -16,7 +16,7 @@ from ..density_field import CellDensity, DensityField
 from ..gas import check_density
 from ..sampled_density import VertexDensity
 from .block_checks import check_blocks, check_repeated_blocks, with_blanks
-from .dataset import DAMAGED, Dataset, GridPoints, ReadError, wall_patches, with_all_points
+from .dataset import DAMAGED, Dataset, ReadError, grid_of, wall_patches, with_all_points
 from .density import DensityChoice, Reference, block_density, choose_density
 from .far_field import front_of
 from .flow_direction import direction_note
@@ -207,7 +207,7 @@ def reading_of(
     scale = (dataset.length or 1.0) if unit is None else unit
     check_blocks(path, dataset)
     dataset = with_blanks(dataset)
-    solid = len(dataset.blocks) == 1 and isinstance(dataset.blocks[0].points, GridPoints)
+    solid = len(dataset.blocks) == 1 and grid_of(dataset.blocks[0].points) is not None
     if not solid:
         dataset = with_all_points(dataset)
     if flat and not solid and dataset.geometry is None and geometry != "volume":
@@ -247,7 +247,7 @@ def reading_of(
 def _refuse_wedge(path, dataset: Dataset) -> None:
     """Raise ReadError for a wedge that stands for a flow of revolution: light would cross its sector alone."""
     every = [block.points for block in dataset.blocks]
-    if isinstance(every[0], GridPoints):  # which fill a volume
+    if grid_of(every[0]) is not None:  # which fills a volume
         return
     if (found := wedge(every[0] if len(every) == 1 else np.concatenate(every))) is not None:
         axis, angle = "xyz"[found.axis], np.degrees(found.angle)

@@ -12,9 +12,10 @@ import pytest
 
 from aerokernels import flow
 
+from . import cgns_writer, writers
+
 h5py = pytest.importorskip("h5py")
 pytest.importorskip("vtkmodules")
-from . import cgns_writer, writers
 
 X_AXIS, Y_AXIS = np.linspace(0.0, 2.0, 9), np.linspace(0.0, 1.0, 6)
 X, Y = np.meshgrid(X_AXIS, Y_AXIS)
@@ -98,7 +99,6 @@ def test_drawn_shapes_locations_and_rinds_are_right_or_refused_alike(tmp_path):
         else:
             assert "has the shape" in answer and f"{values.shape}" in answer, seed
     assert 3 < right < 21
-
 
 
 @pytest.mark.parametrize(

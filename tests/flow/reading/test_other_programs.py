@@ -350,3 +350,54 @@ def test_a_mesh_of_su2_in_cgns(tmp_path, binary):
     file.write_bytes(b"\x89HDF\r\n")
     with pytest.raises(ReadError, match=r"a\.cgns: it is not a CGNS file"):
         flow.read(path, mesh=file)
+
+
+@pytest.mark.parametrize("end", ["npz", "h5"])
+def test_an_order_of_axes_that_nothing_tells(tmp_path, end):
+    """Set-up: numpy.meshgrid's arrays over as many x as y, in a plane and in a volume.
+
+    Expected: a warning that names the order taken and the option; with the option the formula. Arrays whose axes HDF5
+    names, and those with the place of each sample, need none.
+    """
+    x, y, z = np.linspace(0.0, 0.8, 9), np.linspace(-0.1, 0.3, 9), np.linspace(0.0, 0.2, 5)
+    axes = {"x": x, "y": y}
+    mesh = dict(zip("xy", np.meshgrid(x, y), strict=True))
+    solid = dict(zip("xyz", np.meshgrid(x, y, z), strict=True))
+
+    def written(name, arrays, scales=None):
+        path = tmp_path / f"{name}.{end}"
+        if end == "npz":
+            np.savez(path, **arrays)
+        else:
+            h5py = pytest.importorskip("h5py")
+            with h5py.File(path, "w") as file:
+                for key, own in arrays.items():
+                    file[key] = own
+                for number, key in enumerate(scales or ""):
+                    file[key].make_scale(key)
+                    file["rho"].dims[number].attach_scale(file[key])
+        return path
+
+    flat = written("flat", {**axes, "rho": 1.0 + mesh["x"] + 0.1 * mesh["y"]})
+    full = written("full", {**axes, "z": z, "rho": 1.0 + solid["x"] + 0.1 * solid["y"] + 0.01 * solid["z"]})
+    for path, told, order in ((flat, "xy", "yx"), (full, "xyz", "yxz")):
+        with pytest.warns(UserWarning, match=rf"order = '{told}', or order = '{order}' for those of numpy\.meshgrid"):
+            wrong = flow.read(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            right_one = flow.read(path, order=order)
+            assert np.array_equal(flow.read(path, order=told).density, wrong.density)
+        at = np.array([[0.1, 0.2, -0.1], [0.1, -0.1, -0.7]]) if path is flat else np.array([[0.7, 0.2, 0.1]])
+        along = (-at[:, 2], at[:, 1], 0.0) if path is flat else tuple(at.T)
+        expected = 1.0 + along[0] + 0.1 * along[1] + 0.01 * along[2]
+        assert right_one.density_at(at) == pytest.approx(expected) != wrong.density_at(at)
+    with pytest.raises(ValueError, match=r"order is 'yz', and its axes are x, y"):
+        flow.read(flat, order="yz")
+    with pytest.raises(ValueError, match=r"order is 3"):
+        flow.read(flat, order=3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        flow.read(written("places", {**mesh, "rho": 1.0 + mesh["x"]}))
+        if end == "h5":
+            named = flow.read(written("named", {**axes, "rho": 1.0 + mesh["x"]}, "yx"))
+            assert named.density_at([[0.0, 0.2, -0.7]]) == pytest.approx([1.7])

@@ -78,7 +78,9 @@ def _check_elements(path: Path, zone: Node, section: Node) -> None:
     else:  # before CGNS 4 each polygon begins with its number of corners, and each mixed element with its type
         return
     if held != wanted:
-        fault = f"section {section.name!r} of zone {zone.name!r} has {held} corners, elements {first} to {last} {wanted}"
+        fault = (
+            f"section {section.name!r} of zone {zone.name!r} has {held} corners, elements {first} to {last} {wanted}"
+        )
         raise ReadError(path, fault, REMEDY)
 
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ....process.room import NoRoomError, check_room
 from ....inputs.listed import listed
+from ....process.room import NoRoomError, check_room
 from ..array_names import plain_name
 from ..array_units import length_of, unit_of_array
 from ..dataset import DAMAGED, HDF5_MAGIC, Block, Dataset, GridPoints, ReadError, chosen_time
@@ -38,8 +38,10 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     if path.suffix.lower() == ".npz":
         return arrays_as_dataset(path, _npz(path), {}, {}, variables, "NumPy arrays", time, order)
     if head == HDF5_MAGIC:
-        *held, labelled = hdf5_arrays(path)
-        return arrays_as_dataset(path, *held, variables, "HDF5", time, order, labelled)
+        held = hdf5_arrays(path)
+        return arrays_as_dataset(
+            path, held.arrays, held.units, held.ends, variables, "HDF5", time, order, held.labelled
+        )
     raise ReadError(path, "it does not begin like an HDF5 file", DAMAGED)
 
 
@@ -178,7 +180,9 @@ def dataset_of(
     for axis, names in COLUMNS.items():
         if axis in variables:
             if variables[axis] not in arrays:
-                raise ReadError(path, f"there is no array {variables[axis]!r}", f"take one of {listed(arrays, 'no arrays')}")
+                raise ReadError(
+                    path, f"there is no array {variables[axis]!r}", f"take one of {listed(arrays, 'no arrays')}"
+                )
             chosen[axis] = variables[axis]
         elif found := next((plain[name] for name in names if name in plain), None):
             chosen[axis] = found
@@ -260,7 +264,10 @@ def _block(path, axes, coordinates, arrays, either: bool) -> tuple[Block, list[s
         turned = own
         if either and own.shape not in (counts, cells) and own.shape[::-1] in (counts, cells):
             turned = own.T  # as C programs and NetCDF write (z, y, x)
-        if turned.dtype not in (np.float16, np.float32):  # half precision stays visible, and is rejected where it is used
+        if turned.dtype not in (
+            np.float16,
+            np.float32,
+        ):  # half precision stays visible, and is rejected where it is used
             turned = np.asarray(turned, dtype=np.float64)
         if turned.shape == counts:
             point_data[name] = turned.ravel(order="F")

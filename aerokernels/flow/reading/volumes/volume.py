@@ -6,7 +6,7 @@ import numpy as np
 
 from ....medium.labelled_grid import unevenness
 from ...sampled_density import GridDensity
-from ..dataset import SOLID, Block, GridPoints, ReadError, with_all_points
+from ..dataset import SOLID, Block, ReadError, grid_of, with_all_points
 from .even_averages import at_corners
 from .even_errors import estimated_error
 from .resampling import Resampling
@@ -59,7 +59,7 @@ def volume_field(reading, spacing=None, region=None, walls=None, shared=None) ->
             raise ReadError(
                 path, f"block {block.name!r} has points and no cells", "give a file with cells, or a grid's shape"
             )
-    if not any(block.shape is not None or np.isin(block.cells.types, SOLID).any() for block in dataset.blocks):
+    if not any(block.cells is None or np.isin(block.cells.types, SOLID).any() for block in dataset.blocks):
         raise ReadError(path, "it has no solid cells: a surface in space", "give the volume's mesh")
     blanked = [cells_blanked(block) for block in dataset.blocks]
     if any(one is not other for one, other in zip(blanked, dataset.blocks, strict=True)):
@@ -88,15 +88,15 @@ def uniform_grid(reading, density: np.ndarray, where: str):
     """Return density [x, y, z], first node and spacing of a single block on a uniform grid, and its error; or None.
 
     Cell averages become values at the corners of the cells: the grid covers what the cells cover, and the error states
-    the deficit of this conversion. For values at nodes the error is None: the error budget estimates their interpolation
-    error.
+    the deficit of this conversion. For values at nodes the error is None: the error budget estimates their
+    interpolation error.
     """
     block = reading.dataset.blocks[0]
     if block.shape is None or min(block.shape) < 2 or (block.blank is not None and block.blank.any()):
         return None
     at = None
-    if isinstance(block.points, GridPoints):  # each edge is like all others along it
-        edges = [reading.moved(edge) for edge in block.points.edges()]
+    if (grid := grid_of(block.points)) is not None:  # each edge is like all others along it
+        edges = [reading.moved(edge) for edge in grid.edges()]
     else:
         at = reading.moved(block.points).reshape(*block.shape[::-1], 3)
         edges = [at[0, 0], at[0, :, 0], at[:, 0, 0]]
