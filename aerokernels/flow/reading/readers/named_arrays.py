@@ -227,7 +227,8 @@ def dataset_of(
 def _block(path, axes, coordinates, arrays, either: bool) -> tuple[Block, list[str]]:
     """Return the samples as a structured block, with the last axis of the arrays the slowest of the block, and notes.
 
-    Arrays whose axes are in the opposite order are turned, if they may be in `either`. Samples at scattered points are joined like the points of a table.
+    Arrays whose axes are in the opposite order are turned, if they may be in `either`. Samples at scattered points are
+    joined like the points of a table.
     """
     if all(own.ndim == 1 for own in coordinates) and not _is_cloud(coordinates, arrays):
         counts = tuple(len(own) for own in coordinates)
